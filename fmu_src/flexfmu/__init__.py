@@ -1,0 +1,1 @@
+"""Finite element models of flexible bodies as FMI 2.0 co-simulation FMUs."""

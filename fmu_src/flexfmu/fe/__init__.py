@@ -1,0 +1,1 @@
+"""Finite element matrices and sparse factorisation."""

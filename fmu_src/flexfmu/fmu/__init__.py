@@ -1,0 +1,1 @@
+"""FMU packaging and driving (build and master side)."""

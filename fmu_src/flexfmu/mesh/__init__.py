@@ -1,0 +1,1 @@
+"""Reading and checking finite element meshes."""

@@ -1,0 +1,1 @@
+"""Modes, interfaces and frames: from finite elements to a few numbers."""
