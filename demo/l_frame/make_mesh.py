@@ -26,11 +26,11 @@ ELEMENTS_LEG2 = 16  # 18.1 mm long
 MODEL_FILE = Path(__file__).with_name("l_frame.inp")
 
 HEADING = [
-    "Steel L-frame, section 0.02 m x 0.02 m, C3D20R, 2 x 2 elements over the section. SI units (m, N, kg, s).",
+    "Steel L-frame, section 0.02 m x 0.02 m, C3D20R, 2 x 2 elements over the section. SI units.",
     "Centre line: (0,0,0) clamped - (0.5,0,0) centre of the cubic corner block - (0.5,0.3,0) tip face.",
     "Node sets: ROOT (x = 0, to be clamped), TIP (y = 0.3); LEG1A, LEG1B (halves of leg 1), LEG2 (corner",
-    "block and leg 2), LEG2A, LEG2B (corner block and first half of leg 2; its second half). Neighbours share",
-    "the nodes of their common section. LEG1A, LEG1B and LEG2, or LEG2A and LEG2B for LEG2, make the body.",
+    "block and leg 2), LEG2A, LEG2B (corner block and first half of leg 2; its second half). Neighbours",
+    "share the nodes of their common section. The body is LEG1A, LEG1B, LEG2 (or LEG2A, LEG2B).",
 ]
 
 

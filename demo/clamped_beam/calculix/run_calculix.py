@@ -1,0 +1,46 @@
+"""Reference results of the clamped beam with CalculiX (decks and CSV files beside this file).
+
+- ``static_y``: dead tip force in y, 0 to 20 kN in steps of 1 kN; ``linear_y``: linear statics under 1 kN.
+- ``static_combined``: dead tip force growing to (-5, 4, 3) kN in ten equal steps.
+- ``frequencies``: the lowest 12 eigenfrequencies.
+- ``sudden_load``: undamped transient under a sudden dead tip force of 5 kN in y, from rest, 0.25 s.
+
+Run from the repository's root, with ``ccx`` on the PATH, for all cases or those named:
+``python -m demo.clamped_beam.calculix.run_calculix [case ...]``. Columns: see `demo.references`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from demo.clamped_beam import make_mesh
+from demo.references import ReferenceBody, run_cases
+from demo.tip_face import TipFace
+
+MESH_NOTE = "C3D20R 40 x 2 x 2 (1221 nodes)"
+
+
+def main() -> None:
+    """Write the model deck anew and run the cases."""
+    make_mesh.main()
+    mesh, sets = make_mesh.build()
+    body = ReferenceBody(
+        model=make_mesh.MODEL_FILE,
+        folder=Path(__file__).parent,
+        tip=TipFace.of(mesh, sets["TIP"]),
+        mesh_note=MESH_NOTE,
+    )
+    cases = {
+        "static_y": lambda name: body.static(name, (0.0, 20e3, 0.0), increments=20),
+        "linear_y": lambda name: body.linear(name, (0.0, 1e3, 0.0)),
+        "static_combined": lambda name: body.static(name, (-5e3, 4e3, 3e3), increments=10),
+        "frequencies": lambda name: body.frequencies(name, count=12),
+        "sudden_load": lambda name: body.sudden_load(
+            name, (0.0, 5e3, 0.0), step=1.25e-4, duration=0.25, keep_every=4
+        ),
+    }
+    run_cases(cases, "CalculiX reference results of the clamped beam")
+
+
+if __name__ == "__main__":
+    main()
