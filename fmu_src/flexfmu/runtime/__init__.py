@@ -1,0 +1,1 @@
+"""The part that travels inside the FMU: NumPy and h5py only, relative imports only."""

@@ -1,0 +1,253 @@
+"""A flexible body ready to be loaded, solved and stepped; knows nothing of FMI."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dynamics import build_dynamics, configuration_at, spread
+from .errors import OptionError, StepError
+from .loads import Loads, loads_from_mapping
+from .modal_file import read_modal_file
+from .reduced_body import Formulation, ReducedBody
+from .rotations import rotation_vector
+from .statics import equilibrium
+from .stepping import PropagatorCache, State, StepLimits, Work, advance
+from .tree import jacobians
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """Motion of the I interfaces.
+
+    Attributes
+    ----------
+    displacement : (I, 3) float
+        Of the reference points, m, global frame.
+    rotation : (I, 3) float
+        Rotation vectors, rad, global frame.
+    """
+
+    displacement: FloatArray
+    rotation: FloatArray
+
+
+class FlexibleBody:
+    """A reduced body under one formulation. Constant: states go in and come out.
+
+    Parameters
+    ----------
+    model : ReducedBody
+    formulation : Formulation, optional
+        Default: the one in the model.
+    damping_scale : float
+        Factor on all modal damping ratios, not negative.
+    limits : StepLimits
+        Bounds of the internal step.
+
+    Raises
+    ------
+    OptionError
+        A scale, limit or tolerance out of range.
+    """
+
+    def __init__(
+        self,
+        model: ReducedBody,
+        formulation: Formulation | None = None,
+        damping_scale: float = 1.0,
+        limits: StepLimits | None = None,
+    ):
+        limits = limits or StepLimits()
+        if not (np.isfinite(damping_scale) and damping_scale >= 0.0):
+            raise OptionError(f"damping scale is {damping_scale}, expected a finite number ≥ 0")
+        if not (np.isfinite(limits.longest) and limits.longest >= 0.0):
+            raise OptionError(f"internal step limit is {limits.longest} s, expected 0 (none) or a positive number")
+        if not (np.isfinite(limits.tolerance) and limits.tolerance > 0.0):
+            raise OptionError(f"internal step tolerance is {limits.tolerance}, expected a positive number")
+        self.model = model
+        self.formulation = formulation or model.formulation
+        self.limits = limits
+        self._dynamics = build_dynamics(model, self.formulation)
+        self._cache = PropagatorCache(model.angular_frequency, damping_scale * model.damping_ratio)
+
+    def loads(self, loads: Mapping[str, Sequence[float]]) -> Loads:
+        """Loads from {interface: (fx, fy, fz)} or {interface: (fx, fy, fz, mx, my, mz)}, N and N m, global frame.
+
+        Parameters
+        ----------
+        loads : mapping of str to 3 or 6 float
+
+        Returns
+        -------
+        Loads
+
+        Raises
+        ------
+        LoadError
+            An unknown interface, a wrong number of components, or a value that is not finite.
+        """
+        return loads_from_mapping(self.model.interface_names, loads)
+
+    def rest(self) -> State:
+        """Return the undeformed body at rest."""
+        zero = np.zeros(self.model.mode_count)
+        return State(zero, zero.copy())
+
+    def static(self, loads: Loads | Mapping[str, Sequence[float]]) -> State:
+        """Stable equilibrium under constant loads, at rest.
+
+        Parameters
+        ----------
+        loads : Loads or mapping as for `loads`
+
+        Returns
+        -------
+        State
+
+        Raises
+        ------
+        EquilibriumError
+            There is none that the unloaded body could reach.
+        """
+        q, _ = equilibrium(self._dynamics, self._as_loads(loads))
+        return State(q, np.zeros_like(q))
+
+    def step(self, state: State, loads: Loads | Mapping[str, Sequence[float]], step: float) -> State:
+        """State after a step (s) under loads that are constant over it; see `step_with_work`."""
+        return self.step_with_work(state, loads, step)[0]
+
+    def step_with_work(
+        self, state: State, loads: Loads | Mapping[str, Sequence[float]], step: float
+    ) -> tuple[State, Work]:
+        """State after a step under loads that are constant over it, and what it cost.
+
+        Parameters
+        ----------
+        state : State
+            Left untouched.
+        loads : Loads or mapping as for `loads`
+        step : float
+            s, positive.
+
+        Returns
+        -------
+        state : State
+        work : Work
+
+        Raises
+        ------
+        StepError
+            A step that is not positive and finite, or a load that the body cannot bear.
+        """
+        if not (np.isfinite(step) and step > 0.0):
+            raise StepError(f"step is {step} s, expected a positive number")
+        at_nodes = spread(self._dynamics, self._as_loads(loads))
+        end, work = advance(self._dynamics, self._cache, at_nodes, state, step, self.limits)
+        if not (np.all(np.isfinite(end.q)) and np.all(np.isfinite(end.v))):
+            raise StepError("the step ends in values that are not finite: the loads are too large for the arithmetic")
+        return end, work
+
+    def response(self, state: State) -> Response:
+        """Displacement and rotation of every interface.
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        Response
+        """
+        first = self._dynamics.tree.frame_count
+        nodes = configuration_at(self._dynamics, state.q)
+        displacement = nodes.position[first:] - self._dynamics.tree.point[first:]
+        return Response(displacement, rotation_vector(nodes.rotation[first:]))
+
+    def rates(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """Velocity (m/s) and angular velocity (rad/s) of every interface, global frame, each (I, 3).
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        velocity, angular_velocity : (I, 3) float
+        """
+        first = self._dynamics.tree.frame_count
+        translation, spin = jacobians(self._dynamics.tree, configuration_at(self._dynamics, state.q))
+        return translation[first:] @ state.v, spin[first:] @ state.v
+
+    def energies(self, state: State) -> tuple[float, float]:
+        """Strain and kinetic energy, J.
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        strain, kinetic : float
+        """
+        strain = 0.5 * float(np.vdot(self._dynamics.stiffness * state.q, state.q))
+        return strain, 0.5 * float(np.vdot(state.v, state.v))
+
+    def rotation_within_frames(self, state: State) -> FloatArray:
+        """How far the material turns within each frame, the measure of trust in it (good to about 0.5 rad).
+
+        For each frame the largest rotation of its own joint, of the joints and of the interfaces that it carries,
+        against its averaged one. Linear kinematics count as one frame on the ground.
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        (S,) float, or (1,) for linear kinematics
+            rad.
+        """
+        body = self.model
+        if self._dynamics.tree.frame_count == 0:
+            return np.array([np.max(np.linalg.norm(body.interface_rotation @ state.q, axis=1))])
+        frame = body.frame_rotation @ state.q
+        joint = body.joint_rotation @ state.q
+        largest = np.linalg.norm(joint - frame, axis=1)
+        carried = body.frame_parent >= 0
+        parent = body.frame_parent[carried]
+        np.maximum.at(largest, parent, np.linalg.norm(joint[carried] - frame[parent], axis=1))
+        held = body.interface_frame >= 0
+        on = body.interface_frame[held]
+        interface = (body.interface_rotation @ state.q)[held]
+        np.maximum.at(largest, on, np.linalg.norm(interface - frame[on], axis=1))
+        return largest
+
+    def _as_loads(self, loads: Loads | Mapping[str, Sequence[float]]) -> Loads:
+        return loads if isinstance(loads, Loads) else self.loads(loads)
+
+
+def load(source: str | Path | BinaryIO, formulation: Formulation | None = None) -> FlexibleBody:
+    """Read a modal file (HDF5).
+
+    Parameters
+    ----------
+    source : path or binary file object
+    formulation : Formulation, optional
+        Default: the one in the file.
+
+    Returns
+    -------
+    FlexibleBody
+
+    Raises
+    ------
+    ModalFileError
+        The file is missing, damaged, foreign, or of an unknown schema version.
+    """
+    return FlexibleBody(read_modal_file(source), formulation)

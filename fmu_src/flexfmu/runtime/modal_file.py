@@ -1,0 +1,186 @@
+"""The modal file: a `ReducedBody` in HDF5. This module is the schema; docs/file-formats.md describes it in words."""
+
+import hashlib
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import h5py
+import numpy as np
+
+from .errors import ModalFileError
+from .reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Surface
+
+FORMAT = "flexfmu modal file"
+SCHEMA_VERSION = 1
+FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
+
+
+class Entry(NamedTuple):
+    """A dataset of the file.
+
+    Attributes
+    ----------
+    path : str
+        Where it lies in the file.
+    unit : str
+        SI unit, "1" for none.
+    description : str
+        Shape and meaning.
+    """
+
+    path: str
+    unit: str
+    description: str
+
+
+# Attribute of `ReducedBody` → dataset. Modal coordinates are mass-normalised: kg^0.5 m.
+ARRAYS: dict[str, Entry] = {
+    "angular_frequency": Entry("modes/angular_frequency", "rad/s", "(m,) undamped angular frequencies"),
+    "damping_ratio": Entry("modes/damping_ratio", "1", "(m,) modal damping ratios"),
+    "interface_point": Entry("interfaces/point", "m", "(I, 3) reference points"),
+    "interface_displacement": Entry("interfaces/displacement", "kg^-0.5", "(I, 3, m) displacement per mode"),
+    "interface_rotation": Entry("interfaces/rotation", "rad/(kg^0.5 m)", "(I, 3, m) rotation per mode"),
+    "interface_frame": Entry("interfaces/frame", "1", "(I,) frame that carries the interface, -1 for none"),
+    "frame_parent": Entry("frames/parent", "1", "(S,) parent frame, -1 for a root"),
+    "joint_point": Entry("frames/joint_point", "m", "(S, 3) joints with the parents"),
+    "joint_displacement": Entry("frames/joint_displacement", "kg^-0.5", "(S, 3, m) displacement per mode"),
+    "joint_rotation": Entry("frames/joint_rotation", "rad/(kg^0.5 m)", "(S, 3, m) rotation per mode"),
+    "frame_rotation": Entry("frames/rotation", "rad/(kg^0.5 m)", "(S, 3, m) averaged rotation per mode"),
+}
+SURFACE: dict[str, Entry] = {
+    "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),
+    "faces": Entry("surface/faces", "1", "(f, 4) rows of points; a triangle repeats its last corner"),
+    "modes": Entry("surface/modes", "kg^-0.5", "(n, 3, m) mode shapes"),
+    "frame": Entry("surface/frame", "1", "(n,) frame that carries the point, -1 for none"),
+}
+NAMES: dict[str, Entry] = {
+    "interface_names": Entry("interfaces/name", "1", "(I,) names"),
+    "frame_names": Entry("frames/name", "1", "(S,) names"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Digest:
+    """What the checksum covers, in a fixed order."""
+
+    body: ReducedBody
+
+    def hexdigest(self) -> str:
+        body = self.body
+        digest = hashlib.sha256()
+        texts = [
+            body.name,
+            body.formulation.kinematics.value,
+            body.formulation.loads.value,
+            *body.interface_names,
+            *body.frame_names,
+            *(f"{key}={body.provenance[key]}" for key in sorted(body.provenance)),
+        ]
+        digest.update("\0".join(texts).encode())
+        arrays = [getattr(body, name) for name in ARRAYS]
+        if body.surface is not None:
+            arrays += [getattr(body.surface, name) for name in SURFACE]
+        for array in arrays:
+            digest.update(str(array.shape).encode())
+            digest.update(np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<")).tobytes())
+        return digest.hexdigest()
+
+
+def write_modal_file(body: ReducedBody, path: Path) -> None:
+    """Write a body; the file appears whole or not at all, and the same body gives the same bytes.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    path : Path
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written to.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with h5py.File(part, "w", libver=("v110", "v110")) as file:
+            file.attrs["format"] = FORMAT
+            file.attrs["schema_version"] = SCHEMA_VERSION
+            file.attrs["name"] = body.name
+            file.attrs["frame_convention"] = FRAME_CONVENTION
+            file.attrs["kinematics"] = body.formulation.kinematics.value
+            file.attrs["loads"] = body.formulation.loads.value
+            file.attrs["sha256"] = _Digest(body).hexdigest()
+            for field, entry in NAMES.items():
+                names = np.array([name.encode() for name in getattr(body, field)] or [b""], dtype="S")
+                _write(file, entry, names[: len(getattr(body, field))])
+            for field, entry in ARRAYS.items():
+                _write(file, entry, getattr(body, field))
+            if body.surface is not None:
+                for field, entry in SURFACE.items():
+                    _write(file, entry, getattr(body.surface, field))
+            group = file.create_group("provenance")
+            for key in sorted(body.provenance):
+                group.attrs[key] = body.provenance[key]
+        part.replace(path)
+    finally:
+        with suppress(FileNotFoundError):
+            part.unlink()
+
+
+def _write(file: Any, entry: Entry, values: Any) -> None:
+    dataset = file.create_dataset(entry.path, data=values, track_times=False)
+    dataset.attrs["unit"] = entry.unit
+    dataset.attrs["description"] = entry.description
+
+
+def read_modal_file(source: str | Path | BinaryIO) -> ReducedBody:
+    """Read and check a modal file.
+
+    Parameters
+    ----------
+    source : path or binary file object
+
+    Returns
+    -------
+    ReducedBody
+
+    Raises
+    ------
+    ModalFileError
+        The file is missing, damaged, altered, foreign, or of a schema version that is not read here.
+    """
+    name = str(source) if isinstance(source, str | Path) else "modal file"
+    try:
+        with h5py.File(source, "r") as file:
+            return _read(file, name)
+    except FileNotFoundError as error:
+        raise ModalFileError(f"{name}: no such file") from error
+    except (OSError, KeyError, ValueError, UnicodeDecodeError, RuntimeError, TypeError) as error:
+        raise ModalFileError(f"{name}: not a readable modal file ({error}); build it again") from error
+
+
+def _read(file: Any, name: str) -> ReducedBody:
+    found = file.attrs.get("format")
+    if found != FORMAT:
+        raise ModalFileError(f"{name}: an HDF5 file, but not a flexfmu modal file (format is {found!r})")
+    version = int(file.attrs["schema_version"])
+    if version != SCHEMA_VERSION:
+        raise ModalFileError(
+            f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
+        )
+    surface = None
+    if "surface" in file:
+        surface = Surface(**{field: file[entry.path][()] for field, entry in SURFACE.items()})
+    body = ReducedBody(
+        name=str(file.attrs["name"]),
+        **{field: tuple(n.decode() for n in file[entry.path][()]) for field, entry in NAMES.items()},
+        **{field: file[entry.path][()] for field, entry in ARRAYS.items()},
+        formulation=Formulation(Kinematics(file.attrs["kinematics"]), LoadPlacement(file.attrs["loads"])),
+        provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
+        surface=surface,
+    )
+    if _Digest(body).hexdigest() != file.attrs["sha256"]:
+        raise ModalFileError(f"{name}: contents do not match their checksum: the file was altered; build it again")
+    return body

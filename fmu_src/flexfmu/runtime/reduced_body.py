@@ -1,0 +1,193 @@
+"""The reduced body: what is left of the finite element model once modes, interfaces and frames are known."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ModalFileError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+GROUND = -1
+"""Parent of a root frame, and frame of an interface that no frame carries."""
+
+
+class Kinematics(Enum):
+    """How displacements follow from modal coordinates."""
+
+    LINEAR = "linear"
+    """Equation (1): modal superposition, nothing else."""
+    COROTATED = "corotated"
+    """The tree of corotated frames."""
+
+
+class LoadPlacement(Enum):
+    """Where loads act."""
+
+    REFERENCE = "reference"
+    """On the undeformed body."""
+    DEFORMED = "deformed"
+    """On the deformed body, by the transpose of the kinematics' derivative."""
+
+
+@dataclass(frozen=True, slots=True)
+class Formulation:
+    """The choice of kinematics and of where loads act.
+
+    Attributes
+    ----------
+    kinematics : Kinematics
+    loads : LoadPlacement
+    """
+
+    kinematics: Kinematics = Kinematics.COROTATED
+    loads: LoadPlacement = LoadPlacement.DEFORMED
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """The body's outer faces, for viewing only.
+
+    Attributes
+    ----------
+    points : (n_points, 3) float
+        Undeformed corner nodes, m, global frame.
+    faces : (n_faces, 4) int
+        Rows of `points`; a triangle repeats its last corner.
+    modes : (n_points, 3, m) float
+        Mode shapes, kg^-1/2.
+    frame : (n_points,) int
+        The frame that carries each point, or `GROUND`.
+    """
+
+    points: FloatArray
+    faces: IntArray
+    modes: FloatArray
+    frame: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class ReducedBody:
+    """A flexible body in m modal coordinates with I interfaces and S frames.
+
+    Everything is linear in the modal coordinates q (kg^1/2 m): a displacement is `displacement @ q` (m), a small
+    rotation `rotation @ q` (rad), both in the global frame. Arrays are made read-only.
+
+    Attributes
+    ----------
+    name : str
+    angular_frequency : (m,) float
+        ω, rad/s, ascending and positive.
+    damping_ratio : (m,) float
+        Modal damping ratios ζ, not negative.
+    interface_names : tuple of str
+    interface_point : (I, 3) float
+        Reference points P_i, m.
+    interface_displacement, interface_rotation : (I, 3, m) float
+        The rigid fit of each interface's node set.
+    interface_frame : (I,) int
+        The frame that carries each interface, or `GROUND`.
+    frame_names : tuple of str
+    frame_parent : (S,) int
+        Parents stand before their children; `GROUND` for a root.
+    joint_point : (S, 3) float
+        Where the frame hangs on its parent, X_s, m.
+    joint_displacement : (S, 3, m) float
+    joint_rotation : (S, 3, m) float
+        Rotation of the joint's section; used only to tell how much a frame's own material turns in it.
+    frame_rotation : (S, 3, m) float
+        Averaged rotation Θ_s of the sub-domain.
+    formulation : Formulation
+        The one that the body file asks for; another may be chosen at run time.
+    provenance : dict of str to str
+        Where the body comes from: input hashes and versions.
+    surface : Surface or None
+    """
+
+    name: str
+    angular_frequency: FloatArray
+    damping_ratio: FloatArray
+    interface_names: tuple[str, ...]
+    interface_point: FloatArray
+    interface_displacement: FloatArray
+    interface_rotation: FloatArray
+    interface_frame: IntArray
+    frame_names: tuple[str, ...] = ()
+    frame_parent: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    joint_point: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    joint_displacement: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    joint_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    frame_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    formulation: Formulation = field(default_factory=Formulation)
+    provenance: dict[str, str] = field(default_factory=dict)
+    surface: Surface | None = None
+
+    def __post_init__(self) -> None:
+        """Bring the arrays into their types and check shapes and physics.
+
+        Raises
+        ------
+        ModalFileError
+            Naming the first array that is wrong, and how.
+        """
+        modes = np.size(self.angular_frequency)
+        interfaces, frames = len(self.interface_names), len(self.frame_names)
+        shapes = {
+            "angular_frequency": (modes,),
+            "damping_ratio": (modes,),
+            "interface_point": (interfaces, 3),
+            "interface_displacement": (interfaces, 3, modes),
+            "interface_rotation": (interfaces, 3, modes),
+            "interface_frame": (interfaces,),
+            "frame_parent": (frames,),
+            "joint_point": (frames, 3),
+            "joint_displacement": (frames, 3, modes),
+            "joint_rotation": (frames, 3, modes),
+            "frame_rotation": (frames, 3, modes),
+        }
+        for name, shape in shapes.items():
+            kind = np.int64 if name in ("interface_frame", "frame_parent") else np.float64
+            value = np.array(getattr(self, name), dtype=kind)
+            if value.shape != shape and not (value.size == 0 and 0 in shape):
+                raise ModalFileError(f"{name} has shape {value.shape}, expected {shape}")
+            value = value.reshape(shape)
+            if not np.all(np.isfinite(value)):
+                raise ModalFileError(f"{name} holds values that are not finite")
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        self._check_physics()
+
+    def _check_physics(self) -> None:
+        if self.mode_count == 0:
+            raise ModalFileError("the body has no modes, expected at least one")
+        if np.any(self.angular_frequency <= 0.0) or np.any(np.diff(self.angular_frequency) < 0.0):
+            raise ModalFileError("angular_frequency must be positive and ascending")
+        if np.any(self.damping_ratio < 0.0):
+            raise ModalFileError("damping_ratio must not be negative")
+        if len(set(self.interface_names)) < len(self.interface_names) or not self.interface_names:
+            raise ModalFileError("interface names must be there and differ from each other")
+        order = np.arange(self.frame_count)
+        if np.any(self.frame_parent >= order) or np.any(self.frame_parent < GROUND):
+            raise ModalFileError("frame_parent must name an earlier frame, or -1 for a root")
+        if np.any(self.interface_frame >= self.frame_count) or np.any(self.interface_frame < GROUND):
+            raise ModalFileError("interface_frame must name a frame, or -1")
+
+    @property
+    def mode_count(self) -> int:
+        """Number of modal coordinates m."""
+        return int(self.angular_frequency.size)
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames S."""
+        return len(self.frame_names)
+
+    @property
+    def interface_count(self) -> int:
+        """Number of interfaces I."""
+        return len(self.interface_names)
+
+

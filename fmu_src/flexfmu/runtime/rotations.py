@@ -1,0 +1,197 @@
+"""Finite rotations in three dimensions by their rotation vectors, on stacks of any leading shape.
+
+A rotation vector φ (rad) turns by |φ| about φ/|φ|; its matrix is exp(φ̂), φ̂ x = φ × x. All formulas are
+closed forms in three functions of |φ|, expanded in series where they would cancel:
+
+    α = sin|φ|/|φ|,   β = (1 − cos|φ|)/|φ|²,   γ = (|φ| − sin|φ|)/|φ|³.
+
+Source: M. Géradin, A. Cardona, Flexible Multibody Dynamics, Wiley 2001, chapter 4.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+# Below this |φ|² five terms of the series are exact to round-off, above it the closed forms lose under 1e-14.
+_SERIES_LIMIT = 0.05
+
+# φ @ _CROSS is φ̂, row by row.
+_CROSS = np.zeros((3, 9))
+_CROSS[0, [5, 7]] = -1.0, 1.0
+_CROSS[1, [2, 6]] = 1.0, -1.0
+_CROSS[2, [1, 3]] = -1.0, 1.0
+
+
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Vector product along the last axis, several times faster than `numpy.cross` on small arrays.
+
+    Parameters
+    ----------
+    a, b : (..., 3) float
+        Broadcast against each other.
+
+    Returns
+    -------
+    (..., 3) float
+    """
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    result[..., 0] = a1 * b2 - a2 * b1
+    result[..., 1] = a2 * b0 - a0 * b2
+    result[..., 2] = a0 * b1 - a1 * b0
+    return result
+
+
+def skew(vector: FloatArray) -> FloatArray:
+    """Matrix of the vector product, φ̂ x = φ × x.
+
+    Parameters
+    ----------
+    vector : (..., 3) float
+
+    Returns
+    -------
+    (..., 3, 3) float
+    """
+    return (vector @ _CROSS).reshape(*vector.shape, 3)
+
+
+def _coefficients(square: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """α, β and γ of the module's docstring from |φ|² (...)."""
+    x = square
+    if np.all(x < _SERIES_LIMIT):
+        return (
+            1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0)))),
+            0.5 * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0 * (1.0 - x / 90.0 * (1.0 - x / 132.0))))),
+            (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0 * (1.0 - x / 156.0))))) / 6.0,
+        )
+    small = x < _SERIES_LIMIT
+    safe = np.where(small, 1.0, x)
+    angle = np.sqrt(safe)
+    sine = np.sin(angle)
+    half = np.sin(0.5 * angle)
+    alpha, beta, gamma = sine / angle, 2.0 * half * half / safe, (angle - sine) / (safe * angle)
+    if np.any(small):
+        series = _coefficients(np.where(small, x, 0.0))
+        alpha, beta, gamma = (
+            np.where(small, s, c) for s, c in zip(series, (alpha, beta, gamma), strict=True)
+        )
+    return alpha, beta, gamma
+
+
+def exponential(vector: FloatArray) -> FloatArray:
+    """Rotation matrix exp(φ̂) (Rodrigues' formula).
+
+    Parameters
+    ----------
+    vector : (..., 3) float
+        Rotation vectors, rad.
+
+    Returns
+    -------
+    (..., 3, 3) float
+    """
+    return exponential_and_jacobian(vector)[0]
+
+
+def exponential_and_jacobian(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rotation matrix E = exp(φ̂) and left Jacobian T with  Ė Eᵀ = (T φ̇)^.
+
+    Parameters
+    ----------
+    vector : (..., 3) float
+        Rotation vectors φ, rad.
+
+    Returns
+    -------
+    rotation : (..., 3, 3) float
+        I + α φ̂ + β φ̂².
+    jacobian : (..., 3, 3) float
+        I + β φ̂ + γ φ̂².
+    """
+    alpha, beta, gamma = _coefficients(np.einsum("...i,...i->...", vector, vector))
+    hat = skew(vector)
+    hat2 = hat @ hat
+    alpha, beta, gamma = alpha[..., None, None], beta[..., None, None], gamma[..., None, None]
+    identity = np.eye(3)
+    return identity + alpha * hat + beta * hat2, identity + beta * hat + gamma * hat2
+
+
+def transposed_jacobian_derivative(vector: FloatArray, moment: FloatArray) -> FloatArray:
+    """Derivative of Tᵀ(φ) m with respect to φ at a fixed vector m.
+
+    Parameters
+    ----------
+    vector : (..., 3) float
+        Rotation vectors φ, rad.
+    moment : (..., 3) float
+        The vectors m.
+
+    Returns
+    -------
+    (..., 3, 3) float
+        Column j is ∂(Tᵀ m)/∂φ_j, with Tᵀ m = m − β φ × m + γ φ × (φ × m).
+    """
+    square = np.einsum("...i,...i->...", vector, vector)
+    alpha, beta, gamma = _coefficients(square)
+    # dβ/d|φ| / |φ| and dγ/d|φ| / |φ|, by series where the closed forms cancel.
+    small = square < _SERIES_LIMIT
+    safe = np.where(small, 1.0, square)
+    x = np.where(small, square, 0.0)
+    dbeta = np.where(
+        small,
+        -(1.0 - x / 15.0 * (1.0 - x / 37.333333333333336 * (1.0 - x / 67.5 * (1.0 - x / 105.6)))) / 12.0,
+        (alpha - 2.0 * beta) / safe,
+    )
+    dgamma = np.where(
+        small,
+        -(1.0 - x / 21.0 * (1.0 - x / 48.0 * (1.0 - x / 82.5 * (1.0 - x / 124.8)))) / 60.0,
+        (beta - 3.0 * gamma) / safe,
+    )
+    once = cross(vector, moment)
+    twice = cross(vector, once)
+    hat, hat_moment = skew(vector), skew(moment)
+    direction = dgamma[..., None] * twice - dbeta[..., None] * once
+    return (
+        beta[..., None, None] * hat_moment
+        - gamma[..., None, None] * (skew(once) + hat @ hat_moment)
+        + direction[..., :, None] * vector[..., None, :]
+    )
+
+
+def rotation_vector(rotation: FloatArray) -> FloatArray:
+    """Rotation vector of a rotation matrix, |φ| ≤ π, accurate near 0 and near π (by the unit quaternion).
+
+    Parameters
+    ----------
+    rotation : (..., 3, 3) float
+
+    Returns
+    -------
+    (..., 3) float
+        rad.
+    """
+    r = rotation
+    trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
+    diagonal = np.stack([r[..., 0, 0], r[..., 1, 1], r[..., 2, 2], trace], axis=-1)
+    axial = np.stack(
+        [r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1
+    )
+    # 4 q qᵀ of the quaternion q = (vector, scalar); its column with the largest diagonal is the safest to divide by.
+    product = np.empty((*trace.shape, 4, 4))
+    product[..., :3, :3] = r + np.swapaxes(r, -1, -2)
+    for i in range(3):
+        product[..., i, i] = 1.0 + 2.0 * r[..., i, i] - trace
+    product[..., :3, 3] = product[..., 3, :3] = axial
+    product[..., 3, 3] = 1.0 + trace
+    best = np.argmax(diagonal, axis=-1)
+    quaternion = np.take_along_axis(product, best[..., None, None], axis=-1)[..., 0]
+    quaternion /= np.sqrt(np.einsum("...i,...i->...", quaternion, quaternion))[..., None]
+    quaternion *= np.where(quaternion[..., 3:] < 0.0, -1.0, 1.0)
+    vector = quaternion[..., :3]
+    sine = np.sqrt(np.einsum("...i,...i->...", vector, vector))
+    angle = 2.0 * np.arctan2(sine, quaternion[..., 3])
+    scale = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)
+    return scale[..., None] * vector

@@ -1,0 +1,84 @@
+"""Equilibrium Λq = Q(q) under constant loads, by Newton's method with load increments where it needs them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dynamics import Dynamics, configuration_at, modal_force, spread, tangent_stiffness
+from .errors import EquilibriumError
+from .loads import Loads
+
+FloatArray = NDArray[np.float64]
+
+# Newton converges in 4 to 6 iterations or not at all; more increments are cheaper than more iterations.
+_MAX_ITERATIONS = 15
+# ‖ΔΩq‖ / ‖Ωq‖; the last Newton iteration squares it.
+_TOLERANCE = 1e-9
+# Halving the increment ten times: a load that still fails is at a limit point.
+_SMALLEST_INCREMENT = 2.0**-10
+
+
+def equilibrium(dynamics: Dynamics, loads: Loads) -> tuple[FloatArray, int]:
+    """Stable equilibrium on the path from the unloaded body.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+    loads : Loads
+
+    Returns
+    -------
+    q : (m,) float
+        Modal coordinates, kg^1/2 m.
+    iterations : int
+        Newton iterations in all.
+
+    Raises
+    ------
+    EquilibriumError
+        The load exceeds what the body can bear in a stable way, or bends it further than the kinematics reach.
+    """
+    full = spread(dynamics, loads)
+    q: FloatArray = np.zeros(dynamics.stiffness.size)
+    if not full.active:
+        return full.constant / dynamics.stiffness, 0
+    reached, increment, iterations = 0.0, 1.0, 0
+    while reached < 1.0:
+        target = min(1.0, reached + increment)
+        solution, used = _newton(dynamics, loads.scaled(target), q)
+        iterations += used
+        if solution is not None:
+            q, reached = solution, target
+            increment *= 2.0
+            continue
+        increment *= 0.5
+        if increment < _SMALLEST_INCREMENT:
+            raise EquilibriumError(
+                f"no stable equilibrium beyond {100.0 * reached:.1f} % of the load: it is near or above the critical "
+                "load of the reduced body; lower the load, or check its direction and units",
+                reached,
+            )
+    return q, iterations
+
+
+def _newton(dynamics: Dynamics, loads: Loads, start: FloatArray) -> tuple[FloatArray | None, int]:
+    """Newton's method from `start`; None where it fails or ends in an unstable equilibrium."""
+    at_nodes = spread(dynamics, loads)
+    omega = np.sqrt(dynamics.stiffness)
+    # Scaled by Ω the tangent is I minus something small, and errors are measured in energy.
+    q = start
+    for iteration in range(1, _MAX_ITERATIONS + 1):
+        state = configuration_at(dynamics, q)
+        residual = dynamics.stiffness * q - modal_force(dynamics, at_nodes, state)
+        tangent = tangent_stiffness(dynamics, at_nodes, state) / np.outer(omega, omega)
+        try:
+            np.linalg.cholesky(0.5 * (tangent + tangent.T))
+            change = np.linalg.solve(tangent, residual / omega)
+        except np.linalg.LinAlgError:
+            return None, iteration
+        q = q - change / omega
+        size = float(np.linalg.norm(change))
+        if not np.isfinite(size):
+            return None, iteration
+        if size <= _TOLERANCE * float(np.linalg.norm(omega * q)):
+            return q, iteration
+    return None, _MAX_ITERATIONS

@@ -1,0 +1,260 @@
+"""Kinematics and loads of the tree of corotated frames (docs/theory.md, section 4).
+
+Frames and interfaces are nodes of one tree; node k hangs on frame p(k), or on the ground. Linear in q are its offset
+from the parent's joint and its rotation relative to the parent,
+
+    b_k = X_k − X_p + D_k q,     φ_k = C_k q,
+    D_k q = u(X_k) − u(X_p) − θ_p × (X_k − X_p),     C_k q = θ_k − θ_p,
+
+so that one pass outwards gives
+
+    R_k = R_p exp(φ_k),     x_k = x_p + R_p b_k.
+
+A node on the ground has R_p = I, x_p = 0: without frames this is modal superposition, equation (1) of the paper.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .reduced_body import GROUND, Kinematics, ReducedBody
+from .rotations import cross, exponential_and_jacobian, skew, transposed_jacobian_derivative
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """Constant data of the tree: S frames first, then I interfaces; K = S + I nodes.
+
+    Attributes
+    ----------
+    parent : (K,) int
+        Frame on which a node hangs, or `GROUND`.
+    frame_count : int
+        S.
+    point : (K, 3) float
+        Undeformed joints and interface points, m.
+    offset : (K, 3) float
+        X_k − X_p, m.
+    operator : (6K, m) float
+        D_k of all nodes, then C_k of all nodes.
+    path : (K, K) float
+        path[k, a] = 1 where a is k or one of its ancestors.
+    parent_path : (K, K) float
+        The same for the parent of k: zero where a is k itself.
+    """
+
+    parent: IntArray
+    frame_count: int
+    point: FloatArray
+    offset: FloatArray
+    operator: FloatArray
+    path: FloatArray
+    parent_path: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """Where all nodes are for one q.
+
+    Attributes
+    ----------
+    position : (K, 3) float
+        x_k, m, global frame.
+    rotation : (K, 3, 3) float
+        R_k.
+    parent_rotation : (K, 3, 3) float
+        R_p of each node.
+    offset : (K, 3) float
+        b_k, m, frame of the parent.
+    relative : (K, 3) float
+        φ_k, rad, frame of the parent.
+    jacobian : (K, 3, 3) float
+        T(φ_k): the relative angular velocity is R_p T φ̇.
+    """
+
+    position: FloatArray
+    rotation: FloatArray
+    parent_rotation: FloatArray
+    offset: FloatArray
+    relative: FloatArray
+    jacobian: FloatArray
+
+
+def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
+    """Tree of a body under the given kinematics; `LINEAR` hangs every interface on the ground.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    kinematics : Kinematics
+
+    Returns
+    -------
+    Tree
+    """
+    if kinematics is Kinematics.LINEAR:
+        frames = 0
+        parent = np.full(body.interface_count, GROUND, dtype=np.int64)
+    else:
+        frames = body.frame_count
+        parent = np.concatenate([body.frame_parent, body.interface_frame])
+    point = np.concatenate([body.joint_point[:frames], body.interface_point])
+    displacement = np.concatenate([body.joint_displacement[:frames], body.interface_displacement])
+    rotation = np.concatenate([body.frame_rotation[:frames], body.interface_rotation])
+
+    offset, d, c = point.copy(), displacement.copy(), rotation.copy()
+    hung = np.flatnonzero(parent >= 0)
+    p = parent[hung]
+    offset[hung] -= point[p]
+    d[hung] -= displacement[p] - skew(offset[hung]) @ rotation[p]
+    c[hung] -= rotation[p]
+
+    path = np.eye(len(parent))
+    for k, frame in enumerate(parent):
+        if frame >= 0:
+            path[k] += path[frame]
+    operator = np.concatenate([d.reshape(-1, body.mode_count), c.reshape(-1, body.mode_count)])
+    return Tree(parent, frames, point, offset, operator, path, path - np.eye(len(parent)))
+
+
+def configuration(tree: Tree, q: FloatArray) -> Configuration:
+    """Positions and rotations of all nodes: the pass outwards.
+
+    Parameters
+    ----------
+    tree : Tree
+    q : (m,) float
+        Modal coordinates, kg^1/2 m.
+
+    Returns
+    -------
+    Configuration
+    """
+    count = len(tree.parent)
+    linear = (tree.operator @ q).reshape(2, count, 3)
+    offset = tree.offset + linear[0]
+    relative = linear[1]
+    exponential, jacobian = exponential_and_jacobian(relative)
+    # Row GROUND (the last) stays the identity, so that a parent's index is all that is needed.
+    rotation = np.empty((count + 1, 3, 3))
+    rotation[GROUND] = np.eye(3)
+    for k in range(tree.frame_count):
+        np.matmul(rotation[tree.parent[k]], exponential[k], out=rotation[k])
+    parent_rotation = rotation[tree.parent]
+    first = tree.frame_count
+    np.matmul(parent_rotation[first:], exponential[first:], out=rotation[first:-1])
+    position = tree.path @ (parent_rotation @ offset[:, :, None])[:, :, 0]
+    return Configuration(position, rotation[:-1], parent_rotation, offset, relative, jacobian)
+
+
+def outboard_loads(
+    tree: Tree, state: Configuration, force: FloatArray, moment: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Force and moment about each node of all loads on it and beyond it: the pass back.
+
+    Parameters
+    ----------
+    tree : Tree
+    state : Configuration
+    force, moment : (K, 3) float
+        Loads at the nodes, N and N m, global frame.
+
+    Returns
+    -------
+    force, moment : (K, 3) float
+        F_k = Σ f_d and M_k = Σ (m_d + (x_d − x_k) × f_d) over k and its descendants d.
+    """
+    total = tree.path.T @ force
+    about_origin = tree.path.T @ (moment + cross(state.position, force))
+    return total, about_origin - cross(state.position, total)
+
+
+def generalised_force(tree: Tree, state: Configuration, force: FloatArray, moment: FloatArray) -> FloatArray:
+    """Modal force Q = Jᵀ(f, m): virtual work of the loads on the deformed body.
+
+    Parameters
+    ----------
+    tree : Tree
+    state : Configuration
+    force, moment : (K, 3) float
+        Loads at the nodes, N and N m, global frame.
+
+    Returns
+    -------
+    (m,) float
+        Q, kg^1/2 m/s².
+    """
+    total, about = outboard_loads(tree, state, force, moment)
+    # Row vectors times R_p are the components in the parent's frame.
+    local_force = total[:, None, :] @ state.parent_rotation
+    local_moment = about[:, None, :] @ state.parent_rotation @ state.jacobian
+    result: FloatArray = np.concatenate([local_force.ravel(), local_moment.ravel()]) @ tree.operator
+    return result
+
+
+def jacobians(tree: Tree, state: Configuration) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of positions and rotations with respect to q.
+
+    Parameters
+    ----------
+    tree : Tree
+    state : Configuration
+
+    Returns
+    -------
+    translation : (K, 3, m) float
+        ∂x_k/∂q.
+    spin : (K, 3, m) float
+        W_k with angular velocity ω_k = W_k q̇, global frame.
+    """
+    count = len(tree.parent)
+    d, c = tree.operator.reshape(2, count, 3, -1)
+    turn = state.parent_rotation @ (state.jacobian @ c)
+    spin = np.tensordot(tree.path, turn, axes=1)
+    parent_spin = np.tensordot(tree.parent_path, turn, axes=1)
+    arm = (state.parent_rotation @ state.offset[:, :, None])[:, :, 0]
+    step = state.parent_rotation @ d - skew(arm) @ parent_spin
+    return np.tensordot(tree.path, step, axes=1), spin
+
+
+def load_stiffness(tree: Tree, state: Configuration, force: FloatArray, moment: FloatArray) -> FloatArray:
+    """Derivative ∂Q/∂q of the generalised force at fixed loads.
+
+    Parameters
+    ----------
+    tree : Tree
+    state : Configuration
+    force, moment : (K, 3) float
+        Loads at the nodes, N and N m, global frame.
+
+    Returns
+    -------
+    (m, m) float
+        Symmetric under forces; moments about fixed axes have no potential and make it unsymmetric.
+    """
+    count = len(tree.parent)
+    d, c = tree.operator.reshape(2, count, 3, -1)
+    translation, spin = jacobians(tree, state)
+    parent_spin = np.zeros_like(spin)
+    hung = tree.parent >= 0
+    parent_spin[hung] = spin[tree.parent[hung]]
+    total, about = outboard_loads(tree, state, force, moment)
+    back = np.swapaxes(state.parent_rotation, 1, 2)
+
+    # δ(Rᵀ F) = Rᵀ (F × δω),  δM_k = Σ δx_d × f_d − δx_k × F_k.
+    force_change = back @ (skew(total) @ parent_spin)
+    about_change = np.tensordot(tree.path.T, -skew(force) @ translation, axes=1) + skew(total) @ translation
+    moment_change = back @ (about_change + skew(about) @ parent_spin)
+    local_moment = (about[:, None, :] @ state.parent_rotation)[:, 0]
+    moment_change = (
+        np.swapaxes(state.jacobian, 1, 2) @ moment_change
+        + transposed_jacobian_derivative(state.relative, local_moment) @ c
+    )
+    result: FloatArray = np.tensordot(d, force_change, axes=([0, 1], [0, 1])) + np.tensordot(
+        c, moment_change, axes=([0, 1], [0, 1])
+    )
+    return result
