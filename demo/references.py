@@ -1,10 +1,10 @@
 """Reference results of a demo body: each case writes its CalculiX deck, runs it and keeps the result as CSV.
 
-In the CSV files the first line names the columns, with their units, and the lines after it that begin with ``#``
-say what was computed. ``numpy.genfromtxt(path, delimiter=",", names=True)`` reads them.
+In the CSV files the first line names the columns, with their units, and the lines after it that begin with
+``#`` say what was computed. ``numpy.genfromtxt(path, delimiter=",", names=True)`` reads them.
 
-- Static cases: ``force_N`` (or ``fx_N, fy_N, fz_N`` if more than one component acts), then the motion of the tip
-  face: mean displacement ``ux_m, uy_m, uz_m`` and rotation vector ``rx_rad, ry_rad, rz_rad``.
+- Static cases: ``force_N`` (or ``fx_N, fy_N, fz_N`` if more than one component acts), then the motion of the
+  tip face: mean displacement ``ux_m, uy_m, uz_m`` and rotation vector ``rx_rad, ry_rad, rz_rad``.
 - ``frequencies.csv``: ``mode, frequency_Hz``.
 - Transients: ``time_s``, then the motion of the tip face.
 """
@@ -21,12 +21,10 @@ from demo import calculix_tools as ccx
 from demo.tip_face import MOTION_COLUMNS, TipFace
 
 FACE_NOTES = [
-    "u: mean displacement of the tip face, weighted by the consistent nodal forces of a uniform traction (the",
-    "work conjugate of the force).",
+    "u: mean displacement of the tip face, weighted by the consistent nodal forces of a uniform traction",
+    "(the work conjugate of the force).",
 ]
-ROTATION_NOTE = (
-    "r: rotation vector of the tip section, least-squares rigid fit of the face's nodes, equal weights."
-)
+ROTATION_NOTE = "r: rotation vector of the tip section, least-squares rigid fit of the nodes, equal weights."
 SMALL_ROTATION_NOTE = "r: small rotation of the tip section, linear least-squares fit of the face's nodes."
 
 
@@ -58,7 +56,8 @@ class ReferenceBody:
         run = self._run(name, deck)
         parts, displacements = ccx.read_displacements(run.printed, len(self.tip.nodes))
         motion = np.vstack([np.zeros(6), self.tip.motion(displacements)])
-        loads = np.concatenate([[0.0], parts])[:, None] * np.array(force)
+        # Adding zero makes a negative zero positive.
+        loads = np.concatenate([[0.0], parts])[:, None] * np.array(force) + 0.0
         self._write_static(name, loads, motion, [*self._notes(title, run), *FACE_NOTES, ROTATION_NOTE])
 
     def linear(self, name: str, force: tuple[float, float, float]) -> None:

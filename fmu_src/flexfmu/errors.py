@@ -42,3 +42,7 @@ class AccuracyError(FlexfmuError):
 
 class PackagingError(FlexfmuError):
     """The FMU archive could not be made or read."""
+
+
+class SimulationError(FlexfmuError):
+    """A simulation cannot be set up, or the FMU refused a step."""

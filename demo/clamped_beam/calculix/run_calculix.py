@@ -36,7 +36,7 @@ def main() -> None:
         "static_combined": lambda name: body.static(name, (-5e3, 4e3, 3e3), increments=10),
         "frequencies": lambda name: body.frequencies(name, count=12),
         "sudden_load": lambda name: body.sudden_load(
-            name, (0.0, 5e3, 0.0), step=1.25e-4, duration=0.25, keep_every=4
+            name, (0.0, 5e3, 0.0), step=6.25e-5, duration=0.25, keep_every=8
         ),
     }
     run_cases(cases, "CalculiX reference results of the clamped beam")

@@ -75,6 +75,7 @@ class _Digest:
             body.name,
             body.formulation.kinematics.value,
             body.formulation.loads.value,
+            str(body.velocity_outputs),
             *body.interface_names,
             *body.frame_names,
             *(f"{key}={body.provenance[key]}" for key in sorted(body.provenance)),
@@ -111,6 +112,7 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["frame_convention"] = FRAME_CONVENTION
             file.attrs["kinematics"] = body.formulation.kinematics.value
             file.attrs["loads"] = body.formulation.loads.value
+            file.attrs["velocity_outputs"] = body.velocity_outputs
             file.attrs["sha256"] = _Digest(body).hexdigest()
             for field, entry in NAMES.items():
                 names = np.array([name.encode() for name in getattr(body, field)] or [b""], dtype="S")
@@ -178,9 +180,12 @@ def _read(file: Any, name: str) -> ReducedBody:
         **{field: tuple(n.decode() for n in file[entry.path][()]) for field, entry in NAMES.items()},
         **{field: file[entry.path][()] for field, entry in ARRAYS.items()},
         formulation=Formulation(Kinematics(file.attrs["kinematics"]), LoadPlacement(file.attrs["loads"])),
+        velocity_outputs=bool(file.attrs["velocity_outputs"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         surface=surface,
     )
     if _Digest(body).hexdigest() != file.attrs["sha256"]:
-        raise ModalFileError(f"{name}: contents do not match their checksum: the file was altered; build it again")
+        raise ModalFileError(
+            f"{name}: contents do not match their checksum: the file was altered; build it again"
+        )
     return body

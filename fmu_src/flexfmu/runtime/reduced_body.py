@@ -102,6 +102,8 @@ class ReducedBody:
         Averaged rotation Θ_s of the sub-domain.
     formulation : Formulation
         The one that the body file asks for; another may be chosen at run time.
+    velocity_outputs : bool
+        Whether the FMU offers velocities and angular velocities.
     provenance : dict of str to str
         Where the body comes from: input hashes and versions.
     surface : Surface or None
@@ -122,6 +124,7 @@ class ReducedBody:
     joint_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     frame_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     formulation: Formulation = field(default_factory=Formulation)
+    velocity_outputs: bool = False
     provenance: dict[str, str] = field(default_factory=dict)
     surface: Surface | None = None
 
@@ -189,5 +192,3 @@ class ReducedBody:
     def interface_count(self) -> int:
         """Number of interfaces I."""
         return len(self.interface_names)
-
-

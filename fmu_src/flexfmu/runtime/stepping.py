@@ -102,7 +102,12 @@ class PropagatorCache:
 
 
 def advance(
-    dynamics: Dynamics, cache: PropagatorCache, loads: NodeLoads, state: State, step: float, limits: StepLimits
+    dynamics: Dynamics,
+    cache: PropagatorCache,
+    loads: NodeLoads,
+    state: State,
+    step: float,
+    limits: StepLimits,
 ) -> tuple[State, Work]:
     """State after a step under loads that are constant over it.
 
@@ -179,7 +184,9 @@ def _substeps(
         end_force, end_work = modal_force(dynamics, loads, here), force_work(dynamics, loads, here)
         # What the force's change over the sub-step would do beyond its mean is the leading error.
         size = np.sqrt(float(np.vdot(omega * q1, omega * q1) + np.vdot(v, v)))
-        error = float(np.linalg.norm(omega * p.ramp * (end_force - start_force))) / size if size > 0.0 else 0.0
+        error = (
+            float(np.linalg.norm(omega * p.ramp * (end_force - start_force))) / size if size > 0.0 else 0.0
+        )
         worst = max(worst, error)
         if not worst <= tolerance:
             return None, iterations, worst

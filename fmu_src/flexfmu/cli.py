@@ -1,0 +1,120 @@
+"""The `flexfmu` command: build, info and simulate."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from . import __version__
+from .errors import FlexfmuError
+from .progress import ConsoleReporter
+from .runtime.errors import RuntimeBodyError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Turn finite element models of flexible bodies into FMI 2.0 co-simulation FMUs that stay right when the body "
+    "bends far.",
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"flexfmu {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")
+    ] = False,
+) -> None:
+    """Options of all commands."""
+
+
+def _run(job: Callable[[], None]) -> None:
+    """Turn a user's errors into a message and exit code 1."""
+    try:
+        job()
+    except (FlexfmuError, RuntimeBodyError, OSError) as error:
+        Console(stderr=True, highlight=False).print(f"[red]error:[/] {escape(str(error))}", soft_wrap=True)
+        raise typer.Exit(1) from error
+
+
+@app.command()
+def build(
+    body: Annotated[Path, typer.Argument(help="Body file (TOML).")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="FMU to write; default: NAME.fmu here.")
+    ] = None,
+    modal_file: Annotated[Path | None, typer.Option(help="Keep the modal file (.h5) here as well.")] = None,
+) -> None:
+    """Reduce a finite element body and write its FMU."""
+    from .config import read_body_file
+    from .pipeline import build_fmu
+
+    def job() -> None:
+        target = output or Path(f"{read_body_file(body).name}.fmu")
+        build_fmu(body, target, modal_file, ConsoleReporter())
+        typer.echo(f"{target} ({target.stat().st_size / 1024:.0f} KiB)")
+
+    _run(job)
+
+
+@app.command()
+def info(file: Annotated[Path, typer.Argument(help="FMU or modal file.")]) -> None:
+    """Show what is in an FMU or a modal file: modes, interfaces, tree of frames, origin."""
+    from .fmu.package import read_packaged_body
+    from .info import describe
+
+    _run(lambda: Console(highlight=False).print(*describe(read_packaged_body(file)), sep="\n"))
+
+
+@app.command()
+def simulate(
+    fmu: Annotated[Path, typer.Argument(help="FMU made by flexfmu.")],
+    loads: Annotated[
+        Path, typer.Option("--input", "-i", help="Loads over time (CSV: time, then FMU inputs by name).")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Results to write (CSV).")],
+    step: Annotated[float | None, typer.Option(help="Communication step, s; default: the FMU's own.")] = None,
+    stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the input.")] = None,
+    static_start: Annotated[bool, typer.Option(help="Start in equilibrium under the first loads.")] = False,
+    parameter: Annotated[
+        list[str] | None, typer.Option("--set", help="Parameter, NAME=VALUE; may be repeated.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")
+    ] = None,
+) -> None:
+    """Drive an FMU by a table of loads and write its motion."""
+    from .fmu.simulation import simulate_csv
+    from .fmu.simulation import parse_parameters
+
+    def job() -> None:
+        settings = parse_parameters(parameter or [])
+        if static_start:
+            settings["initialization"] = "static"
+        simulate_csv(fmu, loads, output, step, stop, settings, ConsoleReporter())
+        if plot is not None:
+            from .plots import plot_result
+
+            plot_result(output, plot)
+        typer.echo(f"{output}" + (f", {plot}" if plot else ""))
+
+    _run(job)
+
+
+def main() -> None:
+    """Entry point of the console command."""
+    app(prog_name="flexfmu")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,180 @@
+"""The body file (TOML): its keys, checked, with errors that name the key; docs/file-formats.md describes it."""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from .errors import BodyFileError
+from .mesh.deck import UnitSystem
+from .runtime.reduced_body import Kinematics, LoadPlacement
+
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+# Names become parts of FMU variable names and HDF5 paths.
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class MeshTable(_Table):
+    """`[mesh]`: where the mesh is and in which units."""
+
+    file: Path
+    units: UnitSystem = UnitSystem.SI
+
+
+class MaterialTable(_Table):
+    """`[material]`: for elements to which the mesh file gives none; SI."""
+
+    youngs_modulus: float = Field(gt=0.0)
+    poissons_ratio: float = Field(gt=-1.0, lt=0.5)
+    density: float = Field(gt=0.0)
+
+
+class SupportTable(_Table):
+    """`[[support]]`: translations held at zero."""
+
+    nodes: str
+    fix: list[Literal["x", "y", "z"]] = Field(min_length=1)
+
+
+class InterfaceTable(_Table):
+    """`[[interface]]`: where loads come in and motion goes out."""
+
+    name: Name
+    nodes: str
+    point: Vector | None = None
+    weights: Literal["auto", "area", "node"] = "auto"
+
+
+class FrameTable(_Table):
+    """`[[frame]]`: a sub-domain with a frame of its own."""
+
+    name: Name
+    nodes: str
+    joint: str | Vector | None = None
+    parent: str | None = None
+
+
+class ReductionTable(_Table):
+    """`[reduction]`: the modal basis."""
+
+    basis: Literal["normal"] = "normal"
+    modes: int = Field(default=10, ge=1)
+
+
+class DampingTable(_Table):
+    """`[damping]`: modal damping ratio, one for all modes or one each."""
+
+    ratio: float | list[float] = 0.0
+
+    @field_validator("ratio")
+    @classmethod
+    def _not_negative(cls, value: float | list[float]) -> float | list[float]:
+        if any(ratio < 0.0 for ratio in (value if isinstance(value, list) else [value])):
+            raise ValueError("a damping ratio is negative, expected ≥ 0")
+        return value
+
+
+class FormulationTable(_Table):
+    """`[formulation]`: kinematics and loads that the FMU starts with."""
+
+    kinematics: Kinematics = Kinematics.COROTATED
+    loads: LoadPlacement = LoadPlacement.DEFORMED
+
+
+class OutputTable(_Table):
+    """`[output]`: what else goes into the FMU."""
+
+    velocities: bool = False
+    surface: bool = False
+
+
+class BodyFile(_Table):
+    """A whole body file."""
+
+    name: Name
+    mesh: MeshTable
+    material: MaterialTable | None = None
+    support: list[SupportTable] = []
+    interface: list[InterfaceTable] = Field(min_length=1)
+    frames: int | None = Field(default=None, ge=0)
+    frame: list[FrameTable] = []
+    reduction: ReductionTable = ReductionTable()
+    damping: DampingTable = DampingTable()
+    formulation: FormulationTable = FormulationTable()
+    output: OutputTable = OutputTable()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "BodyFile":
+        if self.frames is not None and self.frame:
+            raise ValueError("give either frames = n (automatic division) or [[frame]] tables, not both")
+        for kind, names in (
+            ("interface", [i.name for i in self.interface]),
+            ("frame", [f.name for f in self.frame]),
+        ):
+            for name in names:
+                if names.count(name) > 1:
+                    raise ValueError(
+                        f"two [[{kind}]] tables have the name {name!r}, expected different names"
+                    )
+        known = {f.name for f in self.frame}
+        for f in self.frame:
+            if f.parent is not None and f.parent not in known:
+                raise ValueError(f"frame {f.name!r} has the parent {f.parent!r}, which is no [[frame]]")
+        ratio = self.damping.ratio
+        if isinstance(ratio, list) and len(ratio) != self.reduction.modes:
+            raise ValueError(f"damping.ratio lists {len(ratio)} values for {self.reduction.modes} modes")
+        return self
+
+
+def read_body_file(path: Path) -> BodyFile:
+    """Read and check a body file; the mesh's path comes out relative to the working directory.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    BodyFile
+
+    Raises
+    ------
+    BodyFileError
+        Every wrong key at once, with what was found and what would do.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise BodyFileError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise BodyFileError(f"{path}: cannot be read ({error})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise BodyFileError(f"{path}: not valid TOML: {error}") from error
+    try:
+        body = BodyFile.model_validate(data)
+    except ValidationError as error:
+        lines = [_explain(problem) for problem in error.errors()]
+        raise BodyFileError(f"{path}:\n  " + "\n  ".join(lines)) from error
+    mesh = body.mesh.model_copy(update={"file": path.parent / body.mesh.file})
+    return body.model_copy(update={"mesh": mesh})
+
+
+def _explain(problem: Any) -> str:
+    """One line for one of pydantic's errors: key, what was found, what would do."""
+    key = ""
+    for part in problem["loc"]:
+        key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else str(part)
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    if problem["type"] == "extra_forbidden":
+        return f"{key}: unknown key; docs/file-formats.md lists the known ones"
+    if problem["type"] == "missing":
+        return f"{key}: missing, and there is no default"
+    if problem["type"] == "value_error":
+        return f"{key}: {message}" if key else message
+    found = problem.get("input")
+    return f"{key}: found {found!r}; {message[0].lower()}{message[1:]}"

@@ -1,0 +1,106 @@
+"""Stiffness and mass of the mesh, and the scalar volume matrices that weigh averages over sub-domains."""
+
+import felupe
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from .elements import rule
+
+
+def _region(mesh: Mesh, cells: IntArray, element: object, quadrature: object) -> felupe.Region:
+    return felupe.Region(felupe.Mesh(mesh.points, cells, "unused"), element, quadrature)
+
+
+def _materials(block: ElementBlock) -> list[tuple[int, NDArray[np.bool_]]]:
+    return [(int(index), block.material == index) for index in np.unique(block.material)]
+
+
+def stiffness(mesh: Mesh) -> sp.csr_array:
+    """Linear elastic stiffness matrix of all nodes, supports not yet eliminated.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Every element with a material.
+
+    Returns
+    -------
+    (3n, 3n) sparse
+        N/m; degree of freedom 3 i + j is node i in direction j.
+    """
+    size = 3 * len(mesh.points)
+    total = sp.csr_array((size, size))
+    for block in mesh.blocks:
+        choice = rule(block.type)
+        for index, chosen in _materials(block):
+            material = mesh.materials[index]
+            region = _region(mesh, block.connectivity[chosen], choice.element, choice.stiffness)
+            field = felupe.FieldContainer([felupe.Field(region, dim=3)])
+            law = felupe.LinearElastic(E=material.youngs_modulus, nu=material.poissons_ratio)
+            total = total + sp.csr_array(felupe.SolidBody(law, field).assemble.matrix())
+    return 0.5 * (total + total.T).tocsr()
+
+
+def volume_matrices(mesh: Mesh) -> tuple[FloatArray, ...]:
+    """∫ N_a N_b dV of each element, by the mass quadrature of its type.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    tuple of (n_elements, node_count, node_count) float
+        One array per block, m³.
+    """
+    result = []
+    for block in mesh.blocks:
+        choice = rule(block.type)
+        region = _region(mesh, block.connectivity, choice.element, choice.mass)
+        value = region.element_h
+        result.append(np.einsum("aq,bq,qe->eab", value, value, region.dV, optimize=True))
+    return tuple(result)
+
+
+def scatter(block: ElementBlock, matrices: FloatArray, size: int) -> sp.csr_array:
+    """Sum element matrices of one block into a scalar matrix over nodes.
+
+    Parameters
+    ----------
+    block : ElementBlock
+    matrices : (n_elements, node_count, node_count) float
+    size : int
+        Number of nodes.
+
+    Returns
+    -------
+    (size, size) sparse
+    """
+    count = block.connectivity.shape[1]
+    rows = np.repeat(block.connectivity, count, axis=1).ravel()
+    columns = np.tile(block.connectivity, (1, count)).ravel()
+    return sp.csr_array(sp.coo_array((matrices.ravel(), (rows, columns)), shape=(size, size)))
+
+
+def mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> sp.csr_array:
+    """Consistent mass matrix of all nodes.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    volumes : tuple of (n_elements, node_count, node_count) float
+        From `volume_matrices`.
+
+    Returns
+    -------
+    (3n, 3n) sparse
+        kg.
+    """
+    size = len(mesh.points)
+    scalar = sp.csr_array((size, size))
+    density = np.array([material.density for material in mesh.materials])
+    for block, matrices in zip(mesh.blocks, volumes, strict=True):
+        scalar = scalar + scatter(block, density[block.material][:, None, None] * matrices, size)
+    return sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr"))

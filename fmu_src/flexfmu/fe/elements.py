@@ -1,0 +1,99 @@
+"""Shape functions and quadrature of each element type, from felupe; the only module that chooses them."""
+
+from dataclasses import dataclass
+
+import felupe
+import numpy as np
+from numpy.typing import NDArray
+
+from ..mesh.model import ElementType, IntArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """How an element type is integrated.
+
+    Attributes
+    ----------
+    element : felupe element
+    stiffness : felupe quadrature
+    mass : felupe quadrature
+    """
+
+    element: object
+    stiffness: object
+    mass: object
+
+
+def rule(kind: ElementType) -> Rule:
+    """Shape functions and quadrature of an element type.
+
+    C3D20R takes 2 × 2 × 2 points for stiffness and mass both, as CalculiX does; all others are fully integrated.
+
+    Parameters
+    ----------
+    kind : ElementType
+
+    Returns
+    -------
+    Rule
+    """
+    two, three = felupe.GaussLegendre(order=1, dim=3), felupe.GaussLegendre(order=2, dim=3)
+    match kind:
+        case ElementType.C3D8:
+            return Rule(felupe.Hexahedron(), two, two)
+        case ElementType.C3D20R:
+            return Rule(felupe.QuadraticHexahedron(), two, two)
+        case ElementType.C3D20:
+            return Rule(felupe.QuadraticHexahedron(), three, three)
+        case ElementType.C3D4:
+            return Rule(felupe.Tetra(), felupe.TetrahedronQuadrature(1), felupe.TetrahedronQuadrature(2))
+        case ElementType.C3D10:
+            return Rule(
+                felupe.QuadraticTetra(), felupe.TetrahedronQuadrature(2), felupe.TetrahedronQuadrature(5)
+            )
+
+
+# Local nodes of each face, corners in order around it, then mid-side nodes in the same order.
+_HEX_FACES = (
+    (0, 1, 2, 3, 8, 9, 10, 11),
+    (4, 5, 6, 7, 12, 13, 14, 15),
+    (0, 1, 5, 4, 8, 17, 12, 16),
+    (1, 2, 6, 5, 9, 18, 13, 17),
+    (2, 3, 7, 6, 10, 19, 14, 18),
+    (3, 0, 4, 7, 11, 16, 15, 19),
+)
+_TET_FACES = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9))
+FACES: dict[ElementType, IntArray] = {
+    ElementType.C3D4: np.array(_TET_FACES)[:, :3],
+    ElementType.C3D10: np.array(_TET_FACES),
+    ElementType.C3D8: np.array(_HEX_FACES)[:, :4],
+    ElementType.C3D20: np.array(_HEX_FACES),
+    ElementType.C3D20R: np.array(_HEX_FACES),
+}
+
+
+def face_rule(node_count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Shape functions of a face of 3, 4, 6 or 8 nodes at quadrature points that integrate its mass matrix exactly.
+
+    Parameters
+    ----------
+    node_count : int
+
+    Returns
+    -------
+    value : (points, node_count) float
+    gradient : (points, node_count, 2) float
+    weight : (points,) float
+    """
+    element, quadrature = {
+        3: (felupe.Triangle(), felupe.TriangleQuadrature(2)),
+        4: (felupe.Quad(), felupe.GaussLegendre(order=2, dim=2)),
+        6: (felupe.QuadraticTriangle(), felupe.TriangleQuadrature(5)),
+        8: (felupe.QuadraticQuad(), felupe.GaussLegendre(order=2, dim=2)),
+    }[node_count]
+    value = np.array([element.function(point) for point in quadrature.points])
+    gradient = np.array([element.gradient(point) for point in quadrature.points])
+    return value, gradient, np.asarray(quadrature.weights)

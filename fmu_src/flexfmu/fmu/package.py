@@ -1,0 +1,137 @@
+"""The FMU archive: modal file, travelling code under a name of its own, pythonfmu's library, model description.
+
+pythonfmu puts the resources of every FMU of a process on one module search path and imports by name. The travelling
+code therefore lies in a package whose name is a hash of everything in the archive: other contents, other name.
+"""
+
+import hashlib
+import io
+import os
+import tempfile
+import uuid
+import zipfile
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+
+import pythonfmu
+
+from .. import runtime
+from ..errors import PackagingError
+from ..runtime.errors import ModalFileError
+from ..runtime.modal_file import read_modal_file, write_modal_file
+from ..runtime.reduced_body import ReducedBody
+from ..runtime.slave import MODAL_FILE
+from .description import model_description
+
+# pythonfmu's base class of slaves and what it imports; the rest of the library is for building only.
+_SLAVE_LIBRARY = ("fmi2slave", "_version", "default_experiment", "enums", "logmsg", "variables")
+_SLAVE_MODULE = '''"""Entry point for pythonfmu's library."""
+
+from {package}.pythonfmu.fmi2slave import Fmi2Slave
+from {package}.slave import BodySlave
+
+
+class FlexibleBodySlave(BodySlave, Fmi2Slave):
+    """The body, recognisable to pythonfmu."""
+'''
+# The earliest date that the format knows: archives of the same contents are the same.
+_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+def package_fmu(body: ReducedBody, output: Path) -> None:
+    """Write a body as an FMU; the file appears whole or not at all, and the same body gives the same bytes.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    output : Path
+        Ends in ".fmu".
+
+    Raises
+    ------
+    PackagingError
+        A wrong ending, or a folder that is not there or cannot be written to.
+    """
+    if output.suffix != ".fmu":
+        raise PackagingError(f"{output}: expected a file name that ends in .fmu")
+    if not output.parent.is_dir():
+        raise PackagingError(f"{output}: the folder {output.parent} does not exist; make it first")
+    contents = _contents(body)
+    part = output.with_name(f".{output.name}.{os.getpid()}.part")
+    try:
+        with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(contents):
+                entry = zipfile.ZipInfo(name, _DATE)
+                entry.external_attr = 0o644 << 16
+                archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
+        part.replace(output)
+    except OSError as error:
+        raise PackagingError(f"{output}: cannot be written ({error})") from error
+    finally:
+        with suppress(FileNotFoundError):
+            part.unlink()
+
+
+def _contents(body: ReducedBody) -> dict[str, bytes]:
+    """Every file of the archive by its name."""
+    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
+        path = Path(folder) / MODAL_FILE
+        write_modal_file(body, path)
+        modal = path.read_bytes()
+    code = {path.name: path.read_bytes() for path in sorted(Path(runtime.__file__).parent.glob("*.py"))}
+    library = Path(pythonfmu.__file__).parent
+    for name in _SLAVE_LIBRARY:
+        code[f"pythonfmu/{name}.py"] = (library / f"{name}.py").read_bytes()
+    code["pythonfmu/__init__.py"] = (
+        f'"""The slave side of pythonfmu {version("pythonfmu")} (MIT licence)."""\n'.encode()
+    )
+    binaries = {
+        f"binaries/{path.parent.name}/{body.name}{path.suffix}": path.read_bytes()
+        for path in sorted((library / "resources" / "binaries").glob("*/*"))
+    }
+
+    digest = hashlib.sha256()
+    for name, data in sorted(
+        {**code, **binaries, MODAL_FILE: modal, "xml": model_description(body, "")}.items()
+    ):
+        digest.update(f"{name}\0{len(data)}\0".encode() + data)
+    package = f"flexfmu_{digest.hexdigest()[:16]}"
+    guid = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
+    return {
+        "modelDescription.xml": model_description(body, guid),
+        f"resources/{MODAL_FILE}": modal,
+        "resources/slavemodule.txt": f"{package}_slave".encode(),
+        f"resources/{package}_slave.py": _SLAVE_MODULE.format(package=package).encode(),
+        **{f"resources/{package}/{name}": data for name, data in code.items()},
+        **binaries,
+    }
+
+
+def read_packaged_body(path: Path) -> ReducedBody:
+    """Read the body out of an FMU or a modal file, whichever it is.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    ReducedBody
+
+    Raises
+    ------
+    PackagingError
+        The archive is no FMU of flexfmu.
+    ModalFileError
+        The modal file is missing, damaged, altered or of an unknown version.
+    """
+    if not path.exists():
+        raise ModalFileError(f"{path}: no such file")
+    if not zipfile.is_zipfile(path):
+        return read_modal_file(path)
+    with zipfile.ZipFile(path) as archive:
+        name = f"resources/{MODAL_FILE}"
+        if name not in archive.namelist():
+            raise PackagingError(f"{path}: an archive without {name}; expected an FMU made by flexfmu")
+        return read_modal_file(io.BytesIO(archive.read(name)))

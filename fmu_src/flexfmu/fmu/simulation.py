@@ -1,0 +1,239 @@
+"""Driving an FMU through fmpy by a table of loads."""
+
+import csv
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import fmpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SimulationError
+from ..progress import Reporter
+
+FloatArray = NDArray[np.float64]
+
+
+def read_table(path: Path) -> tuple[list[str], FloatArray]:
+    """Read a CSV of numbers whose first column is time.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    names : list of str
+        Of the columns after time.
+    values : (rows, 1 + len(names)) float
+
+    Raises
+    ------
+    SimulationError
+        Naming the line that is wrong.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
+    except (OSError, UnicodeDecodeError) as error:
+        raise SimulationError(f"{path}: cannot be read ({error})") from error
+    if len(lines) < 2 or not lines[0][1] or lines[0][1][0].strip() != "time":
+        raise SimulationError(f'{path}: expected a header "time,NAME,…" and at least one row of numbers')
+    names = [name.strip() for name in lines[0][1][1:]]
+    values = np.empty((len(lines) - 1, len(names) + 1))
+    for k, (number, row) in enumerate(lines[1:]):
+        if len(row) != values.shape[1]:
+            raise SimulationError(
+                f"{path}, line {number}: {len(row)} columns, the header has {values.shape[1]}"
+            )
+        try:
+            values[k] = [float(cell) for cell in row]
+        except ValueError as error:
+            raise SimulationError(f"{path}, line {number}: {error}; expected numbers") from error
+        if not np.all(np.isfinite(values[k])):
+            raise SimulationError(f"{path}, line {number}: a value is not finite")
+        if k and values[k, 0] < values[k - 1, 0]:
+            raise SimulationError(
+                f"{path}, line {number}: time goes back from {values[k - 1, 0]} to {values[k, 0]}"
+            )
+    return names, values
+
+
+def write_table(path: Path, names: Sequence[str], values: FloatArray) -> None:
+    """Write a CSV whose first column is time; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    names : sequence of str
+        Of the columns after time.
+    values : (rows, 1 + len(names)) float
+
+    Raises
+    ------
+    SimulationError
+        The folder cannot be written to.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with part.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["time", *names])
+            writer.writerows([f"{x:.12g}" for x in row] for row in values)
+        part.replace(path)
+    except OSError as error:
+        raise SimulationError(f"{path}: cannot be written ({error}); does the folder exist?") from error
+    finally:
+        with suppress(FileNotFoundError):
+            part.unlink()
+
+
+def parse_parameters(settings: Sequence[str]) -> dict[str, object]:
+    """Turn NAME=VALUE texts into start values; numbers become numbers.
+
+    Parameters
+    ----------
+    settings : sequence of str
+
+    Returns
+    -------
+    dict of str to float or str
+
+    Raises
+    ------
+    SimulationError
+        A text without "=".
+    """
+    result: dict[str, object] = {}
+    for text in settings:
+        name, sign, value = text.partition("=")
+        if not sign:
+            raise SimulationError(f"--set {text}: expected NAME=VALUE")
+        try:
+            result[name.strip()] = float(value)
+        except ValueError:
+            result[name.strip()] = value.strip()
+    return result
+
+
+def simulate(
+    fmu: Path,
+    names: Sequence[str],
+    loads: FloatArray,
+    *,
+    step: float | None = None,
+    stop: float | None = None,
+    parameters: Mapping[str, object] | None = None,
+    report: Reporter | None = None,
+) -> tuple[list[str], FloatArray]:
+    """Drive an FMU by loads that are linear between the rows of a table, held constant over each step.
+
+    Parameters
+    ----------
+    fmu : Path
+    names : sequence of str
+        Inputs that the table gives; others stay zero.
+    loads : (rows, 1 + len(names)) float
+        Time (s), then the inputs.
+    step : float, optional
+        Communication step, s; default: the FMU's DefaultExperiment.
+    stop : float, optional
+        s; default: the table's last time.
+    parameters : mapping of str to float or str, optional
+        Start values of parameters.
+    report : Reporter, optional
+
+    Returns
+    -------
+    outputs : list of str
+    result : (steps + 1, 1 + len(outputs)) float
+        Time, then all real outputs.
+
+    Raises
+    ------
+    SimulationError
+        An unknown input or parameter, a step that the FMU refuses, or a file that is no FMU.
+    """
+    report = report or Reporter()
+    try:
+        description = fmpy.read_model_description(str(fmu))
+    except Exception as error:  # fmpy raises bare exceptions
+        raise SimulationError(f"{fmu}: not a readable FMU ({error})") from error
+    kinds = {v.name: v for v in description.modelVariables}
+    inputs = [v.name for v in description.modelVariables if v.causality == "input"]
+    for name in names:
+        if name not in inputs:
+            raise SimulationError(f"{name!r} is no input of {fmu.name}; it has: {', '.join(inputs)}")
+    settings = dict(parameters or {})
+    for name in settings:
+        if name not in kinds or kinds[name].causality != "parameter":
+            known = ", ".join(n for n, v in kinds.items() if v.causality == "parameter")
+            raise SimulationError(f"{name!r} is no parameter of {fmu.name}; it has: {known}")
+    outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
+    start = float(loads[0, 0])
+    end = float(loads[-1, 0]) if stop is None else stop
+    interval = step or float(description.defaultExperiment.stepSize)
+    if not interval > 0.0 or not end > start:
+        raise SimulationError(
+            f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0"
+        )
+
+    # Every input is given, so that fmpy does not warn about those that stay zero.
+    signals = np.zeros(len(loads), dtype=[("time", float), *((name, float) for name in inputs)])
+    for column, name in enumerate(("time", *names)):
+        signals[name] = loads[:, column]
+    messages: list[str] = []
+
+    def log(_environment: object, _instance: object, _status: int, _category: bytes, text: bytes) -> None:
+        messages.append(text.decode(errors="replace"))
+
+    with report.stage(f"Simulate {fmu.name} from {start:g} s to {end:g} s in steps of {interval:g} s"):
+        try:
+            result = fmpy.simulate_fmu(
+                str(fmu),
+                start_time=start,
+                stop_time=end,
+                output_interval=interval,
+                input=signals,
+                output=outputs,
+                start_values=settings,
+                logger=log,
+            )
+        except Exception as error:  # fmpy's FMICallException and what its loader raises
+            why = "; ".join(messages) or str(error)
+            raise SimulationError(f"{fmu.name} stopped: {why}") from error
+    for text in messages:
+        report.warning(text)
+    return outputs, np.column_stack([result[name] for name in ("time", *outputs)])
+
+
+def simulate_csv(
+    fmu: Path,
+    loads: Path,
+    output: Path,
+    step: float | None,
+    stop: float | None,
+    parameters: Mapping[str, object],
+    report: Reporter,
+) -> None:
+    """Drive an FMU by a CSV of loads and write a CSV of its motion; see `simulate`.
+
+    Parameters
+    ----------
+    fmu, loads, output : Path
+    step, stop : float or None
+        s.
+    parameters : mapping of str to float or str
+    report : Reporter
+
+    Raises
+    ------
+    SimulationError
+    """
+    if not output.parent.is_dir():
+        raise SimulationError(f"{output}: the folder {output.parent} does not exist; make it first")
+    names, values = read_table(loads)
+    outputs, result = simulate(fmu, names, values, step=step, stop=stop, parameters=parameters, report=report)
+    write_table(output, outputs, result)

@@ -1,0 +1,67 @@
+"""A readable description of a reduced body, for `flexfmu info`."""
+
+import math
+
+from rich.console import RenderableType
+from rich.table import Table
+from rich.tree import Tree
+
+from .runtime.reduced_body import GROUND, FloatArray, ReducedBody
+
+
+def describe(body: ReducedBody) -> list[RenderableType]:
+    """Tables of modes and interfaces, the tree of frames, and where the body comes from.
+
+    Parameters
+    ----------
+    body : ReducedBody
+
+    Returns
+    -------
+    list of rich renderables
+    """
+    formulation = body.formulation
+    head = (
+        f"[bold]{body.name}[/]: {body.mode_count} modes, {body.interface_count} interfaces, {body.frame_count} frames; "
+        f"kinematics {formulation.kinematics.value}, loads on the {formulation.loads.value} body"
+    )
+    return [head, _modes(body), _interfaces(body), _frames(body), _origin(body)]
+
+
+def _modes(body: ReducedBody) -> Table:
+    table = Table("mode", "frequency / Hz", "damping ratio", title="Modes", title_justify="left")
+    for j, (omega, ratio) in enumerate(zip(body.angular_frequency, body.damping_ratio, strict=True), start=1):
+        table.add_row(str(j), f"{omega / (2 * math.pi):.6g}", f"{ratio:.4g}")
+    return table
+
+
+def _interfaces(body: ReducedBody) -> Table:
+    table = Table("interface", "point / m", "frame", title="Interfaces", title_justify="left")
+    for i, name in enumerate(body.interface_names):
+        frame = int(body.interface_frame[i])
+        carrier = "none" if frame == GROUND else body.frame_names[frame]
+        table.add_row(name, _point(body.interface_point[i]), carrier)
+    return table
+
+
+def _frames(body: ReducedBody) -> Tree:
+    root = Tree("Frames (name, joint / m)" if body.frame_count else "No frames: the body moves linearly")
+    branches: dict[int, Tree] = {GROUND: root}
+    for s, name in enumerate(body.frame_names):
+        held = [body.interface_names[i] for i in range(body.interface_count) if body.interface_frame[i] == s]
+        carries = f"  carries {', '.join(held)}" if held else ""
+        parent = branches[int(body.frame_parent[s])]
+        branches[s] = parent.add(f"{name}  {_point(body.joint_point[s])}{carries}")
+    return root
+
+
+def _origin(body: ReducedBody) -> Table:
+    table = Table("origin", "", title="Origin", title_justify="left")
+    for key, value in sorted(body.provenance.items()):
+        table.add_row(key.replace("_", " "), value)
+    return table
+
+
+def _point(point: FloatArray) -> str:
+    # Nanometres are round-off of coordinates, not information.
+    return "(" + ", ".join(f"{round(float(x), 9) + 0.0:.5g}" for x in point) + ")"

@@ -1,0 +1,226 @@
+"""Automatic division of a body into a tree of sub-domains (docs/theory.md, section 5).
+
+The distance along the body from its supports is cut into n equal levels; the connected pieces of a level are the
+sub-domains, so that a branch of the body becomes a branch of the tree. A piece's parent is the neighbour nearer to the
+support with which it shares most; its joint is their common section. Where pieces close a loop, one connection is cut.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from ..errors import BodyFileError, MeshError
+from ..fe.faces import FaceBlock
+from ..mesh.model import FloatArray, IntArray, Mesh
+from ..runtime.reduced_body import GROUND
+from .subdomains import Subdomain, section, volume_weighted
+
+# A piece that reaches along the body for less than this share of a level is a sliver: it would bend too little to
+# be worth a frame.
+_SLIVER = 0.34
+
+
+@dataclass(frozen=True, slots=True)
+class Division:
+    """Result of dividing a body.
+
+    Attributes
+    ----------
+    subdomains : tuple of Subdomain
+    cuts : tuple of str
+        Where a closed loop was cut, in words.
+    """
+
+    subdomains: tuple[Subdomain, ...]
+    cuts: tuple[str, ...]
+
+
+def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
+    """Shortest way from the sources to each node, from node to node within elements.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    sources : (k,) int
+
+    Returns
+    -------
+    (n,) float
+        m; infinite for nodes that no way leads to.
+    """
+    size = len(mesh.points)
+    graph = sp.csr_array((size, size))
+    for block in mesh.blocks:
+        count = block.connectivity.shape[1]
+        first, second = np.triu_indices(count, 1)
+        rows, columns = block.connectivity[:, first].ravel(), block.connectivity[:, second].ravel()
+        pairs = np.unique(np.sort(np.column_stack([rows, columns]), axis=1), axis=0)
+        length = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
+        graph = graph.maximum(sp.csr_array(sp.coo_array((length, pairs.T), shape=(size, size))))
+    result: FloatArray = dijkstra(graph, directed=False, indices=sources, min_only=True)
+    return result
+
+
+def divide(
+    mesh: Mesh,
+    volumes: tuple[FloatArray, ...],
+    faces: tuple[FaceBlock, ...],
+    supported: IntArray,
+    levels: int,
+) -> Division:
+    """Divide a body into sub-domains by levels of the distance from its supports.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    volumes : tuple of (n_elements, node_count, node_count) float
+    faces : tuple of FaceBlock
+    supported : (k,) int
+        Nodes from which the distance counts.
+    levels : int
+        n ≥ 1.
+
+    Returns
+    -------
+    Division
+
+    Raises
+    ------
+    BodyFileError
+        No support to count from.
+    MeshError
+        Parts of the mesh that do not hang together.
+    """
+    if not supported.size:
+        raise BodyFileError("frames = n counts from the supports, and the body has none that holds a node")
+    distance = distance_along(mesh, supported)
+    if not np.all(np.isfinite(distance)):
+        raise MeshError(
+            f"{int(np.sum(~np.isfinite(distance)))} nodes are not connected to any support: the mesh is in several parts"
+        )
+    middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
+    depth = float(distance.max()) / levels
+    level = np.minimum((middle / depth).astype(np.int64), levels - 1)
+    link = _neighbours(faces, mesh.element_count)
+    same = link.multiply(_equal(link, level))
+    _, piece = connected_components(same, directed=False)
+    reach = np.concatenate(
+        [
+            np.stack([distance[b.connectivity].min(axis=1), distance[b.connectivity].max(axis=1)], axis=1)
+            for b in mesh.blocks
+        ]
+    )
+    piece = _merge_slivers(piece.astype(np.int64), link, reach, depth)
+    return _tree(mesh, volumes, faces, supported, piece, middle)
+
+
+def _neighbours(faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:
+    """Elements that share a face, (e, e) with ones."""
+    rows, columns = [], []
+    for kind in (3, 4):
+        blocks = [b for b in faces if b.corner_count == kind]
+        if not blocks:
+            continue
+        key = np.concatenate([np.sort(b.nodes[~b.outer, :kind], axis=1) for b in blocks])
+        element = np.concatenate([b.element[~b.outer] for b in blocks])
+        _, face = np.unique(key, axis=0, return_inverse=True)
+        order = np.argsort(face.ravel(), kind="stable")
+        face, element = face.ravel()[order], element[order]
+        pair = np.flatnonzero(face[1:] == face[:-1])
+        rows.append(element[pair])
+        columns.append(element[pair + 1])
+    if not rows:
+        return sp.csr_array((elements, elements))
+    r, c = np.concatenate(rows), np.concatenate(columns)
+    ones = np.ones(2 * r.size)
+    return sp.csr_array(sp.coo_array((ones, (np.r_[r, c], np.r_[c, r])), shape=(elements, elements)))
+
+
+def _equal(link: sp.csr_array, label: IntArray) -> sp.csr_array:
+    """Ones where linked elements have the same label."""
+    pairs = link.tocoo()
+    keep = label[pairs.row] == label[pairs.col]
+    return sp.csr_array(
+        sp.coo_array((np.ones(int(keep.sum())), (pairs.row[keep], pairs.col[keep])), shape=link.shape)
+    )
+
+
+def _merge_slivers(piece: IntArray, link: sp.csr_array, reach: FloatArray, depth: float) -> IntArray:
+    """Join each piece that is a sliver to the neighbour with which it shares most faces, the shortest first.
+
+    `reach` (e, 2) is the smallest and largest distance of each element's nodes.
+    """
+    while True:
+        count = int(piece.max()) + 1
+        near, far = np.full(count, np.inf), np.full(count, -np.inf)
+        np.minimum.at(near, piece, reach[:, 0])
+        np.maximum.at(far, piece, reach[:, 1])
+        shared = _shared(piece, link, count)
+        length = np.where(shared.any(axis=1), far - near, np.inf)
+        shortest = int(np.argmin(length))
+        if length[shortest] >= _SLIVER * depth:
+            return piece
+        piece = np.where(piece == shortest, int(np.argmax(shared[shortest])), piece)
+        piece = np.unique(piece, return_inverse=True)[1].astype(np.int64)
+
+
+def _shared(piece: IntArray, link: sp.csr_array, count: int) -> IntArray:
+    """Number of faces (count, count) that pieces share, zero on the diagonal."""
+    pairs = link.tocoo()
+    table = np.zeros((count, count), dtype=np.int64)
+    np.add.at(table, (piece[pairs.row], piece[pairs.col]), 1)
+    np.fill_diagonal(table, 0)
+    return table
+
+
+def _tree(
+    mesh: Mesh,
+    volumes: tuple[FloatArray, ...],
+    faces: tuple[FaceBlock, ...],
+    supported: IntArray,
+    piece: IntArray,
+    middle: FloatArray,
+) -> Division:
+    """Hang the pieces on each other, nearest to the support first."""
+    count = int(piece.max()) + 1
+    bodies = [volume_weighted(mesh, volumes, np.flatnonzero(piece == p)) for p in range(count)]
+    near = np.full(count, np.inf)
+    np.minimum.at(near, piece, middle)
+    roots = [p for p in range(count) if np.intersect1d(bodies[p].nodes, supported).size]
+    link = _neighbours(faces, mesh.element_count)
+    shared = _shared(piece, link, count)
+
+    parent: dict[int, int] = dict.fromkeys(roots, GROUND)
+    order = sorted(roots, key=lambda p: near[p])
+    waiting = set(range(count)) - set(roots)
+    while waiting:
+        # The waiting piece nearest to the support that touches the tree; its parent is where the section is largest.
+        ready = [p for p in waiting if any(shared[p, other] for other in order)]
+        child = min(ready, key=lambda p: (near[p], p))
+        parent[child] = max(order, key=lambda other: (shared[child, other], -near[other], -other))
+        order.append(child)
+        waiting.remove(child)
+
+    position = {p: s for s, p in enumerate(order)}
+    digits = len(str(count))
+    names = {p: f"frame_{s + 1:0{digits}d}" for p, s in position.items()}
+    subdomains: list[Subdomain] = []
+    for p in order:
+        up = parent[p]
+        beyond = supported if up == GROUND else bodies[up].nodes
+        joint = section(mesh.points, faces, np.intersect1d(bodies[p].nodes, beyond))
+        index = GROUND if up == GROUND else position[up]
+        subdomains.append(Subdomain(names[p], index, bodies[p], joint, joint.centre(mesh.points)))
+
+    cuts = []
+    for p, other in zip(*np.nonzero(np.triu(shared)), strict=True):
+        if parent[int(p)] != other and parent[int(other)] != p:
+            nodes = np.intersect1d(bodies[p].nodes, bodies[other].nodes)
+            x, y, z = mesh.points[nodes].mean(axis=0)
+            cuts.append(
+                f"closed loop cut between frames {names[int(p)]} and {names[int(other)]} "
+                f"at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+            )
+    return Division(tuple(subdomains), tuple(cuts))

@@ -1,0 +1,110 @@
+"""Weighted least-squares rigid fit of a node set: the distributing coupling (docs/theory.md, section 2)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..mesh.model import FloatArray, IntArray
+
+# Second moments of the set below this fraction of the largest count as zero: nodes on a line or in one point.
+_FLAT = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Weighted:
+    """A node set with the weight of its fit.
+
+    Attributes
+    ----------
+    nodes : (k,) int
+        Ascending.
+    weight : (k, k) sparse
+        Symmetric, positive: diagonal for weights by node, ∫ N_a N_b over an area or a volume otherwise.
+    """
+
+    nodes: IntArray
+    weight: sp.csr_array
+
+    def centre(self, points: FloatArray) -> FloatArray:
+        """Weighted centre (3,) of the nodes among `points` (n, 3)."""
+        share = np.asarray(self.weight.sum(axis=0)).ravel()
+        result: FloatArray = share @ points[self.nodes] / share.sum()
+        return result
+
+
+def by_node(nodes: IntArray, weights: FloatArray | None = None) -> Weighted:
+    """Weigh each node (k,) of a set by a number (k,), by default the same for all."""
+    values = np.ones(nodes.size) if weights is None else weights
+    return Weighted(nodes, sp.csr_array(sp.diags_array(values)))
+
+
+def rigid_fit(points: FloatArray, nodes: Weighted, origin: FloatArray) -> tuple[FloatArray, int]:
+    """Operator G from nodal displacements to the displacement and small rotation of their best rigid motion.
+
+    G = (RᵀWR)⁻¹RᵀW, with R the rigid motions about `origin`; forces and moments are spread by Gᵀ, so that virtual
+    work is conserved.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+        Of the whole mesh.
+    nodes : Weighted
+    origin : (3,) float
+
+    Returns
+    -------
+    operator : (6, 3k) float
+        Displacement at `origin`, then rotation vector (1/m).
+    rank : int
+        6, or less where the nodes lie on a line (5) or in a point (3): rotations that they cannot tell are then zero.
+    """
+    # About the centre translations and rotations do not mix, which makes the rank plain to see.
+    centre = nodes.centre(points)
+    arm = points[nodes.nodes] - centre
+    motions = np.zeros((nodes.nodes.size, 3, 6))
+    motions[:, :, :3] = np.eye(3)
+    # θ × r, column by column.
+    motions[:, 0, 4], motions[:, 0, 5] = arm[:, 2], -arm[:, 1]
+    motions[:, 1, 3], motions[:, 1, 5] = -arm[:, 2], arm[:, 0]
+    motions[:, 2, 3], motions[:, 2, 4] = arm[:, 1], -arm[:, 0]
+    flat = motions.reshape(nodes.nodes.size, 18)
+    weighted = (nodes.weight @ flat).reshape(-1, 6)
+    motions = motions.reshape(-1, 6)
+    # Rotations are scaled by the set's own size, so that the rank does not depend on units.
+    size = max(float(np.max(np.linalg.norm(arm, axis=1))), 1e-300)
+    scale = np.array([1.0, 1.0, 1.0, 1.0 / size, 1.0 / size, 1.0 / size])
+    normal = (motions.T @ weighted) * np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(normal)
+    kept = values > _FLAT * values[-1]
+    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    operator: FloatArray = (scale[:, None] * inverse * scale) @ weighted.T
+    # u(P) = u(c) + θ × (P − c)
+    x, y, z = origin - centre
+    operator[:3] -= np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ operator[3:]
+    return operator, int(kept.sum())
+
+
+def modal_fit(
+    points: FloatArray, shapes: FloatArray, nodes: Weighted, origin: FloatArray
+) -> tuple[FloatArray, FloatArray, int]:
+    """Rigid fit of the mode shapes.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    shapes : (3n, m) float
+    nodes : Weighted
+    origin : (3,) float
+
+    Returns
+    -------
+    displacement, rotation : (3, m) float
+        Per unit modal coordinate.
+    rank : int
+        As of `rigid_fit`.
+    """
+    operator, rank = rigid_fit(points, nodes, origin)
+    local = shapes.reshape(len(points), 3, -1)[nodes.nodes].reshape(operator.shape[1], -1)
+    fit = operator @ local
+    return fit[:3], fit[3:], rank

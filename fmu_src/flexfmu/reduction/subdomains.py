@@ -1,0 +1,246 @@
+"""Sub-domains and their frames: the tree of docs/theory.md, section 4, as the body file gives it or as divided."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import BodyFileError
+from ..fe.assembly import scatter
+from ..fe.faces import FaceBlock, area_matrix, select
+from ..mesh.model import FloatArray, IntArray, Mesh
+from ..runtime.reduced_body import GROUND
+from .rigid_fit import Weighted, by_node, modal_fit
+
+
+@dataclass(frozen=True, slots=True)
+class Subdomain:
+    """A part of the body that gets a frame of its own.
+
+    Attributes
+    ----------
+    name : str
+    parent : int
+        Position of the parent in the list of sub-domains, earlier than its own, or `GROUND`.
+    body : Weighted
+        Its nodes, weighted for the averaged rotation.
+    joint : Weighted
+        The section that it shares with its parent; at a root, the support.
+    joint_point : (3,) float
+        m.
+    """
+
+    name: str
+    parent: int
+    body: Weighted
+    joint: Weighted
+    joint_point: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class FrameOperators:
+    """Linear operators of S frames, as `ReducedBody` holds them.
+
+    Attributes
+    ----------
+    joint_displacement, joint_rotation, frame_rotation : (S, 3, m) float
+    """
+
+    joint_displacement: FloatArray
+    joint_rotation: FloatArray
+    frame_rotation: FloatArray
+
+
+def volume_weighted(mesh: Mesh, volumes: tuple[FloatArray, ...], elements: IntArray) -> Weighted:
+    """Nodes of some elements with the weight ∫ N_a N_b dV.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    volumes : tuple of (n_elements, node_count, node_count) float
+    elements : (k,) int
+        Counted over all blocks.
+
+    Returns
+    -------
+    Weighted
+    """
+    size = len(mesh.points)
+    total = sp.csr_array((size, size))
+    first = 0
+    used = np.zeros(size, dtype=bool)
+    for block, matrices in zip(mesh.blocks, volumes, strict=True):
+        chosen = np.zeros(len(block.labels), dtype=bool)
+        inside = elements[(elements >= first) & (elements < first + len(block.labels))]
+        chosen[inside - first] = True
+        part = type(block)(
+            block.type, block.labels[chosen], block.connectivity[chosen], block.material[chosen]
+        )
+        total = total + scatter(part, matrices[chosen], size)
+        used[part.connectivity] = True
+        first += len(block.labels)
+    nodes = np.flatnonzero(used)
+    return Weighted(nodes, sp.csr_array(total[nodes][:, nodes]))
+
+
+def section(points: FloatArray, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:
+    """Nodes of a section, weighted by area where element faces make it up, else each the same.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    faces : tuple of FaceBlock
+    nodes : (k,) int
+        Ascending.
+
+    Returns
+    -------
+    Weighted
+    """
+    matrix = area_matrix(points, select(faces, nodes, outer=False), nodes)
+    return by_node(nodes) if matrix is None else Weighted(nodes, matrix)
+
+
+def elements_within(mesh: Mesh, nodes: IntArray) -> IntArray:
+    """Elements (k,) all of whose nodes are among `nodes`, counted over all blocks."""
+    member = np.zeros(len(mesh.points), dtype=bool)
+    member[nodes] = True
+    inside: IntArray = np.flatnonzero(
+        np.concatenate([np.all(member[b.connectivity], axis=1) for b in mesh.blocks])
+    )
+    return inside
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRequest:
+    """A frame as the body file names it.
+
+    Attributes
+    ----------
+    name : str
+    nodes : (k,) int
+        The sub-domain.
+    joint : (j,) int, (3,) float, or None
+        Nodes of the joint's section, a point, or None for what is shared with the parent.
+    parent : str or None
+    """
+
+    name: str
+    nodes: IntArray
+    joint: IntArray | FloatArray | None
+    parent: str | None
+
+
+def requested_subdomains(
+    mesh: Mesh,
+    volumes: tuple[FloatArray, ...],
+    faces: tuple[FaceBlock, ...],
+    supported: IntArray,
+    requests: Sequence[FrameRequest],
+) -> list[Subdomain]:
+    """Sub-domains as given by hand, parents first.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    volumes : tuple of (n_elements, node_count, node_count) float
+    faces : tuple of FaceBlock
+    supported : (k,) int
+        Nodes that a support holds.
+    requests : sequence of FrameRequest
+
+    Returns
+    -------
+    list of Subdomain
+
+    Raises
+    ------
+    BodyFileError
+        A parent that is not there or hangs on its own child, or a joint that cannot be found.
+    """
+    position: dict[str, int] = {}
+    waiting = list(requests)
+    known = {request.name: request for request in requests}
+    result: list[Subdomain] = []
+    while waiting:
+        ready = [r for r in waiting if r.parent is None or r.parent in position]
+        if not ready:
+            chain = ", ".join(f"{r.name!r} on {r.parent!r}" for r in waiting)
+            raise BodyFileError(f"[[frame]] parents must form a tree; these lead to no root: {chain}")
+        for request in ready:
+            neighbour = supported if request.parent is None else known[request.parent].nodes
+            joint, point = _joint(mesh.points, faces, request, neighbour)
+            elements = elements_within(mesh, request.nodes)
+            body = volume_weighted(mesh, volumes, elements) if elements.size else by_node(request.nodes)
+            if not np.array_equal(body.nodes, request.nodes):
+                # The set is no union of elements: every node counts the same.
+                body = by_node(request.nodes)
+            parent = GROUND if request.parent is None else position[request.parent]
+            position[request.name] = len(result)
+            result.append(Subdomain(request.name, parent, body, joint, point))
+        waiting = [r for r in waiting if r.name not in position]
+    return result
+
+
+def _joint(
+    points: FloatArray, faces: tuple[FaceBlock, ...], request: FrameRequest, neighbour: IntArray
+) -> tuple[Weighted, FloatArray]:
+    if request.joint is not None and request.joint.dtype.kind in "iu":
+        joint = section(points, faces, request.joint.astype(np.int64))
+        return joint, joint.centre(points)
+    shared = np.intersect1d(request.nodes, neighbour)
+    if not shared.size:
+        where = "any support" if request.parent is None else f"its parent {request.parent!r}"
+        raise BodyFileError(
+            f'frame {request.name!r} shares no node with {where}: name the joint\'s nodes (joint = "SET"), or let '
+            "neighbouring sets share their common section"
+        )
+    joint = section(points, faces, shared)
+    point = joint.centre(points) if request.joint is None else request.joint.astype(np.float64)
+    return joint, point
+
+
+def frame_operators(
+    points: FloatArray, shapes: FloatArray, subdomains: Sequence[Subdomain]
+) -> FrameOperators:
+    """Averaged rotations and joint motions per unit modal coordinate.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    shapes : (3n, m) float
+    subdomains : sequence of Subdomain
+
+    Returns
+    -------
+    FrameOperators
+
+    Raises
+    ------
+    BodyFileError
+        A sub-domain whose nodes lie on a line, so that its rotation cannot be told.
+    """
+    modes = shapes.shape[1]
+    displacement, rotation, averaged = (np.zeros((len(subdomains), 3, modes)) for _ in range(3))
+    for s, domain in enumerate(subdomains):
+        _, averaged[s], rank = modal_fit(points, shapes, domain.body, domain.joint_point)
+        if rank < 6:
+            raise BodyFileError(
+                f"frame {domain.name!r}: its {domain.body.nodes.size} nodes lie on a line or in one point, which does "
+                "not tell a rotation; give it at least three nodes off a line"
+            )
+        displacement[s], rotation[s], rank = modal_fit(points, shapes, domain.joint, domain.joint_point)
+        if rank < 6:
+            # A hinge line or a single node: its own section does not turn any other way than the frame, as far as known.
+            rotation[s] = averaged[s]
+    return FrameOperators(displacement, rotation, averaged)
+
+
+def carrying_frame(subdomains: Sequence[Subdomain], nodes: IntArray) -> int:
+    """Sub-domain that holds most of an interface's nodes (k,), the earliest of equals; `GROUND` if none does."""
+    if not subdomains:
+        return GROUND
+    shared = [np.intersect1d(nodes, domain.body.nodes, assume_unique=True).size for domain in subdomains]
+    best = int(np.argmax(shared))
+    return best if shared[best] else GROUND

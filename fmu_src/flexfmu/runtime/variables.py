@@ -1,0 +1,185 @@
+"""The table of FMU variables: names, value references, units and start values of everything a master sees.
+
+The model description, the slave and docs/fmu-variables.md all follow this table. Value references count from zero in
+its order: inputs, outputs, parameters, diagnostics.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from .reduced_body import Kinematics, LoadPlacement, ReducedBody
+
+AXES = ("x", "y", "z")
+
+
+class Initialization(Enum):
+    """How the body starts."""
+
+    REST = "rest"
+    """Undeformed, at rest."""
+    STATIC = "static"
+    """In equilibrium under the loads that are set before initialisation ends."""
+
+
+class Group(Enum):
+    """What a variable is; the slave keeps one array or accessor for each."""
+
+    INPUT = "input"
+    MOTION = "motion"
+    RATE = "rate"
+    STATUS = "status"
+    PARAMETER = "parameter"
+    DIAGNOSTIC = "diagnostic"
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """An FMI 2.0 scalar variable; its position in the table is its value reference.
+
+    Attributes
+    ----------
+    name : str
+    type : str
+        "Real", "Integer" or "String".
+    group : Group
+    causality, variability : str
+        As in FMI 2.0.
+    initial : str or None
+    start : float, int, str or None
+    unit : str or None
+    description : str
+    minimum : float or None
+    """
+
+    name: str
+    type: str
+    group: Group
+    causality: str
+    variability: str
+    initial: str | None
+    start: float | int | str | None
+    unit: str | None
+    description: str
+    minimum: float | None = None
+
+
+STATUS_CODE = "status.code"
+KINEMATICS = "formulation.kinematics"
+LOADS = "formulation.loads"
+INITIALIZATION = "initialization"
+DAMPING_SCALE = "damping.scale"
+STEP_LIMIT = "internal_step.limit"
+STEP_TOLERANCE = "internal_step.tolerance"
+FRAME_ROTATION = "diagnostics.rotation_within_frame"
+STRAIN_ENERGY = "diagnostics.strain_energy"
+KINETIC_ENERGY = "diagnostics.kinetic_energy"
+ITERATIONS = "diagnostics.iterations"
+SUBSTEPS = "diagnostics.substeps"
+
+_MOTIONS = (
+    ("displacement", "m", "displacement of the reference point"),
+    ("rotation", "rad", "component of the rotation vector"),
+)
+_RATES = (
+    ("velocity", "m/s", "velocity of the reference point"),
+    ("angular_velocity", "rad/s", "angular velocity"),
+)
+_LOADS = (
+    ("force", "N", "force at the reference point, fixed in direction"),
+    ("moment", "N.m", "moment about the moving reference point, fixed in direction"),
+)
+
+
+def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
+    """All variables of a body's FMU.
+
+    Parameters
+    ----------
+    body : ReducedBody
+
+    Returns
+    -------
+    tuple of Variable
+    """
+    table: list[Variable] = []
+    for quantities, group, causality in (
+        (_LOADS, Group.INPUT, "input"),
+        (_MOTIONS, Group.MOTION, "output"),
+        (_RATES if body.velocity_outputs else (), Group.RATE, "output"),
+    ):
+        for interface in body.interface_names:
+            for quantity, unit, words in quantities:
+                for axis in AXES:
+                    table.append(
+                        Variable(
+                            f"{interface}.{quantity}.{axis}",
+                            "Real",
+                            group,
+                            causality,
+                            "continuous",
+                            None if group is Group.INPUT else "calculated",
+                            0.0 if group is Group.INPUT else None,
+                            unit,
+                            f"{interface}: {words}, along the global {axis} axis",
+                        )
+                    )
+    status = "0: sound; 1: a step was refused or the start failed, see the log; stays until reset"
+    table.append(
+        Variable(STATUS_CODE, "Integer", Group.STATUS, "output", "discrete", "calculated", None, None, status)
+    )
+    table += _parameters(body)
+    table += _diagnostics()
+    return tuple(table)
+
+
+def _parameters(body: ReducedBody) -> list[Variable]:
+    def text(name: str, start: str, choices: type[Enum], description: str) -> Variable:
+        offered = ", ".join(f'"{choice.value}"' for choice in choices)
+        words = f"{description}: {offered}"
+        return Variable(name, "String", Group.PARAMETER, "parameter", "fixed", "exact", start, None, words)
+
+    def number(name: str, start: float, unit: str | None, description: str) -> Variable:
+        return Variable(
+            name,
+            "Real",
+            Group.PARAMETER,
+            "parameter",
+            "fixed",
+            "exact",
+            start,
+            unit,
+            description,
+            minimum=0.0,
+        )
+
+    return [
+        text(
+            KINEMATICS,
+            body.formulation.kinematics.value,
+            Kinematics,
+            "how displacements follow from the modes",
+        ),
+        text(LOADS, body.formulation.loads.value, LoadPlacement, "the configuration on which loads act"),
+        text(INITIALIZATION, Initialization.REST.value, Initialization, "how the body starts"),
+        number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
+        number(STEP_LIMIT, 0.0, "s", "longest internal step; 0 for none"),
+        number(STEP_TOLERANCE, 1e-4, None, "error accepted per step, relative, in the energy norm"),
+    ]
+
+
+def _diagnostics() -> list[Variable]:
+    def local(name: str, kind: str, unit: str | None, description: str) -> Variable:
+        variability = "continuous" if kind == "Real" else "discrete"
+        return Variable(
+            name, kind, Group.DIAGNOSTIC, "local", variability, "calculated", None, unit, description
+        )
+
+    return [
+        local(
+            FRAME_ROTATION, "Real", "rad", "largest rotation within a frame; trustworthy up to about 0.5 rad"
+        ),
+        local(STRAIN_ENERGY, "Real", "J", "strain energy"),
+        local(KINETIC_ENERGY, "Real", "J", "kinetic energy"),
+        local(ITERATIONS, "Integer", None, "rounds of the implicit iteration in the last step"),
+        local(SUBSTEPS, "Integer", None, "internal steps in the last step"),
+    ]
