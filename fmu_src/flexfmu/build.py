@@ -52,9 +52,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         mesh = checked(read_mesh(config.mesh.file, config.mesh.units))
         model = assemble_model(mesh, config)
         mesh = model.mesh
-    report.note(
-        f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom"
-    )
+    report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in mesh.notes:
         report.note(text)
 
@@ -72,17 +70,15 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     )
     if modes.splits_pair:
         report.warning(
-            f"mode {config.reduction.modes + 1} has the frequency of mode {config.reduction.modes} and is left out: the "
-            "body will be softer in one direction than in the other; take one mode more or less"
+            f"mode {config.reduction.modes + 1} has the frequency of mode {config.reduction.modes} and is left out: "
+            "the body will be softer in one direction than in the other; take one mode more or less"
         )
 
     with report.stage("Divide into frames and fit interfaces"):
         faces = element_faces(mesh)
         subdomains, cuts = _subdomains(config, model, volumes, faces)
         frames = frame_operators(mesh.points, modes.shapes, subdomains)
-        fits = [
-            _interface(table, mesh, modes.shapes, faces, subdomains, report) for table in config.interface
-        ]
+        fits = [_interface(table, mesh, modes.shapes, faces, subdomains, report) for table in config.interface]
     for text in cuts:
         report.warning(text)
     report.note(f"{len(subdomains)} frames, {len(fits)} interfaces")
@@ -180,9 +176,7 @@ def _provenance(config: BodyFile, mesh: Mesh) -> dict[str, str]:
     return {
         "mesh_file": config.mesh.file.name,
         "mesh_sha256": hashlib.sha256(Path(config.mesh.file).read_bytes()).hexdigest(),
-        "body_sha256": hashlib.sha256(
-            config.model_dump_json(exclude={"mesh": {"file"}}).encode()
-        ).hexdigest(),
+        "body_sha256": hashlib.sha256(config.model_dump_json(exclude={"mesh": {"file"}}).encode()).hexdigest(),
         "nodes": str(len(mesh.points)),
         "elements": str(mesh.element_count),
         "flexfmu_version": __version__,

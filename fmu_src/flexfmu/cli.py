@@ -1,6 +1,5 @@
 """The `flexfmu` command: build, info and simulate."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -31,9 +30,7 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")
-    ] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
 ) -> None:
     """Options of all commands."""
 
@@ -50,9 +47,7 @@ def _run(job: Callable[[], None]) -> None:
 @app.command()
 def build(
     body: Annotated[Path, typer.Argument(help="Body file (TOML).")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="FMU to write; default: NAME.fmu here.")
-    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="FMU to write; default: NAME.fmu here.")] = None,
     modal_file: Annotated[Path | None, typer.Option(help="Keep the modal file (.h5) here as well.")] = None,
 ) -> None:
     """Reduce a finite element body and write its FMU."""
@@ -79,9 +74,7 @@ def info(file: Annotated[Path, typer.Argument(help="FMU or modal file.")]) -> No
 @app.command()
 def simulate(
     fmu: Annotated[Path, typer.Argument(help="FMU made by flexfmu.")],
-    loads: Annotated[
-        Path, typer.Option("--input", "-i", help="Loads over time (CSV: time, then FMU inputs by name).")
-    ],
+    loads: Annotated[Path, typer.Option("--input", "-i", help="Loads over time (CSV: time, then FMU inputs by name).")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Results to write (CSV).")],
     step: Annotated[float | None, typer.Option(help="Communication step, s; default: the FMU's own.")] = None,
     stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the input.")] = None,
@@ -89,13 +82,10 @@ def simulate(
     parameter: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter, NAME=VALUE; may be repeated.")
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")
-    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")] = None,
 ) -> None:
     """Drive an FMU by a table of loads and write its motion."""
-    from .fmu.simulation import simulate_csv
-    from .fmu.simulation import parse_parameters
+    from .fmu.simulation import parse_parameters, simulate_csv
 
     def job() -> None:
         settings = parse_parameters(parameter or [])
@@ -117,4 +107,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

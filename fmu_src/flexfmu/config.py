@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from .errors import BodyFileError
-from .mesh.deck import UnitSystem
+from .mesh.units import UnitSystem
 from .runtime.reduced_body import Kinematics, LoadPlacement
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -118,9 +118,7 @@ class BodyFile(_Table):
         ):
             for name in names:
                 if names.count(name) > 1:
-                    raise ValueError(
-                        f"two [[{kind}]] tables have the name {name!r}, expected different names"
-                    )
+                    raise ValueError(f"two [[{kind}]] tables have the name {name!r}, expected different names")
         known = {f.name for f in self.frame}
         for f in self.frame:
             if f.parent is not None and f.parent not in known:

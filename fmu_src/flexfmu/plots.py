@@ -36,9 +36,7 @@ def plot_result(table: Path, picture: Path) -> None:
     names, values = read_table(table)
     present = [q for q in _QUANTITIES if any(name.split(".")[1:2] == [q] for name in names)]
     interfaces = list(dict.fromkeys(name.split(".")[0] for name in names))
-    figure, axes = plt.subplots(
-        len(present), 1, sharex=True, figsize=(7.0, 2.6 * len(present)), squeeze=False
-    )
+    figure, axes = plt.subplots(len(present), 1, sharex=True, figsize=(7.0, 2.6 * len(present)), squeeze=False)
     for panel, quantity in zip(axes[:, 0], present, strict=True):
         for column, name in enumerate(names, start=1):
             interface, kind, axis = name.split(".")

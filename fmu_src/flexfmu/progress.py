@@ -12,7 +12,7 @@ class Reporter:
     """Says nothing; the base of those that do."""
 
     @contextmanager
-    def stage(self, title: str) -> Iterator[None]:
+    def stage(self, title: str) -> Iterator[None]:  # noqa: ARG002
         """Enclose a stage of the job.
 
         Parameters

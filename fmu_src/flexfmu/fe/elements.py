@@ -51,9 +51,7 @@ def rule(kind: ElementType) -> Rule:
         case ElementType.C3D4:
             return Rule(felupe.Tetra(), felupe.TetrahedronQuadrature(1), felupe.TetrahedronQuadrature(2))
         case ElementType.C3D10:
-            return Rule(
-                felupe.QuadraticTetra(), felupe.TetrahedronQuadrature(2), felupe.TetrahedronQuadrature(5)
-            )
+            return Rule(felupe.QuadraticTetra(), felupe.TetrahedronQuadrature(2), felupe.TetrahedronQuadrature(5))
 
 
 # Local nodes of each face, corners in order around it, then mid-side nodes in the same order.

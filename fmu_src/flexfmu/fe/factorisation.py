@@ -33,9 +33,7 @@ def dissection_order(matrix: sp.csr_array, node: IntArray) -> IntArray:
     coordinates = matrix.tocoo()
     rows, columns = compact[coordinates.row], compact[coordinates.col]
     off = rows != columns
-    graph = sp.csr_array(
-        (np.ones(int(off.sum()), dtype=np.int8), (rows[off], columns[off])), shape=(count, count)
-    )
+    graph = sp.csr_array((np.ones(int(off.sum()), dtype=np.int8), (rows[off], columns[off])), shape=(count, count))
     graph.sum_duplicates()
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
     _, position = pymetis.nested_dissection(adjacency=adjacency)

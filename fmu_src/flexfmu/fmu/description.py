@@ -66,7 +66,8 @@ def model_description(body: ReducedBody, guid: str) -> bytes:
         modelName=body.name,
         guid=guid,
         description=f"Flexible body {body.name}: {body.mode_count} modes, {body.frame_count} corotated frames. All "
-        "vectors have components along the fixed global axes of its finite element model; rotations are rotation vectors.",
+        "vectors have components along the fixed global axes of its "
+        "finite element model; rotations are rotation vectors.",
         generationTool=f"flexfmu {__version__}",
         variableNamingConvention="structured",
         numberOfEventIndicators="0",
@@ -102,7 +103,8 @@ def model_description(body: ReducedBody, guid: str) -> bytes:
         variables.append(_scalar_variable(reference, variable))
     _structure(SubElement(root, "ModelStructure"), table)
     indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, "utf-8") + b"\n"
+    text: bytes = tostring(root, "utf-8")
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + text + b"\n"
 
 
 def _scalar_variable(reference: int, variable: Variable) -> Element:

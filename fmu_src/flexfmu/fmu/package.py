@@ -92,9 +92,7 @@ def _contents(body: ReducedBody) -> dict[str, bytes]:
     }
 
     digest = hashlib.sha256()
-    for name, data in sorted(
-        {**code, **binaries, MODAL_FILE: modal, "xml": model_description(body, "")}.items()
-    ):
+    for name, data in sorted({**code, **binaries, MODAL_FILE: modal, "xml": model_description(body, "")}.items()):
         digest.update(f"{name}\0{len(data)}\0".encode() + data)
     package = f"flexfmu_{digest.hexdigest()[:16]}"
     guid = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"

@@ -45,9 +45,7 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
     values = np.empty((len(lines) - 1, len(names) + 1))
     for k, (number, row) in enumerate(lines[1:]):
         if len(row) != values.shape[1]:
-            raise SimulationError(
-                f"{path}, line {number}: {len(row)} columns, the header has {values.shape[1]}"
-            )
+            raise SimulationError(f"{path}, line {number}: {len(row)} columns, the header has {values.shape[1]}")
         try:
             values[k] = [float(cell) for cell in row]
         except ValueError as error:
@@ -55,9 +53,7 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
         if not np.all(np.isfinite(values[k])):
             raise SimulationError(f"{path}, line {number}: a value is not finite")
         if k and values[k, 0] < values[k - 1, 0]:
-            raise SimulationError(
-                f"{path}, line {number}: time goes back from {values[k - 1, 0]} to {values[k, 0]}"
-            )
+            raise SimulationError(f"{path}, line {number}: time goes back from {values[k - 1, 0]} to {values[k, 0]}")
     return names, values
 
 

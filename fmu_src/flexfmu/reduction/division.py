@@ -98,7 +98,7 @@ def divide(
     distance = distance_along(mesh, supported)
     if not np.all(np.isfinite(distance)):
         raise MeshError(
-            f"{int(np.sum(~np.isfinite(distance)))} nodes are not connected to any support: the mesh is in several parts"
+            f"{int(np.sum(~np.isfinite(distance)))} nodes are not connected to any support: it is in several parts"
         )
     middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
     depth = float(distance.max()) / levels
@@ -142,9 +142,7 @@ def _equal(link: sp.csr_array, label: IntArray) -> sp.csr_array:
     """Ones where linked elements have the same label."""
     pairs = link.tocoo()
     keep = label[pairs.row] == label[pairs.col]
-    return sp.csr_array(
-        sp.coo_array((np.ones(int(keep.sum())), (pairs.row[keep], pairs.col[keep])), shape=link.shape)
-    )
+    return sp.csr_array(sp.coo_array((np.ones(int(keep.sum())), (pairs.row[keep], pairs.col[keep])), shape=link.shape))
 
 
 def _merge_slivers(piece: IntArray, link: sp.csr_array, reach: FloatArray, depth: float) -> IntArray:

@@ -109,13 +109,12 @@ def _with_material(mesh: Mesh, table: MaterialTable | None) -> Mesh:
         return mesh
     if table is None:
         raise BodyFileError(
-            f"{missing} of {mesh.element_count} elements have no material in the mesh file: add a [material] table with "
-            "youngs_modulus, poissons_ratio and density (SI)"
+            f"{missing} of {mesh.element_count} elements have no material in the mesh file: add a [material] table "
+            "with youngs_modulus, poissons_ratio and density (SI)"
         )
     index = len(mesh.materials)
     blocks = tuple(
-        replace(block, material=np.where(block.material == NO_MATERIAL, index, block.material))
-        for block in mesh.blocks
+        replace(block, material=np.where(block.material == NO_MATERIAL, index, block.material)) for block in mesh.blocks
     )
     material = Material("body file", table.youngs_modulus, table.poissons_ratio, table.density)
     return replace(mesh, blocks=blocks, materials=(*mesh.materials, material))
@@ -136,11 +135,7 @@ def _check_held(mesh: Mesh, fixed: NDArray[np.bool_]) -> None:
         values = np.linalg.svd(held, compute_uv=False) if held.size else np.zeros(6)
         free = 6 - int(np.sum(values > _FREE * max(values.max(), 1e-300)))
         if free:
-            which = (
-                "the body"
-                if int(part.max()) == 0
-                else f"the part of the mesh with node {mesh.labels[nodes[0]]}"
-            )
+            which = "the body" if int(part.max()) == 0 else f"the part of the mesh with node {mesh.labels[nodes[0]]}"
             raise ModelError(
                 f"{which} is free to move in {free} rigid motions: the supports hold {int(fixed[nodes].sum())} of its "
                 "translations; add a [[support]], or join the parts where they should share nodes"

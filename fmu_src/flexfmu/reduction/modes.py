@@ -75,25 +75,19 @@ def normal_modes(
     k, m = stiffness[free][:, free], mass[free][:, free]
     asked = count + 1
     if asked >= free.size:
-        raise BodyFileError(
-            f"[reduction] modes = {count}: the mesh has {free.size} free degrees of freedom only"
-        )
+        raise BodyFileError(f"[reduction] modes = {count}: the mesh has {free.size} free degrees of freedom only")
     # A fixed start with all wave lengths in it makes a rebuild repeat the same iteration.
     start = np.random.default_rng(0).standard_normal(free.size)
     inverse = spla.LinearOperator(k.shape, matvec=factor.solve, dtype=np.float64)
     try:
-        _, vectors = spla.eigsh(
-            k, k=asked, M=m, sigma=0.0, OPinv=inverse, v0=start, ncv=max(2 * asked + 1, 20)
-        )
+        _, vectors = spla.eigsh(k, k=asked, M=m, sigma=0.0, OPinv=inverse, v0=start, ncv=max(2 * asked + 1, 20))
     except spla.ArpackError as error:
         raise AccuracyError(f"the eigenvalue iteration failed ({error}); ask for fewer modes") from error
     # One Rayleigh-Ritz step removes what is left of the iteration's lack of orthogonality.
     squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
     vectors = vectors @ small
     if squares[0] <= 0.0:
-        raise ModelError(
-            f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move"
-        )
+        raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
     splits = bool(squares[count] - squares[count - 1] < _DEGENERATE * squares[count])
     squares, vectors = squares[:count], _fixed_axes(squares[:count], vectors[:, :count])
 
@@ -130,4 +124,5 @@ def _fixed_axes(squares: FloatArray, vectors: FloatArray) -> FloatArray:
 def _rotation_onto(axis: FloatArray) -> FloatArray:
     """Orthogonal matrix whose first column is the unit vector `axis`."""
     turn, upper = np.linalg.qr(np.column_stack([axis, np.eye(axis.size)]))
-    return turn * np.sign(np.concatenate([[upper[0, 0]], np.ones(axis.size - 1)]))
+    result: FloatArray = turn * np.sign(np.concatenate([[upper[0, 0]], np.ones(axis.size - 1)]))
+    return result

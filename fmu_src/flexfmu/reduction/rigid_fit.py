@@ -62,17 +62,16 @@ def rigid_fit(points: FloatArray, nodes: Weighted, origin: FloatArray) -> tuple[
     # About the centre translations and rotations do not mix, which makes the rank plain to see.
     centre = nodes.centre(points)
     arm = points[nodes.nodes] - centre
-    motions = np.zeros((nodes.nodes.size, 3, 6))
-    motions[:, :, :3] = np.eye(3)
+    basis = np.zeros((nodes.nodes.size, 3, 6))
+    basis[:, :, :3] = np.eye(3)
     # θ × r, column by column.
-    motions[:, 0, 4], motions[:, 0, 5] = arm[:, 2], -arm[:, 1]
-    motions[:, 1, 3], motions[:, 1, 5] = -arm[:, 2], arm[:, 0]
-    motions[:, 2, 3], motions[:, 2, 4] = arm[:, 1], -arm[:, 0]
-    flat = motions.reshape(nodes.nodes.size, 18)
-    weighted = (nodes.weight @ flat).reshape(-1, 6)
-    motions = motions.reshape(-1, 6)
+    basis[:, 0, 4], basis[:, 0, 5] = arm[:, 2], -arm[:, 1]
+    basis[:, 1, 3], basis[:, 1, 5] = -arm[:, 2], arm[:, 0]
+    basis[:, 2, 3], basis[:, 2, 4] = arm[:, 1], -arm[:, 0]
+    weighted = (nodes.weight @ basis.reshape(-1, 18)).reshape(-1, 6)
+    motions = basis.reshape(-1, 6)
     # Rotations are scaled by the set's own size, so that the rank does not depend on units.
-    size = max(float(np.max(np.linalg.norm(arm, axis=1))), 1e-300)
+    size = float(np.max(np.linalg.norm(arm, axis=1))) or 1.0
     scale = np.array([1.0, 1.0, 1.0, 1.0 / size, 1.0 / size, 1.0 / size])
     normal = (motions.T @ weighted) * np.outer(scale, scale)
     values, vectors = np.linalg.eigh(normal)

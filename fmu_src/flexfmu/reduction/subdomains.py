@@ -74,9 +74,7 @@ def volume_weighted(mesh: Mesh, volumes: tuple[FloatArray, ...], elements: IntAr
         chosen = np.zeros(len(block.labels), dtype=bool)
         inside = elements[(elements >= first) & (elements < first + len(block.labels))]
         chosen[inside - first] = True
-        part = type(block)(
-            block.type, block.labels[chosen], block.connectivity[chosen], block.material[chosen]
-        )
+        part = type(block)(block.type, block.labels[chosen], block.connectivity[chosen], block.material[chosen])
         total = total + scatter(part, matrices[chosen], size)
         used[part.connectivity] = True
         first += len(block.labels)
@@ -106,9 +104,7 @@ def elements_within(mesh: Mesh, nodes: IntArray) -> IntArray:
     """Elements (k,) all of whose nodes are among `nodes`, counted over all blocks."""
     member = np.zeros(len(mesh.points), dtype=bool)
     member[nodes] = True
-    inside: IntArray = np.flatnonzero(
-        np.concatenate([np.all(member[b.connectivity], axis=1) for b in mesh.blocks])
-    )
+    inside: IntArray = np.flatnonzero(np.concatenate([np.all(member[b.connectivity], axis=1) for b in mesh.blocks]))
     return inside
 
 
@@ -201,9 +197,7 @@ def _joint(
     return joint, point
 
 
-def frame_operators(
-    points: FloatArray, shapes: FloatArray, subdomains: Sequence[Subdomain]
-) -> FrameOperators:
+def frame_operators(points: FloatArray, shapes: FloatArray, subdomains: Sequence[Subdomain]) -> FrameOperators:
     """Averaged rotations and joint motions per unit modal coordinate.
 
     Parameters
@@ -232,7 +226,7 @@ def frame_operators(
             )
         displacement[s], rotation[s], rank = modal_fit(points, shapes, domain.joint, domain.joint_point)
         if rank < 6:
-            # A hinge line or a single node: its own section does not turn any other way than the frame, as far as known.
+            # A hinge line or a single node: its own section tells no turn other than the frame's.
             rotation[s] = averaged[s]
     return FrameOperators(displacement, rotation, averaged)
 

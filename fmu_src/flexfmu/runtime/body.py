@@ -67,9 +67,7 @@ class FlexibleBody:
         if not (np.isfinite(damping_scale) and damping_scale >= 0.0):
             raise OptionError(f"damping scale is {damping_scale}, expected a finite number ≥ 0")
         if not (np.isfinite(limits.longest) and limits.longest >= 0.0):
-            raise OptionError(
-                f"internal step limit is {limits.longest} s, expected 0 (none) or a positive number"
-            )
+            raise OptionError(f"internal step limit is {limits.longest} s, expected 0 (none) or a positive number")
         if not (np.isfinite(limits.tolerance) and limits.tolerance > 0.0):
             raise OptionError(f"internal step tolerance is {limits.tolerance}, expected a positive number")
         self.model = model
@@ -152,9 +150,7 @@ class FlexibleBody:
         at_nodes = spread(self._dynamics, self._as_loads(loads))
         end, work = advance(self._dynamics, self._cache, at_nodes, state, step, self.limits)
         if not (np.all(np.isfinite(end.q)) and np.all(np.isfinite(end.v))):
-            raise StepError(
-                "the step ends in values that are not finite: the loads are too large for the arithmetic"
-            )
+            raise StepError("the step ends in values that are not finite: the loads are too large for the arithmetic")
         return end, work
 
     def response(self, state: State) -> Response:
@@ -230,7 +226,8 @@ class FlexibleBody:
         on = body.interface_frame[held]
         interface = (body.interface_rotation @ state.q)[held]
         np.maximum.at(largest, on, np.linalg.norm(interface - frame[on], axis=1))
-        return largest
+        result: FloatArray = largest
+        return result
 
     def _as_loads(self, loads: Loads | Mapping[str, Sequence[float]]) -> Loads:
         return loads if isinstance(loads, Loads) else self.loads(loads)

@@ -53,9 +53,7 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
         and formulation.kinematics is not Kinematics.LINEAR
         and bool(np.any(body.interface_frame >= 0))
     )
-    operator = np.concatenate(
-        [body.interface_displacement.reshape(-1, m), body.interface_rotation.reshape(-1, m)]
-    )
+    operator = np.concatenate([body.interface_displacement.reshape(-1, m), body.interface_rotation.reshape(-1, m)])
     return Dynamics(body.angular_frequency**2, build_tree(body, formulation.kinematics), operator, nonlinear)
 
 

@@ -56,9 +56,7 @@ def loads_from_mapping(names: tuple[str, ...], loads: Mapping[str, Sequence[floa
             raise LoadError(f"load on interface {name!r}: the body has {', '.join(map(repr, names))}")
         values = np.asarray(components, dtype=np.float64)
         if values.shape not in ((3,), (6,)):
-            raise LoadError(
-                f"load on {name!r} has shape {values.shape}: give 3 forces, or 3 forces and 3 moments"
-            )
+            raise LoadError(f"load on {name!r} has shape {values.shape}: give 3 forces, or 3 forces and 3 moments")
         if not np.all(np.isfinite(values)):
             raise LoadError(f"load on {name!r} is not finite: {values.tolist()}")
         wrench[names.index(name), : values.size] = values

@@ -175,17 +175,18 @@ def _read(file: Any, name: str) -> ReducedBody:
     surface = None
     if "surface" in file:
         surface = Surface(**{field: file[entry.path][()] for field, entry in SURFACE.items()})
+    contents: dict[str, Any] = {
+        field: tuple(text.decode() for text in file[entry.path][()]) for field, entry in NAMES.items()
+    }
+    contents |= {field: file[entry.path][()] for field, entry in ARRAYS.items()}
     body = ReducedBody(
+        **contents,
         name=str(file.attrs["name"]),
-        **{field: tuple(n.decode() for n in file[entry.path][()]) for field, entry in NAMES.items()},
-        **{field: file[entry.path][()] for field, entry in ARRAYS.items()},
         formulation=Formulation(Kinematics(file.attrs["kinematics"]), LoadPlacement(file.attrs["loads"])),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         surface=surface,
     )
     if _Digest(body).hexdigest() != file.attrs["sha256"]:
-        raise ModalFileError(
-            f"{name}: contents do not match their checksum: the file was altered; build it again"
-        )
+        raise ModalFileError(f"{name}: contents do not match their checksum: the file was altered; build it again")
     return body

@@ -82,7 +82,5 @@ def propagator(angular_frequency: FloatArray, damping_ratio: FloatArray, step: f
     versine = decay * 2.0 * np.sin(0.5 * root) ** 2 - np.expm1(-z * x) - z * x * sinc
     gq = np.where(over, 1.0 - p11, versine) / (w * w)
     gv = p12
-    ramp_end = np.where(
-        x < _SMALL_ANGLE, h * h / 6.0 * (1.0 - z * x / 2.0), (h - gv - 2.0 * z * w * gq) / (w * w * h)
-    )
+    ramp_end = np.where(x < _SMALL_ANGLE, h * h / 6.0 * (1.0 - z * x / 2.0), (h - gv - 2.0 * z * w * gq) / (w * w * h))
     return Propagator(h, p11, p12, p21, p22, gq, gv, ramp_end - 0.5 * gq)

@@ -64,10 +64,8 @@ def _coefficients(square: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     if np.all(x < _SERIES_LIMIT):
         return (
             1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0)))),
-            0.5
-            * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0 * (1.0 - x / 90.0 * (1.0 - x / 132.0))))),
-            (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0 * (1.0 - x / 156.0)))))
-            / 6.0,
+            0.5 * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0 * (1.0 - x / 90.0 * (1.0 - x / 132.0))))),
+            (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0 * (1.0 - x / 156.0))))) / 6.0,
         )
     small = x < _SERIES_LIMIT
     safe = np.where(small, 1.0, x)
@@ -77,9 +75,7 @@ def _coefficients(square: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     alpha, beta, gamma = sine / angle, 2.0 * half * half / safe, (angle - sine) / (safe * angle)
     if np.any(small):
         series = _coefficients(np.where(small, x, 0.0))
-        alpha, beta, gamma = (
-            np.where(small, s, c) for s, c in zip(series, (alpha, beta, gamma), strict=True)
-        )
+        alpha, beta, gamma = (np.where(small, s, c) for s, c in zip(series, (alpha, beta, gamma), strict=True))
     return alpha, beta, gamma
 
 
@@ -178,9 +174,7 @@ def rotation_vector(rotation: FloatArray) -> FloatArray:
     r = rotation
     trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
     diagonal = np.stack([r[..., 0, 0], r[..., 1, 1], r[..., 2, 2], trace], axis=-1)
-    axial = np.stack(
-        [r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1
-    )
+    axial = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1)
     # 4 q qᵀ of the quaternion q = (vector, scalar); its column with the largest diagonal is the safest to divide by.
     product = np.empty((*trace.shape, 4, 4))
     product[..., :3, :3] = r + np.swapaxes(r, -1, -2)
@@ -196,4 +190,5 @@ def rotation_vector(rotation: FloatArray) -> FloatArray:
     sine = np.sqrt(np.einsum("...i,...i->...", vector, vector))
     angle = 2.0 * np.arctan2(sine, quaternion[..., 3])
     scale = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)
-    return scale[..., None] * vector
+    result: FloatArray = scale[..., None] * vector
+    return result

@@ -109,9 +109,7 @@ class BodySlave:
         """Advance by a step; False (discard) leaves the state as it was and says why in the log."""
         try:
             if not (np.isfinite(current_time) and np.isfinite(step_size) and step_size >= 0.0):
-                return self._refuse(
-                    f"a step of {step_size} s from {current_time} s: expected a finite step ≥ 0"
-                )
+                return self._refuse(f"a step of {step_size} s from {current_time} s: expected a finite step ≥ 0")
             wrong = np.flatnonzero(~np.isfinite(self._inputs))
             if wrong.size:
                 name = self._variables[int(wrong[0])].name
@@ -181,9 +179,7 @@ class BodySlave:
         """Everything that the future depends on, as one block of bytes."""
         body = self._model
         state = self._state or State(np.zeros(body.mode_count), np.zeros(body.mode_count))
-        numbers = [
-            float(self._parameters[name] or 0.0) for name in (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)
-        ]
+        numbers = [float(self._parameters[name] or 0.0) for name in (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)]
         choices = [list(kind).index(kind(self._parameters[name])) for name, kind in _CHOICES.items()]
         flags = [self._state is not None, self._running, self._status, state.substeps]
         work = [self._work.substeps, self._work.iterations, self._work.error]
@@ -194,9 +190,7 @@ class BodySlave:
         m, inputs = self._model.mode_count, self._inputs.size
         values = np.frombuffer(block, dtype=np.float64)
         if values.size != inputs + 2 * m + 13:
-            raise ValueError(
-                f"FMU state has {values.size} numbers, expected {inputs + 2 * m + 13}: of another FMU?"
-            )
+            raise ValueError(f"FMU state has {values.size} numbers, expected {inputs + 2 * m + 13}: of another FMU?")
         ends = np.cumsum([inputs, m, m, 3, 3, 4])
         set_inputs, q, v, numbers, choices, flags, work = np.split(values, ends)
         self._inputs = set_inputs.copy()
@@ -231,9 +225,7 @@ class BodySlave:
                 formulation = Formulation(
                     Kinematics(self._parameters[KINEMATICS]), LoadPlacement(self._parameters[LOADS])
                 )
-                numbers = [
-                    float(self._parameters[n] or 0.0) for n in (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)
-                ]
+                numbers = [float(self._parameters[n] or 0.0) for n in (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)]
                 limits = StepLimits(numbers[1], numbers[2])
                 self._body = FlexibleBody(self._model, formulation, numbers[0], limits)
             except OptionError as error:
@@ -299,9 +291,7 @@ class BodySlave:
         if name not in self._parameters:
             raise self._failure(f"{name} cannot be set")
         if self._running:
-            self._log.append(
-                LogMessage(_WARNING, f"{name} is fixed once initialisation has ended; it keeps its value")
-            )
+            self._log.append(LogMessage(_WARNING, f"{name} is fixed once initialisation has ended; it keeps its value"))
             return
         if name in _CHOICES:
             offered = [choice.value for choice in _CHOICES[name]]

@@ -184,9 +184,7 @@ def _substeps(
         end_force, end_work = modal_force(dynamics, loads, here), force_work(dynamics, loads, here)
         # What the force's change over the sub-step would do beyond its mean is the leading error.
         size = np.sqrt(float(np.vdot(omega * q1, omega * q1) + np.vdot(v, v)))
-        error = (
-            float(np.linalg.norm(omega * p.ramp * (end_force - start_force))) / size if size > 0.0 else 0.0
-        )
+        error = float(np.linalg.norm(omega * p.ramp * (end_force - start_force))) / size if size > 0.0 else 0.0
         worst = max(worst, error)
         if not worst <= tolerance:
             return None, iterations, worst
@@ -235,7 +233,8 @@ def _implicit_step(
 
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
     try:
-        return np.linalg.solve(matrix, right)
+        result: FloatArray = np.linalg.solve(matrix, right).astype(np.float64, copy=False)
+        return result
     except np.linalg.LinAlgError:
         return None
 

@@ -107,26 +107,24 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
         (_MOTIONS, Group.MOTION, "output"),
         (_RATES if body.velocity_outputs else (), Group.RATE, "output"),
     ):
-        for interface in body.interface_names:
-            for quantity, unit, words in quantities:
-                for axis in AXES:
-                    table.append(
-                        Variable(
-                            f"{interface}.{quantity}.{axis}",
-                            "Real",
-                            group,
-                            causality,
-                            "continuous",
-                            None if group is Group.INPUT else "calculated",
-                            0.0 if group is Group.INPUT else None,
-                            unit,
-                            f"{interface}: {words}, along the global {axis} axis",
-                        )
-                    )
+        table += [
+            Variable(
+                f"{interface}.{quantity}.{axis}",
+                "Real",
+                group,
+                causality,
+                "continuous",
+                None if group is Group.INPUT else "calculated",
+                0.0 if group is Group.INPUT else None,
+                unit,
+                f"{interface}: {words}, along the global {axis} axis",
+            )
+            for interface in body.interface_names
+            for quantity, unit, words in quantities
+            for axis in AXES
+        ]
     status = "0: sound; 1: a step was refused or the start failed, see the log; stays until reset"
-    table.append(
-        Variable(STATUS_CODE, "Integer", Group.STATUS, "output", "discrete", "calculated", None, None, status)
-    )
+    table.append(Variable(STATUS_CODE, "Integer", Group.STATUS, "output", "discrete", "calculated", None, None, status))
     table += _parameters(body)
     table += _diagnostics()
     return tuple(table)
@@ -170,14 +168,10 @@ def _parameters(body: ReducedBody) -> list[Variable]:
 def _diagnostics() -> list[Variable]:
     def local(name: str, kind: str, unit: str | None, description: str) -> Variable:
         variability = "continuous" if kind == "Real" else "discrete"
-        return Variable(
-            name, kind, Group.DIAGNOSTIC, "local", variability, "calculated", None, unit, description
-        )
+        return Variable(name, kind, Group.DIAGNOSTIC, "local", variability, "calculated", None, unit, description)
 
     return [
-        local(
-            FRAME_ROTATION, "Real", "rad", "largest rotation within a frame; trustworthy up to about 0.5 rad"
-        ),
+        local(FRAME_ROTATION, "Real", "rad", "largest rotation within a frame; trustworthy up to about 0.5 rad"),
         local(STRAIN_ENERGY, "Real", "J", "strain energy"),
         local(KINETIC_ENERGY, "Real", "J", "kinetic energy"),
         local(ITERATIONS, "Integer", None, "rounds of the implicit iteration in the last step"),
