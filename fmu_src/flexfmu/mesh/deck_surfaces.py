@@ -1,0 +1,80 @@
+"""Surfaces of a deck, as the sets of their nodes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexfmu.mesh.deck_cards import Card, Line, fields
+from flexfmu.mesh.deck_sets import SetTable
+from flexfmu.mesh.model import ElementBlock, ElementType, IntArray
+
+# Corners and mid-sides of the faces S1, S2, ... counted from zero (CalculiX manual, *SURFACE).
+BRICK_FACES = (
+    (0, 1, 2, 3, 8, 9, 10, 11),
+    (4, 7, 6, 5, 15, 14, 13, 12),
+    (0, 4, 5, 1, 16, 12, 17, 8),
+    (1, 5, 6, 2, 17, 13, 18, 9),
+    (2, 6, 7, 3, 18, 14, 19, 10),
+    (3, 7, 4, 0, 19, 15, 16, 11),
+)
+TETRAHEDRON_FACES = (
+    (0, 1, 2, 4, 5, 6),
+    (0, 3, 1, 7, 8, 4),
+    (1, 3, 2, 8, 9, 5),
+    (2, 3, 0, 9, 7, 6),
+)
+
+
+def surface_nodes(card: Card, node_sets: SetTable, element_sets: SetTable, blocks: Sequence[ElementBlock]) -> IntArray:
+    """Return the nodes of a *SURFACE card.
+
+    Parameters
+    ----------
+    card : Card
+        TYPE=NODE, or TYPE=ELEMENT with a face S1 ... S6 on each row.
+    node_sets, element_sets : SetTable
+    blocks : sequence of ElementBlock
+
+    Returns
+    -------
+    (k,) int
+        Rows of the nodes, ascending.
+
+    Raises
+    ------
+    DeckError
+        A member is unknown, or a row does not name a face of its elements.
+    """
+    kind = card.parameters.get("TYPE", "ELEMENT").upper()
+    rows: set[int] = set()
+    if kind not in ("NODE", "ELEMENT"):
+        raise card.line.error(f"*SURFACE, TYPE={kind} is not supported (supported: NODE, ELEMENT); take it out")
+    for line in card.data:
+        entry, *rest = fields(line)
+        if kind == "NODE":
+            rows |= node_sets.find(entry, line)
+        else:
+            positions = np.array(sorted(element_sets.find(entry, line)), dtype=np.int64)
+            rows |= _face_nodes(positions, rest[0].upper() if rest else "", blocks, line)
+    return np.array(sorted(rows), dtype=np.int64)
+
+
+def _face_nodes(positions: IntArray, face: str, blocks: Sequence[ElementBlock], line: Line) -> set[int]:
+    rows: set[int] = set()
+    start = 0
+    for block in blocks:
+        count = len(block.labels)
+        inside = positions[(positions >= start) & (positions < start + count)] - start
+        start += count
+        if len(inside):
+            tetrahedra = block.type in (ElementType.C3D4, ElementType.C3D10)
+            faces = TETRAHEDRON_FACES if tetrahedra else BRICK_FACES
+            names = [f"S{index + 1}" for index in range(len(faces))]
+            if face not in names:
+                raise line.error(
+                    f"expected a face of {block.type.value} ({', '.join(names)}) after the comma, "
+                    f"found '{face}'; name the face"
+                )
+            columns = [node for node in faces[names.index(face)] if node < block.type.node_count]
+            rows.update(block.connectivity[inside][:, columns].ravel().tolist())
+    return rows
