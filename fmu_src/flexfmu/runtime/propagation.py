@@ -72,15 +72,17 @@ def propagator(angular_frequency: FloatArray, damping_ratio: FloatArray, step: f
     safe = np.where(near, 1.0, root)
     fast, slow = np.exp(-z * x - np.where(over, root, 0.0)), np.exp(-z * x + np.where(over, root, 0.0))
     cosine = np.where(over, 0.5 * (slow + fast), decay * np.cos(root))
-    sinc = np.where(near, decay, np.where(over, 0.5 * (slow - fast), decay * np.sin(root)) / safe)
+    # Next to critical damping, and for the shortest steps, two terms of the series are exact.
+    series = decay * (1.0 - (1.0 - z * z) * x * x / 6.0)
+    sinc = np.where(near, series, np.where(over, -0.5 * slow * np.expm1(-2.0 * root), decay * np.sin(root)) / safe)
 
     p11 = cosine + z * x * sinc
     p12 = h * sinc
     p21 = -w * w * p12
     p22 = cosine - z * x * sinc
-    # 1 − P₁₁ without cancelling for short steps of lightly damped modes.
-    versine = decay * 2.0 * np.sin(0.5 * root) ** 2 - np.expm1(-z * x) - z * x * sinc
-    gq = np.where(over, 1.0 - p11, versine) / (w * w)
+    # 1 − P₁₁ without cancelling for short steps: what the cosine lacks of the decay, then what the decay lacks of 1.
+    lack = np.where(over, -0.5 * slow * np.expm1(-root) ** 2, 2.0 * decay * np.sin(0.5 * root) ** 2)
+    gq = (lack - np.expm1(-z * x) - z * x * sinc) / (w * w)
     gv = p12
     ramp_end = np.where(x < _SMALL_ANGLE, h * h / 6.0 * (1.0 - z * x / 2.0), (h - gv - 2.0 * z * w * gq) / (w * w * h))
     return Propagator(h, p11, p12, p21, p22, gq, gv, ramp_end - 0.5 * gq)
