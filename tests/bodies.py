@@ -1,0 +1,190 @@
+"""Small bodies for tests: random trees of frames, a rigid rotation, and a beam whose modes have a closed form."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from flexfmu.runtime.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, ReducedBody
+
+FloatArray = NDArray[np.float64]
+
+LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
+COROTATED = Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)
+COROTATED_REFERENCE = Formulation(Kinematics.COROTATED, LoadPlacement.REFERENCE)
+
+# A branched tree, a second root, and three interfaces on different branches.
+BRANCHED = (GROUND, 0, 1, 1, GROUND)
+BRANCHED_INTERFACES = (2, 3, 4)
+
+
+def random_body(
+    seed: int = 1,
+    parents: tuple[int, ...] = BRANCHED,
+    interface_frame: tuple[int, ...] = BRANCHED_INTERFACES,
+    modes: int = 6,
+    **changes: object,
+) -> ReducedBody:
+    """Body of random shape functions: every term of the kinematics is there."""
+    rng = np.random.default_rng(seed)
+    frames, interfaces = len(parents), len(interface_frame)
+
+    def shapes(count: int) -> FloatArray:
+        return rng.standard_normal((count, 3, modes))
+
+    values: dict[str, object] = {
+        "name": f"random_{seed}",
+        "angular_frequency": np.sort(rng.uniform(20.0, 300.0, modes)),
+        "damping_ratio": rng.uniform(0.002, 0.05, modes),
+        "interface_names": tuple(f"port_{k}" for k in range(interfaces)),
+        "interface_point": rng.uniform(-1.0, 1.0, (interfaces, 3)),
+        "interface_displacement": shapes(interfaces),
+        "interface_rotation": shapes(interfaces),
+        "interface_frame": np.array(interface_frame),
+        "frame_names": tuple(f"frame_{k}" for k in range(frames)),
+        "frame_parent": np.array(parents, dtype=np.int64),
+        "joint_point": rng.uniform(-1.0, 1.0, (frames, 3)),
+        "joint_displacement": shapes(frames),
+        "joint_rotation": shapes(frames),
+        "frame_rotation": shapes(frames),
+        "provenance": {"seed": str(seed)},
+    }
+    return ReducedBody(**(values | changes))  # type: ignore[arg-type]
+
+
+def turning_body(axis: FloatArray, pivot: FloatArray) -> ReducedBody:
+    """Mode 0 is the rigid rotation of a whole tree of frames about its root joint; mode 1 is elastic."""
+    body = random_body(7, parents=(GROUND, 0, 1, 1), interface_frame=(0, 2, 3), modes=2)
+    joint_point = np.array(body.joint_point)
+    joint_point[0] = pivot
+
+    def with_rotation(displacement: FloatArray, point: FloatArray) -> FloatArray:
+        result = 0.1 * displacement
+        result[:, :, 0] = np.cross(axis, point - pivot)
+        return result
+
+    def turned(rotation: FloatArray) -> FloatArray:
+        result = 0.1 * rotation
+        result[:, :, 0] = axis
+        return result
+
+    joint_displacement = with_rotation(body.joint_displacement, joint_point)
+    frame_rotation = turned(body.frame_rotation)
+    # The root itself neither moves nor turns elastically, so that the rigid rotation acts on all of it.
+    joint_displacement[0, :, 1] = 0.0
+    frame_rotation[0, :, 1] = 0.0
+    return replace(
+        body,
+        name="turning",
+        joint_point=joint_point,
+        interface_displacement=with_rotation(body.interface_displacement, body.interface_point),
+        interface_rotation=turned(body.interface_rotation),
+        joint_displacement=joint_displacement,
+        joint_rotation=turned(body.joint_rotation),
+        frame_rotation=frame_rotation,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """A slender beam along x, clamped at the origin (Euler-Bernoulli, no shear, no stretching)."""
+
+    length: float = 1.0
+    width: float = 0.03
+    modulus: float = 2e11
+    density: float = 7850.0
+
+    @property
+    def bending_stiffness(self) -> float:
+        """EI, N m²."""
+        return self.modulus * self.width**4 / 12.0
+
+    @property
+    def mass_per_length(self) -> float:
+        """ρA, kg/m."""
+        return self.density * self.width**2
+
+    @property
+    def critical_load(self) -> float:
+        """Euler's load of the clamped-free column, N."""
+        return np.pi**2 * self.bending_stiffness / (4.0 * self.length**2)
+
+
+def clamped_free_roots(count: int) -> FloatArray:
+    """The first roots of cos a cosh a = −1."""
+    return np.array(
+        [
+            brentq(lambda a: np.cos(a) + 1.0 / np.cosh(a), (k - 0.9) * np.pi, (k - 0.1) * np.pi, xtol=1e-14)
+            for k in range(1, count + 1)
+        ]
+    )
+
+
+def clamped_free_shapes(roots: FloatArray, x: FloatArray, length: float) -> tuple[FloatArray, FloatArray]:
+    """Shapes with ∫φ²dx = L and slopes, (points, modes); without hyperbolic functions, which would cancel."""
+    a, s = roots, np.asarray(x)[:, None] / length
+    decay = np.exp(-a)
+    denominator = 1.0 + decay**2 + 2.0 * np.cos(a) * decay
+    growing = (decay + np.cos(a) + np.sin(a)) / denominator * np.exp(a * (s - 1.0))
+    sigma = (1.0 - decay**2 - 2.0 * np.sin(a) * decay) / denominator
+    falling = 0.5 * (1.0 + sigma) * np.exp(-a * s)
+    shape = growing + falling - np.cos(a * s) + sigma * np.sin(a * s)
+    slope = (growing - falling + np.sin(a * s) + sigma * np.cos(a * s)) * a / length
+    return shape, slope
+
+
+def beam_body(
+    frames: int,
+    modes: int = 6,
+    beam: Beam | None = None,
+    planes: str = "yz",
+    damping: float = 0.0,
+    **changes: object,
+) -> ReducedBody:
+    """Beam with `modes` bending modes in each plane, equal frames, and the interface "tip".
+
+    A frame's averaged rotation is that of its chord: the mean of w' over it.
+    """
+    beam = beam or Beam()
+    roots = clamped_free_roots(modes)
+    omega = roots**2 * np.sqrt(beam.bending_stiffness / (beam.mass_per_length * beam.length**4))
+    ends = np.linspace(0.0, beam.length, frames + 1) if frames else np.array([0.0, beam.length])
+    shape, slope = clamped_free_shapes(roots, ends, beam.length)
+    mass = np.sqrt(beam.mass_per_length * beam.length)
+    shape, slope = shape / mass, slope / mass
+    mean_slope = np.diff(shape, axis=0) / np.diff(ends)[:, None]
+    count = len(planes) * modes
+
+    def displacement(w: FloatArray) -> FloatArray:
+        result = np.zeros((len(w), 3, count))
+        for k, plane in enumerate(planes):
+            result[:, "xyz".index(plane), k :: 2 if len(planes) == 2 else 1] = w
+        return result
+
+    def rotation(w: FloatArray) -> FloatArray:
+        result = np.zeros((len(w), 3, count))
+        for k, plane in enumerate(planes):
+            row, sign = (2, 1.0) if plane == "y" else (1, -1.0)
+            result[:, row, k :: 2 if len(planes) == 2 else 1] = sign * w
+        return result
+
+    points = np.zeros((len(ends), 3))
+    points[:, 0] = ends
+    values: dict[str, object] = {
+        "name": f"beam_{frames}",
+        "angular_frequency": np.repeat(omega, len(planes)),
+        "damping_ratio": np.full(count, damping),
+        "interface_names": ("tip",),
+        "interface_point": points[-1:],
+        "interface_displacement": displacement(shape[-1:]),
+        "interface_rotation": rotation(slope[-1:]),
+        "interface_frame": np.array([frames - 1 if frames else GROUND]),
+        "frame_names": tuple(f"segment_{k}" for k in range(frames)),
+        "frame_parent": np.arange(frames) - 1,
+        "joint_point": points[:frames],
+        "joint_displacement": displacement(shape[:frames]),
+        "joint_rotation": rotation(slope[:frames]),
+        "frame_rotation": rotation(mean_slope[:frames]) if frames else np.zeros((0, 3, count)),
+    }
+    return ReducedBody(**(values | changes))  # type: ignore[arg-type]
