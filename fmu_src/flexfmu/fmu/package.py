@@ -28,8 +28,14 @@ from .description import model_description
 _SLAVE_LIBRARY = ("fmi2slave", "_version", "default_experiment", "enums", "logmsg", "variables")
 _SLAVE_MODULE = '''"""Entry point for pythonfmu's library."""
 
+import ctypes
+
 from {package}.pythonfmu.fmi2slave import Fmi2Slave
 from {package}.slave import BodySlave
+
+# The library runs this file at every instantiation, then gives up a reference to the namespace that it only borrowed:
+# without one more each time, the namespace would be freed while in use.
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
 
 
 class FlexibleBodySlave(BodySlave, Fmi2Slave):

@@ -13,7 +13,7 @@ from .errors import OptionError, StepError
 from .loads import Loads, loads_from_mapping
 from .modal_file import read_modal_file
 from .reduced_body import Formulation, ReducedBody
-from .rotations import rotation_vector
+from .rotations import cross, rotation_vector
 from .statics import equilibrium
 from .stepping import PropagatorCache, State, StepLimits, Work, advance
 from .tree import jacobians
@@ -183,6 +183,40 @@ class FlexibleBody:
         first = self._dynamics.tree.frame_count
         translation, spin = jacobians(self._dynamics.tree, configuration_at(self._dynamics, state.q))
         return translation[first:] @ state.v, spin[first:] @ state.v
+
+    def surface_positions(self, state: State) -> FloatArray:
+        """Where the points of the model's surface are, for viewing.
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        (n_points, 3) float
+            m, global frame.
+
+        Raises
+        ------
+        OptionError
+            The body was built without its surface.
+        """
+        body = self.model
+        if body.surface is None:
+            raise OptionError("the body holds no surface: build it with surface = true in [output]")
+        surface, q = body.surface, state.q
+        moved: FloatArray = surface.points + surface.modes @ q
+        if self._dynamics.tree.frame_count == 0:
+            return moved
+        nodes = configuration_at(self._dynamics, q)
+        carried = surface.frame >= 0
+        s = surface.frame[carried]
+        # X − X_s + e, with e = u − u(X_s) − θ_s × (X − X_s)
+        arm = surface.points[carried] - body.joint_point[s]
+        turn = cross((body.frame_rotation @ q)[s], arm)
+        local = moved[carried] - body.joint_point[s] - (body.joint_displacement @ q)[s] - turn
+        moved[carried] = nodes.position[s] + (nodes.rotation[s] @ local[:, :, None])[:, :, 0]
+        return moved
 
     def energies(self, state: State) -> tuple[float, float]:
         """Strain and kinetic energy, J.

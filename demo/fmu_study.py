@@ -1,0 +1,152 @@
+"""What the demos share: building FMUs with different numbers of frames, driving them, comparing, drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import fmpy
+import matplotlib
+import numpy as np
+from fmpy.fmi2 import FMU2Slave
+from numpy.typing import NDArray
+
+from flexfmu.build import reduce_body
+from flexfmu.config import read_body_file
+from flexfmu.fmu.package import package_fmu
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.reduced_body import Formulation, Kinematics
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+FloatArray = NDArray[np.float64]
+AXES = ("x", "y", "z")
+LINEAR = {"formulation.kinematics": "linear"}
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A model that is compared: an FMU and the parameters that it is started with."""
+
+    label: str
+    fmu: Path
+    parameters: dict[str, str]
+    style: dict[str, object]
+
+
+def reference(path: Path) -> NDArray[np.void]:
+    """Table of a CalculiX result: columns by name."""
+    return np.genfromtxt(path, delimiter=",", names=True)
+
+
+def build_variants(body_file: Path, folder: Path, frames: Sequence[int], report: Reporter) -> list[Variant]:
+    """FMUs of one body with different numbers of frames; the first serves for the linear one too."""
+    config = read_body_file(body_file)
+    styles = [{"color": "C0", "linestyle": "--"}, {"color": "C1", "linestyle": "-"}, {"color": "C2", "linestyle": "-"}]
+    variants = []
+    for count, style in zip(frames, styles, strict=False):
+        fmu = folder / f"{config.name}_{count}.fmu"
+        package_fmu(reduce_body(config.model_copy(update={"frames": count}), report), fmu)
+        label = f"{count} frame" + ("s" if count > 1 else "")
+        variants.append(Variant(label, fmu, {}, style))
+    linear = Variant("linear modes", variants[0].fmu, LINEAR, {"color": "0.55", "linestyle": ":"})
+    return [linear, *variants]
+
+
+def static_tip(variant: Variant, forces: FloatArray) -> FloatArray:
+    """Tip displacement (n, 3) and rotation vector (n, 3) side by side, in equilibrium under tip forces (n, 3).
+
+    For each force the FMU is initialised anew with initialization = "static"; no time passes.
+    """
+    description = fmpy.read_model_description(str(variant.fmu))
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    inputs = [references[f"tip.force.{axis}"] for axis in AXES]
+    outputs = [references[f"tip.{kind}.{axis}"] for kind in ("displacement", "rotation") for axis in AXES]
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(variant.fmu)),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName=variant.label,
+    )
+    slave.instantiate(loggingOn=True)
+    result = np.empty((len(forces), 6))
+    for k, force in enumerate(forces):
+        if k:
+            slave.reset()
+        settings = {"initialization": "static", **variant.parameters}
+        slave.setString([references[name] for name in settings], list(settings.values()))
+        slave.setReal(inputs, list(force))
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        result[k] = slave.getReal(outputs)
+    slave.terminate()
+    slave.freeInstance()
+    return result
+
+
+def relative_error(found: FloatArray, expected: FloatArray) -> FloatArray:
+    """|found − expected| / |expected| of each row (n, 3)."""
+    return np.linalg.norm(found - expected, axis=1) / np.linalg.norm(expected, axis=1)
+
+
+def print_table(title: str, forces: FloatArray, expected: FloatArray, found: dict[str, FloatArray]) -> None:
+    """Tip displacement and its error against CalculiX under a few forces (N)."""
+    print(f"\n{title}\nerror = |tip displacement − CalculiX| / |CalculiX|\n")
+    print(f"{'force':>8} {'model':<14} {'x / m':>11} {'y / m':>11} {'z / m':>11} {'error':>9}")
+    for k, force in enumerate(forces):
+        print(f"{force / 1e3:5.1f} kN {'CalculiX':<14} " + " ".join(f"{u + 0.0:11.5f}" for u in expected[k]))
+        for label, motion in found.items():
+            error = relative_error(motion[k : k + 1, :3], expected[k : k + 1])[0]
+            # Round-off of a component that is zero by symmetry is not worth a minus sign.
+            numbers = " ".join(f"{round(float(u), 9) + 0.0:11.5f}" for u in motion[k, :3])
+            print(f"{'':>8} {label:<14} {numbers} {100 * error:7.3f} %")
+
+
+def draw_against_load(
+    path: Path,
+    forces: FloatArray,
+    curves: dict[str, FloatArray],
+    variants: Sequence[Variant],
+    expected: tuple[FloatArray, FloatArray],
+    labels: tuple[str, str],
+) -> None:
+    """One displacement component (m) against load (N), models as lines and CalculiX as points."""
+    figure, axes = plt.subplots(figsize=(4.8, 3.6), layout="constrained")
+    for variant in variants:
+        axes.plot(forces / 1e3, 1e3 * curves[variant.label], label=variant.label, **variant.style)
+    axes.plot(expected[0] / 1e3, 1e3 * expected[1], "o", color="k", markersize=4, fillstyle="none", label="CalculiX")
+    axes.set_xlabel(labels[0])
+    axes.set_ylabel(labels[1])
+    axes.grid(alpha=0.25)
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=160)
+    plt.close(figure)
+
+
+def draw_shapes(path: Path, body: FlexibleBody, force: dict[str, list[float]], tip: FloatArray, title: str) -> None:
+    """Outline of the deformed body, linear and with frames, with the tip as CalculiX has it; true scale."""
+    surface = body.model.surface
+    assert surface is not None, "the body was built without its surface"
+    linear = FlexibleBody(body.model, Formulation(Kinematics.LINEAR))
+    figure, axes = plt.subplots(figsize=(6.4, 2.9), layout="constrained")
+    for model, label, color in (
+        (None, "undeformed", "0.85"),
+        (linear, "linear modes", "0.55"),
+        (body, f"{body.model.frame_count} frames", "C2"),
+    ):
+        points = surface.points if model is None else model.surface_positions(model.static(force))
+        faces = points[surface.faces][:, :, :2]
+        axes.fill(*np.concatenate([faces, np.full((len(faces), 1, 2), np.nan)], axis=1).reshape(-1, 2).T, color=color)
+        axes.fill([], [], color=color, label=label)
+    axes.plot(*tip[:2], "o", color="k", markersize=6, fillstyle="none", label="CalculiX, tip")
+    axes.set_aspect("equal")
+    axes.set_xlabel("x / m")
+    axes.set_ylabel("y / m")
+    axes.set_title(title, fontsize="medium")
+    axes.legend(frameon=False, loc="upper left")
+    figure.savefig(path, dpi=160)
+    plt.close(figure)
