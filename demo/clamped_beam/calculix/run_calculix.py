@@ -4,6 +4,8 @@
 - ``static_combined``: dead tip force growing to (-5, 4, 3) kN in ten equal steps.
 - ``frequencies``: the lowest 12 eigenfrequencies.
 - ``sudden_load``: undamped transient under a sudden dead tip force of 5 kN in y, from rest, 0.25 s.
+  Step 6.25e-5 s, about ten minutes; a step of 1.25e-4 s gives tip positions 0.36 % (rms) away from it, and one
+  of 5e-4 s diverges: the trapezoidal rule does not conserve the energy of a nonlinear system.
 
 Run from the repository's root, with ``ccx`` on the PATH, for all cases or those named:
 ``python -m demo.clamped_beam.calculix.run_calculix [case ...]``. Columns: see `demo.references`.
