@@ -72,9 +72,7 @@ def frequency_deck(model: Path, count: int, title: str) -> str:
     return _deck(model, title, [], ["*STEP", "*FREQUENCY", f"{count}", "*END STEP"])
 
 
-def sudden_load_deck(
-    model: Path, tip: TipFace, force: np.ndarray, step: float, duration: float, title: str
-) -> str:
+def sudden_load_deck(model: Path, tip: TipFace, force: np.ndarray, step: float, duration: float, title: str) -> str:
     """Deck of an undamped nonlinear transient from rest under a force that is there from the start.
 
     Parameters

@@ -37,9 +37,7 @@ def main() -> None:
         "linear_y": lambda name: body.linear(name, (0.0, 1e3, 0.0)),
         "static_combined": lambda name: body.static(name, (-5e3, 4e3, 3e3), increments=10),
         "frequencies": lambda name: body.frequencies(name, count=12),
-        "sudden_load": lambda name: body.sudden_load(
-            name, (0.0, 5e3, 0.0), step=6.25e-5, duration=0.25, keep_every=8
-        ),
+        "sudden_load": lambda name: body.sudden_load(name, (0.0, 5e3, 0.0), step=6.25e-5, duration=0.25, keep_every=8),
     }
     run_cases(cases, "CalculiX reference results of the clamped beam")
 
