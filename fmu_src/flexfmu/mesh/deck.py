@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfmu.errors import MeshError
+from flexfmu.errors import DeckError, MeshError
 from flexfmu.mesh.deck_boundary import hold
 from flexfmu.mesh.deck_cards import Card, read_cards
 from flexfmu.mesh.deck_geometry import ElementTable, NodeTable
@@ -16,7 +16,7 @@ from flexfmu.mesh.deck_surfaces import surface_nodes
 from flexfmu.mesh.model import ElementBlock, IntArray, Mesh
 from flexfmu.mesh.units import UnitSystem
 
-# Keywords that are honoured, without blanks, and their parameters; others might change what the card means.
+# Keywords that are honoured and their parameters; others might change what the card means.
 HONOURED: dict[str, tuple[str, ...]] = {
     "NODE": ("NSET",),
     "ELEMENT": ("TYPE", "ELSET"),
@@ -26,9 +26,10 @@ HONOURED: dict[str, tuple[str, ...]] = {
     "MATERIAL": ("NAME",),
     "ELASTIC": ("TYPE",),
     "DENSITY": (),
-    "SOLIDSECTION": ("ELSET", "MATERIAL"),
+    "SOLID SECTION": ("ELSET", "MATERIAL"),
     "BOUNDARY": ("AMPLITUDE",),
 }
+PARAMETERS = {keyword.replace(" ", ""): names for keyword, names in HONOURED.items()}
 
 # Say nothing of the body: passed over in silence.
 HARMLESS = frozenset({"HEADING", "PREPRINT", "NODEPRINT", "NODEFILE", "NODEOUTPUT", "ELPRINT", "ELFILE",
@@ -105,8 +106,8 @@ class _Content:
         for card in cards:
             if card.key == "STEP":
                 self.notes.append(_skipped_step(card, cards))
-            elif card.key in HONOURED:
-                card.allow(HONOURED[card.key])
+            elif card.key in PARAMETERS:
+                card.allow(PARAMETERS[card.key])
                 self._take(card)
             elif card.key in UNUSED:
                 self.notes.append(f"{card.line.file}, line {card.line.number}: *{card.keyword} is left unused")
@@ -135,7 +136,7 @@ class _Content:
                 self.boundaries.append(card)
 
 
-def _unsupported(card: Card) -> MeshError:
+def _unsupported(card: Card) -> DeckError:
     if card.key in ASSEMBLY_KEYWORDS:
         advice = "write a flat deck (in Abaqus/CAE: 'Do not use parts and assemblies in input files')"
     else:
@@ -149,9 +150,10 @@ def _skipped_step(step: Card, cards: Iterator[Card]) -> str:
     passed: dict[str, None] = {}
     for card in cards:
         if card.key == "ENDSTEP":
-            begin, end = f"{step.line.file}, line {step.line.number}", card.line.number
-            where = f"{begin} to {end}" if card.line.file == step.line.file else f"{begin} to {card.line.file}, {end}"
-            return f"{where}: a step is analysis and left unused: {', '.join(passed) or 'empty'}"
+            begin, end = f"{step.line.file}, lines {step.line.number}", f"{card.line.number}"
+            if card.line.file != step.line.file:
+                end += f" of {card.line.file}"
+            return f"{begin} to {end}: a step is analysis and left unused: {', '.join(passed) or 'empty'}"
         if card.key == "STEP":
             break
         passed[f"*{card.keyword}"] = None

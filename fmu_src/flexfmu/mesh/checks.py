@@ -1,0 +1,147 @@
+"""What a mesh must pass before it becomes a body: sound elements, no nodes left over; its connected parts."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import felupe
+import numpy as np
+from scipy import sparse
+
+from flexfmu.errors import MeshError
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import ElementBlock, ElementType, FloatArray, IntArray, Mesh
+
+# Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest
+# sensible element (1e-6 for one of aspect 1000 to 1000 to 1), far above round-off of coordinates (1e-13).
+DEGENERATE = 1e-10
+
+
+def checked(mesh: Mesh) -> Mesh:
+    """Return the mesh without the nodes that no element uses, if its elements are sound.
+
+    Elements without a material pass.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    Mesh
+        Rows renumbered, sets reduced, and a note that names the nodes dropped; `mesh` itself if there are none.
+
+    Raises
+    ------
+    MeshError
+        There are no elements, a coordinate is not finite, or elements are inverted or degenerate.
+    """
+    if mesh.element_count == 0:
+        raise MeshError("the mesh has no solid elements; give a file that holds the body's volume mesh")
+    wrong = ~np.isfinite(mesh.points).all(axis=1)
+    if wrong.any():
+        raise MeshError(f"coordinates of nodes are not finite: {listed(mesh.labels[wrong])}; correct the mesh file")
+    bad = np.concatenate([block.labels[_unsound(mesh.points, block)] for block in mesh.blocks])
+    if len(bad):
+        raise MeshError(
+            f"{len(bad)} of {mesh.element_count} elements are inverted or degenerate (Jacobian determinant not "
+            f"positive at a corner or quadrature point): {listed(bad)}; mesh again, or correct their node order"
+        )
+    return _without_unused_nodes(mesh)
+
+
+def connected_parts(mesh: Mesh) -> IntArray:
+    """Return the part that each node belongs to; nodes of one element belong together.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    (n,) int
+        Counted from zero without gaps. A node that no element uses is a part of its own.
+    """
+    count = len(mesh.points)
+    start = count
+    nodes, elements = [], []
+    for block in mesh.blocks:
+        size = block.type.node_count
+        nodes.append(block.connectivity.ravel())
+        elements.append(np.repeat(np.arange(start, start + len(block.labels)), size))
+        start += len(block.labels)
+    pairs = (np.concatenate(nodes), np.concatenate(elements)) if nodes else (np.zeros(0, int), np.zeros(0, int))
+    graph = sparse.coo_matrix((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=(start, start))
+    # Nodes and elements are the graph's vertices: far fewer edges than between the nodes themselves.
+    _, parts = sparse.csgraph.connected_components(graph, directed=False)
+    _, numbered = np.unique(parts[:count], return_inverse=True)
+    return numbered.astype(np.int64)
+
+
+def jacobian_determinants(points: FloatArray, block: ElementBlock) -> FloatArray:
+    """Return the determinants of the map from the reference element, where soundness is asked for.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+        m.
+    block : ElementBlock
+
+    Returns
+    -------
+    (n_elements, n_places) float
+        m³; at the corners first, then at the quadrature points of the type.
+    """
+    gradients = _reference_gradients(block.type)
+    # Relative to the first node, so that a body far from the origin loses no digits.
+    coordinates = points[block.connectivity] - points[block.connectivity[:, :1]]
+    determinants: FloatArray = np.linalg.det(np.einsum("ena,pnb->epab", coordinates, gradients))
+    return determinants
+
+
+def _unsound(points: FloatArray, block: ElementBlock) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    corners = points[block.connectivity]
+    extent = np.linalg.norm(corners.max(axis=1) - corners.min(axis=1), axis=1)
+    smallest: FloatArray = jacobian_determinants(points, block).min(axis=1)
+    return smallest <= DEGENERATE * extent**3
+
+
+def _reference_gradients(kind: ElementType) -> FloatArray:
+    """Gradients of the shape functions, (n_places, node_count, 3), at corners and quadrature points."""
+    tetrahedron = felupe.quadrature.Tetrahedron
+    brick = felupe.quadrature.GaussLegendre
+    element, scheme, corners = {
+        ElementType.C3D4: (felupe.element.Tetra(), tetrahedron(order=1), 4),
+        ElementType.C3D8: (felupe.element.Hexahedron(), brick(order=1, dim=3), 8),
+        ElementType.C3D10: (felupe.element.QuadraticTetra(), tetrahedron(order=2), 4),
+        ElementType.C3D20: (felupe.element.QuadraticHexahedron(), brick(order=2, dim=3), 8),
+        ElementType.C3D20R: (felupe.element.QuadraticHexahedron(), brick(order=1, dim=3), 8),
+    }[kind]
+    places = np.concatenate([element.points[:corners], scheme.points])
+    return np.array([element.gradient(place) for place in places], dtype=float)
+
+
+def _without_unused_nodes(mesh: Mesh) -> Mesh:
+    used = np.zeros(len(mesh.points), dtype=bool)
+    for block in mesh.blocks:
+        used[block.connectivity] = True
+    if used.all():
+        return mesh
+    rows = np.cumsum(used) - 1
+    dropped = mesh.labels[~used]
+    notes = [f"{len(dropped)} nodes that no element uses are left out: {listed(dropped)}"]
+    node_sets = {name: rows[members[used[members]]] for name, members in mesh.node_sets.items()}
+    if emptied := _emptied(mesh.node_sets, node_sets):
+        notes.append(f"node sets that hold none but such nodes are empty now: {listed(emptied)}")
+    return replace(
+        mesh,
+        points=mesh.points[used],
+        labels=mesh.labels[used],
+        blocks=tuple(replace(block, connectivity=rows[block.connectivity]) for block in mesh.blocks),
+        node_sets=node_sets,
+        fixed=mesh.fixed[used],
+        notes=(*mesh.notes, *notes),
+    )
+
+
+def _emptied(before: Mapping[str, IntArray], after: Mapping[str, IntArray]) -> list[str]:
+    return [name for name, members in after.items() if len(before[name]) and not len(members)]

@@ -1,0 +1,77 @@
+"""Node sets and cell groups of meshes that meshio has read."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from flexfmu.mesh.model import IntArray
+
+# Data under such names describe gmsh's geometry, not groups that the user made.
+GMSH_PREFIX = "gmsh:"
+PHYSICAL = "gmsh:physical"
+KIND_BY_DIMENSION = ("Point", "Curve", "Surface", "Volume")
+
+# Cells of a group: rows of the file's cell block, by the block's place in the file.
+Group = dict[int, IntArray]
+
+
+def cell_groups(found: Any) -> dict[str, Group]:
+    """Return the cell sets and gmsh's physical groups, of any dimension.
+
+    Parameters
+    ----------
+    found : meshio.Mesh
+
+    Returns
+    -------
+    dict of str to Group
+        By the file's name; physical groups without a name are called after their kind and number.
+    """
+    groups: dict[str, Group] = {}
+    for name, parts in found.cell_sets.items():
+        if not name.startswith(GMSH_PREFIX):
+            for place, cells in enumerate(parts):
+                _extend(groups, name, place, cells)
+    names = {(int(entry[1]), int(entry[0])): name for name, entry in found.field_data.items() if len(entry) == 2}
+    for place, tags in enumerate(found.cell_data.get(PHYSICAL, ())):
+        dimension = found.cells[place].dim
+        # Zero stands for cells in no group.
+        for tag in np.unique(tags[tags != 0]).tolist():
+            name = names.get((dimension, tag), f"Physical {KIND_BY_DIMENSION[dimension]} {tag}")
+            _extend(groups, name, place, np.flatnonzero(tags == tag))
+    return groups
+
+
+def node_sets_of(found: Any, groups: Mapping[str, Group]) -> tuple[dict[str, IntArray], tuple[str, ...]]:
+    """Return the point sets and the nodes of the cell groups.
+
+    Parameters
+    ----------
+    found : meshio.Mesh
+    groups : mapping of str to Group
+
+    Returns
+    -------
+    node_sets : dict of str to (k,) int
+        Ascending rows of the points.
+    notes : tuple of str
+        Cell groups whose name is taken by a point set.
+    """
+    node_sets = {name: np.unique(np.asarray(rows, dtype=np.int64)) for name, rows in found.point_sets.items()}
+    notes = []
+    for name, group in groups.items():
+        if name in found.point_sets:
+            notes.append(f"the nodes of cell set '{name}' are left unused: a point set has its name")
+            continue
+        nodes = [np.asarray(found.cells[place].data)[cells].ravel() for place, cells in group.items()]
+        node_sets[name] = np.unique(np.concatenate(nodes)).astype(np.int64)
+    return node_sets, tuple(notes)
+
+
+def _extend(groups: dict[str, Group], name: str, place: int, cells: Any) -> None:
+    if cells is None or not len(cells):
+        return
+    group = groups.setdefault(name, {})
+    known = group.get(place, np.zeros(0, dtype=np.int64))
+    group[place] = np.union1d(known, np.asarray(cells, dtype=np.int64))
