@@ -1,0 +1,242 @@
+"""Kinematics and loads of the tree of frames against difference quotients and closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bodies import COROTATED, LINEAR, random_body, turning_body
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.reduced_body import GROUND, Kinematics
+from flexfmu.runtime.rotations import exponential, skew
+from flexfmu.runtime.stepping import State
+from flexfmu.runtime.tree import (
+    build_tree,
+    configuration,
+    generalised_force,
+    jacobians,
+    load_stiffness,
+    outboard_loads,
+)
+
+H = 1e-5
+# Rotations of a few tenths of a radian in every node, near a full one in some: nothing is small.
+SIZES = [0.0, 0.02, 0.4]
+
+
+def central(function, q):
+    """Derivative of an array-valued function, last axis over q."""
+    return np.stack([(function(q + H * unit) - function(q - H * unit)) / (2.0 * H) for unit in np.eye(q.size)], axis=-1)
+
+
+@pytest.fixture(params=["branched", "with an interface on the ground"])
+def body(request):
+    if request.param == "branched":
+        return random_body()
+    return random_body(3, interface_frame=(2, GROUND, 0))
+
+
+@pytest.fixture
+def tree(body):
+    return build_tree(body, Kinematics.COROTATED)
+
+
+@pytest.fixture(params=SIZES)
+def q(request, body):
+    return request.param * np.random.default_rng(5).standard_normal(body.mode_count)
+
+
+@pytest.fixture
+def loads(tree):
+    """Force and moment at every node, frames included."""
+    rng = np.random.default_rng(6)
+    return rng.standard_normal((2, len(tree.parent), 3))
+
+
+def test_jacobian_of_positions_is_their_derivative(tree, q):
+    translation, _ = jacobians(tree, configuration(tree, q))
+    expected = central(lambda q: configuration(tree, q).position, q)
+    np.testing.assert_allclose(translation, expected, atol=2e-8)
+
+
+def test_jacobian_of_rotations_gives_the_angular_velocity(tree, q):
+    state = configuration(tree, q)
+    _, spin = jacobians(tree, state)
+    rate = central(lambda q: configuration(tree, q).rotation, q)
+    angular = np.einsum("kijm,klj->kilm", rate, state.rotation)
+    expected = np.moveaxis(skew(np.moveaxis(spin, 1, -1)), 1, -1)
+    np.testing.assert_allclose(angular, expected, atol=2e-8)
+
+
+def test_forces_are_the_gradient_of_their_work(tree, q, loads):
+    force = loads[0]
+    expected = central(lambda q: np.vdot(force, configuration(tree, q).position), q)
+    found = generalised_force(tree, configuration(tree, q), force, np.zeros_like(force))
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+    assert np.linalg.norm(found) > 1.0
+
+
+def test_virtual_work_of_forces_and_moments_is_that_of_the_modal_force(tree, q, loads):
+    state = configuration(tree, q)
+    translation, spin = jacobians(tree, state)
+    expected = np.einsum("ki,kim->m", loads[0], translation) + np.einsum("ki,kim->m", loads[1], spin)
+    np.testing.assert_allclose(generalised_force(tree, state, *loads), expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("which", ["forces", "moments", "both"])
+def test_load_stiffness_is_the_derivative_of_the_modal_force(tree, q, loads, which):
+    force, moment = loads[0] * (which != "moments"), loads[1] * (which != "forces")
+    expected = central(lambda q: generalised_force(tree, configuration(tree, q), force, moment), q)
+    found = load_stiffness(tree, configuration(tree, q), force, moment)
+    np.testing.assert_allclose(found, expected, atol=3e-7)
+    assert np.linalg.norm(found) > 1.0
+
+
+def test_load_stiffness_is_symmetric_under_forces_and_unsymmetric_under_moments(tree, q, loads):
+    state, none = configuration(tree, q), np.zeros_like(loads[0])
+    symmetric = load_stiffness(tree, state, loads[0], none)
+    np.testing.assert_allclose(symmetric, symmetric.T, atol=1e-12 * np.linalg.norm(symmetric))
+    by_moment = load_stiffness(tree, state, none, loads[1])
+    assert np.linalg.norm(by_moment - by_moment.T) > 0.1 * np.linalg.norm(by_moment)
+
+
+def test_loads_beyond_a_joint_add_up_to_what_it_carries(tree, q, loads):
+    state = configuration(tree, q)
+    force, moment = outboard_loads(tree, state, *loads)
+    for k in range(len(tree.parent)):
+        beyond = [d for d in range(len(tree.parent)) if k in lineage(tree.parent, d)]
+        arm = state.position[beyond] - state.position[k]
+        np.testing.assert_allclose(force[k], loads[0][beyond].sum(axis=0), atol=1e-13)
+        np.testing.assert_allclose(
+            moment[k], (loads[1][beyond] + np.cross(arm, loads[0][beyond])).sum(axis=0), atol=1e-12
+        )
+
+
+def lineage(parent, k):
+    """Node k and all its ancestors."""
+    result = [k]
+    while parent[result[-1]] != GROUND:
+        result.append(parent[result[-1]])
+    return result
+
+
+def test_interface_rates_are_the_rates_of_displacement_and_rotation(body):
+    flexible = FlexibleBody(body, COROTATED)
+    rng = np.random.default_rng(8)
+    q, v = 0.2 * rng.standard_normal((2, body.mode_count))
+    velocity, angular = flexible.rates(State(q, v))
+
+    def at(t):
+        return flexible.response(State(q + t * v, v))
+
+    ahead, behind = at(H), at(-H)
+    np.testing.assert_allclose(velocity, (ahead.displacement - behind.displacement) / (2 * H), atol=1e-8)
+    turn = (exponential(ahead.rotation) - exponential(behind.rotation)) / (2 * H)
+    here = exponential(at(0.0).rotation)
+    np.testing.assert_allclose(turn @ np.swapaxes(here, 1, 2), skew(angular), atol=1e-8)
+
+
+@pytest.mark.parametrize("degrees", [1.0, 60.0, 170.0])
+def test_a_body_that_turns_rigidly_moves_on_an_exact_circle(degrees):
+    axis, pivot = np.array([1.0, 2.0, 2.0]) / 3.0, np.array([0.2, -0.1, 0.4])
+    model = turning_body(axis, pivot)
+    angle = np.radians(degrees)
+    turned = FlexibleBody(model, COROTATED).response(State(np.array([angle, 0.0]), np.zeros(2)))
+    arm = model.interface_point - pivot
+    expected = arm @ exponential(angle * axis).T - arm
+    np.testing.assert_allclose(turned.displacement, expected, atol=1e-13)
+    np.testing.assert_allclose(turned.rotation, np.broadcast_to(angle * axis, (3, 3)), atol=1e-13)
+
+
+def test_linear_kinematics_leave_the_circle_along_its_tangent():
+    axis, pivot = np.array([0.0, 0.0, 1.0]), np.zeros(3)
+    model = turning_body(axis, pivot)
+    angle = np.radians(60.0)
+    moved = FlexibleBody(model, LINEAR).response(State(np.array([angle, 0.0]), np.zeros(2)))
+    np.testing.assert_allclose(moved.displacement, angle * np.cross(axis, model.interface_point), atol=1e-13)
+    radius = np.linalg.norm(model.interface_point[:, :2], axis=1)
+    stretched = np.linalg.norm((model.interface_point + moved.displacement)[:, :2], axis=1)
+    assert np.all(stretched > 1.4 * radius)
+
+
+def test_a_rigid_turn_carries_the_elastic_deformation_along():
+    axis, pivot = np.array([1.0, 2.0, 2.0]) / 3.0, np.array([0.2, -0.1, 0.4])
+    model = turning_body(axis, pivot)
+    flexible = FlexibleBody(model, COROTATED)
+    angle, elastic = 1.0, 0.3
+    bent = flexible.response(State(np.array([0.0, elastic]), np.zeros(2)))
+    both = flexible.response(State(np.array([angle, elastic]), np.zeros(2)))
+    turn = exponential(angle * axis)
+    expected = (model.interface_point + bent.displacement - pivot) @ turn.T + pivot
+    np.testing.assert_allclose(model.interface_point + both.displacement, expected, atol=1e-13)
+    np.testing.assert_allclose(exponential(both.rotation), turn @ exponential(bent.rotation), atol=1e-13)
+    assert np.min(np.linalg.norm(bent.displacement, axis=1)) > 1e-3
+
+
+@pytest.mark.parametrize("formulation", [COROTATED, LINEAR])
+def test_without_frames_displacements_are_modal_superposition(formulation):
+    model = random_body(parents=(), interface_frame=(GROUND,) * 3)
+    q = 0.1 * np.random.default_rng(4).standard_normal(model.mode_count)
+    response = FlexibleBody(model, formulation).response(State(q, np.zeros_like(q)))
+    np.testing.assert_allclose(response.displacement, model.interface_displacement @ q, atol=1e-15)
+    np.testing.assert_allclose(response.rotation, model.interface_rotation @ q, atol=1e-14)
+
+
+def test_linear_kinematics_take_no_notice_of_the_frames():
+    framed = random_body()
+    bare = replace(
+        framed,
+        interface_frame=np.full(3, GROUND),
+        frame_names=(),
+        frame_parent=np.zeros(0, dtype=int),
+        joint_point=np.zeros((0, 3)),
+        **{n: np.zeros((0, 3, 6)) for n in ("joint_displacement", "joint_rotation", "frame_rotation")},
+    )
+    state = State(0.3 * np.random.default_rng(4).standard_normal(6), np.zeros(6))
+    a, b = (FlexibleBody(model, LINEAR).response(state) for model in (framed, bare))
+    np.testing.assert_array_equal(a.displacement, b.displacement)
+    np.testing.assert_array_equal(a.rotation, b.rotation)
+
+
+def test_one_frame_turns_all_that_hangs_on_it():
+    model = random_body(2, parents=(GROUND,), interface_frame=(0, 0))
+    q = 0.4 * np.random.default_rng(4).standard_normal(model.mode_count)
+    response = FlexibleBody(model, COROTATED).response(State(q, np.zeros_like(q)))
+    theta = model.frame_rotation[0] @ q
+    joint = model.joint_displacement[0] @ q
+    turn = exponential(theta)
+    for k in range(2):
+        arm = model.interface_point[k] - model.joint_point[0]
+        # What the modes say beyond the frame's own motion is the deformation seen from the frame.
+        local = model.interface_displacement[k] @ q - joint - np.cross(theta, arm)
+        position = model.joint_point[0] + joint + turn @ (arm + local)
+        np.testing.assert_allclose(model.interface_point[k] + response.displacement[k], position, atol=1e-14)
+        twist = turn @ exponential(model.interface_rotation[k] @ q - theta)
+        np.testing.assert_allclose(exponential(response.rotation[k]), twist, atol=1e-14)
+
+
+def test_small_motions_are_modal_superposition_to_second_order():
+    model = random_body()
+    corotated, linear = FlexibleBody(model, COROTATED), FlexibleBody(model, LINEAR)
+    direction = np.random.default_rng(4).standard_normal(model.mode_count)
+
+    def gap(size):
+        state = State(size * direction, np.zeros_like(direction))
+        a, b = corotated.response(state), linear.response(state)
+        return np.linalg.norm(a.displacement - b.displacement), np.linalg.norm(a.rotation - b.rotation)
+
+    for coarse, fine in zip(gap(1e-3), gap(5e-4), strict=True):
+        assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.02)
+
+
+def test_rotation_within_frames_is_that_of_the_material_against_its_frame():
+    model = random_body()
+    state = State(0.05 * np.random.default_rng(4).standard_normal(6), np.zeros(6))
+    found = FlexibleBody(model, COROTATED).rotation_within_frames(state)
+    frame = model.frame_rotation @ state.q
+    for s in range(5):
+        sections = [model.joint_rotation[s] @ state.q]
+        sections += [model.joint_rotation[c] @ state.q for c in range(5) if model.frame_parent[c] == s]
+        sections += [model.interface_rotation[i] @ state.q for i in range(3) if model.interface_frame[i] == s]
+        largest = max(np.linalg.norm(section - frame[s]) for section in sections)
+        assert found[s] == pytest.approx(largest, rel=1e-12)
