@@ -21,9 +21,16 @@ from flexfmu.runtime.reduced_body import Formulation, Kinematics
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.collections import PolyCollection
 
 FloatArray = NDArray[np.float64]
 AXES = ("x", "y", "z")
+# One look for each number of frames, in every figure.
+STYLES: dict[int, dict[str, object]] = {
+    1: {"color": "C0", "linestyle": "--"},
+    3: {"color": "C1", "linestyle": "-."},
+    8: {"color": "C2", "linestyle": "-"},
+}
 LINEAR = {"formulation.kinematics": "linear"}
 
 
@@ -45,13 +52,12 @@ def reference(path: Path) -> NDArray[np.void]:
 def build_variants(body_file: Path, folder: Path, frames: Sequence[int], report: Reporter) -> list[Variant]:
     """FMUs of one body with different numbers of frames; the first serves for the linear one too."""
     config = read_body_file(body_file)
-    styles = [{"color": "C0", "linestyle": "--"}, {"color": "C1", "linestyle": "-"}, {"color": "C2", "linestyle": "-"}]
     variants = []
-    for count, style in zip(frames, styles, strict=False):
+    for count in frames:
         fmu = folder / f"{config.name}_{count}.fmu"
         package_fmu(reduce_body(config.model_copy(update={"frames": count}), report), fmu)
         label = f"{count} frame" + ("s" if count > 1 else "")
-        variants.append(Variant(label, fmu, {}, style))
+        variants.append(Variant(label, fmu, {}, STYLES[count]))
     linear = Variant("linear modes", variants[0].fmu, LINEAR, {"color": "0.55", "linestyle": ":"})
     return [linear, *variants]
 
@@ -128,22 +134,23 @@ def draw_against_load(
 
 
 def draw_shapes(path: Path, body: FlexibleBody, force: dict[str, list[float]], tip: FloatArray, title: str) -> None:
-    """Outline of the deformed body, linear and with frames, with the tip as CalculiX has it; true scale."""
+    """Draw the body in the x-y plane at true scale, linear and with frames, and CalculiX's path (n, 2) of its tip."""
     surface = body.model.surface
-    assert surface is not None, "the body was built without its surface"
+    if surface is None:
+        raise ValueError("the body was built without its surface: set surface = true in [output]")
     linear = FlexibleBody(body.model, Formulation(Kinematics.LINEAR))
-    figure, axes = plt.subplots(figsize=(6.4, 2.9), layout="constrained")
-    for model, label, color in (
-        (None, "undeformed", "0.85"),
-        (linear, "linear modes", "0.55"),
-        (body, f"{body.model.frame_count} frames", "C2"),
-    ):
-        points = surface.points if model is None else model.surface_positions(model.static(force))
+    shapes = (
+        ("undeformed", "0.88", surface.points),
+        ("linear modes", "0.6", linear.surface_positions(linear.static(force))),
+        (f"{body.model.frame_count} frames", "C2", body.surface_positions(body.static(force))),
+    )
+    figure, axes = plt.subplots(figsize=(6.8, 3.6), layout="constrained")
+    for label, color, points in shapes:
         faces = points[surface.faces][:, :, :2]
-        axes.fill(*np.concatenate([faces, np.full((len(faces), 1, 2), np.nan)], axis=1).reshape(-1, 2).T, color=color)
-        axes.fill([], [], color=color, label=label)
-    axes.plot(*tip[:2], "o", color="k", markersize=6, fillstyle="none", label="CalculiX, tip")
+        axes.add_collection(PolyCollection(list(faces), facecolor=color, edgecolor=color, label=label))
+    axes.plot(*tip.T, "o", color="k", markersize=4, fillstyle="none", label="CalculiX, path of the tip")
     axes.set_aspect("equal")
+    axes.autoscale_view()
     axes.set_xlabel("x / m")
     axes.set_ylabel("y / m")
     axes.set_title(title, fontsize="medium")

@@ -5,7 +5,7 @@ import pytest
 from references import L_FRAME, calculix, displacement, relative
 
 from flexfmu.build import reduce_body
-from flexfmu.config import FrameTable, InterfaceTable, read_body_file
+from flexfmu.config import FrameTable, read_body_file
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
 
@@ -58,13 +58,3 @@ def test_frames_given_by_hand_follow_the_legs():
     assert body.model.frame_parent.tolist() == [-1, 0, 1]
     assert tip_error(body, "static_z") <= 0.003
     assert tip_error(body, "static_x") <= 0.0065
-
-
-def test_spreading_loads_by_node_instead_of_by_area_changes_the_answer(bodies):
-    config = read_body_file(L_FRAME / "body.toml")
-    interface = InterfaceTable(name="tip", nodes="TIP", weights="node")
-    by_node = FlexibleBody(reduce_body(config.model_copy(update={"interface": [interface]}), Reporter()))
-    by_area = bodies.l_frame()
-    loads = {"tip": [0.0, 0.0, 2e3]}
-    found = [body.response(body.static(loads)).displacement[0] for body in (by_node, by_area)]
-    assert relative(*found) > 1e-6

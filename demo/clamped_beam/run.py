@@ -102,16 +102,15 @@ def dynamics(folder: Path, variants: list[Variant], report: Reporter) -> None:
 
 
 def shapes(folder: Path, report: Reporter) -> None:
-    """The beam itself at 10 kN."""
+    """The beam itself at 20 kN."""
     config = read_body_file(HERE / "body.toml").model_copy(update={"output": OutputTable(surface=True)})
     body = FlexibleBody(reduce_body(config, Reporter()))
     table = reference(HERE / "calculix" / "static_y.csv")
-    row = table[table["force_N"] == 10e3][0]
-    tip = np.array([1.0 + row["ux_m"], row["uy_m"]])
+    path = np.stack([1.0 + table["ux_m"], table["uy_m"]], axis=1)[::2]
+    force = float(table["force_N"][-1])
+    title = f"Clamped beam, 1 m, under a tip force of {force / 1e3:g} kN"
     with report.stage("Draw the deformed beam"):
-        draw_shapes(
-            folder / "shape.png", body, {"tip": [0.0, 10e3, 0.0]}, tip, "Clamped beam under a tip force of 10 kN"
-        )
+        draw_shapes(folder / "shape.png", body, {"tip": [0.0, force, 0.0]}, path, title)
 
 
 if __name__ == "__main__":

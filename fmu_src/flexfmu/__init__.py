@@ -1,5 +1,47 @@
 """Finite element models of flexible bodies as FMI 2.0 co-simulation FMUs that stay right when the body bends far."""
 
 from importlib.metadata import version
+from pathlib import Path
+
+from .runtime.body import FlexibleBody, Response
+from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement
+from .runtime.stepping import State, StepLimits
 
 __version__ = version("flexfmu")
+__all__ = [
+    "FlexibleBody",
+    "Formulation",
+    "Kinematics",
+    "LoadPlacement",
+    "Response",
+    "State",
+    "StepLimits",
+    "__version__",
+    "load",
+]
+
+
+def load(path: str | Path, formulation: Formulation | None = None) -> FlexibleBody:
+    """Read a body from an FMU or a modal file, to use it without FMI.
+
+    Parameters
+    ----------
+    path : path
+        FMU made by flexfmu, or modal file (HDF5).
+    formulation : Formulation, optional
+        Default: the one that the body was built with.
+
+    Returns
+    -------
+    FlexibleBody
+
+    Raises
+    ------
+    PackagingError
+        An archive that is no FMU of flexfmu.
+    ModalFileError
+        The file is missing, damaged, altered or of an unknown version.
+    """
+    from .fmu.package import read_packaged_body
+
+    return FlexibleBody(read_packaged_body(Path(path)), formulation)

@@ -52,6 +52,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         mesh = checked(read_mesh(config.mesh.file, config.mesh.units))
         model = assemble_model(mesh, config)
         mesh = model.mesh
+        _check_sets(config, mesh)
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in mesh.notes:
         report.note(text)
@@ -106,6 +107,16 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     )
 
 
+def _check_sets(config: BodyFile, mesh: Mesh) -> None:
+    """Find every set that will be asked for before the expensive work begins."""
+    for interface in config.interface:
+        node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")
+    for frame in config.frame:
+        node_set(mesh, frame.nodes, f"frame {frame.name!r}, nodes")
+        if isinstance(frame.joint, str):
+            node_set(mesh, frame.joint, f"frame {frame.name!r}, joint")
+
+
 def _subdomains(
     config: BodyFile, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
 ) -> tuple[list[Subdomain], tuple[str, ...]]:
@@ -117,13 +128,13 @@ def _subdomains(
         division = divide(model.mesh, volumes, faces, model.anchored, levels)
         return list(division.subdomains), division.cuts
     requests = []
-    for number, table in enumerate(config.frame, start=1):
+    for table in config.frame:
         joint: IntArray | FloatArray | None = None
         if isinstance(table.joint, str):
-            joint = node_set(model.mesh, table.joint, f"frame[{number}].joint")
+            joint = node_set(model.mesh, table.joint, f"frame {table.name!r}, joint")
         elif table.joint is not None:
             joint = np.array(table.joint)
-        nodes = node_set(model.mesh, table.nodes, f"frame[{number}].nodes")
+        nodes = node_set(model.mesh, table.nodes, f"frame {table.name!r}, nodes")
         requests.append(FrameRequest(table.name, nodes, joint, table.parent))
     held = np.flatnonzero(model.fixed.any(axis=1))
     return requested_subdomains(model.mesh, volumes, faces, held, requests), ()

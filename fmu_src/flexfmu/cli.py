@@ -68,7 +68,12 @@ def info(file: Annotated[Path, typer.Argument(help="FMU or modal file.")]) -> No
     from .fmu.package import read_packaged_body
     from .info import describe
 
-    _run(lambda: Console(highlight=False).print(*describe(read_packaged_body(file)), sep="\n"))
+    def job() -> None:
+        console = Console(highlight=False)
+        for part in describe(read_packaged_body(file)):
+            console.print(part)
+
+    _run(job)
 
 
 @app.command()

@@ -3,7 +3,7 @@
 import math
 
 from rich.console import RenderableType
-from rich.table import Table
+from rich.table import Column, Table
 from rich.tree import Tree
 
 from .runtime.reduced_body import GROUND, FloatArray, ReducedBody
@@ -56,7 +56,7 @@ def _frames(body: ReducedBody) -> Tree:
 
 
 def _origin(body: ReducedBody) -> Table:
-    table = Table("origin", "", title="Origin", title_justify="left")
+    table = Table("origin", Column("", overflow="fold"), title="Origin", title_justify="left")
     for key, value in sorted(body.provenance.items()):
         table.add_row(key.replace("_", " "), value)
     return table
