@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from references import BEAM, L_FRAME
 
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
+from references import BEAM, L_FRAME
 
 
 class Bodies:

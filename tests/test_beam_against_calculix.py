@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from references import BEAM, calculix, displacement, relative, rotation
 
 from flexfmu.build import reduce_body
 from flexfmu.config import FrameTable, read_body_file
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.reduced_body import Formulation, Kinematics
+from references import BEAM, calculix, displacement, relative, rotation
 
 
 def tip_error(body, force):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from references import L_FRAME, calculix, displacement, relative
 
 from flexfmu.build import reduce_body
 from flexfmu.config import FrameTable, read_body_file
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
+from references import L_FRAME, calculix, displacement, relative
 
 CASES = {"static_z": np.array([0.0, 0.0, 1.0]), "static_x": np.array([1.0, 0.0, 0.0])}
 
