@@ -36,9 +36,9 @@ def body(request):
     return random_body(3, interface_frame=(2, GROUND, 0))
 
 
-@pytest.fixture
-def tree(body):
-    return build_tree(body, Kinematics.COROTATED)
+@pytest.fixture(params=[kinematics for kinematics in Kinematics if kinematics is not Kinematics.LINEAR])
+def tree(request, body):
+    return build_tree(body, request.param)
 
 
 @pytest.fixture(params=SIZES)
@@ -100,7 +100,8 @@ def test_load_stiffness_is_symmetric_under_forces_and_unsymmetric_under_moments(
     assert np.linalg.norm(by_moment - by_moment.T) > 0.1 * np.linalg.norm(by_moment)
 
 
-def test_loads_beyond_a_joint_add_up_to_what_it_carries(tree, q, loads):
+def test_loads_beyond_a_joint_add_up_to_what_it_carries(body, q, loads):
+    tree = build_tree(body, Kinematics.COROTATED)
     state = configuration(tree, q)
     force, moment = outboard_loads(tree, state, *loads)
     for k in range(len(tree.parent)):
