@@ -6,28 +6,27 @@ from pathlib import Path
 import numpy as np
 
 from . import __version__
-from .config import BodyFile, InterfaceTable
-from .errors import BodyFileError
+from .config import BodyFile
 from .fe.assembly import mass, stiffness, volume_matrices
-from .fe.faces import FaceBlock, area_matrix, element_faces, select
+from .fe.faces import FaceBlock, element_faces
 from .fe.factorisation import Factorisation
+from .fe.geometric import geometric_stiffness
 from .mesh.checks import checked
 from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, IntArray, Mesh
 from .progress import Reporter
 from .reduction.division import divide
+from .reduction.interfaces import Interface, fit_interface
 from .reduction.model import Model, assemble_model, node_set
 from .reduction.modes import normal_modes
-from .reduction.rigid_fit import Weighted, by_node, modal_fit
 from .reduction.subdomains import (
     FrameRequest,
     Subdomain,
-    carrying_frame,
     frame_operators,
     requested_subdomains,
 )
 from .reduction.surface import body_surface
-from .runtime.reduced_body import Formulation, ReducedBody
+from .runtime.reduced_body import ReducedBody, Stiffness
 
 
 def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
@@ -79,28 +78,32 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         faces = element_faces(mesh)
         subdomains, cuts = _subdomains(config, model, volumes, faces)
         frames = frame_operators(mesh.points, modes.shapes, subdomains)
-        fits = [_interface(table, mesh, modes.shapes, faces, subdomains, report) for table in config.interface]
+        interfaces = _interfaces(config, mesh, faces, subdomains, report)
+        motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
     for text in cuts:
         report.warning(text)
-    report.note(f"{len(subdomains)} frames, {len(fits)} interfaces")
+    report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
+    by_load, by_mode = _geometric(config, mesh, model.free, factor, modes.shapes, interfaces, report)
 
     count = modes.angular_frequency.size
     return ReducedBody(
         name=config.name,
         angular_frequency=modes.angular_frequency,
         damping_ratio=np.broadcast_to(np.asarray(config.damping.ratio, dtype=np.float64), (count,)),
-        interface_names=tuple(table.name for table in config.interface),
-        interface_point=np.array([fit[0] for fit in fits]),
-        interface_displacement=np.array([fit[1] for fit in fits]),
-        interface_rotation=np.array([fit[2] for fit in fits]),
-        interface_frame=np.array([fit[3] for fit in fits]),
+        interface_names=tuple(interface.name for interface in interfaces),
+        interface_point=np.array([interface.point for interface in interfaces]),
+        interface_displacement=motion[:, :3],
+        interface_rotation=motion[:, 3:],
+        interface_frame=np.array([interface.frame for interface in interfaces]),
         frame_names=tuple(domain.name for domain in subdomains),
         frame_parent=np.array([domain.parent for domain in subdomains], dtype=np.int64),
         joint_point=np.array([domain.joint_point for domain in subdomains]),
         joint_displacement=frames.joint_displacement,
         joint_rotation=frames.joint_rotation,
         frame_rotation=frames.frame_rotation,
-        formulation=Formulation(config.formulation.kinematics, config.formulation.loads),
+        stiffness_by_load=by_load,
+        stiffness_by_mode=by_mode,
+        formulation=config.formulation.formulation,
         velocity_outputs=config.output.velocities,
         provenance=_provenance(config, mesh),
         surface=body_surface(mesh, modes.shapes, faces, subdomains) if config.output.surface else None,
@@ -140,46 +143,49 @@ def _subdomains(
     return requested_subdomains(model.mesh, volumes, faces, held, requests), ()
 
 
-def _interface(
-    table: InterfaceTable,
+def _interfaces(
+    config: BodyFile, mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: list[Subdomain], report: Reporter
+) -> list[Interface]:
+    interfaces = [fit_interface(table, mesh, faces, subdomains) for table in config.interface]
+    for interface in interfaces:
+        carrier = f"frame {subdomains[interface.frame].name}" if interface.frame >= 0 else "no frame"
+        spread = "by area" if interface.by_area else "by node"
+        report.note(
+            f"interface {interface.name!r}: {interface.nodes.size} nodes, loads spread {spread}, carried by {carrier}"
+        )
+        if interface.frame < 0 and subdomains:
+            report.warning(
+                f"interface {interface.name!r} touches no frame: it will move linearly; put its nodes into a [[frame]]"
+            )
+    return interfaces
+
+
+def _geometric(
+    config: BodyFile,
     mesh: Mesh,
+    free: IntArray,
+    factor: Factorisation,
     shapes: FloatArray,
-    faces: tuple[FaceBlock, ...],
-    subdomains: list[Subdomain],
+    interfaces: list[Interface],
     report: Reporter,
-) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """Point, displacement, rotation and frame of an interface."""
-    key = f"interface {table.name!r}"
-    nodes = node_set(mesh, table.nodes, f"{key}, nodes")
-    weighted = _weighted(table, mesh, faces, nodes)
-    point = weighted.centre(mesh.points) if table.point is None else np.array(table.point)
-    displacement, rotation, rank = modal_fit(mesh.points, shapes, weighted, point)
-    if rank < 6:
-        raise BodyFileError(
-            f"{key}: the {nodes.size} nodes of {table.nodes!r} lie on a line or in one point, which tells no rotation "
-            "and takes no moment; give the interface at least three nodes off a line"
-        )
-    frame = carrying_frame(subdomains, nodes)
-    carrier = f"frame {subdomains[frame].name}" if frame >= 0 else "no frame"
-    spread = "by area" if weighted.weight.nnz > nodes.size else "by node"
-    report.note(f"{key}: {nodes.size} nodes, loads spread {spread}, carried by {carrier}")
-    if frame < 0 and subdomains:
-        report.warning(f"{key} touches no frame: it will move linearly; put its nodes into a [[frame]]")
-    return point, displacement, rotation, frame
-
-
-def _weighted(table: InterfaceTable, mesh: Mesh, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:
-    if table.weights == "node":
-        return by_node(nodes)
-    matrix = area_matrix(mesh.points, select(faces, nodes, outer=True), nodes)
-    if matrix is not None:
-        return Weighted(nodes, matrix)
-    if table.weights == "area":
-        raise BodyFileError(
-            f'interface {table.name!r}: weights = "area" needs a set that consists of whole element faces on the '
-            f'surface, and {table.nodes!r} does not; add the missing nodes or take weights = "node"'
-        )
-    return by_node(nodes)
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Geometric stiffness by load and by mode, each only where it is wanted."""
+    wanted = config.reduction.geometric_stiffness
+    if wanted is None:
+        wanted = [] if config.formulation.stiffness is Stiffness.CONSTANT else [config.formulation.stiffness.value]
+    by_load = by_mode = None
+    if "by_load" in wanted:
+        with report.stage(f"Geometric stiffness of {6 * len(interfaces)} unit loads"):
+            nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
+            # Forces of all interfaces, then moments.
+            loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
+            fields = np.zeros_like(loads)
+            fields[free] = factor.solve(loads[free])
+            by_load = geometric_stiffness(mesh, fields, shapes)
+    if "by_mode" in wanted:
+        with report.stage(f"Geometric stiffness of {shapes.shape[1]} modes"):
+            by_mode = geometric_stiffness(mesh, shapes, shapes)
+    return by_load, by_mode
 
 
 def _provenance(config: BodyFile, mesh: Mesh) -> dict[str, str]:

@@ -8,7 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from .errors import BodyFileError
 from .mesh.units import UnitSystem
-from .runtime.reduced_body import Kinematics, LoadPlacement
+from .runtime.errors import OptionError
+from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 # Names become parts of FMU variable names and HDF5 paths.
@@ -64,6 +65,7 @@ class ReductionTable(_Table):
 
     basis: Literal["normal"] = "normal"
     modes: int = Field(default=10, ge=1)
+    geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
 
 
 class DampingTable(_Table):
@@ -84,6 +86,20 @@ class FormulationTable(_Table):
 
     kinematics: Kinematics = Kinematics.COROTATED
     loads: LoadPlacement = LoadPlacement.DEFORMED
+    stiffness: Stiffness = Stiffness.CONSTANT
+
+    @property
+    def formulation(self) -> Formulation:
+        """The formulation itself; a combination without meaning raises OptionError."""
+        return Formulation(self.kinematics, self.loads, self.stiffness)
+
+    @model_validator(mode="after")
+    def _meaningful(self) -> "FormulationTable":
+        try:
+            _ = self.formulation
+        except OptionError as error:
+            raise ValueError(str(error)) from error
+        return self
 
 
 class OutputTable(_Table):
@@ -123,6 +139,11 @@ class BodyFile(_Table):
         for f in self.frame:
             if f.parent is not None and f.parent not in known:
                 raise ValueError(f"frame {f.name!r} has the parent {f.parent!r}, which is no [[frame]]")
+        wanted, aboard = self.formulation.stiffness, self.reduction.geometric_stiffness
+        if aboard is not None and wanted is not Stiffness.CONSTANT and wanted.value not in aboard:
+            raise ValueError(
+                f'formulation.stiffness is "{wanted.value}", but reduction.geometric_stiffness lists {aboard}: add it'
+            )
         ratio = self.damping.ratio
         if isinstance(ratio, list) and len(ratio) != self.reduction.modes:
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {self.reduction.modes} modes")

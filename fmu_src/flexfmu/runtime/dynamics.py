@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import OptionError
 from .loads import Loads
-from .reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody
-from .tree import Configuration, Tree, build_tree, configuration, generalised_force, load_stiffness
+from .reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from .rotations import cross, skew
+from .tree import Configuration, Tree, build_tree, configuration, generalised_force, jacobians, load_stiffness
 
 FloatArray = NDArray[np.float64]
 
@@ -22,16 +24,50 @@ class Dynamics:
         ω², 1/s².
     tree : Tree
         Kinematics of outputs, and of loads on the deformed body.
+    placement : LoadPlacement
     load_operator : (6I, m) float
         Linear displacements of all interfaces, then rotations: the transpose maps loads on the reference body.
+    by_load : (6I, m, m) float or None
+        Geometric stiffness of each unit load (forces, then moments), less what the loads' own motion makes of it.
+    by_mode : (m, m, m) float or None
+        Geometric stiffness of each unit modal coordinate.
     nonlinear : bool
         Whether modal forces depend on q.
     """
 
     stiffness: FloatArray
     tree: Tree
+    placement: LoadPlacement
     load_operator: FloatArray
+    by_load: FloatArray | None
+    by_mode: FloatArray | None
     nonlinear: bool
+
+
+@dataclass(frozen=True, slots=True)
+class NodeLoads:
+    """Loads spread to the tree's nodes, frames included.
+
+    Attributes
+    ----------
+    force, moment : (K, 3) float
+        N and N m, global frame.
+    constant : (m,) float
+        Modal force of the loads on the reference body.
+    geometric : (m, m) float or None
+        Geometric stiffness of these loads, 1/s².
+    forces_only : NodeLoads or None
+        The same without moments, which have no potential; None where there are none.
+    active : bool
+        Whether the modal force varies with q under these loads.
+    """
+
+    force: FloatArray
+    moment: FloatArray
+    constant: FloatArray
+    geometric: FloatArray | None
+    forces_only: "NodeLoads | None"
+    active: bool
 
 
 def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
@@ -45,36 +81,56 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
     Returns
     -------
     Dynamics
+
+    Raises
+    ------
+    OptionError
+        The formulation needs data that the body was built without.
     """
     m = body.mode_count
-    # Linear kinematics have a constant derivative: loads on the deformed body are then those on the reference one.
-    nonlinear = (
-        formulation.loads is LoadPlacement.DEFORMED
-        and formulation.kinematics is not Kinematics.LINEAR
-        and bool(np.any(body.interface_frame >= 0))
-    )
+    placement = formulation.loads
+    linear = formulation.kinematics is Kinematics.LINEAR or not np.any(body.interface_frame >= 0)
+    if placement is LoadPlacement.DEFORMED and linear:
+        # Linear kinematics have a constant derivative: loads on the deformed body are then those on the reference one.
+        placement = LoadPlacement.REFERENCE
     operator = np.concatenate([body.interface_displacement.reshape(-1, m), body.interface_rotation.reshape(-1, m)])
-    return Dynamics(body.angular_frequency**2, build_tree(body, formulation.kinematics), operator, nonlinear)
+    tree = build_tree(body, formulation.kinematics)
+    by_load = by_mode = None
+    if formulation.stiffness is Stiffness.BY_LOAD:
+        bare = Dynamics(body.angular_frequency**2, tree, placement, operator, None, None, True)
+        by_load = _aboard(body.stiffness_by_load, formulation) + _own_stiffness(bare, body.interface_count)
+    elif formulation.stiffness is Stiffness.BY_MODE:
+        by_mode = _aboard(body.stiffness_by_mode, formulation)
+    nonlinear = placement is not LoadPlacement.REFERENCE or by_load is not None or by_mode is not None
+    return Dynamics(body.angular_frequency**2, tree, placement, operator, by_load, by_mode, nonlinear)
 
 
-@dataclass(frozen=True, slots=True)
-class NodeLoads:
-    """Loads spread to the tree's nodes, frames included.
+def _aboard(data: FloatArray | None, formulation: Formulation) -> FloatArray:
+    if data is None:
+        kind = formulation.stiffness.value
+        raise OptionError(
+            f'stiffness "{kind}" needs data that this body was built without: build it with geometric_stiffness = '
+            f'["{kind}"] in [reduction]'
+        )
+    return data
 
-    Attributes
-    ----------
-    force, moment : (K, 3) float
-        N and N m, global frame.
-    constant : (m,) float
-        Modal force of the loads on the reference body.
-    active : bool
-        Whether the modal force varies with q under these loads.
+
+def _own_stiffness(dynamics: Dynamics, interfaces: int) -> FloatArray:
+    """∂Q/∂q at q = 0 under each unit load, (6I, m, m): what the loads' displacement does at first order.
+
+    It *is* part of the effect that geometric stiffness by load carries. Taken out of it, the tangent at the unloaded
+    shape is Λ + Σ f_l K_l whatever the placement of loads, and nothing counts twice.
     """
-
-    force: FloatArray
-    moment: FloatArray
-    constant: FloatArray
-    active: bool
+    m = dynamics.stiffness.size
+    result = np.zeros((6 * interfaces, m, m))
+    if dynamics.placement is LoadPlacement.REFERENCE:
+        return result
+    undeformed = configuration_at(dynamics, np.zeros(m))
+    for column, unit in enumerate(np.eye(6 * interfaces)):
+        force, moment = unit.reshape(2, interfaces, 3)
+        loads = spread(dynamics, Loads(force, moment))
+        result[column] = _displacement_stiffness(dynamics, loads, undeformed)
+    return result
 
 
 def spread(dynamics: Dynamics, loads: Loads) -> NodeLoads:
@@ -93,13 +149,20 @@ def spread(dynamics: Dynamics, loads: Loads) -> NodeLoads:
     force = np.zeros((frames + len(loads.force), 3))
     moment = np.zeros_like(force)
     force[frames:], moment[frames:] = loads.force, loads.moment
-    constant = np.concatenate([loads.force.ravel(), loads.moment.ravel()]) @ dynamics.load_operator
-    active = dynamics.nonlinear and bool(np.any(loads.force) or np.any(loads.moment))
-    return NodeLoads(force, moment, constant, active)
+    components = np.concatenate([loads.force.ravel(), loads.moment.ravel()])
+    constant = components @ dynamics.load_operator
+    geometric = None
+    if dynamics.by_load is not None:
+        geometric = np.tensordot(components, dynamics.by_load, axes=1)
+    forces_only = None
+    if dynamics.nonlinear and np.any(loads.moment):
+        forces_only = spread(dynamics, Loads(loads.force, np.zeros_like(loads.moment)))
+    active = dynamics.by_mode is not None or (dynamics.nonlinear and bool(np.any(components)))
+    return NodeLoads(force, moment, constant, geometric, forces_only, active)
 
 
 def modal_force(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> FloatArray:
-    """Modal force Q(q) of loads on the deformed body.
+    """Modal force Q(q) of the loads, geometric stiffness included.
 
     Parameters
     ----------
@@ -112,11 +175,27 @@ def modal_force(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> F
     -------
     (m,) float
     """
-    return generalised_force(dynamics.tree, state, loads.force, loads.moment)
+    match dynamics.placement:
+        case LoadPlacement.DEFORMED:
+            force = generalised_force(dynamics.tree, state, loads.force, loads.moment)
+        case LoadPlacement.CORRECTIVE_MOMENT:
+            first = dynamics.tree.frame_count
+            displacement = state.position[first:] - dynamics.tree.point[first:]
+            moment = cross(displacement, loads.force[first:])
+            force = loads.constant + moment.ravel() @ dynamics.load_operator[moment.size :]
+        case LoadPlacement.REFERENCE:
+            force = loads.constant
+    if loads.geometric is not None:
+        force = force - loads.geometric @ state.q
+    if dynamics.by_mode is not None:
+        # Σ q_j K_j q and no more. Made the gradient of an energy, it would be bounded by the quartic term alone, which
+        # modes do not have: a bent cantilever then collapses.
+        force = force - np.tensordot(state.q, dynamics.by_mode, axes=1) @ state.q
+    return force
 
 
-def force_work(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> float:
-    """Work Σ f·(x − X) of the forces from the undeformed body on, J; moments have no potential and do not count.
+def force_work(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> float | None:
+    """Potential whose gradient is the part of Q(q) that is due to forces, J; moments do not count.
 
     Parameters
     ----------
@@ -126,9 +205,38 @@ def force_work(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> fl
 
     Returns
     -------
-    float
+    float or None
+        Work from the undeformed body on; None where there is no potential (corrective moments, stiffness by mode).
     """
-    return float(np.vdot(loads.force, state.position - dynamics.tree.point))
+    if dynamics.placement is LoadPlacement.CORRECTIVE_MOMENT or dynamics.by_mode is not None:
+        return None
+    q = state.q
+    if dynamics.placement is LoadPlacement.DEFORMED:
+        work = float(np.vdot(loads.force, state.position - dynamics.tree.point))
+    else:
+        half = dynamics.load_operator.shape[0] // 2
+        first = dynamics.tree.frame_count
+        work = float(loads.force[first:].ravel() @ (dynamics.load_operator[:half] @ q))
+    geometric = loads.geometric if loads.forces_only is None else loads.forces_only.geometric
+    if geometric is not None:
+        work -= 0.5 * float(q @ geometric @ q)
+    return work
+
+
+def _displacement_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> FloatArray:
+    """∂Q/∂q (m, m) for want of geometric stiffness: that of loads that move with the body."""
+    match dynamics.placement:
+        case LoadPlacement.DEFORMED:
+            return load_stiffness(dynamics.tree, state, loads.force, loads.moment)
+        case LoadPlacement.CORRECTIVE_MOMENT:
+            first = dynamics.tree.frame_count
+            translation, _ = jacobians(dynamics.tree, state)
+            change = -skew(loads.force[first:]) @ translation[first:]
+            rotation = dynamics.load_operator[3 * len(change) :]
+            result: FloatArray = rotation.T @ change.reshape(rotation.shape)
+            return result
+        case LoadPlacement.REFERENCE:
+            return np.zeros((state.q.size, state.q.size))
 
 
 def tangent_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> FloatArray:
@@ -146,8 +254,13 @@ def tangent_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configuration
         1/s².
     """
     result: FloatArray = np.diag(dynamics.stiffness)
-    if loads.active:
-        result = result - load_stiffness(dynamics.tree, state, loads.force, loads.moment)
+    if not loads.active:
+        return result
+    result = result - _displacement_stiffness(dynamics, loads, state)
+    if loads.geometric is not None:
+        result = result + loads.geometric
+    if dynamics.by_mode is not None:
+        result = result + np.tensordot(state.q, dynamics.by_mode, axes=1) + (dynamics.by_mode @ state.q).T
     return result
 
 

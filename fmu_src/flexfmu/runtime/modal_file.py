@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from .errors import ModalFileError
-from .reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Surface
+from .reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness, Surface
 
 FORMAT = "flexfmu modal file"
 SCHEMA_VERSION = 1
@@ -50,6 +50,13 @@ ARRAYS: dict[str, Entry] = {
     "joint_rotation": Entry("frames/joint_rotation", "rad/(kg^0.5 m)", "(S, 3, m) rotation per mode"),
     "frame_rotation": Entry("frames/rotation", "rad/(kg^0.5 m)", "(S, 3, m) averaged rotation per mode"),
 }
+# Present only where the body was built with them.
+OPTIONAL: dict[str, Entry] = {
+    "stiffness_by_load": Entry(
+        "stiffness/by_load", "s^-2/N", "(6I, m, m) per unit load: forces, then moments (/(N m))"
+    ),
+    "stiffness_by_mode": Entry("stiffness/by_mode", "s^-2/(kg^0.5 m)", "(m, m, m) per unit modal coordinate"),
+}
 SURFACE: dict[str, Entry] = {
     "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),
     "faces": Entry("surface/faces", "1", "(f, 4) rows of points; a triangle repeats its last corner"),
@@ -75,6 +82,7 @@ class _Digest:
             body.name,
             body.formulation.kinematics.value,
             body.formulation.loads.value,
+            body.formulation.stiffness.value,
             str(body.velocity_outputs),
             *body.interface_names,
             *body.frame_names,
@@ -82,6 +90,7 @@ class _Digest:
         ]
         digest.update("\0".join(texts).encode())
         arrays = [getattr(body, name) for name in ARRAYS]
+        arrays += [value for name in OPTIONAL if (value := getattr(body, name)) is not None]
         if body.surface is not None:
             arrays += [getattr(body.surface, name) for name in SURFACE]
         for array in arrays:
@@ -112,6 +121,7 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["frame_convention"] = FRAME_CONVENTION
             file.attrs["kinematics"] = body.formulation.kinematics.value
             file.attrs["loads"] = body.formulation.loads.value
+            file.attrs["stiffness"] = body.formulation.stiffness.value
             file.attrs["velocity_outputs"] = body.velocity_outputs
             file.attrs["sha256"] = _Digest(body).hexdigest()
             for field, entry in NAMES.items():
@@ -119,6 +129,9 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
                 _write(file, entry, names[: len(getattr(body, field))])
             for field, entry in ARRAYS.items():
                 _write(file, entry, getattr(body, field))
+            for field, entry in OPTIONAL.items():
+                if (value := getattr(body, field)) is not None:
+                    _write(file, entry, value)
             if body.surface is not None:
                 for field, entry in SURFACE.items():
                     _write(file, entry, getattr(body.surface, field))
@@ -179,10 +192,15 @@ def _read(file: Any, name: str) -> ReducedBody:
         field: tuple(text.decode() for text in file[entry.path][()]) for field, entry in NAMES.items()
     }
     contents |= {field: file[entry.path][()] for field, entry in ARRAYS.items()}
+    contents |= {field: file[entry.path][()] for field, entry in OPTIONAL.items() if entry.path in file}
     body = ReducedBody(
         **contents,
         name=str(file.attrs["name"]),
-        formulation=Formulation(Kinematics(file.attrs["kinematics"]), LoadPlacement(file.attrs["loads"])),
+        formulation=Formulation(
+            Kinematics(file.attrs["kinematics"]),
+            LoadPlacement(file.attrs["loads"]),
+            Stiffness(file.attrs["stiffness"]),
+        ),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         surface=surface,

@@ -6,7 +6,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ModalFileError
+from .errors import ModalFileError, OptionError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -20,6 +20,10 @@ class Kinematics(Enum):
 
     LINEAR = "linear"
     """Equation (1): modal superposition, nothing else."""
+    LITERAL = "literal"
+    """Displacements from a sub-domain's joint turned by its averaged rotation, as the words of the paper have it."""
+    SECANT = "secant"
+    """Displacements turned by half the averaged rotation: onto the chord of the arc."""
     COROTATED = "corotated"
     """The tree of corotated frames."""
 
@@ -29,22 +33,50 @@ class LoadPlacement(Enum):
 
     REFERENCE = "reference"
     """On the undeformed body."""
+    CORRECTIVE_MOMENT = "corrective_moment"
+    """On the undeformed body, with the moment u × F of the paper's equation (3)."""
     DEFORMED = "deformed"
     """On the deformed body, by the transpose of the kinematics' derivative."""
 
 
+class Stiffness(Enum):
+    """How stress changes stiffness."""
+
+    CONSTANT = "constant"
+    """Not at all: Λ."""
+    BY_LOAD = "by_load"
+    """Geometric stiffness of the linear stress of the loads, Σ f_l K_l."""
+    BY_MODE = "by_mode"
+    """Geometric stiffness of the stress of the modal coordinates, Σ q_j K_j."""
+
+
 @dataclass(frozen=True, slots=True)
 class Formulation:
-    """The choice of kinematics and of where loads act.
+    """The choice of kinematics, of where loads act, and of how stress stiffens.
 
     Attributes
     ----------
     kinematics : Kinematics
     loads : LoadPlacement
+    stiffness : Stiffness
+
+    Raises
+    ------
+    OptionError
+        A combination without meaning.
     """
 
     kinematics: Kinematics = Kinematics.COROTATED
     loads: LoadPlacement = LoadPlacement.DEFORMED
+    stiffness: Stiffness = Stiffness.CONSTANT
+
+    def __post_init__(self) -> None:
+        """Refuse what would count one effect twice."""
+        if self.stiffness is Stiffness.BY_MODE and self.loads is not LoadPlacement.REFERENCE:
+            raise OptionError(
+                f'stiffness "by_mode" with loads "{self.loads.value}" counts the same load effect twice: the stress of '
+                'the modal coordinates already carries it; take loads "reference", or stiffness "by_load"'
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +132,10 @@ class ReducedBody:
         Rotation of the joint's section; used only to tell how much a frame's own material turns in it.
     frame_rotation : (S, 3, m) float
         Averaged rotation Θ_s of the sub-domain.
+    stiffness_by_load : (6I, m, m) float or None
+        Reduced geometric stiffness of each unit load: forces of all interfaces, then moments; 1/(s² N), 1/(s² N m).
+    stiffness_by_mode : (m, m, m) float or None
+        Reduced geometric stiffness of each unit modal coordinate, 1/(s² kg^1/2 m).
     formulation : Formulation
         The one that the body file asks for; another may be chosen at run time.
     velocity_outputs : bool
@@ -123,6 +159,8 @@ class ReducedBody:
     joint_displacement: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     joint_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     frame_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    stiffness_by_load: FloatArray | None = None
+    stiffness_by_mode: FloatArray | None = None
     formulation: Formulation = field(default_factory=Formulation)
     velocity_outputs: bool = False
     provenance: dict[str, str] = field(default_factory=dict)
@@ -151,6 +189,10 @@ class ReducedBody:
             "joint_rotation": (frames, 3, modes),
             "frame_rotation": (frames, 3, modes),
         }
+        if self.stiffness_by_load is not None:
+            shapes["stiffness_by_load"] = (6 * interfaces, modes, modes)
+        if self.stiffness_by_mode is not None:
+            shapes["stiffness_by_mode"] = (modes, modes, modes)
         for name, shape in shapes.items():
             kind = np.int64 if name in ("interface_frame", "frame_parent") else np.float64
             value = np.array(getattr(self, name), dtype=kind)

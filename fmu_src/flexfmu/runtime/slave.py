@@ -14,7 +14,7 @@ from .body import FlexibleBody
 from .errors import OptionError, RuntimeBodyError
 from .loads import Loads
 from .modal_file import read_modal_file
-from .reduced_body import Formulation, Kinematics, LoadPlacement
+from .reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from .stepping import State, StepLimits, Work
 from .variables import (
     DAMPING_SCALE,
@@ -27,6 +27,7 @@ from .variables import (
     STATUS_CODE,
     STEP_LIMIT,
     STEP_TOLERANCE,
+    STIFFNESS,
     STRAIN_ENERGY,
     SUBSTEPS,
     Group,
@@ -40,9 +41,10 @@ MODAL_FILE = "modal.h5"
 # FMI status numbers.
 _WARNING, _DISCARD, _ERROR = 1, 2, 3
 _CATEGORY = {_WARNING: "logStatusWarning", _DISCARD: "logStatusDiscard", _ERROR: "logStatusError"}
-_CHOICES: dict[str, type[Kinematics] | type[LoadPlacement] | type[Initialization]] = {
+_CHOICES: dict[str, type[Kinematics] | type[LoadPlacement] | type[Stiffness] | type[Initialization]] = {
     KINEMATICS: Kinematics,
     LOADS: LoadPlacement,
+    STIFFNESS: Stiffness,
     INITIALIZATION: Initialization,
 }
 
@@ -189,9 +191,10 @@ class BodySlave:
         """Go back to a state taken from this or another instance of the same FMU."""
         m, inputs = self._model.mode_count, self._inputs.size
         values = np.frombuffer(block, dtype=np.float64)
-        if values.size != inputs + 2 * m + 13:
-            raise ValueError(f"FMU state has {values.size} numbers, expected {inputs + 2 * m + 13}: of another FMU?")
-        ends = np.cumsum([inputs, m, m, 3, 3, 4])
+        sizes = [inputs, m, m, 3, len(_CHOICES), 4, 3]
+        if values.size != sum(sizes):
+            raise ValueError(f"FMU state has {values.size} numbers, expected {sum(sizes)}: of another FMU?")
+        ends = np.cumsum(sizes)[:-1]
         set_inputs, q, v, numbers, choices, flags, work = np.split(values, ends)
         self._inputs = set_inputs.copy()
         self._parameters |= dict(
@@ -223,7 +226,9 @@ class BodySlave:
         if self._body is None:
             try:
                 formulation = Formulation(
-                    Kinematics(self._parameters[KINEMATICS]), LoadPlacement(self._parameters[LOADS])
+                    Kinematics(self._parameters[KINEMATICS]),
+                    LoadPlacement(self._parameters[LOADS]),
+                    Stiffness(self._parameters[STIFFNESS]),
                 )
                 numbers = [float(self._parameters[n] or 0.0) for n in (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)]
                 limits = StepLimits(numbers[1], numbers[2])

@@ -13,6 +13,8 @@ FloatArray = NDArray[np.float64]
 _MAX_ITERATIONS = 15
 # ‖ΔΩq‖ / ‖Ωq‖; the last Newton iteration squares it.
 _TOLERANCE = 1e-9
+# Round-off leaves a tangent that has a potential symmetric to this.
+_SYMMETRIC = 1e-9
 # Halving the increment ten times: a load that still fails is at a limit point.
 _SMALLEST_INCREMENT = 2.0**-10
 
@@ -70,11 +72,9 @@ def _newton(dynamics: Dynamics, loads: Loads, start: FloatArray) -> tuple[FloatA
         state = configuration_at(dynamics, q)
         residual = dynamics.stiffness * q - modal_force(dynamics, at_nodes, state)
         tangent = tangent_stiffness(dynamics, at_nodes, state) / np.outer(omega, omega)
-        try:
-            np.linalg.cholesky(0.5 * (tangent + tangent.T))
-            change = np.linalg.solve(tangent, residual / omega)
-        except np.linalg.LinAlgError:
+        if not _stable(tangent):
             return None, iteration
+        change = np.linalg.solve(tangent, residual / omega)
         q = q - change / omega
         size = float(np.linalg.norm(change))
         if not np.isfinite(size):
@@ -82,3 +82,15 @@ def _newton(dynamics: Dynamics, loads: Loads, start: FloatArray) -> tuple[FloatA
         if size <= _TOLERANCE * float(np.linalg.norm(omega * q)):
             return q, iteration
     return None, _MAX_ITERATIONS
+
+
+def _stable(tangent: FloatArray) -> bool:
+    """Whether a tangent (m, m) gives way in no direction: no eigenvalue has lost its positive real part.
+
+    Without a potential the tangent is not symmetric, and its symmetric part may be indefinite where the body is stable.
+    """
+    if not np.all(np.isfinite(tangent)):
+        return False
+    if np.max(np.abs(tangent - tangent.T)) <= _SYMMETRIC * np.max(np.abs(tangent)):
+        return bool(np.linalg.eigvalsh(tangent)[0] > 0.0)
+    return bool(np.min(np.linalg.eigvals(tangent).real) > 0.0)

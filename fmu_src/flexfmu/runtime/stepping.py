@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from .dynamics import Dynamics, NodeLoads, configuration_at, force_work, modal_force, tangent_stiffness
 from .errors import StepError
 from .propagation import Propagator, propagator
+from .tree import Configuration
 
 FloatArray = NDArray[np.float64]
 
@@ -199,7 +200,7 @@ def _implicit_step(
     q0: FloatArray,
     v0: FloatArray,
     force0: FloatArray,
-    work0: float,
+    work0: float | None,
 ) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
     """Solve q₁ = P q₀ + g_q Q̄(q₀, q₁); return q₁ and Q̄, or None, and the number of rounds."""
     omega = np.sqrt(dynamics.stiffness)
@@ -211,9 +212,8 @@ def _implicit_step(
         middle = configuration_at(dynamics, 0.5 * (q0 + q1))
         force = modal_force(dynamics, loads, middle)
         difference = q1 - q0
-        square = float(np.vdot(difference, difference))
-        if rounds > 1 and square > 0.0:
-            correction = _correction(dynamics, loads, q1, work0, float(np.vdot(force, difference)), square)
+        if rounds > 1 and np.any(difference):
+            correction = _correction(dynamics, loads, middle, force, q1, work0, difference)
         mean_force = force + correction * difference
         residual = q1 - free - p.gq * mean_force
         if rounds > _FIXED_POINT_ROUNDS and newton is None:
@@ -240,10 +240,23 @@ def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
 
 
 def _correction(
-    dynamics: Dynamics, loads: NodeLoads, q1: FloatArray, work0: float, middle_work: float, square: float
+    dynamics: Dynamics,
+    loads: NodeLoads,
+    middle: Configuration,
+    force: FloatArray,
+    q1: FloatArray,
+    work0: float | None,
+    difference: FloatArray,
 ) -> float:
-    """Discrete gradient's factor [J(q₁) − J(q₀) − Q(q̄)·Δq]/|Δq|², zero where the bracket is round-off."""
+    """Discrete gradient's factor [J(q₁) − J(q₀) − Q(q̄)·Δq]/|Δq|², zero where the bracket is round-off.
+
+    J and Q are those of the forces: moments enter the step by their value in the middle alone.
+    """
     work1 = force_work(dynamics, loads, configuration_at(dynamics, q1))
-    bracket = work1 - work0 - middle_work
+    if work0 is None or work1 is None:
+        return 0.0
+    if loads.forces_only is not None:
+        force = modal_force(dynamics, loads.forces_only, middle)
+    bracket = work1 - work0 - float(np.vdot(force, difference))
     reach = float(np.vdot(np.abs(loads.force), np.abs(dynamics.tree.point))) + abs(work0) + abs(work1)
-    return bracket / square if abs(bracket) > _ROUND_OFF * reach else 0.0
+    return bracket / float(np.vdot(difference, difference)) if abs(bracket) > _ROUND_OFF * reach else 0.0

@@ -11,6 +11,9 @@ so that one pass outwards gives
     R_k = R_p exp(φ_k),     x_k = x_p + R_p b_k.
 
 A node on the ground has R_p = I, x_p = 0: without frames this is modal superposition, equation (1) of the paper.
+
+The paper's own readings, where displacements turn but positions do not (`LITERAL`, `SECANT`), are the same tree with
+x_k = X_k + y_k, y_k = y_p + R_p (u(X_k) − u(X_p)), and R_p made of the whole or half the averaged rotation.
 """
 
 from dataclasses import dataclass
@@ -23,6 +26,9 @@ from .rotations import cross, exponential_and_jacobian, skew, transposed_jacobia
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+# Share of the averaged rotation by which displacements turn where positions do not.
+_TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +47,8 @@ class Tree:
         X_k − X_p, m.
     operator : (6K, m) float
         D_k of all nodes, then C_k of all nodes.
+    base : (K, 3) float
+        Part of the positions that no frame turns, m: zero for corotated frames.
     path : (K, K) float
         path[k, a] = 1 where a is k or one of its ancestors.
     parent_path : (K, K) float
@@ -52,6 +60,7 @@ class Tree:
     point: FloatArray
     offset: FloatArray
     operator: FloatArray
+    base: FloatArray
     path: FloatArray
     parent_path: FloatArray
 
@@ -62,6 +71,8 @@ class Configuration:
 
     Attributes
     ----------
+    q : (m,) float
+        kg^1/2 m.
     position : (K, 3) float
         x_k, m, global frame.
     rotation : (K, 3, 3) float
@@ -76,6 +87,7 @@ class Configuration:
         T(φ_k): the relative angular velocity is R_p T φ̇.
     """
 
+    q: FloatArray
     position: FloatArray
     rotation: FloatArray
     parent_rotation: FloatArray
@@ -113,12 +125,22 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
     d[hung] -= displacement[p] - skew(offset[hung]) @ rotation[p]
     c[hung] -= rotation[p]
 
+    base = np.zeros_like(point)
+    if kinematics in _TURN:
+        # Only displacements turn: u_p + exp(α θ_p) (u − u_p), with what is left of the rotation on top.
+        share = _TURN[kinematics]
+        base, offset, d = point, np.zeros_like(point), displacement.copy()
+        d[hung] -= displacement[p]
+        c = rotation.copy()
+        c[:frames] *= share
+        c[hung] -= share * rotation[p]
+
     path = np.eye(len(parent))
     for k, frame in enumerate(parent):
         if frame >= 0:
             path[k] += path[frame]
     operator = np.concatenate([d.reshape(-1, body.mode_count), c.reshape(-1, body.mode_count)])
-    return Tree(parent, frames, point, offset, operator, path, path - np.eye(len(parent)))
+    return Tree(parent, frames, point, offset, operator, base, path, path - np.eye(len(parent)))
 
 
 def configuration(tree: Tree, q: FloatArray) -> Configuration:
@@ -147,8 +169,8 @@ def configuration(tree: Tree, q: FloatArray) -> Configuration:
     parent_rotation = rotation[tree.parent]
     first = tree.frame_count
     np.matmul(parent_rotation[first:], exponential[first:], out=rotation[first:-1])
-    position = tree.path @ (parent_rotation @ offset[:, :, None])[:, :, 0]
-    return Configuration(position, rotation[:-1], parent_rotation, offset, relative, jacobian)
+    position = tree.base + tree.path @ (parent_rotation @ offset[:, :, None])[:, :, 0]
+    return Configuration(q, position, rotation[:-1], parent_rotation, offset, relative, jacobian)
 
 
 def outboard_loads(
@@ -168,9 +190,10 @@ def outboard_loads(
     force, moment : (K, 3) float
         F_k = Σ f_d and M_k = Σ (m_d + (x_d − x_k) × f_d) over k and its descendants d.
     """
+    turning = state.position - tree.base
     total = tree.path.T @ force
-    about_origin = tree.path.T @ (moment + cross(state.position, force))
-    return total, about_origin - cross(state.position, total)
+    about_origin = tree.path.T @ (moment + cross(turning, force))
+    return total, about_origin - cross(turning, total)
 
 
 def generalised_force(tree: Tree, state: Configuration, force: FloatArray, moment: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ its order: inputs, outputs, parameters, diagnostics.
 from dataclasses import dataclass
 from enum import Enum
 
-from .reduced_body import Kinematics, LoadPlacement, ReducedBody
+from .reduced_body import Kinematics, LoadPlacement, ReducedBody, Stiffness
 
 AXES = ("x", "y", "z")
 
@@ -66,6 +66,7 @@ class Variable:
 STATUS_CODE = "status.code"
 KINEMATICS = "formulation.kinematics"
 LOADS = "formulation.loads"
+STIFFNESS = "formulation.stiffness"
 INITIALIZATION = "initialization"
 DAMPING_SCALE = "damping.scale"
 STEP_LIMIT = "internal_step.limit"
@@ -158,6 +159,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
             "how displacements follow from the modes",
         ),
         text(LOADS, body.formulation.loads.value, LoadPlacement, "the configuration on which loads act"),
+        text(STIFFNESS, body.formulation.stiffness.value, Stiffness, "how stress changes stiffness"),
         text(INITIALIZATION, Initialization.REST.value, Initialization, "how the body starts"),
         number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
         number(STEP_LIMIT, 0.0, "s", "longest internal step; 0 for none"),
