@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +24,35 @@ from demo.tip_face import TipFace
 # leaves errors that the bodies' reduced models are able to resolve.
 FORCE_TOLERANCE = 1e-7
 
+# Accuracy of buckling factors; CalculiX's own 0.01 is no reference.
+BUCKLING_TOLERANCE = 1e-6
+
+# Number of the node that leads a face, beyond the numbers of all model decks.
+PILOT_NODE = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A model deck and what the decks that include it need to know of it.
+
+    Attributes
+    ----------
+    file : Path
+        The model deck, one folder above the decks that include it.
+    faces : dict of str to TipFace
+        The face of each interface, by its name; the node set has the same name in capitals.
+    supports : tuple of str
+        Node sets that are clamped.
+    """
+
+    file: Path
+    faces: dict[str, TipFace]
+    supports: tuple[str, ...] = ("ROOT",)
+
+
+# Force of each loaded interface, shape (3,), N, in fixed directions.
+Forces = dict[str, np.ndarray]
+
 
 @dataclass(frozen=True, slots=True)
 class Run:
@@ -32,17 +62,15 @@ class Run:
     seconds: float
 
 
-def static_deck(model: Path, tip: TipFace, force: np.ndarray, increments: int, title: str) -> str:
-    """Deck of a nonlinear static run: a dead force grows from 0 to `force` in equal increments.
+def static_deck(model: Model, forces: Forces, increments: int, title: str) -> str:
+    """Deck of a nonlinear static run: dead forces grow from 0 to `forces` in equal increments.
 
     Parameters
     ----------
-    model : Path
-        The model deck, one folder above the deck.
-    tip : TipFace
-        Face that bears the force.
-    force : ndarray, shape (3,)
-        Force at the end, N, in fixed directions.
+    model : Model
+        The body.
+    forces : dict of str to ndarray, shape (3,)
+        Forces at the end.
     increments : int
         Number of increments; each is printed.
     title : str
@@ -57,27 +85,95 @@ def static_deck(model: Path, tip: TipFace, force: np.ndarray, increments: int, t
             "*STATIC, DIRECT",
             f"{1 / increments:.9g}, 1.",
             *_tolerance_cards(),
-            *_load_and_print_cards(tip, force),
+            *_load_cards(model, forces),
+            *_print_cards(model),
+            "*END STEP",
         ],
     )
 
 
-def linear_deck(model: Path, tip: TipFace, force: np.ndarray, title: str) -> str:
-    """Deck of a linear static run under `force`, shape (3,), N; the rest as in `static_deck`."""
-    return _deck(model, title, [], ["*STEP", "*STATIC", *_load_and_print_cards(tip, force)])
+def linear_deck(model: Model, forces: Forces, title: str) -> str:
+    """Deck of a linear static run under `forces`; the rest as in `static_deck`."""
+    return _deck(model, title, [], ["*STEP", "*STATIC", *_load_cards(model, forces), *_print_cards(model), "*END STEP"])
 
 
-def frequency_deck(model: Path, count: int, title: str) -> str:
+def path_deck(model: Model, interface: str, axis: int, displacement: float, increments: int, title: str) -> str:
+    """Deck of a nonlinear static run led by the mean displacement of a face, past limit points of the load.
+
+    The force is that of a uniform traction, as in `static_deck`: an equation ties the face's weighted mean to a
+    node of its own, whose reaction is the force. That node is the only one of the set PILOT.
+
+    Parameters
+    ----------
+    model, increments, title
+        As in `static_deck`.
+    interface : str
+        Name of the interface.
+    axis : int
+        0, 1 or 2: direction of displacement and force.
+    displacement : float
+        Mean displacement at the end, m.
+    """
+    face = model.faces[interface]
+    terms = [f"{node + 1}, {axis + 1}, {share:.12e}" for node, share in zip(face.nodes, face.weights, strict=True)]
+    terms.append(f"{PILOT_NODE}, {axis + 1}, -1.")
+    # Lines of an equation have to be full: four terms.
+    lines = [", ".join(terms[i : i + 4]) for i in range(0, len(terms), 4)]
+    return _deck(
+        model,
+        title,
+        ["*NODE, NSET=PILOT", f"{PILOT_NODE}, 0., 0., 0.", "*EQUATION", f"{len(terms)}", *lines],
+        [
+            f"*STEP, NLGEOM, INC={increments + 1}",
+            "*STATIC, DIRECT",
+            f"{1 / increments:.9g}, 1.",
+            *_tolerance_cards(),
+            "*BOUNDARY",
+            f"PILOT, {axis + 1}, {axis + 1}, {displacement:.9g}",
+            *_print_cards(model),
+            "*NODE PRINT, NSET=PILOT",
+            "RF",
+            "*END STEP",
+        ],
+    )
+
+
+def frequency_deck(model: Model, count: int, title: str) -> str:
     """Deck of an eigenfrequency run for the lowest `count` modes of the supported body."""
     return _deck(model, title, [], ["*STEP", "*FREQUENCY", f"{count}", "*END STEP"])
 
 
-def sudden_load_deck(model: Path, tip: TipFace, force: np.ndarray, step: float, duration: float, title: str) -> str:
-    """Deck of an undamped nonlinear transient from rest under a force that is there from the start.
+def preloaded_frequency_deck(model: Model, preloads: Sequence[Forces], count: int, title: str) -> str:
+    """Deck of eigenfrequencies about nonlinear equilibria, one after the other.
 
     Parameters
     ----------
-    model, tip, force, title
+    model, title
+        As in `static_deck`.
+    preloads : sequence of dict of str to ndarray, shape (3,)
+        The dead forces of each equilibrium.
+    count : int
+        Number of modes of each.
+    """
+    steps = []
+    for forces in preloads:
+        steps += ["*STEP, NLGEOM", "*STATIC", *_tolerance_cards(), *_load_cards(model, forces, ", OP=NEW"), "*END STEP"]
+        steps += ["*STEP, PERTURBATION", "*FREQUENCY", f"{count}", "*END STEP"]
+    return _deck(model, title, [], steps)
+
+
+def buckling_deck(model: Model, forces: Forces, count: int, title: str) -> str:
+    """Deck of the lowest `count` factors by which `forces` become critical, linear, from the unloaded body."""
+    step = ["*STEP", "*BUCKLE", f"{count}, {BUCKLING_TOLERANCE:g}", *_load_cards(model, forces), "*END STEP"]
+    return _deck(model, title, [], step)
+
+
+def sudden_load_deck(model: Model, forces: Forces, step: float, duration: float, title: str) -> str:
+    """Deck of an undamped nonlinear transient from rest under forces that are there from the start.
+
+    Parameters
+    ----------
+    model, forces, title
         As in `static_deck`.
     step, duration : float
         Fixed time step and end time, s. With ALPHA=0 the method is the trapezoidal rule, free of damping.
@@ -91,7 +187,9 @@ def sudden_load_deck(model: Path, tip: TipFace, force: np.ndarray, step: float, 
             "*DYNAMIC, ALPHA=0., DIRECT",
             f"{step:.9g}, {duration:.9g}",
             *_tolerance_cards(),
-            *_load_and_print_cards(tip, force, ", AMPLITUDE=SUDDEN"),
+            *_load_cards(model, forces, ", AMPLITUDE=SUDDEN"),
+            *_print_cards(model),
+            "*END STEP",
         ],
     )
 
@@ -116,15 +214,15 @@ def ccx_version() -> str:
     return re.search(r"Version\s+(\S+)", stated).group(1)
 
 
-def run_ccx(deck: Path, model: Path) -> Run:
+def run_ccx(deck: Path, model: Model) -> Run:
     """Run CalculiX on one core in a temporary copy of the deck's folder.
 
     Parameters
     ----------
     deck : Path
         Deck to run.
-    model : Path
-        Model deck that it includes from one folder above.
+    model : Model
+        Body whose model deck it includes from one folder above.
 
     Raises
     ------
@@ -134,7 +232,7 @@ def run_ccx(deck: Path, model: Path) -> Run:
     with tempfile.TemporaryDirectory() as top:
         folder = Path(top) / "run"
         folder.mkdir()
-        shutil.copy(model, top)
+        shutil.copy(model.file, top)
         shutil.copy(deck, folder)
         start = time.perf_counter()
         done = subprocess.run(
@@ -151,15 +249,15 @@ def run_ccx(deck: Path, model: Path) -> Run:
         return Run(printed=(folder / f"{deck.stem}.dat").read_text(), seconds=seconds)
 
 
-def read_displacements(printed: str, n_nodes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Read the displacements of the one printed node set, at all printed times.
+def read_displacements(printed: str, interface: str) -> tuple[np.ndarray, np.ndarray]:
+    """Read the displacements of the nodes of an interface, at all printed times.
 
     Parameters
     ----------
     printed : str
         Contents of the .dat file.
-    n_nodes : int
-        Number of nodes in the set; they come in ascending order.
+    interface : str
+        Name of the interface; its nodes come in ascending order.
 
     Returns
     -------
@@ -168,26 +266,45 @@ def read_displacements(printed: str, n_nodes: int) -> tuple[np.ndarray, np.ndarr
     displacements : ndarray, shape (n_times, n_nodes, 3)
         Displacements, m.
     """
-    blocks = re.split(r"displacements \(vx,vy,vz\) for set \S+ and time", printed)[1:]
-    times = np.empty(len(blocks))
-    displacements = np.empty((len(blocks), n_nodes, 3))
-    for i, block in enumerate(blocks):
-        head, *rows = [line.split() for line in block.splitlines() if line.strip()]
-        times[i] = float(head[0])
-        table = np.array(rows, dtype=float)
-        displacements[i] = table[np.argsort(table[:, 0]), 1:]
-    return times, displacements
+    return _read_blocks(printed, "displacements (vx,vy,vz)", interface.upper())
+
+
+def read_pilot_force(printed: str) -> np.ndarray:
+    """Read the force on the node PILOT at all printed times, shape (n_times, 3), N."""
+    return _read_blocks(printed, "forces (fx,fy,fz)", "PILOT")[1][:, 0]
 
 
 def read_frequencies(printed: str) -> np.ndarray:
-    """Read the eigenfrequencies, Hz, from the contents of a .dat file; shape (n_modes,)."""
-    table = printed.split("E I G E N V A L U E   O U T P U T")[1].split("P A R T I C I P A T I O N")[0]
+    """Read the eigenfrequencies, Hz, from the contents of a .dat file; shape (n_steps, n_modes)."""
+    tables = printed.split("E I G E N V A L U E   O U T P U T")[1:]
+    return np.array([_numbered_rows(table.split("P A R T I C I P A T I O N")[0])[:, 3] for table in tables])
+
+
+def read_buckling_factors(printed: str) -> np.ndarray:
+    """Read the buckling factors from the contents of a .dat file; shape (n_modes,)."""
+    return _numbered_rows(printed.split("B U C K L I N G   F A C T O R   O U T P U T")[1])[:, 1]
+
+
+def _read_blocks(printed: str, quantity: str, node_set: str) -> tuple[np.ndarray, np.ndarray]:
+    """Step times (n_times,) and values (n_times, n_nodes, 3) of a quantity printed for a node set."""
+    blocks = re.findall(rf"{re.escape(quantity)} for set {node_set} and time +(\S+)\n\n((?: +\d.*\n)+)", printed)
+    times = np.array([float(time) for time, _ in blocks])
+    tables = np.array([[line.split() for line in rows.splitlines()] for _, rows in blocks], dtype=float)
+    if not tables.size:
+        raise ValueError(f"no {quantity} of the node set {node_set} among the printed results")
+    order = np.argsort(tables[0, :, 0])
+    return times, tables[:, order, 1:]
+
+
+def _numbered_rows(table: str) -> np.ndarray:
+    """Rows of a printed table that begin with a mode's number."""
     rows = [line.split() for line in table.splitlines()]
-    return np.array([float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()])
+    return np.array([row for row in rows if row and row[0].isdigit()], dtype=float)
 
 
-def _deck(model: Path, title: str, extra: list[str], step: list[str]) -> str:
-    head = [f"** {title}", f"*INCLUDE, INPUT=../{model.name}", *extra, "*BOUNDARY", "ROOT, 1, 3"]
+def _deck(model: Model, title: str, extra: list[str], step: list[str]) -> str:
+    supports = [f"{node_set}, 1, 3" for node_set in model.supports]
+    head = [f"** {title}", f"*INCLUDE, INPUT=../{model.file.name}", *extra, "*BOUNDARY", *supports]
     return "\n".join(head + step) + "\n"
 
 
@@ -195,5 +312,10 @@ def _tolerance_cards() -> list[str]:
     return ["*CONTROLS, PARAMETERS=FIELD", f"{FORCE_TOLERANCE:.9g}"]
 
 
-def _load_and_print_cards(tip: TipFace, force: np.ndarray, option: str = "") -> list[str]:
-    return [f"*CLOAD{option}", *tip.load_cards(force), "*NODE PRINT, NSET=TIP", "U", "*END STEP"]
+def _load_cards(model: Model, forces: Forces, option: str = "") -> list[str]:
+    loads = [line for interface, force in forces.items() for line in model.faces[interface].load_cards(force)]
+    return [f"*CLOAD{option}", *loads]
+
+
+def _print_cards(model: Model) -> list[str]:
+    return [line for interface in model.faces for line in (f"*NODE PRINT, NSET={interface.upper()}", "U")]

@@ -4,28 +4,29 @@ In the CSV files the first line names the columns, with their units, and the lin
 ``#`` say what was computed. ``numpy.genfromtxt(path, delimiter=",", names=True)`` reads them.
 
 - Static cases: ``force_N`` (or ``fx_N, fy_N, fz_N`` if more than one component acts), then the motion of the
-  tip face: mean displacement ``ux_m, uy_m, uz_m`` and rotation vector ``rx_rad, ry_rad, rz_rad``.
-- ``frequencies.csv``: ``mode, frequency_Hz``.
-- Transients: ``time_s``, then the motion of the tip face.
+  interface: mean displacement ``ux_m, uy_m, uz_m`` and rotation vector ``rx_rad, ry_rad, rz_rad``. On a body with
+  several interfaces each column but ``force_N`` begins with the interface's name: ``corner_left_ux_m``.
+- ``frequencies.csv``: ``mode, frequency_Hz``. ``axial_frequencies.csv``: ``force_N, f1_Hz, f2_Hz, …``.
+- ``buckling.csv``: ``mode, force_N``.
+- Transients: ``time_s``, then the motion of the interface.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from demo import calculix_tools as ccx
-from demo.tip_face import MOTION_COLUMNS, TipFace
+from demo.tip_face import MOTION_COLUMNS
 
-FACE_NOTES = [
-    "u: mean displacement of the tip face, weighted by the consistent nodal forces of a uniform traction",
-    "(the work conjugate of the force).",
-]
-ROTATION_NOTE = "r: rotation vector of the tip section, least-squares rigid fit of the nodes, equal weights."
-SMALL_ROTATION_NOTE = "r: small rotation of the tip section, linear least-squares fit of the face's nodes."
+# Force of each loaded interface, N.
+Forces = dict[str, tuple[float, float, float]]
+
+ROTATION_NOTE = "r: rotation vector of the same face, least-squares rigid fit of the nodes, equal weights."
+SMALL_ROTATION_NOTE = "r: small rotation of the same face, linear least-squares fit of the nodes."
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,66 +35,98 @@ class ReferenceBody:
 
     Attributes
     ----------
-    model : Path
-        Its model deck, with the node sets ROOT (clamped) and TIP.
+    model : Model
+        Its model deck, the faces of its interfaces and its supports.
     folder : Path
         Where decks and results go; beside the model deck.
-    tip : TipFace
-        Face that bears the loads.
     mesh_note : str
         The mesh in a few words, for the comments of the results.
     """
 
-    model: Path
+    model: ccx.Model
     folder: Path
-    tip: TipFace
     mesh_note: str
 
-    def static(self, name: str, force: tuple[float, float, float], increments: int) -> None:
-        """Nonlinear statics under a dead tip force that grows to `force` (N) in equal increments."""
-        title = f"Nonlinear statics, dead tip force growing to {_newtons(force)}"
-        deck = ccx.static_deck(self.model, self.tip, np.array(force), increments, title)
-        run = self._run(name, deck)
-        parts, displacements = ccx.read_displacements(run.printed, len(self.tip.nodes))
-        motion = np.vstack([np.zeros(6), self.tip.motion(displacements)])
+    def static(self, name: str, forces: Forces, increments: int) -> None:
+        """Nonlinear statics under dead forces that grow to `forces` in equal increments."""
+        title = f"Nonlinear statics, dead {_in_words(forces, 'growing to ')}"
+        run = self._run(name, ccx.static_deck(self.model, _as_arrays(forces), increments, title))
+        parts, motion = self._motion(run)
+        parts, motion = np.concatenate([[0.0], parts]), np.vstack([np.zeros(motion.shape[1]), motion])
         # Adding zero makes a negative zero positive.
-        loads = np.concatenate([[0.0], parts])[:, None] * np.array(force) + 0.0
-        self._write_static(name, loads, motion, [*self._notes(title, run), *FACE_NOTES, ROTATION_NOTE])
+        loads = {interface: np.outer(parts, force) + 0.0 for interface, force in forces.items()}
+        self._write_static(name, loads, motion, [*self._notes(title, run), *self._face_notes(), ROTATION_NOTE])
 
-    def linear(self, name: str, force: tuple[float, float, float]) -> None:
-        """Linear statics under the tip force `force` (N): one row."""
-        title = f"Linear statics, tip force {_newtons(force)}"
-        run = self._run(name, ccx.linear_deck(self.model, self.tip, np.array(force), title))
-        _, displacements = ccx.read_displacements(run.printed, len(self.tip.nodes))
-        motion = self.tip.linear_motion(displacements)
-        notes = [*self._notes(title, run), *FACE_NOTES, SMALL_ROTATION_NOTE]
-        self._write_static(name, np.array([force]), motion, notes)
+    def linear(self, name: str, forces: Forces) -> None:
+        """Linear statics under `forces`: one row."""
+        title = f"Linear statics, {_in_words(forces)}"
+        run = self._run(name, ccx.linear_deck(self.model, _as_arrays(forces), title))
+        _, motion = self._motion(run, linear=True)
+        loads = {interface: np.array([force]) for interface, force in forces.items()}
+        self._write_static(name, loads, motion, [*self._notes(title, run), *self._face_notes(), SMALL_ROTATION_NOTE])
+
+    def path(self, name: str, interface: str, axis: int, displacement: float, increments: int) -> None:
+        """Nonlinear statics led by the mean displacement (m) of an interface along an axis (0, 1, 2).
+
+        The force that goes with it is that of a uniform traction; unstable equilibria beyond a limit point included.
+        """
+        title = f"Nonlinear statics, mean displacement u{'xyz'[axis]} of the {interface} face led to {displacement:g} m"
+        run = self._run(name, ccx.path_deck(self.model, interface, axis, displacement, increments, title))
+        _, motion = self._motion(run)
+        motion = np.vstack([np.zeros(motion.shape[1]), motion])
+        force = np.zeros((len(motion), 3))
+        force[1:, axis] = ccx.read_pilot_force(run.printed)[:, axis]
+        notes = [*self._notes(title, run), "force: that of a uniform traction, in equilibrium, stable or not"]
+        self._write_static(name, {interface: force}, motion, [*notes, *self._face_notes(), ROTATION_NOTE])
 
     def frequencies(self, name: str, count: int) -> None:
         """Lowest `count` eigenfrequencies of the clamped, unloaded body."""
         title = f"Lowest {count} eigenfrequencies, clamped and unloaded"
         run = self._run(name, ccx.frequency_deck(self.model, count, title))
-        found = ccx.read_frequencies(run.printed)
+        found = ccx.read_frequencies(run.printed)[0]
         rows = np.column_stack([np.arange(1, found.size + 1), found])
         _write_table(self.folder / f"{name}.csv", ["mode", "frequency_Hz"], rows, self._notes(title, run))
 
-    def sudden_load(
-        self, name: str, force: tuple[float, float, float], step: float, duration: float, keep_every: int
-    ) -> None:
-        """Undamped nonlinear transient from rest under the sudden dead tip force `force` (N).
+    def preloaded_frequencies(self, name: str, interface: str, axis: int, sizes: Sequence[float], count: int) -> None:
+        """Lowest `count` eigenfrequencies about equilibria under dead forces of given sizes (N) along an axis."""
+        title = f"Lowest {count} eigenfrequencies about the nonlinear equilibrium under a dead {interface} force"
+        title += f" along {'xyz'[axis]}"
+        preloads = [{interface: size * np.eye(3)[axis]} for size in sizes]
+        run = self._run(name, ccx.preloaded_frequency_deck(self.model, preloads, count, title))
+        columns = ["force_N", *(f"f{mode}_Hz" for mode in range(1, count + 1))]
+        rows = np.column_stack([sizes, ccx.read_frequencies(run.printed)])
+        _write_table(self.folder / f"{name}.csv", columns, rows, self._notes(title, run))
+
+    def buckling(self, name: str, interface: str, axis: int, size: float, count: int) -> None:
+        """Lowest `count` critical forces along an axis, linear; `size` (N) sets their sign and scale."""
+        title = f"Linear buckling, lowest {count} critical forces on {interface} along {'xyz'[axis]}"
+        run = self._run(name, ccx.buckling_deck(self.model, {interface: size * np.eye(3)[axis]}, count, title))
+        factors = ccx.read_buckling_factors(run.printed)
+        rows = np.column_stack([np.arange(1, factors.size + 1), size * factors])
+        _write_table(self.folder / f"{name}.csv", ["mode", "force_N"], rows, self._notes(title, run))
+
+    def sudden_load(self, name: str, forces: Forces, step: float, duration: float, keep_every: int) -> None:
+        """Undamped nonlinear transient from rest under sudden dead forces.
 
         Times in s. Of the computed steps, every `keep_every`-th is kept in the result.
         """
-        title = f"Nonlinear transient, undamped, sudden dead tip force {_newtons(force)}, from rest"
-        deck = ccx.sudden_load_deck(self.model, self.tip, np.array(force), step, duration, title)
-        run = self._run(name, deck)
-        _, displacements = ccx.read_displacements(run.printed, len(self.tip.nodes))
-        motion = np.vstack([np.zeros(6), self.tip.motion(displacements)])
+        title = f"Nonlinear transient, undamped, sudden dead {_in_words(forces)}, from rest"
+        run = self._run(name, ccx.sudden_load_deck(self.model, _as_arrays(forces), step, duration, title))
+        _, motion = self._motion(run)
+        motion = np.vstack([np.zeros(motion.shape[1]), motion])
         times = step * np.arange(len(motion))
         rows = np.column_stack([times, motion])[::keep_every]
         method = f"Trapezoidal rule (ALPHA=0), fixed step {step:g} s, every {keep_every}. step kept"
-        notes = [*self._notes(title, run), method, *FACE_NOTES, ROTATION_NOTE]
-        _write_table(self.folder / f"{name}.csv", ["time_s", *MOTION_COLUMNS], rows, notes)
+        notes = [*self._notes(title, run), method, *self._face_notes(), ROTATION_NOTE]
+        _write_table(self.folder / f"{name}.csv", ["time_s", *self._motion_columns()], rows, notes)
+
+    def _motion(self, run: ccx.Run, *, linear: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Step times (n,) and the motion of all interfaces (n, 6 per interface) of a run."""
+        columns = []
+        for interface, face in self.model.faces.items():
+            times, displacements = ccx.read_displacements(run.printed, interface)
+            columns.append(face.linear_motion(displacements) if linear else face.motion(displacements))
+        return times, np.hstack(columns)
 
     def _run(self, name: str, deck: str) -> ccx.Run:
         path = self.folder / f"{name}.inp"
@@ -106,11 +139,30 @@ class ReferenceBody:
             f"CalculiX {ccx.ccx_version()}, {self.mesh_note}; {run.seconds:.3g} s wall time on one core",
         ]
 
-    def _write_static(self, name: str, loads: np.ndarray, motion: np.ndarray, notes: list[str]) -> None:
-        acting = np.flatnonzero(loads.any(axis=0))
-        columns = ["force_N"] if acting.size == 1 else [f"f{'xyz'[axis]}_N" for axis in acting]
-        rows = np.hstack([loads[:, acting], motion])
-        _write_table(self.folder / f"{name}.csv", [*columns, *MOTION_COLUMNS], rows, notes)
+    def _face_notes(self) -> list[str]:
+        faces = self.model.faces
+        which = f"the {next(iter(faces))} face" if len(faces) == 1 else "each interface's face"
+        return [
+            f"u: mean displacement of {which}, weighted by the consistent nodal forces of a uniform traction",
+            "(the work conjugate of the force).",
+        ]
+
+    def _prefix(self, interface: str) -> str:
+        return f"{interface}_" if len(self.model.faces) > 1 else ""
+
+    def _motion_columns(self) -> list[str]:
+        return [self._prefix(interface) + column for interface in self.model.faces for column in MOTION_COLUMNS]
+
+    def _write_static(self, name: str, loads: dict[str, np.ndarray], motion: np.ndarray, notes: list[str]) -> None:
+        columns, values = [], []
+        for interface, load in loads.items():
+            for axis in np.flatnonzero(load.any(axis=0)):
+                columns.append(f"{self._prefix(interface)}f{'xyz'[axis]}_N")
+                values.append(load[:, axis])
+        if len(columns) == 1:
+            columns = ["force_N"]
+        rows = np.column_stack([*values, motion])
+        _write_table(self.folder / f"{name}.csv", [*columns, *self._motion_columns()], rows, notes)
 
 
 def run_cases(cases: dict[str, Callable[[str], None]], description: str) -> None:
@@ -125,8 +177,13 @@ def run_cases(cases: dict[str, Callable[[str], None]], description: str) -> None
         cases[name](name)
 
 
-def _newtons(force: tuple[float, float, float]) -> str:
-    return "(" + ", ".join(f"{component:g}" for component in force) + ") N"
+def _as_arrays(forces: Forces) -> ccx.Forces:
+    return {interface: np.array(force) for interface, force in forces.items()}
+
+
+def _in_words(forces: Forces, growing: str = "") -> str:
+    sizes = {interface: ", ".join(f"{component:g}" for component in force) for interface, force in forces.items()}
+    return ", ".join(f"{interface} force {growing}({size}) N" for interface, size in sizes.items())
 
 
 def _write_table(path: Path, columns: list[str], rows: np.ndarray, notes: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""The loaded end face of a demo body: consistent nodal forces, mean displacement and rotation."""
+"""The face of a demo body's interface: consistent nodal forces, mean displacement and rotation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOTION_COLUMNS = ("ux_m", "uy_m", "uz_m", "rx_rad", "ry_rad", "rz_rad")
 
 @dataclass(frozen=True, slots=True)
 class TipFace:
-    """The loaded end face of a body.
+    """The face of an interface: the end of a cantilever, a section inside a body, a patch of its surface.
 
     Attributes
     ----------

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from demo.calculix_tools import Model
 from demo.l_frame import make_mesh
 from demo.references import ReferenceBody, run_cases
 from demo.tip_face import TipFace
@@ -25,16 +26,15 @@ def main() -> None:
     make_mesh.main()
     mesh, sets = make_mesh.build()
     body = ReferenceBody(
-        model=make_mesh.MODEL_FILE,
+        model=Model(file=make_mesh.MODEL_FILE, faces={"tip": TipFace.of(mesh, sets["TIP"])}),
         folder=Path(__file__).parent,
-        tip=TipFace.of(mesh, sets["TIP"]),
         mesh_note=MESH_NOTE,
     )
     cases = {
-        "static_z": lambda name: body.static(name, (0.0, 0.0, 2e3), increments=10),
-        "linear_z": lambda name: body.linear(name, (0.0, 0.0, 1e3)),
-        "static_x": lambda name: body.static(name, (3e3, 0.0, 0.0), increments=10),
-        "linear_x": lambda name: body.linear(name, (1e3, 0.0, 0.0)),
+        "static_z": lambda name: body.static(name, {"tip": (0.0, 0.0, 2e3)}, increments=10),
+        "linear_z": lambda name: body.linear(name, {"tip": (0.0, 0.0, 1e3)}),
+        "static_x": lambda name: body.static(name, {"tip": (3e3, 0.0, 0.0)}, increments=10),
+        "linear_x": lambda name: body.linear(name, {"tip": (1e3, 0.0, 0.0)}),
         "frequencies": lambda name: body.frequencies(name, count=12),
     }
     run_cases(cases, "CalculiX reference results of the L-frame")
