@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import felupe
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from flexfmu.errors import MeshError
@@ -98,11 +99,12 @@ def jacobian_determinants(points: FloatArray, block: ElementBlock) -> FloatArray
     return determinants
 
 
-def _unsound(points: FloatArray, block: ElementBlock) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _unsound(points: FloatArray, block: ElementBlock) -> NDArray[np.bool_]:
     corners = points[block.connectivity]
     extent = np.linalg.norm(corners.max(axis=1) - corners.min(axis=1), axis=1)
     smallest: FloatArray = jacobian_determinants(points, block).min(axis=1)
-    return smallest <= DEGENERATE * extent**3
+    unsound: NDArray[np.bool_] = smallest <= DEGENERATE * extent**3
+    return unsound
 
 
 def _reference_gradients(kind: ElementType) -> FloatArray:

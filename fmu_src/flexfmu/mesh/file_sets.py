@@ -33,8 +33,10 @@ def cell_groups(found: Any) -> dict[str, Group]:
         if not name.startswith(GMSH_PREFIX):
             for place, cells in enumerate(parts):
                 _extend(groups, name, place, cells)
+    if PHYSICAL not in found.cell_data:
+        return groups
     names = {(int(entry[1]), int(entry[0])): name for name, entry in found.field_data.items() if len(entry) == 2}
-    for place, tags in enumerate(found.cell_data.get(PHYSICAL, ())):
+    for place, tags in enumerate(found.cell_data[PHYSICAL]):
         dimension = found.cells[place].dim
         # Zero stands for cells in no group.
         for tag in np.unique(tags[tags != 0]).tolist():

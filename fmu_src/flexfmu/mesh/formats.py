@@ -105,6 +105,9 @@ def _volume_blocks(found: Any, path: Path) -> list[int]:
         raise MeshError(
             f"{path} holds no volume cells (found: {kinds}), expected {supported}; export the volume mesh too"
         )
+    for block in found.cells:
+        if len(block.data) and not 0 <= np.min(block.data) <= np.max(block.data) < len(found.points):
+            raise MeshError(f"{path} holds {block.type} cells of points that it does not define; export it again")
     return places
 
 
