@@ -1,0 +1,266 @@
+"""The modal file: what comes back, what is refused."""
+
+import io
+from dataclasses import fields, replace
+
+import h5py
+import numpy as np
+import pytest
+
+from bodies import LINEAR, beam_body, random_body
+from flexfmu.runtime.errors import ModalFileError
+from flexfmu.runtime.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
+from flexfmu.runtime.reduced_body import GROUND, ReducedBody, Surface
+
+
+def with_surface(body):
+    rng = np.random.default_rng(9)
+    surface = Surface(
+        points=rng.standard_normal((5, 3)),
+        faces=np.array([[0, 1, 2, 3], [1, 2, 4, 4]]),
+        modes=rng.standard_normal((5, 3, body.mode_count)),
+        frame=np.array([0, 0, 1, 2, GROUND]),
+    )
+    return replace(body, surface=surface)
+
+
+BODIES = {
+    "tree": random_body(formulation=LINEAR, velocity_outputs=True, provenance={"mesh": "ä.inp", "flexfmu": "1"}),
+    "without frames": beam_body(0),
+    "with a surface": with_surface(random_body()),
+}
+
+
+def assert_same(a, b):
+    for field in fields(a):
+        x, y = getattr(a, field.name), getattr(b, field.name)
+        if isinstance(x, np.ndarray):
+            assert x.dtype == y.dtype, field.name
+            np.testing.assert_array_equal(x, y, err_msg=field.name)
+        elif isinstance(x, Surface):
+            assert_same(x, y)
+        else:
+            assert x == y, field.name
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "body.h5"
+    write_modal_file(BODIES["with a surface"], path)
+    return path
+
+
+def datasets(path):
+    """All datasets by path."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item.dtype}) if isinstance(item, h5py.Dataset) else None)
+    return found
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_a_body_comes_back_bit_by_bit(tmp_path, kind):
+    path = tmp_path / "body.h5"
+    write_modal_file(BODIES[kind], path)
+    assert_same(BODIES[kind], read_modal_file(path))
+    assert_same(BODIES[kind], read_modal_file(io.BytesIO(path.read_bytes())))
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_the_same_body_gives_the_same_bytes(tmp_path, kind):
+    for name in ("a.h5", "b.h5"):
+        write_modal_file(BODIES[kind], tmp_path / name)
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+
+
+def test_another_body_gives_other_bytes(tmp_path):
+    write_modal_file(BODIES["tree"], tmp_path / "a.h5")
+    changed = np.array(BODIES["tree"].damping_ratio)
+    changed[2] = np.nextafter(changed[2], 1.0)
+    write_modal_file(replace(BODIES["tree"], damping_ratio=changed), tmp_path / "b.h5")
+    assert (tmp_path / "a.h5").read_bytes() != (tmp_path / "b.h5").read_bytes()
+
+
+def test_every_dataset_states_its_unit_and_its_meaning(file):
+    names = datasets(file)
+    assert len(names) >= 17
+    with h5py.File(file) as content:
+        for name in names:
+            assert content[name].attrs["unit"], name
+            assert content[name].attrs["description"].startswith("("), name
+        assert content["modes/angular_frequency"].attrs["unit"] == "rad/s"
+        assert content.attrs["schema_version"] == SCHEMA_VERSION
+        assert "global" in content.attrs["frame_convention"]
+
+
+def test_arrays_that_were_read_cannot_be_written_to(file):
+    with pytest.raises(ValueError, match="read-only"):
+        read_modal_file(file).angular_frequency[0] = 1.0
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ModalFileError, match=r"nothing\.h5: no such file"):
+        read_modal_file(tmp_path / "nothing.h5")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+def test_a_truncated_file_is_refused(file, share):
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(ModalFileError, match=r"body\.h5"):
+        read_modal_file(file)
+
+
+def test_a_file_that_is_no_hdf5_is_refused(file):
+    file.write_text("time,force\n0,1\n")
+    with pytest.raises(ModalFileError, match=r"not a readable modal file.*build it again"):
+        read_modal_file(file)
+
+
+def test_a_foreign_hdf5_file_is_refused(tmp_path):
+    path = tmp_path / "foreign.h5"
+    with h5py.File(path, "w") as file:
+        file["mass"] = np.eye(3)
+    with pytest.raises(ModalFileError, match="not a flexfmu modal file"):
+        read_modal_file(path)
+
+
+@pytest.mark.parametrize("version", [0, SCHEMA_VERSION + 1, 99])
+def test_an_unknown_schema_version_is_refused_by_number(file, version):
+    with h5py.File(file, "r+") as content:
+        content.attrs["schema_version"] = version
+    with pytest.raises(ModalFileError, match=f"schema version {version}.*reads version {SCHEMA_VERSION}"):
+        read_modal_file(file)
+
+
+def test_an_altered_value_is_refused_whichever_dataset_it_stands_in(file):
+    whole = file.read_bytes()
+    changed = 0
+    for name, dtype in datasets(file).items():
+        file.write_bytes(whole)
+        with h5py.File(file, "r+") as content:
+            values = content[name][()]
+            flat = values.reshape(-1)
+            if dtype.kind == "S":
+                flat[0] = b"x" + flat[0][1:]
+            elif dtype.kind == "f":
+                flat[0] = np.nextafter(flat[0], np.inf)
+            else:
+                flat[0] = flat[0] + 1 if flat[0] < 0 else 0 if flat[0] else 1
+            content[name][...] = values
+        with pytest.raises(ModalFileError):
+            read_modal_file(file)
+        changed += 1
+    assert changed >= 17
+    file.write_bytes(whole)
+    read_modal_file(file)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"),
+    [("name", "other"), ("kinematics", "linear"), ("velocity_outputs", True), ("kinematics", "magic")],
+)
+def test_an_altered_attribute_is_refused(file, attribute, value):
+    with h5py.File(file, "r+") as content:
+        content.attrs[attribute] = value
+    with pytest.raises(ModalFileError):
+        read_modal_file(file)
+
+
+def test_an_altered_origin_is_refused(file):
+    with h5py.File(file, "r+") as content:
+        content["provenance"].attrs["seed"] = "another"
+    with pytest.raises(ModalFileError, match="checksum"):
+        read_modal_file(file)
+
+
+@pytest.mark.parametrize("name", ["modes/angular_frequency", "interfaces/name", "frames/rotation", "provenance"])
+def test_a_file_that_lacks_a_part_is_refused(file, name):
+    with h5py.File(file, "r+") as content:
+        del content[name]
+    with pytest.raises(ModalFileError, match="not a readable modal file"):
+        read_modal_file(file)
+
+
+def test_any_flipped_byte_is_refused_or_changes_nothing(file):
+    # Some bytes are padding; what matters is that no other body is ever read, and no other kind of error seen.
+    whole, original = file.read_bytes(), read_modal_file(file)
+    rng = np.random.default_rng(10)
+    refused = 0
+    for position in rng.integers(0, len(whole), 150):
+        damaged = bytearray(whole)
+        damaged[position] ^= 0xFF
+        try:
+            body = read_modal_file(io.BytesIO(bytes(damaged)))
+        except ModalFileError:
+            refused += 1
+        else:
+            assert_same(original, body)
+    assert refused > 20
+
+
+def test_a_write_that_fails_leaves_no_file(tmp_path, monkeypatch):
+    def fail(*_args, **_keywords):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("flexfmu.runtime.modal_file._write", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_modal_file(BODIES["tree"], tmp_path / "body.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_write_that_fails_keeps_the_file_that_was_there(file, monkeypatch):
+    before = file.read_bytes()
+
+    def fail(*_args, **_keywords):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("flexfmu.runtime.modal_file._write", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_modal_file(BODIES["tree"], file)
+    assert file.read_bytes() == before
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+def test_size_grows_with_modes_interfaces_and_frames_alone(tmp_path):
+    def size(body):
+        write_modal_file(body, tmp_path / "size.h5")
+        return (tmp_path / "size.h5").stat().st_size
+
+    def numbers(body):
+        m, i, s = body.mode_count, body.interface_count, body.frame_count
+        return 2 * m + i * (4 + 6 * m) + s * (4 + 9 * m)
+
+    small, large = random_body(modes=6), random_body(modes=200)
+    per_number = (size(large) - size(small)) / (numbers(large) - numbers(small))
+    assert per_number == pytest.approx(8.0, rel=0.02)
+    # What HDF5 itself takes.
+    assert size(small) - 8 * numbers(small) < 40_000
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"angular_frequency": np.array([3.0, 2.0, 4.0, 5.0, 6.0, 7.0])}, "ascending"),
+        ({"angular_frequency": np.array([0.0, 2.0, 4.0, 5.0, 6.0, 7.0])}, "positive"),
+        ({"angular_frequency": np.array([np.nan, 2.0, 4.0, 5.0, 6.0, 7.0])}, "angular_frequency.*not finite"),
+        ({"damping_ratio": np.full(6, -0.1)}, "damping_ratio"),
+        ({"damping_ratio": np.zeros(5)}, r"damping_ratio has shape \(5,\), expected \(6,\)"),
+        ({"interface_names": ("a", "a", "b")}, "differ"),
+        ({"frame_parent": np.array([-1, 1, 0, 0, 0])}, "earlier frame"),
+        ({"frame_parent": np.array([-2, 0, 0, 0, 0])}, "earlier frame"),
+        ({"interface_frame": np.array([0, 1, 5])}, "interface_frame"),
+        ({"frame_rotation": np.zeros((5, 3, 4))}, "frame_rotation has shape"),
+    ],
+)
+def test_a_body_against_physics_is_refused(change, words):
+    with pytest.raises(ModalFileError, match=words):
+        random_body(**change)
+
+
+def test_a_body_without_modes_is_refused():
+    empty = np.zeros(0)
+    with pytest.raises(ModalFileError, match="no modes"):
+        ReducedBody(
+            "b", empty, empty, ("tip",), np.zeros((1, 3)), np.zeros((1, 3, 0)), np.zeros((1, 3, 0)), np.array([-1])
+        )
