@@ -60,6 +60,12 @@ def test_an_element_pressed_flat_is_refused(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_an_element_that_is_flat_but_for_round_off_is_refused(kind):
+    with pytest.raises(MeshError, match="degenerate"):
+        checked(mesh_of(kind, SOLIDS[kind] * [1.0, 1.0, 1e-13]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_an_element_with_two_coinciding_corners_is_refused(kind):
     points = SOLIDS[kind].copy()
     points[1] = points[0]

@@ -75,7 +75,17 @@ def test_physical_groups_without_names_are_called_after_kind_and_number(tmp_path
     assert mesh.element_sets["Physical Volume 7"].tolist() == [0, 1]
 
 
-# Two tetrahedra, one triangle of them on the curved list of gmsh's current format; the triangle in two groups.
+def test_cells_in_no_physical_group_are_in_no_set(tmp_path):
+    cubes = cubes_with_physical_groups()
+    cubes.cell_data["gmsh:physical"][1] = np.array([7, 0])
+    cubes.cell_data["gmsh:geometrical"][1] = np.array([1, 2])
+    mesh = read_mesh(write_gmsh(tmp_path, cubes), UnitSystem.SI)
+    assert mesh.element_count == 2
+    assert {name: rows.tolist() for name, rows in mesh.element_sets.items()} == {"Body": [0]}
+    assert sorted(mesh.node_sets) == ["Body", "Root", "Tip"]
+
+
+# Two tetrahedra and a triangle in two groups, as gmsh's current format has it.
 MSH41 = """$MeshFormat
 4.1 0 8
 $EndMeshFormat

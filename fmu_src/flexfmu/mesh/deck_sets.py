@@ -92,7 +92,7 @@ class SetTable:
         DeckError
             There is no such label or set.
         """
-        if entry.lstrip("+-").isdigit():
+        if entry.lstrip("+-").isdecimal():
             label = int(entry)
             if label not in self.rows:
                 raise line.error(f"{self.kind} {label} is not defined; define it or take it out of this line")
