@@ -17,6 +17,7 @@ from .mesh.model import FloatArray, IntArray, Mesh
 from .progress import Reporter
 from .reduction.division import divide
 from .reduction.interfaces import Interface, fit_interface
+from .reduction.masses import sub_masses
 from .reduction.model import Model, assemble_model, node_set
 from .reduction.modes import normal_modes
 from .reduction.subdomains import (
@@ -101,6 +102,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         joint_displacement=frames.joint_displacement,
         joint_rotation=frames.joint_rotation,
         frame_rotation=frames.frame_rotation,
+        masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
         stiffness_by_load=by_load,
         stiffness_by_mode=by_mode,
         formulation=config.formulation.formulation,

@@ -102,6 +102,12 @@ class FormulationTable(_Table):
         return self
 
 
+class InputTable(_Table):
+    """`[input]`: what else the FMU takes in."""
+
+    acceleration: bool = False
+
+
 class OutputTable(_Table):
     """`[output]`: what else goes into the FMU."""
 
@@ -122,6 +128,7 @@ class BodyFile(_Table):
     reduction: ReductionTable = ReductionTable()
     damping: DampingTable = DampingTable()
     formulation: FormulationTable = FormulationTable()
+    input: InputTable = InputTable()
     output: OutputTable = OutputTable()
 
     @model_validator(mode="after")

@@ -210,7 +210,8 @@ def _tree(
         beyond = supported if up == GROUND else bodies[up].nodes
         joint = section(mesh.points, faces, np.intersect1d(bodies[p].nodes, beyond))
         index = GROUND if up == GROUND else position[up]
-        subdomains.append(Subdomain(names[p], index, bodies[p], joint, joint.centre(mesh.points)))
+        elements = np.flatnonzero(piece == p)
+        subdomains.append(Subdomain(names[p], index, elements, bodies[p], joint, joint.centre(mesh.points)))
 
     cuts = []
     for p, other in zip(*np.nonzero(np.triu(shared)), strict=True):

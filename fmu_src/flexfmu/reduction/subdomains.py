@@ -23,6 +23,8 @@ class Subdomain:
     name : str
     parent : int
         Position of the parent in the list of sub-domains, earlier than its own, or `GROUND`.
+    elements : (e,) int
+        Its elements, counted over all blocks.
     body : Weighted
         Its nodes, weighted for the averaged rotation.
     joint : Weighted
@@ -33,6 +35,7 @@ class Subdomain:
 
     name: str
     parent: int
+    elements: IntArray
     body: Weighted
     joint: Weighted
     joint_point: FloatArray
@@ -174,7 +177,7 @@ def requested_subdomains(
                 body = by_node(request.nodes)
             parent = GROUND if request.parent is None else position[request.parent]
             position[request.name] = len(result)
-            result.append(Subdomain(request.name, parent, body, joint, point))
+            result.append(Subdomain(request.name, parent, elements, body, joint, point))
         waiting = [r for r in waiting if r.name not in position]
     return result
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .dynamics import build_dynamics, configuration_at, spread
-from .errors import OptionError, StepError
+from .errors import LoadError, OptionError, StepError
 from .loads import Loads, loads_from_mapping
 from .modal_file import read_modal_file
 from .reduced_body import Formulation, ReducedBody
@@ -76,12 +76,14 @@ class FlexibleBody:
         self._dynamics = build_dynamics(model, self.formulation)
         self._cache = PropagatorCache(model.angular_frequency, damping_scale * model.damping_ratio)
 
-    def loads(self, loads: Mapping[str, Sequence[float]]) -> Loads:
+    def loads(self, loads: Mapping[str, Sequence[float]], acceleration: Sequence[float] = (0.0, 0.0, 0.0)) -> Loads:
         """Loads from {interface: (fx, fy, fz)} or {interface: (fx, fy, fz, mx, my, mz)}, N and N m, global frame.
 
         Parameters
         ----------
         loads : mapping of str to 3 or 6 float
+        acceleration : 3 float
+            Of the supports, m/s²; weight is an acceleration against gravity.
 
         Returns
         -------
@@ -90,9 +92,13 @@ class FlexibleBody:
         Raises
         ------
         LoadError
-            An unknown interface, a wrong number of components, or a value that is not finite.
+            An unknown interface, a wrong number of components, a value that is not finite, or an acceleration of a body
+            that was built without its masses.
         """
-        return loads_from_mapping(self.model.interface_names, loads)
+        result = loads_from_mapping(self.model.interface_names, loads, acceleration)
+        if self.model.masses is None and np.any(result.acceleration):
+            raise LoadError("the body was built without its masses: set acceleration = true in [input]")
+        return result
 
     def rest(self) -> State:
         """Return the undeformed body at rest."""
@@ -164,10 +170,10 @@ class FlexibleBody:
         -------
         Response
         """
-        first = self._dynamics.tree.frame_count
+        tree = self._dynamics.tree
         nodes = configuration_at(self._dynamics, state.q)
-        displacement = nodes.position[first:] - self._dynamics.tree.point[first:]
-        return Response(displacement, rotation_vector(nodes.rotation[first:]))
+        displacement = nodes.position[tree.interfaces] - tree.point[tree.interfaces]
+        return Response(displacement, rotation_vector(nodes.rotation[tree.interfaces]))
 
     def rates(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Velocity (m/s) and angular velocity (rad/s) of every interface, global frame, each (I, 3).
@@ -180,9 +186,9 @@ class FlexibleBody:
         -------
         velocity, angular_velocity : (I, 3) float
         """
-        first = self._dynamics.tree.frame_count
-        translation, spin = jacobians(self._dynamics.tree, configuration_at(self._dynamics, state.q))
-        return translation[first:] @ state.v, spin[first:] @ state.v
+        tree = self._dynamics.tree
+        translation, spin = jacobians(tree, configuration_at(self._dynamics, state.q))
+        return translation[tree.interfaces] @ state.v, spin[tree.interfaces] @ state.v
 
     def surface_positions(self, state: State) -> FloatArray:
         """Where the points of the model's surface are, for viewing.

@@ -27,6 +27,10 @@ class Dynamics:
     placement : LoadPlacement
     load_operator : (6I, m) float
         Linear displacements of all interfaces, then rotations: the transpose maps loads on the reference body.
+    mass : (P,) float
+        Of the tree's centres of mass, kg.
+    inertia_operator : (3, m) float
+        Modal force per unit acceleration of the supports, on the reference body.
     by_load : (6I, m, m) float or None
         Geometric stiffness of each unit load (forces, then moments), less what the loads' own motion makes of it.
     by_mode : (m, m, m) float or None
@@ -39,6 +43,8 @@ class Dynamics:
     tree: Tree
     placement: LoadPlacement
     load_operator: FloatArray
+    mass: FloatArray
+    inertia_operator: FloatArray
     by_load: FloatArray | None
     by_mode: FloatArray | None
     nonlinear: bool
@@ -95,14 +101,18 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
         placement = LoadPlacement.REFERENCE
     operator = np.concatenate([body.interface_displacement.reshape(-1, m), body.interface_rotation.reshape(-1, m)])
     tree = build_tree(body, formulation.kinematics)
+    mass, inertia = np.zeros(0), np.zeros((3, m))
+    if body.masses is not None:
+        mass = body.masses.mass
+        inertia = -np.tensordot(mass, body.masses.displacement, axes=1)
     by_load = by_mode = None
     if formulation.stiffness is Stiffness.BY_LOAD:
-        bare = Dynamics(body.angular_frequency**2, tree, placement, operator, None, None, True)
+        bare = Dynamics(body.angular_frequency**2, tree, placement, operator, mass, inertia, None, None, True)
         by_load = _aboard(body.stiffness_by_load, formulation) + _own_stiffness(bare, body.interface_count)
     elif formulation.stiffness is Stiffness.BY_MODE:
         by_mode = _aboard(body.stiffness_by_mode, formulation)
     nonlinear = placement is not LoadPlacement.REFERENCE or by_load is not None or by_mode is not None
-    return Dynamics(body.angular_frequency**2, tree, placement, operator, by_load, by_mode, nonlinear)
+    return Dynamics(body.angular_frequency**2, tree, placement, operator, mass, inertia, by_load, by_mode, nonlinear)
 
 
 def _aboard(data: FloatArray | None, formulation: Formulation) -> FloatArray:
@@ -145,19 +155,21 @@ def spread(dynamics: Dynamics, loads: Loads) -> NodeLoads:
     -------
     NodeLoads
     """
-    frames = dynamics.tree.frame_count
-    force = np.zeros((frames + len(loads.force), 3))
+    interfaces = dynamics.tree.interfaces
+    force = np.zeros((len(dynamics.tree.parent), 3))
     moment = np.zeros_like(force)
-    force[frames:], moment[frames:] = loads.force, loads.moment
+    force[interfaces], moment[interfaces] = loads.force, loads.moment
+    # d'Alembert: in the supports' frame each mass feels the acceleration as a force against it.
+    force[interfaces.stop :] = -dynamics.mass[:, None] * loads.acceleration
     components = np.concatenate([loads.force.ravel(), loads.moment.ravel()])
-    constant = components @ dynamics.load_operator
+    constant = components @ dynamics.load_operator + loads.acceleration @ dynamics.inertia_operator
     geometric = None
     if dynamics.by_load is not None:
         geometric = np.tensordot(components, dynamics.by_load, axes=1)
     forces_only = None
     if dynamics.nonlinear and np.any(loads.moment):
-        forces_only = spread(dynamics, Loads(loads.force, np.zeros_like(loads.moment)))
-    active = dynamics.by_mode is not None or (dynamics.nonlinear and bool(np.any(components)))
+        forces_only = spread(dynamics, Loads(loads.force, np.zeros_like(loads.moment), loads.acceleration))
+    active = dynamics.by_mode is not None or (dynamics.nonlinear and bool(np.any(components) or np.any(force)))
     return NodeLoads(force, moment, constant, geometric, forces_only, active)
 
 
@@ -179,9 +191,9 @@ def modal_force(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> F
         case LoadPlacement.DEFORMED:
             force = generalised_force(dynamics.tree, state, loads.force, loads.moment)
         case LoadPlacement.CORRECTIVE_MOMENT:
-            first = dynamics.tree.frame_count
-            displacement = state.position[first:] - dynamics.tree.point[first:]
-            moment = cross(displacement, loads.force[first:])
+            interfaces = dynamics.tree.interfaces
+            displacement = state.position[interfaces] - dynamics.tree.point[interfaces]
+            moment = cross(displacement, loads.force[interfaces])
             force = loads.constant + moment.ravel() @ dynamics.load_operator[moment.size :]
         case LoadPlacement.REFERENCE:
             force = loads.constant
@@ -214,9 +226,8 @@ def force_work(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> fl
     if dynamics.placement is LoadPlacement.DEFORMED:
         work = float(np.vdot(loads.force, state.position - dynamics.tree.point))
     else:
-        half = dynamics.load_operator.shape[0] // 2
-        first = dynamics.tree.frame_count
-        work = float(loads.force[first:].ravel() @ (dynamics.load_operator[:half] @ q))
+        # Constant modal forces; without the moments, as everywhere here.
+        work = float((loads if loads.forces_only is None else loads.forces_only).constant @ q)
     geometric = loads.geometric if loads.forces_only is None else loads.forces_only.geometric
     if geometric is not None:
         work -= 0.5 * float(q @ geometric @ q)
@@ -229,9 +240,9 @@ def _displacement_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configu
         case LoadPlacement.DEFORMED:
             return load_stiffness(dynamics.tree, state, loads.force, loads.moment)
         case LoadPlacement.CORRECTIVE_MOMENT:
-            first = dynamics.tree.frame_count
+            interfaces = dynamics.tree.interfaces
             translation, _ = jacobians(dynamics.tree, state)
-            change = -skew(loads.force[first:]) @ translation[first:]
+            change = -skew(loads.force[interfaces]) @ translation[interfaces]
             rotation = dynamics.load_operator[3 * len(change) :]
             result: FloatArray = rotation.T @ change.reshape(rotation.shape)
             return result

@@ -1,7 +1,7 @@
 """Loads on a body's interfaces."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +21,22 @@ class Loads:
         N, global frame.
     moment : (I, 3) float
         N m, about the interface's moving reference point, global axes.
+    acceleration : (3,) float
+        Of the supports, m/s², global frame.
     """
 
     force: FloatArray
     moment: FloatArray
+    acceleration: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def scaled(self, factor: float) -> "Loads":
         """Return the same loads times a factor."""
-        return Loads(factor * self.force, factor * self.moment)
+        return Loads(factor * self.force, factor * self.moment, factor * self.acceleration)
 
 
-def loads_from_mapping(names: tuple[str, ...], loads: Mapping[str, Sequence[float]]) -> Loads:
+def loads_from_mapping(
+    names: tuple[str, ...], loads: Mapping[str, Sequence[float]], acceleration: Sequence[float] = (0.0, 0.0, 0.0)
+) -> Loads:
     """Loads from {interface: (fx, fy, fz)} or {interface: (fx, fy, fz, mx, my, mz)}.
 
     Parameters
@@ -40,6 +45,8 @@ def loads_from_mapping(names: tuple[str, ...], loads: Mapping[str, Sequence[floa
         The body's interfaces, in order.
     loads : mapping of str to 3 or 6 float
         N and N m, global frame; interfaces left out are free.
+    acceleration : 3 float
+        Of the supports, m/s².
 
     Returns
     -------
@@ -60,4 +67,7 @@ def loads_from_mapping(names: tuple[str, ...], loads: Mapping[str, Sequence[floa
         if not np.all(np.isfinite(values)):
             raise LoadError(f"load on {name!r} is not finite: {values.tolist()}")
         wrench[names.index(name), : values.size] = values
-    return Loads(wrench[:, :3].copy(), wrench[:, 3:].copy())
+    support = np.array(acceleration, dtype=np.float64)
+    if support.shape != (3,) or not np.all(np.isfinite(support)):
+        raise LoadError(f"acceleration is {acceleration}: expected three finite numbers")
+    return Loads(wrench[:, :3].copy(), wrench[:, 3:].copy(), support)

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from .errors import ModalFileError
-from .reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness, Surface
+from .reduced_body import Formulation, Kinematics, LoadPlacement, Masses, ReducedBody, Stiffness, Surface
 
 FORMAT = "flexfmu modal file"
 SCHEMA_VERSION = 1
@@ -57,6 +57,12 @@ OPTIONAL: dict[str, Entry] = {
     ),
     "stiffness_by_mode": Entry("stiffness/by_mode", "s^-2/(kg^0.5 m)", "(m, m, m) per unit modal coordinate"),
 }
+MASSES: dict[str, Entry] = {
+    "mass": Entry("masses/mass", "kg", "(P,) mass of each sub-domain"),
+    "point": Entry("masses/point", "m", "(P, 3) centres of mass"),
+    "displacement": Entry("masses/displacement", "kg^-0.5", "(P, 3, m) displacement of the centres per mode"),
+    "frame": Entry("masses/frame", "1", "(P,) frame that carries it, -1 for none"),
+}
 SURFACE: dict[str, Entry] = {
     "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),
     "faces": Entry("surface/faces", "1", "(f, 4) rows of points; a triangle repeats its last corner"),
@@ -91,6 +97,8 @@ class _Digest:
         digest.update("\0".join(texts).encode())
         arrays = [getattr(body, name) for name in ARRAYS]
         arrays += [value for name in OPTIONAL if (value := getattr(body, name)) is not None]
+        if body.masses is not None:
+            arrays += [getattr(body.masses, name) for name in MASSES]
         if body.surface is not None:
             arrays += [getattr(body.surface, name) for name in SURFACE]
         for array in arrays:
@@ -132,6 +140,9 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             for field, entry in OPTIONAL.items():
                 if (value := getattr(body, field)) is not None:
                     _write(file, entry, value)
+            if body.masses is not None:
+                for field, entry in MASSES.items():
+                    _write(file, entry, getattr(body.masses, field))
             if body.surface is not None:
                 for field, entry in SURFACE.items():
                     _write(file, entry, getattr(body.surface, field))
@@ -185,7 +196,9 @@ def _read(file: Any, name: str) -> ReducedBody:
         raise ModalFileError(
             f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
         )
-    surface = None
+    masses = surface = None
+    if "masses" in file:
+        masses = Masses(**{field: file[entry.path][()] for field, entry in MASSES.items()})
     if "surface" in file:
         surface = Surface(**{field: file[entry.path][()] for field, entry in SURFACE.items()})
     contents: dict[str, Any] = {
@@ -203,6 +216,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         ),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
+        masses=masses,
         surface=surface,
     )
     if _Digest(body).hexdigest() != file.attrs["sha256"]:

@@ -102,6 +102,28 @@ class Surface:
 
 
 @dataclass(frozen=True, slots=True)
+class Masses:
+    """Mass of each sub-domain at its centre: all that a uniform acceleration knows of the body.
+
+    Attributes
+    ----------
+    mass : (P,) float
+        kg.
+    point : (P, 3) float
+        Centres of mass, m.
+    displacement : (P, 3, m) float
+        Displacement of the centres per unit modal coordinate, kg^-1/2.
+    frame : (P,) int
+        The frame that carries each, or `GROUND`.
+    """
+
+    mass: FloatArray
+    point: FloatArray
+    displacement: FloatArray
+    frame: IntArray
+
+
+@dataclass(frozen=True, slots=True)
 class ReducedBody:
     """A flexible body in m modal coordinates with I interfaces and S frames.
 
@@ -132,6 +154,8 @@ class ReducedBody:
         Rotation of the joint's section; used only to tell how much a frame's own material turns in it.
     frame_rotation : (S, 3, m) float
         Averaged rotation Θ_s of the sub-domain.
+    masses : Masses or None
+        Where the body's mass is, for accelerations of its supports.
     stiffness_by_load : (6I, m, m) float or None
         Reduced geometric stiffness of each unit load: forces of all interfaces, then moments; 1/(s² N), 1/(s² N m).
     stiffness_by_mode : (m, m, m) float or None
@@ -159,6 +183,7 @@ class ReducedBody:
     joint_displacement: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     joint_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     frame_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    masses: Masses | None = None
     stiffness_by_load: FloatArray | None = None
     stiffness_by_mode: FloatArray | None = None
     formulation: Formulation = field(default_factory=Formulation)
@@ -189,6 +214,11 @@ class ReducedBody:
             "joint_rotation": (frames, 3, modes),
             "frame_rotation": (frames, 3, modes),
         }
+        if self.masses is not None:
+            count = np.size(self.masses.mass)
+            found = [np.shape(getattr(self.masses, name)) for name in ("point", "displacement", "frame")]
+            if found != [(count, 3), (count, 3, modes), (count,)]:
+                raise ModalFileError(f"masses have shapes {found}, expected {count} points and {modes} modes")
         if self.stiffness_by_load is not None:
             shapes["stiffness_by_load"] = (6 * interfaces, modes, modes)
         if self.stiffness_by_mode is not None:

@@ -254,8 +254,10 @@ class BodySlave:
             self._outputs.clear()
 
     def _loads(self) -> Loads:
-        wrench = self._inputs.reshape(-1, 2, 3)
-        return Loads(wrench[:, 0], wrench[:, 1])
+        count = 6 * self._model.interface_count
+        wrench = self._inputs[:count].reshape(-1, 2, 3)
+        acceleration = np.zeros(3) if self._model.masses is None else self._inputs[count:]
+        return Loads(wrench[:, 0], wrench[:, 1], acceleration)
 
     def _real(self, vr: int) -> float:
         if 0 <= vr < self._inputs.size:

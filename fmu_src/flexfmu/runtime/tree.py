@@ -33,14 +33,14 @@ _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """Constant data of the tree: S frames first, then I interfaces; K = S + I nodes.
+    """Constant data of the tree: S frames first, then I interfaces, then P centres of mass; K = S + I + P nodes.
 
     Attributes
     ----------
     parent : (K,) int
         Frame on which a node hangs, or `GROUND`.
-    frame_count : int
-        S.
+    frame_count, interface_count : int
+        S and I.
     point : (K, 3) float
         Undeformed joints and interface points, m.
     offset : (K, 3) float
@@ -57,12 +57,18 @@ class Tree:
 
     parent: IntArray
     frame_count: int
+    interface_count: int
     point: FloatArray
     offset: FloatArray
     operator: FloatArray
     base: FloatArray
     path: FloatArray
     parent_path: FloatArray
+
+    @property
+    def interfaces(self) -> slice:
+        """Where the interfaces stand among the nodes."""
+        return slice(self.frame_count, self.frame_count + self.interface_count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +123,13 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
     point = np.concatenate([body.joint_point[:frames], body.interface_point])
     displacement = np.concatenate([body.joint_displacement[:frames], body.interface_displacement])
     rotation = np.concatenate([body.frame_rotation[:frames], body.interface_rotation])
+    if body.masses is not None:
+        carrier = np.where(kinematics is Kinematics.LINEAR, GROUND, body.masses.frame)
+        parent = np.concatenate([parent, carrier])
+        point = np.concatenate([point, body.masses.point])
+        displacement = np.concatenate([displacement, body.masses.displacement])
+        # A centre of mass has no rotation of its own: nothing reads it, and no moment acts on it.
+        rotation = np.concatenate([rotation, np.zeros_like(body.masses.displacement)])
 
     offset, d, c = point.copy(), displacement.copy(), rotation.copy()
     hung = np.flatnonzero(parent >= 0)
@@ -140,7 +153,7 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
         if frame >= 0:
             path[k] += path[frame]
     operator = np.concatenate([d.reshape(-1, body.mode_count), c.reshape(-1, body.mode_count)])
-    return Tree(parent, frames, point, offset, operator, base, path, path - np.eye(len(parent)))
+    return Tree(parent, frames, body.interface_count, point, offset, operator, base, path, path - np.eye(len(parent)))
 
 
 def configuration(tree: Tree, q: FloatArray) -> Configuration:

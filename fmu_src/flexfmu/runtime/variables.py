@@ -63,6 +63,7 @@ class Variable:
     minimum: float | None = None
 
 
+ACCELERATION = "body.acceleration"
 STATUS_CODE = "status.code"
 KINEMATICS = "formulation.kinematics"
 LOADS = "formulation.loads"
@@ -122,6 +123,23 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
             )
             for interface in body.interface_names
             for quantity, unit, words in quantities
+            for axis in AXES
+        ]
+    if body.masses is not None:
+        after_loads = 6 * body.interface_count
+        words = "acceleration of the supports (a weight is one against gravity), along the global {} axis"
+        table[after_loads:after_loads] = [
+            Variable(
+                f"{ACCELERATION}.{axis}",
+                "Real",
+                Group.INPUT,
+                "input",
+                "continuous",
+                None,
+                0.0,
+                "m/s2",
+                words.format(axis),
+            )
             for axis in AXES
         ]
     status = "0: sound; 1: a step was refused or the start failed, see the log; stays until reset"

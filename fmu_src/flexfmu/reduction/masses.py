@@ -1,0 +1,49 @@
+"""Mass and centre of mass of each sub-domain: what acceleration of the supports, or weight, acts on."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..mesh.model import FloatArray, Mesh
+from ..runtime.reduced_body import GROUND, Masses
+from .subdomains import Subdomain
+
+
+def sub_masses(
+    mesh: Mesh, volumes: tuple[FloatArray, ...], shapes: FloatArray, subdomains: Sequence[Subdomain]
+) -> Masses:
+    """Masses of the sub-domains, and of what lies in none of them, on the ground.
+
+    Exact for a uniform acceleration: the mean displacement of a part is that of its centre of mass, in any frame.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Every element with a material.
+    volumes : tuple of (n_elements, node_count, node_count) float
+        From `fe.assembly.volume_matrices`.
+    shapes : (3n, m) float
+    subdomains : sequence of Subdomain
+
+    Returns
+    -------
+    Masses
+    """
+    owner = np.full(mesh.element_count, GROUND)
+    for s, domain in reversed(list(enumerate(subdomains))):
+        owner[domain.elements] = s
+    density = np.array([material.density for material in mesh.materials])
+    share = np.zeros((len(subdomains) + 1, len(mesh.points)))
+    first = 0
+    for block, matrices in zip(mesh.blocks, volumes, strict=True):
+        nodal = density[block.material][:, None] * matrices.sum(axis=1)
+        rows = owner[first : first + len(block.labels)][:, None]
+        # Row GROUND is the last.
+        np.add.at(share, (np.broadcast_to(rows, nodal.shape), block.connectivity), nodal)
+        first += len(block.labels)
+    mass = share.sum(axis=1)
+    frame = np.append(np.arange(len(subdomains)), GROUND)
+    kept = mass > 0.0
+    mean = share[kept] / mass[kept, None]
+    displacement = np.tensordot(mean, shapes.reshape(len(mesh.points), 3, -1), axes=1)
+    return Masses(mass[kept], mean @ mesh.points, displacement, frame[kept])

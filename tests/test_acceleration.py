@@ -1,0 +1,111 @@
+"""Weight and moving supports: accelerations as inputs."""
+
+import numpy as np
+import pytest
+import scipy.integrate
+
+from flexfmu.config import InputTable
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.errors import LoadError
+from flexfmu.runtime.modal_file import write_modal_file
+from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement
+from flexfmu.runtime.slave import MODAL_FILE, BodySlave
+from flexfmu.runtime.variables import variable_table
+
+MASS = 7850.0 * 0.03**2
+STIFFNESS = 2e11 * 0.03**4 / 12.0
+
+
+def heavy_beam(bodies, **changes):
+    """The clamped beam with its masses aboard."""
+    return bodies.beam(input=InputTable(acceleration=True), **changes)
+
+
+def sag(body, acceleration):
+    """Tip displacement under an acceleration of the supports, m."""
+    return body.response(body.static(body.loads({}, acceleration))).displacement[0]
+
+
+def test_masses_of_the_sub_domains_add_up_to_the_body(bodies):
+    masses = heavy_beam(bodies, frames=8).model.masses
+    np.testing.assert_allclose(masses.mass, MASS / 8.0, rtol=1e-9)
+    np.testing.assert_allclose(masses.point[:, 0], (np.arange(8) + 0.5) / 8.0, atol=1e-9)
+
+
+def test_weight_bends_the_beam_as_beam_theory_says(bodies):
+    # w = ρAgL⁴/8EI; slender enough for half a per cent of shear.
+    found = sag(heavy_beam(bodies, modes=30), [0.0, 9.81, 0.0])
+    assert -found[1] == pytest.approx(MASS * 9.81 / (8.0 * STIFFNESS), rel=5e-3)
+
+
+@pytest.mark.parametrize("kinematics", list(Kinematics))
+def test_small_acceleration_gives_the_same_sag_for_all_kinematics(bodies, kinematics):
+    model = heavy_beam(bodies).model
+    linear = FlexibleBody(model, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE))
+    body = FlexibleBody(model, Formulation(kinematics))
+    np.testing.assert_allclose(sag(body, [0, 1e-2, 2e-2]), sag(linear, [0, 1e-2, 2e-2]), rtol=1e-5, atol=1e-11)
+
+
+def heavy_elastica(acceleration):
+    """Tip (x, y) of an inextensible cantilever of length 1 under its own weight along −y."""
+    load = MASS * acceleration / STIFFNESS
+
+    def slope(s, state):
+        return [state[1], load * (1.0 - s) * np.cos(state[0])]
+
+    def ends(left, right):
+        return [left[0], right[1]]
+
+    s = np.linspace(0.0, 1.0, 201)
+    guess = np.array([-load / 6.0 * (1 - (1 - s) ** 3), -load / 2.0 * (1 - s) ** 2])
+    solution = scipy.integrate.solve_bvp(slope, ends, s, guess, tol=1e-8)
+    assert solution.success
+    angle = solution.sol(s)[0]
+    return np.array([scipy.integrate.simpson(np.cos(angle), x=s), scipy.integrate.simpson(np.sin(angle), x=s)])
+
+
+def test_large_acceleration_bends_the_beam_along_the_elastica(bodies):
+    acceleration = 4.0 * STIFFNESS / MASS
+    expected = heavy_elastica(acceleration)
+    assert expected[1] < -0.3
+    errors = []
+    for frames in (0, 4, 8):
+        found = sag(heavy_beam(bodies, frames=frames, modes=30), [0.0, acceleration, 0.0])[:2] + np.array([1.0, 0.0])
+        errors.append(np.linalg.norm(found - expected) / np.linalg.norm(expected - [1.0, 0.0]))
+    # Shear, which the elastica has not, is 0.2 % of the deflection.
+    assert errors[0] > 0.15
+    assert errors[1] < 0.006
+    assert errors[2] < 0.004
+
+
+def test_accelerated_supports_keep_the_energy_of_an_undamped_beam(bodies):
+    body = FlexibleBody(heavy_beam(bodies, frames=4).model, damping_scale=0.0)
+    acceleration = np.array([0.0, 2.0 * STIFFNESS / MASS, 0.0])
+    loads, state, motion = body.loads({}, acceleration), body.rest(), []
+    for _ in range(200):
+        state = body.step(state, loads, 1e-3)
+        motion.append(sum(body.energies(state)))
+    assert max(motion) > 1000.0
+    # The beam swings back to rest: all it took in, it gives back.
+    assert min(motion) < 0.1 * max(motion)
+
+
+def test_fmu_takes_the_acceleration_as_input(bodies, tmp_path):
+    body = heavy_beam(bodies, frames=4)
+    write_modal_file(body.model, tmp_path / MODAL_FILE)
+    slave = BodySlave(instance_name="heavy", resources=str(tmp_path))
+    table = variable_table(body.model)
+    reference = {variable.name: number for number, variable in enumerate(table)}
+    assert table[reference["body.acceleration.y"]].unit == "m/s2"
+    slave.set_string([reference["initialization"]], ["static"])
+    slave.set_real([reference["body.acceleration.y"], reference["tip.force.z"]], [9.81, 100.0])
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+    found = slave.get_real([reference[f"tip.displacement.{axis}"] for axis in "xyz"])
+    expected = body.static(body.loads({"tip": [0.0, 0.0, 100.0]}, [0.0, 9.81, 0.0]))
+    np.testing.assert_allclose(found, body.response(expected).displacement[0], rtol=1e-12)
+
+
+def test_acceleration_of_a_body_without_masses_is_refused(bodies):
+    with pytest.raises(LoadError, match="acceleration = true"):
+        bodies.beam().loads({}, [0.0, 9.81, 0.0])
