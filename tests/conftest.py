@@ -25,6 +25,11 @@ class Bodies:
             self._known[key] = FlexibleBody(reduce_body(config.model_copy(update=changes), Reporter()))
         return self._known[key]
 
+    @staticmethod
+    def config(folder):
+        """The body file of a demo body."""
+        return read_body_file(folder / "body.toml")
+
     def beam(self, **changes):
         """The clamped beam with changes to its body file."""
         return self(BEAM, **changes)

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from . import __version__
-from .config import BodyFile
+from .config import Basis, BodyFile, ReductionTable
+from .errors import BodyFileError
 from .fe.assembly import mass, stiffness, volume_matrices
 from .fe.faces import FaceBlock, element_faces
 from .fe.factorisation import Factorisation
@@ -19,7 +20,7 @@ from .reduction.division import divide
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.masses import sub_masses
 from .reduction.model import Model, assemble_model, node_set
-from .reduction.modes import normal_modes
+from .reduction.modes import Modes, Supported, craig_bampton, normal_modes, with_residual_flexibility
 from .reduction.subdomains import (
     FrameRequest,
     Subdomain,
@@ -60,37 +61,28 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     with report.stage("Assemble stiffness and mass"):
         volumes = volume_matrices(mesh)
         k, m = stiffness(mesh), mass(mesh, volumes)
-    with report.stage("Factorise the stiffness"):
-        factor = Factorisation(k[model.free][:, model.free], model.free // 3)
-    with report.stage(f"Find {config.reduction.modes} normal modes"):
-        modes = normal_modes(k, m, model.free, factor, config.reduction.modes)
-    hertz = modes.angular_frequency / (2.0 * np.pi)
-    report.note(
-        f"{hertz[0]:.4g} to {hertz[-1]:.4g} Hz; |ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, "
-        f"residual {modes.residual:.1e}"
-    )
-    if modes.splits_pair:
-        report.warning(
-            f"mode {config.reduction.modes + 1} has the frequency of mode {config.reduction.modes} and is left out: "
-            "the body will be softer in one direction than in the other; take one mode more or less"
-        )
-
     with report.stage("Divide into frames and fit interfaces"):
         faces = element_faces(mesh)
         subdomains, cuts = _subdomains(config, model, volumes, faces)
-        frames = frame_operators(mesh.points, modes.shapes, subdomains)
         interfaces = _interfaces(config, mesh, faces, subdomains, report)
-        motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
     for text in cuts:
         report.warning(text)
     report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
-    by_load, by_mode = _geometric(config, mesh, model.free, factor, modes.shapes, interfaces, report)
+
+    with report.stage("Factorise the stiffness"):
+        free = model.free
+        factor = Factorisation(k[free][:, free], free // 3)
+        supported = Supported(k[free][:, free], m[free][:, free], factor, free, k.shape[0])
+    modes = _basis(config.reduction, supported, interfaces, len(mesh.points), report)
+    frames = frame_operators(mesh.points, modes.shapes, subdomains)
+    motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
+    by_load, by_mode = _geometric(config, mesh, supported, modes.shapes, interfaces, report)
 
     count = modes.angular_frequency.size
     return ReducedBody(
         name=config.name,
         angular_frequency=modes.angular_frequency,
-        damping_ratio=np.broadcast_to(np.asarray(config.damping.ratio, dtype=np.float64), (count,)),
+        damping_ratio=_damping(config.damping.ratio, count),
         interface_names=tuple(interface.name for interface in interfaces),
         interface_point=np.array([interface.point for interface in interfaces]),
         interface_displacement=motion[:, :3],
@@ -110,6 +102,43 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         provenance=_provenance(config, mesh),
         surface=body_surface(mesh, modes.shapes, faces, subdomains) if config.output.surface else None,
     )
+
+
+def _basis(
+    table: ReductionTable, supported: Supported, interfaces: list[Interface], node_count: int, report: Reporter
+) -> Modes:
+    """Modes of the basis that the body file asks for."""
+    loads = np.concatenate([interface.nodal_loads(node_count) for interface in interfaces], axis=1)
+    if table.basis is Basis.CRAIG_BAMPTON:
+        with report.stage(f"Find {loads.shape[1]} constraint modes and {table.modes} fixed-interface normal modes"):
+            modes = craig_bampton(supported, table.modes, loads)
+        if table.residual_flexibility:
+            report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
+    else:
+        with report.stage(f"Find {table.modes} normal modes"):
+            modes = normal_modes(supported, table.modes)
+            if table.residual_flexibility:
+                modes = with_residual_flexibility(supported, modes, loads)
+    hertz = modes.angular_frequency / (2.0 * np.pi)
+    report.note(
+        f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; |ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, "
+        f"residual {modes.residual:.1e}"
+    )
+    if modes.splits_pair:
+        report.warning(
+            f"mode {table.modes + 1} has the frequency of mode {table.modes} and is left out: the body will be softer "
+            "in one direction than in the other; take one mode more or less"
+        )
+    return modes
+
+
+def _damping(ratio: float | list[float], count: int) -> FloatArray:
+    values = np.asarray(ratio, dtype=np.float64)
+    if values.ndim and values.size != count:
+        raise BodyFileError(
+            f"damping.ratio lists {values.size} values, and the basis has {count} modes, interface modes included"
+        )
+    return np.broadcast_to(values, (count,))
 
 
 def _check_sets(config: BodyFile, mesh: Mesh) -> None:
@@ -165,8 +194,7 @@ def _interfaces(
 def _geometric(
     config: BodyFile,
     mesh: Mesh,
-    free: IntArray,
-    factor: Factorisation,
+    supported: Supported,
     shapes: FloatArray,
     interfaces: list[Interface],
     report: Reporter,
@@ -181,8 +209,7 @@ def _geometric(
             nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
             # Forces of all interfaces, then moments.
             loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
-            fields = np.zeros_like(loads)
-            fields[free] = factor.solve(loads[free])
+            fields = supported.whole(supported.factor.solve(loads[supported.free]))
             by_load = geometric_stiffness(mesh, fields, shapes)
     if "by_mode" in wanted:
         with report.stage(f"Geometric stiffness of {shapes.shape[1]} modes"):

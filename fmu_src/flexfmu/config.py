@@ -1,6 +1,7 @@
 """The body file (TOML): its keys, checked, with errors that name the key; docs/file-formats.md describes it."""
 
 import tomllib
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -60,11 +61,21 @@ class FrameTable(_Table):
     parent: str | None = None
 
 
+class Basis(Enum):
+    """Modal basis."""
+
+    NORMAL = "normal"
+    """Eigenmodes with the supports in place."""
+    CRAIG_BAMPTON = "craig_bampton"
+    """Constraint modes of the interfaces and fixed-interface normal modes."""
+
+
 class ReductionTable(_Table):
     """`[reduction]`: the modal basis."""
 
-    basis: Literal["normal"] = "normal"
+    basis: Basis = Basis.NORMAL
     modes: int = Field(default=10, ge=1)
+    residual_flexibility: bool = False
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
 
 
@@ -152,7 +163,8 @@ class BodyFile(_Table):
                 f'formulation.stiffness is "{wanted.value}", but reduction.geometric_stiffness lists {aboard}: add it'
             )
         ratio = self.damping.ratio
-        if isinstance(ratio, list) and len(ratio) != self.reduction.modes:
+        plain = self.reduction.basis is Basis.NORMAL and not self.reduction.residual_flexibility
+        if plain and isinstance(ratio, list) and len(ratio) != self.reduction.modes:
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {self.reduction.modes} modes")
         return self
 

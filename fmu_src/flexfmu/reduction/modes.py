@@ -1,4 +1,7 @@
-"""Normal modes of the supported body, equation (1)'s φ: mass-orthonormal, checked, with a fixed sign."""
+"""Modal bases of the supported body, equation (1)'s Φ: mass-orthonormal, checked, with fixed signs.
+
+Sources: R. R. Craig, M. C. C. Bampton, AIAA J. 6 (1968) 1313; for residual modes S. Rubin, AIAA J. 13 (1975) 995.
+"""
 
 from dataclasses import dataclass
 
@@ -9,13 +12,15 @@ import scipy.sparse.linalg as spla
 
 from ..errors import AccuracyError, BodyFileError, ModelError
 from ..fe.factorisation import Factorisation
-from ..mesh.model import FloatArray
+from ..mesh.model import FloatArray, IntArray
 
 # Lanczos reaches round-off; these leave three decades for matrices of bad condition.
 _ORTHONORMALITY_LIMIT = 1e-9
 _RESIDUAL_LIMIT = 1e-6
 # Relative distance of ω² below which modes span a plane whose axes are arbitrary.
 _DEGENERATE = 1e-7
+# Share of a static shape's strain energy below which it is in the span of the modes: round-off of the solve, squared.
+_HELD_ALREADY = 1e-12
 # A component this close to the largest may serve to fix a sign: the first such one is taken.
 _NEARLY_LARGEST = 0.9
 
@@ -33,7 +38,7 @@ class Modes:
     orthonormality_error : float
         Largest entry of |ΦᵀMΦ − I|.
     residual : float
-        Largest of |Kφ − ω²Mφ| / |Kφ|.
+        Largest of |Kφ − ω²Mφ| / |Kφ| of the normal modes.
     splits_pair : bool
         Whether the next mode, left out, has the frequency of the last.
     """
@@ -45,19 +50,41 @@ class Modes:
     splits_pair: bool
 
 
-def normal_modes(
-    stiffness: sp.csr_array, mass: sp.csr_array, free: np.ndarray, factor: Factorisation, count: int
-) -> Modes:
+@dataclass(frozen=True, slots=True)
+class Supported:
+    """Matrices of the free degrees of freedom, with the stiffness factorised.
+
+    Attributes
+    ----------
+    stiffness, mass : (k, k) sparse
+        N/m, kg.
+    factor : Factorisation
+        Of the stiffness.
+    free : (k,) int
+        Their places among all 3n degrees of freedom.
+    size : int
+        3n.
+    """
+
+    stiffness: sp.csr_array
+    mass: sp.csr_array
+    factor: Factorisation
+    free: IntArray
+    size: int
+
+    def whole(self, vectors: FloatArray) -> FloatArray:
+        """Put vectors (k, j) into all degrees of freedom (3n, j), zero at supports."""
+        result = np.zeros((self.size, vectors.shape[1]))
+        result[self.free] = vectors
+        return result
+
+
+def normal_modes(model: Supported, count: int) -> Modes:
     """Lowest modes with the supports in place, by shift-invert Lanczos about zero.
 
     Parameters
     ----------
-    stiffness, mass : (3n, 3n) sparse
-        Of all degrees of freedom.
-    free : (k,) int
-        Degrees of freedom that no support holds.
-    factor : Factorisation
-        Of the stiffness of the free degrees of freedom.
+    model : Supported
     count : int
         Number of modes.
 
@@ -72,37 +99,133 @@ def normal_modes(
     AccuracyError
         The modes do not pass their own check.
     """
-    k, m = stiffness[free][:, free], mass[free][:, free]
+    return _lowest(model, count, np.zeros((model.free.size, 0)))
+
+
+def craig_bampton(model: Supported, count: int, interface_loads: FloatArray) -> Modes:
+    """Constraint modes of the interfaces and fixed-interface normal modes, orthonormalised by the small eigenproblem.
+
+    An interface is a distributing coupling: it is held where its rigid fit (3) is zero, and its constraint modes are
+    the shapes of least strain energy with one component of one fit at one. They span what unit loads on it do.
+
+    Parameters
+    ----------
+    model : Supported
+    count : int
+        Number of fixed-interface normal modes.
+    interface_loads : (3n, 6I) float
+        Nodal forces of the interfaces' unit forces and moments, Gᵀ.
+
+    Returns
+    -------
+    Modes
+        count + 6I of them.
+
+    Raises
+    ------
+    BodyFileError, AccuracyError
+        As of `normal_modes`.
+    """
+    loads = interface_loads[model.free]
+    fixed = _lowest(model, count, loads)
+    return _joined(model, fixed, model.factor.solve(loads))
+
+
+def with_residual_flexibility(model: Supported, modes: Modes, interface_loads: FloatArray) -> Modes:
+    """Modes and what they lack of the static response to interface loads, orthonormalised by the small eigenproblem.
+
+    Static displacements of the interfaces are then those of the whole finite element model. The additional modes are
+    of high frequency; unlike a residual flexibility matrix on the outputs they make no direct feedthrough.
+
+    Parameters
+    ----------
+    model : Supported
+    modes : Modes
+    interface_loads : (3n, 6I) float
+        Nodal forces of the interfaces' unit forces and moments.
+
+    Returns
+    -------
+    Modes
+        At most 6I more.
+    """
+    return _joined(model, modes, model.factor.solve(interface_loads[model.free]))
+
+
+def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
+    """Lowest modes among the shapes that do no work under the forces `held` (k, j): those with Gu = 0."""
+    k, m = model.stiffness, model.mass
     asked = count + 1
-    if asked >= free.size:
-        raise BodyFileError(f"[reduction] modes = {count}: the mesh has {free.size} free degrees of freedom only")
+    if asked >= model.free.size - held.shape[1]:
+        raise BodyFileError(f"[reduction] modes = {count}: the mesh has {model.free.size} free degrees of freedom only")
+    released = model.factor.solve(held)
+    # K⁻¹ b less what brings Gu back to zero.
+    compliance = held.T @ released
+
+    def inverse(right: FloatArray) -> FloatArray:
+        solution = model.factor.solve(right)
+        if held.shape[1]:
+            solution -= released @ np.linalg.solve(compliance, held.T @ solution)
+        return solution
+
     # A fixed start with all wave lengths in it makes a rebuild repeat the same iteration.
-    start = np.random.default_rng(0).standard_normal(free.size)
-    inverse = spla.LinearOperator(k.shape, matvec=factor.solve, dtype=np.float64)
+    start = inverse(m @ np.random.default_rng(0).standard_normal(model.free.size))
+    operator = spla.LinearOperator(k.shape, matvec=inverse, dtype=np.float64)
     try:
-        _, vectors = spla.eigsh(k, k=asked, M=m, sigma=0.0, OPinv=inverse, v0=start, ncv=max(2 * asked + 1, 20))
+        _, vectors = spla.eigsh(k, k=asked, M=m, sigma=0.0, OPinv=operator, v0=start, ncv=max(2 * asked + 1, 20))
     except spla.ArpackError as error:
         raise AccuracyError(f"the eigenvalue iteration failed ({error}); ask for fewer modes") from error
     # One Rayleigh-Ritz step removes what is left of the iteration's lack of orthogonality.
-    squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
-    vectors = vectors @ small
-    if squares[0] <= 0.0:
-        raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
+    squares, vectors = _rayleigh_ritz(k, m, vectors)
     splits = bool(squares[count] - squares[count - 1] < _DEGENERATE * squares[count])
     squares, vectors = squares[:count], _fixed_axes(squares[:count], vectors[:, :count])
-
-    orthonormality = float(np.max(np.abs(vectors.T @ (m @ vectors) - np.eye(count))))
+    orthonormality = _checked_orthonormality(m, vectors)
     forces = k @ vectors
-    residuals = np.linalg.norm(forces - (m @ vectors) * squares, axis=0) / np.linalg.norm(forces, axis=0)
-    residual = float(residuals.max())
-    if orthonormality > _ORTHONORMALITY_LIMIT or residual > _RESIDUAL_LIMIT:
+    imbalance = forces - (m @ vectors) * squares
+    if held.shape[1]:
+        # Forces of the held interfaces are reactions.
+        imbalance -= held @ np.linalg.lstsq(held, imbalance, rcond=None)[0]
+    residual = float((np.linalg.norm(imbalance, axis=0) / np.linalg.norm(forces, axis=0)).max())
+    if residual > _RESIDUAL_LIMIT:
         raise AccuracyError(
-            f"modes are not good enough: |ΦᵀMΦ − I| = {orthonormality:.1e} (limit {_ORTHONORMALITY_LIMIT:.0e}), "
-            f"residual {residual:.1e} (limit {_RESIDUAL_LIMIT:.0e}); check the mesh for badly shaped elements"
+            f"modes are not good enough: residual {residual:.1e} (limit {_RESIDUAL_LIMIT:.0e}); check the mesh for "
+            "badly shaped elements"
         )
-    shapes = np.zeros((stiffness.shape[0], count))
-    shapes[free] = vectors
-    return Modes(np.sqrt(squares), shapes, orthonormality, residual, splits)
+    return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, residual, splits)
+
+
+def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Squared frequencies and modes of the small eigenproblem that vectors (k, j) span."""
+    squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
+    if squares[0] <= 0.0:
+        raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
+    return squares, vectors @ small
+
+
+def _joined(model: Supported, modes: Modes, statics: FloatArray) -> Modes:
+    """Span of modes and static shapes (k, j), orthonormalised; shapes that the modes hold already add nothing."""
+    k, m = model.stiffness, model.mass
+    phi = modes.shapes[model.free]
+    statics = statics / np.sqrt(np.einsum("ij,ij->j", statics, k @ statics))
+    # What is left over in strain energy once the modes have taken their part.
+    rest = statics - phi @ np.linalg.solve(phi.T @ (k @ phi), phi.T @ (k @ statics))
+    energies, turn = np.linalg.eigh(rest.T @ (k @ rest))
+    kept = energies > _HELD_ALREADY
+    rest = rest @ (turn[:, kept] / np.sqrt(energies[kept]))
+    squares, vectors = _rayleigh_ritz(k, m, np.hstack([phi, rest]))
+    vectors = _fixed_axes(squares, vectors)
+    orthonormality = _checked_orthonormality(m, vectors)
+    return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, modes.residual, modes.splits_pair)
+
+
+def _checked_orthonormality(m: sp.csr_array, vectors: FloatArray) -> float:
+    error = float(np.max(np.abs(vectors.T @ (m @ vectors) - np.eye(vectors.shape[1]))))
+    if error > _ORTHONORMALITY_LIMIT:
+        raise AccuracyError(
+            f"modes are not good enough: |ΦᵀMΦ − I| = {error:.1e} (limit {_ORTHONORMALITY_LIMIT:.0e}); check the mesh "
+            "for badly shaped elements, or ask for fewer modes"
+        )
+    return error
 
 
 def _fixed_axes(squares: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -1,0 +1,94 @@
+"""Modal bases: normal modes, Craig-Bampton, and residual flexibility with either."""
+
+import numpy as np
+import pytest
+
+from flexfmu.config import Basis
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.reduced_body import Formulation, Kinematics
+from references import BEAM, calculix, displacement, relative
+
+
+@pytest.fixture(scope="module")
+def beam(bodies):
+    """The clamped beam by basis."""
+
+    def make(basis=Basis.NORMAL, modes=10, residual=False, frames=8):
+        reduction = {"basis": basis, "modes": modes, "residual_flexibility": residual}
+        config = bodies.config(BEAM).reduction.model_copy(update=reduction)
+        return bodies.beam(reduction=config, frames=frames)
+
+    return make
+
+
+def linear_error(body):
+    """Relative error of the linear static tip displacement against CalculiX's finite element model."""
+    linear = FlexibleBody(body.model, Formulation(Kinematics.LINEAR))
+    found = linear.response(linear.static({"tip": [0.0, 1e3, 0.0]})).displacement[0]
+    return relative(found, displacement(calculix(BEAM / "calculix" / "linear_y.csv")))
+
+
+@pytest.mark.parametrize("modes", [2, 6, 10])
+def test_residual_flexibility_makes_few_modes_statically_exact(beam, modes):
+    assert linear_error(beam(modes=modes)) > 5e-4
+    assert linear_error(beam(modes=modes, residual=True)) < 1e-6
+
+
+@pytest.mark.parametrize("modes", [2, 10])
+def test_craig_bampton_is_statically_exact(beam, modes):
+    assert linear_error(beam(Basis.CRAIG_BAMPTON, modes)) < 1e-6
+
+
+def test_craig_bampton_frequencies_come_down_to_those_of_the_body(beam):
+    expected = calculix(BEAM / "calculix" / "frequencies.csv")["frequency_Hz"][:6]
+    errors = []
+    for modes in (4, 8, 16):
+        found = beam(Basis.CRAIG_BAMPTON, modes).model.angular_frequency[:6] / (2.0 * np.pi)
+        # A smaller space can only be stiffer.
+        assert np.all(found > expected * (1.0 - 1e-6))
+        errors.append(np.max(found / expected - 1.0))
+    assert errors[2] < errors[1] < errors[0]
+    assert errors[1] < 1e-3
+
+
+def test_craig_bampton_and_normal_modes_agree_when_the_beam_bends_far(beam):
+    loads = {"tip": [-2e3, 10e3, 3e3, 50.0, -200.0, 300.0]}
+    normal, craig_bampton = beam(modes=40), beam(Basis.CRAIG_BAMPTON, 12)
+    found = [body.response(body.static(loads)) for body in (normal, craig_bampton)]
+    assert np.linalg.norm(found[0].displacement) > 0.2
+    assert relative(found[1].displacement, found[0].displacement) < 5e-4
+    assert relative(found[1].rotation, found[0].rotation) < 5e-3
+
+
+def test_residual_flexibility_takes_truncation_out_of_large_deflections(beam):
+    table = calculix(BEAM / "calculix" / "static_y.csv")
+    expected = displacement(table[table["force_N"] == 10e3][0])
+    errors = {}
+    for residual in (False, True):
+        body = beam(modes=10, residual=residual, frames=16)
+        errors[residual] = relative(body.response(body.static({"tip": [0.0, 10e3, 0.0]})).displacement[0], expected)
+    assert errors[False] > 6e-4
+    assert errors[True] < 3e-4
+
+
+@pytest.mark.parametrize("basis", list(Basis))
+def test_interface_modes_are_orthonormal_and_come_last(beam, basis):
+    model = beam(basis, 6, residual=True).model
+    # Six normal modes and what the interface's six loads add.
+    assert model.mode_count == 12
+    assert np.all(np.diff(model.angular_frequency) >= 0.0)
+    assert model.angular_frequency[-1] > 5.0 * beam(modes=6).model.angular_frequency[-1]
+
+
+def test_modes_of_high_frequency_do_not_spoil_the_motion(beam):
+    # Interface modes are far above the communication step's reach: propagation stays exact and stable.
+    table = calculix(BEAM / "calculix" / "sudden_load.csv")
+    times = table["time_s"][::2]
+    body = FlexibleBody(beam(modes=10, residual=True).model, damping_scale=0.0)
+    state, found, energies = body.rest(), [np.zeros(3)], []
+    for step in np.diff(times):
+        state = body.step(state, {"tip": [0.0, 5e3, 0.0]}, step)
+        found.append(body.response(state).displacement[0])
+        energies.append(sum(body.energies(state)) - 5e3 * found[-1][1])
+    assert relative(found, displacement(table)[::2]) < 0.025
+    assert np.max(np.abs(energies)) < 1e-8 * 5e3 * 0.25
