@@ -101,7 +101,7 @@ def path_deck(model: Model, interface: str, axis: int, displacement: float, incr
     """Deck of a nonlinear static run led by the mean displacement of a face, past limit points of the load.
 
     The force is that of a uniform traction, as in `static_deck`: an equation ties the face's weighted mean to a
-    node of its own, whose reaction is the force. That node is the only one of the set PILOT.
+    node of its own, the only one of the set PILOT. The supports' reactions, printed too, are the force's opposite.
 
     Parameters
     ----------
@@ -131,8 +131,7 @@ def path_deck(model: Model, interface: str, axis: int, displacement: float, incr
             "*BOUNDARY",
             f"PILOT, {axis + 1}, {axis + 1}, {displacement:.9g}",
             *_print_cards(model),
-            "*NODE PRINT, NSET=PILOT",
-            "RF",
+            *(line for node_set in model.supports for line in (f"*NODE PRINT, NSET={node_set}, TOTALS=ONLY", "RF")),
             "*END STEP",
         ],
     )
@@ -269,9 +268,10 @@ def read_displacements(printed: str, interface: str) -> tuple[np.ndarray, np.nda
     return _read_blocks(printed, "displacements (vx,vy,vz)", interface.upper())
 
 
-def read_pilot_force(printed: str) -> np.ndarray:
-    """Read the force on the node PILOT at all printed times, shape (n_times, 3), N."""
-    return _read_blocks(printed, "forces (fx,fy,fz)", "PILOT")[1][:, 0]
+def read_reaction(printed: str, support: str) -> np.ndarray:
+    """Read the total force on the body at a support at all printed times, shape (n_times, 3), N."""
+    rows = re.findall(rf"total force \(fx,fy,fz\) for set {support} and time .*\n\n(.*)", printed)
+    return np.array([row.split() for row in rows], dtype=float)
 
 
 def read_frequencies(printed: str) -> np.ndarray:

@@ -75,7 +75,7 @@ class ReferenceBody:
         _, motion = self._motion(run)
         motion = np.vstack([np.zeros(motion.shape[1]), motion])
         force = np.zeros((len(motion), 3))
-        force[1:, axis] = ccx.read_pilot_force(run.printed)[:, axis]
+        force[1:, axis] = -sum(ccx.read_reaction(run.printed, support)[:, axis] for support in self.model.supports)
         notes = [*self._notes(title, run), "force: that of a uniform traction, in equilibrium, stable or not"]
         self._write_static(name, {interface: force}, motion, [*notes, *self._face_notes(), ROTATION_NOTE])
 
