@@ -1,0 +1,196 @@
+"""Finite element matrices against closed forms, for every element type."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from flexfmu.errors import ModelError
+from flexfmu.fe.assembly import mass, stiffness, volume_matrices
+from flexfmu.fe.elements import FACES
+from flexfmu.fe.factorisation import Factorisation
+from flexfmu.mesh.model import ElementType, Material
+from meshes import EVERY_TYPE, QUADRATIC, STEEL, box, distorted
+from references import relative
+
+SIZE = (1.5, 1.0, 0.8)
+EVERY = pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+
+
+def skewed(kind, random):
+    """Box of 2 × 2 × 2 cells none of which is a brick any more."""
+    return distorted(box(kind, (2, 2, 2), SIZE), 0.12, random)
+
+
+def elasticity(material, gradient):
+    """Stress (3, 3), N/m², of an isotropic body with a constant displacement gradient."""
+    strain = 0.5 * (gradient + gradient.T)
+    shear = material.youngs_modulus / (2.0 * (1.0 + material.poissons_ratio))
+    lame = 2.0 * shear * material.poissons_ratio / (1.0 - 2.0 * material.poissons_ratio)
+    return lame * np.trace(strain) * np.eye(3) + 2.0 * shear * strain, strain
+
+
+def spread_evenly(mesh, name, force):
+    """Nodal forces (3n,): each node of a set takes the same share, for checks of the resultant alone."""
+    result = np.zeros((len(mesh.points), 3))
+    nodes = mesh.node_sets[name]
+    result[nodes] = np.asarray(force) / nodes.size
+    return result.ravel()
+
+
+def solve(mesh, fixed, force):
+    """Displacements (n, 3) with some translations (n, 3) held."""
+    k = stiffness(mesh)
+    free = np.flatnonzero(~fixed.ravel())
+    result = np.zeros(3 * len(mesh.points))
+    result[free] = Factorisation(k[free][:, free], free // 3).solve(force[free])
+    return result.reshape(-1, 3)
+
+
+def cantilever_tip(kind, counts, size, force=1.0):
+    """Mean tip deflection along y under a tip force along y; the root keeps plane and may contract."""
+    mesh = box(kind, counts, size)
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    root = mesh.node_sets["ROOT"]
+    fixed[root, 0] = True
+    for axis in (1, 2):
+        fixed[root, axis] = np.abs(mesh.points[root, axis] - 0.5 * size[axis]) < 1e-9
+    u = solve(mesh, fixed, spread_evenly(mesh, "TIP", (0.0, force, 0.0)))
+    return u[mesh.node_sets["TIP"], 1].mean()
+
+
+@EVERY
+def test_mass_and_centre_of_a_box_are_exact(kind):
+    mesh = box(kind, (3, 2, 2), SIZE)
+    m = mass(mesh, volume_matrices(mesh))
+    total = STEEL.density * np.prod(SIZE)
+    moving = np.kron(np.ones(len(mesh.points)), np.array([1.0, 0.0, 0.0]))
+    assert moving @ m @ moving == pytest.approx(total, rel=1e-12)
+    centre = (m @ moving).reshape(-1, 3)[:, 0] @ mesh.points / total
+    np.testing.assert_allclose(centre, np.array(SIZE) / 2.0, rtol=1e-12)
+
+
+@EVERY
+def test_turning_inertia_of_a_box_is_exact(kind):
+    mesh = box(kind, (3, 2, 2), SIZE)
+    spin = np.cross([0.0, 0.0, 1.0], mesh.points).ravel()
+    expected = STEEL.density * np.prod(SIZE) * (SIZE[0] ** 2 + SIZE[1] ** 2) / 3.0
+    # felupe tabulates points of tetrahedra to nine digits.
+    assert spin @ mass(mesh, volume_matrices(mesh)) @ spin == pytest.approx(expected, rel=1e-9)
+
+
+@EVERY
+def test_matrices_are_symmetric_and_mass_is_positive(kind, random):
+    mesh = skewed(kind, random)
+    k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+    assert abs(k - k.T).max() == 0.0
+    assert abs(m - m.T).max() < 1e-14 * abs(m).max()
+    # Reduced integration leaves the mass of a single brick singular, never negative.
+    assert np.linalg.eigvalsh(m.toarray())[0] > -1e-12 * abs(m).max()
+
+
+@EVERY
+def test_rigid_motions_give_no_force(kind, random):
+    mesh = skewed(kind, random)
+    k = stiffness(mesh)
+    motions = [np.tile(axis, (len(mesh.points), 1)) for axis in np.eye(3)]
+    motions += [np.cross(axis, mesh.points) for axis in np.eye(3)]
+    scale = abs(k).max()
+    for motion in motions:
+        assert np.abs(k @ motion.ravel()).max() < 1e-13 * scale
+    assert np.linalg.matrix_rank(k.toarray(), tol=1e-9 * scale) == 3 * len(mesh.points) - 6
+
+
+@EVERY
+def test_linear_displacements_give_the_exact_constant_stress_on_a_distorted_mesh(kind, random):
+    mesh = skewed(kind, random)
+    k = stiffness(mesh)
+    gradient = 1e-3 * random.standard_normal((3, 3))
+    displacement = mesh.points @ gradient.T
+    force = (k @ displacement.ravel()).reshape(-1, 3)
+    stress, strain = elasticity(STEEL, gradient)
+
+    outer = np.zeros(len(mesh.points), dtype=bool)
+    (block,) = mesh.blocks
+    faces = block.connectivity[:, FACES[kind]].reshape(-1, FACES[kind].shape[1])
+    corners = 4 if faces.shape[1] in (4, 8) else 3
+    _, first, count = np.unique(np.sort(faces[:, :corners]), axis=0, return_index=True, return_counts=True)
+    outer[faces[first[count == 1]]] = True
+    assert (~outer).sum() > 0
+    assert np.abs(force[~outer]).max() < 1e-12 * np.abs(force).max()
+
+    # ∫ t ⊗ x dA over the surface is stress times volume, and so is the energy stress : strain.
+    volume = sum(float(part.sum()) for part in volume_matrices(mesh))
+    np.testing.assert_allclose(force.T @ mesh.points, stress * volume, atol=1e-11 * np.abs(stress).max() * volume)
+    energy = 0.5 * displacement.ravel() @ force.ravel()
+    assert energy == pytest.approx(0.5 * np.sum(stress * strain) * volume, rel=1e-11)
+
+
+@pytest.mark.parametrize("kind", QUADRATIC, ids=lambda kind: kind.value)
+def test_quadratic_elements_bend_as_a_timoshenko_beam(kind):
+    length, width = 1.0, 0.1
+    inertia, area = width**4 / 12.0, width**2
+    shear = STEEL.youngs_modulus / (2.0 * (1.0 + STEEL.poissons_ratio))
+    theory = length**3 / (3.0 * STEEL.youngs_modulus * inertia) + 1.2 * length / (shear * area)
+    assert cantilever_tip(kind, (10, 2, 2), (length, width, width)) == pytest.approx(theory, rel=0.01)
+
+
+def test_linear_elements_lock_in_bending_and_tetrahedra_most():
+    counts, size = (10, 2, 2), (1.0, 0.1, 0.1)
+    tip = {kind: cantilever_tip(kind, counts, size) for kind in EVERY_TYPE}
+    assert tip[ElementType.C3D4] < 0.6 * tip[ElementType.C3D8]
+    assert tip[ElementType.C3D8] < 0.9 * tip[ElementType.C3D20]
+    # Full integration is the stiffer one, by little.
+    assert tip[ElementType.C3D20] < (1.0 - 1e-5) * tip[ElementType.C3D20R]
+    assert tip[ElementType.C3D20] > 0.98 * tip[ElementType.C3D20R]
+
+
+def test_reduced_integration_is_that_of_both_matrices():
+    full, reduced = (box(kind, (1, 1, 1), SIZE) for kind in (ElementType.C3D20, ElementType.C3D20R))
+    ranks = [np.linalg.matrix_rank(stiffness(mesh).toarray(), tol=1e-3) for mesh in (full, reduced)]
+    # Eight points with six strains each leave twelve motions of 60, six of them rigid.
+    assert ranks == [54, 48]
+    scalar = [volume_matrices(mesh)[0][0] for mesh in (full, reduced)]
+    assert [np.linalg.matrix_rank(matrix) for matrix in scalar] == [20, 8]
+
+
+@EVERY
+def test_two_materials_in_series_stretch_as_springs_do(kind):
+    # Without lateral contraction the state is uniaxial, whatever the element.
+    soft = Material("SOFT", 1e9, 0.0, 1000.0)
+    stiff = Material("STIFF", 4e9, 0.0, 2000.0)
+    mesh = box(
+        kind, (3, 2, 2), (3.0, 0.5, 0.5), materials=(soft, stiff), material=lambda c: (c[:, 0] > 1.0).astype(int)
+    )
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    fixed[mesh.node_sets["ROOT"]] = True
+    k = stiffness(mesh)
+    x = mesh.points[:, 0]
+    # 1 N: 1 m of the soft one, then 2 m of the stiff one.
+    u = np.zeros((len(x), 3))
+    u[:, 0] = np.minimum(x, 1.0) / (1e9 * 0.25) + np.maximum(x - 1.0, 0.0) / (4e9 * 0.25)
+    force = (k @ u.ravel()).reshape(-1, 3)
+    assert force[mesh.node_sets["TIP"], 0].sum() == pytest.approx(1.0, rel=1e-12)
+    ends = np.concatenate([mesh.node_sets["ROOT"], mesh.node_sets["TIP"]])
+    assert np.abs(np.delete(force, ends, axis=0)).max() < 1e-12
+    assert relative(solve(mesh, fixed, force.ravel()), u) < 1e-10
+    m = mass(mesh, volume_matrices(mesh))
+    assert m.sum() / 3.0 == pytest.approx(0.25 * (1.0 * 1000.0 + 2.0 * 2000.0), rel=1e-12)
+
+
+@EVERY
+def test_factorisation_solves_one_or_several_right_sides_to_round_off(kind, random):
+    mesh = skewed(kind, random)
+    free = np.setdiff1d(np.arange(3 * len(mesh.points)), 3 * mesh.node_sets["ROOT"][:, None] + np.arange(3))
+    k = stiffness(mesh)[free][:, free]
+    factor = Factorisation(k, free // 3)
+    expected = random.standard_normal((free.size, 3))
+    assert relative(factor.solve(k @ expected), expected) < 1e-10
+    assert relative(factor.solve(k @ expected[:, 0]), expected[:, 0]) < 1e-10
+
+
+def test_an_exactly_singular_matrix_is_refused_with_its_cause():
+    chain = sp.diags_array([[1.0, *[2.0] * 4, 1.0], [-1.0] * 5, [-1.0] * 5], offsets=[0, 1, -1]).tocsr()
+    with pytest.raises(ModelError, match=r"singular.*free to move"):
+        Factorisation(chain, np.arange(6))
+    held = chain[1:][:, 1:].tocsr()
+    np.testing.assert_allclose(Factorisation(held, np.arange(5)).solve(np.ones(5)), [5.0, 9.0, 12.0, 14.0, 15.0])
