@@ -8,14 +8,14 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import build_dynamics, configuration_at, spread
+from .dynamics import build_dynamics, spread
 from .errors import LoadError, OptionError, StepError
 from .loads import Loads, loads_from_mapping
 from .modal_file import read_modal_file
 from .reduced_body import Formulation, ReducedBody
 from .rotations import cross, rotation_vector
 from .statics import equilibrium
-from .stepping import PropagatorCache, State, StepLimits, Work, advance
+from .stepping import ConfigurationMemo, PropagatorCache, State, StepLimits, Work, advance
 from .tree import jacobians
 
 FloatArray = NDArray[np.float64]
@@ -74,6 +74,7 @@ class FlexibleBody:
         self.formulation = formulation or model.formulation
         self.limits = limits
         self._dynamics = build_dynamics(model, self.formulation)
+        self._configuration = ConfigurationMemo(self._dynamics)
         self._cache = PropagatorCache(model.angular_frequency, damping_scale * model.damping_ratio)
 
     def loads(self, loads: Mapping[str, Sequence[float]], acceleration: Sequence[float] = (0.0, 0.0, 0.0)) -> Loads:
@@ -154,7 +155,7 @@ class FlexibleBody:
         if not (np.isfinite(step) and step > 0.0):
             raise StepError(f"step is {step} s, expected a positive number")
         at_nodes = spread(self._dynamics, self._as_loads(loads))
-        end, work = advance(self._dynamics, self._cache, at_nodes, state, step, self.limits)
+        end, work = advance(self._dynamics, self._cache, self._configuration, at_nodes, state, step, self.limits)
         if not (np.all(np.isfinite(end.q)) and np.all(np.isfinite(end.v))):
             raise StepError("the step ends in values that are not finite: the loads are too large for the arithmetic")
         return end, work
@@ -171,7 +172,7 @@ class FlexibleBody:
         Response
         """
         tree = self._dynamics.tree
-        nodes = configuration_at(self._dynamics, state.q)
+        nodes = self._configuration(state.q)
         displacement = nodes.position[tree.interfaces] - tree.point[tree.interfaces]
         return Response(displacement, rotation_vector(nodes.rotation[tree.interfaces]))
 
@@ -187,7 +188,7 @@ class FlexibleBody:
         velocity, angular_velocity : (I, 3) float
         """
         tree = self._dynamics.tree
-        translation, spin = jacobians(tree, configuration_at(self._dynamics, state.q))
+        translation, spin = jacobians(tree, self._configuration(state.q))
         return translation[tree.interfaces] @ state.v, spin[tree.interfaces] @ state.v
 
     def surface_positions(self, state: State) -> FloatArray:
@@ -214,7 +215,7 @@ class FlexibleBody:
         moved: FloatArray = surface.points + surface.modes @ q
         if self._dynamics.tree.frame_count == 0:
             return moved
-        nodes = configuration_at(self._dynamics, q)
+        nodes = self._configuration(q)
         carried = surface.frame >= 0
         s = surface.frame[carried]
         # X − X_s + e, with e = u − u(X_s) − θ_s × (X − X_s)

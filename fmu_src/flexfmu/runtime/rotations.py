@@ -16,6 +16,9 @@ FloatArray = NDArray[np.float64]
 # Below this |φ|² five terms of the series are exact to round-off, above it the closed forms lose under 1e-14.
 _SERIES_LIMIT = 0.05
 
+# Keeps |φ| off zero where it divides; far below round-off of any rotation.
+_TINY = 1e-20
+_IDENTITY = np.eye(3).ravel()
 # φ @ _CROSS is φ̂, row by row.
 _CROSS = np.zeros((3, 9))
 _CROSS[0, [5, 7]] = -1.0, 1.0
@@ -109,12 +112,22 @@ def exponential_and_jacobian(vector: FloatArray) -> tuple[FloatArray, FloatArray
     jacobian : (..., 3, 3) float
         I + β φ̂ + γ φ̂².
     """
-    alpha, beta, gamma = _coefficients(np.einsum("...i,...i->...", vector, vector))
-    hat = skew(vector)
-    hat2 = hat @ hat
-    alpha, beta, gamma = alpha[..., None, None], beta[..., None, None], gamma[..., None, None]
-    identity = np.eye(3)
-    return identity + alpha * hat + beta * hat2, identity + beta * hat + gamma * hat2
+    square = np.einsum("...i,...i->...", vector, vector)
+    # The closed forms lose digits of β and γ near zero, but there they meet φ̂ and φ̂² that are as small.
+    angle = np.sqrt(square + _TINY)
+    sine, cosine = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    twice = 2.0 * sine / angle
+    basis = np.empty((*square.shape, 3, 9))
+    basis[..., 0, :] = _IDENTITY
+    basis[..., 1, :] = vector @ _CROSS
+    hat = basis[..., 1, :].reshape(*vector.shape, 3)
+    basis[..., 2, :] = (hat @ hat).reshape(*square.shape, 9)
+    weights = np.ones((*square.shape, 2, 3))
+    weights[..., 0, 1] = alpha = twice * cosine
+    weights[..., 0, 2] = weights[..., 1, 1] = 0.5 * twice * twice
+    weights[..., 1, 2] = (1.0 - alpha) / (angle * angle)
+    both = (weights @ basis).reshape(*square.shape, 2, 3, 3)
+    return both[..., 0, :, :], both[..., 1, :, :]
 
 
 def transposed_jacobian_derivative(vector: FloatArray, moment: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ length. The rule is symmetric and of second order. Sources: O. Gonzalez, J. Nonl
 gradient); Y.-W. Li, X. Wu, SIAM J. Sci. Comput. 38 (2016) A1876 (in an exponential integrator).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,8 @@ FloatArray = NDArray[np.float64]
 
 # Change of Ωq over an iteration relative to its size; two decades above round-off.
 _TOLERANCE = 1e-12
+# Change below which the discrete gradient's bracket joins the iteration: its own error is then far below the tolerance.
+_SETTLED = 1e-5
 # A fixed point that has not settled after this many rounds is slow: Newton takes over.
 _FIXED_POINT_ROUNDS = 6
 _NEWTON_ROUNDS = 12
@@ -102,9 +105,32 @@ class PropagatorCache:
         return found
 
 
+class ConfigurationMemo:
+    """The configuration of the q last seen: a step begins, and outputs are read, where the step before it ended."""
+
+    def __init__(self, dynamics: Dynamics):
+        self._dynamics = dynamics
+        self._q: FloatArray | None = None
+        self._known: Configuration | None = None
+
+    def __call__(self, q: FloatArray) -> Configuration:
+        """Return the configuration at q (m,); the same array object is taken for the same q."""
+        known = self._known
+        if known is None or q is not self._q:
+            known = configuration_at(self._dynamics, q)
+            self.remember(q, known)
+        return known
+
+    def remember(self, q: FloatArray, configuration: Configuration) -> None:
+        """Keep the configuration at q, which may not be written to from now on."""
+        q.flags.writeable = False
+        self._q, self._known = q, configuration
+
+
 def advance(
     dynamics: Dynamics,
     cache: PropagatorCache,
+    memo: ConfigurationMemo,
     loads: NodeLoads,
     state: State,
     step: float,
@@ -117,6 +143,8 @@ def advance(
     dynamics : Dynamics
     cache : PropagatorCache
         Propagators of the dynamics' modes.
+    memo : ConfigurationMemo
+        Of the same dynamics.
     loads : NodeLoads
     state : State
         Left untouched.
@@ -144,10 +172,12 @@ def advance(
     fewest = 1 if limits.longest <= 0.0 else int(np.ceil(step / limits.longest * (1.0 - 1e-9)))
     substeps = max(fewest, state.substeps)
     iterations = 0
+    here = memo(state.q)
     while substeps <= MAX_SUBSTEPS:
-        end, rounds, error = _substeps(dynamics, cache, loads, state, step, substeps, limits.tolerance)
+        end, rounds, error = _substeps(dynamics, cache, loads, state, here, step, substeps, limits.tolerance)
         iterations += rounds
         if end is not None:
+            memo.remember(end[0], end[2])
             # The error falls with the cube of the internal step: try half as many next time only when that would do.
             suggestion = substeps // 2 if 16.0 * error < limits.tolerance and substeps > fewest else substeps
             return State(end[0], end[1], max(suggestion, 1)), Work(substeps, iterations, error)
@@ -163,15 +193,15 @@ def _substeps(
     cache: PropagatorCache,
     loads: NodeLoads,
     state: State,
+    here: Configuration,
     step: float,
     substeps: int,
     tolerance: float,
-) -> tuple[tuple[FloatArray, FloatArray] | None, int, float]:
+) -> tuple[tuple[FloatArray, FloatArray, Configuration] | None, int, float]:
     """Try a number of equal sub-steps; None for the state where one of them fails or errs too much."""
     p = cache(step / substeps)
     omega = np.sqrt(dynamics.stiffness)
     q, v = state.q, state.v
-    here = configuration_at(dynamics, q)
     start_force, start_work = modal_force(dynamics, loads, here), force_work(dynamics, loads, here)
     iterations, worst = 0, 0.0
     for _ in range(substeps):
@@ -184,13 +214,13 @@ def _substeps(
         here = configuration_at(dynamics, q1)
         end_force, end_work = modal_force(dynamics, loads, here), force_work(dynamics, loads, here)
         # What the force's change over the sub-step would do beyond its mean is the leading error.
-        size = np.sqrt(float(np.vdot(omega * q1, omega * q1) + np.vdot(v, v)))
-        error = float(np.linalg.norm(omega * p.ramp * (end_force - start_force))) / size if size > 0.0 else 0.0
+        size = math.hypot(_norm(omega * q1), _norm(v))
+        error = _norm(omega * p.ramp * (end_force - start_force)) / size if size > 0.0 else 0.0
         worst = max(worst, error)
         if not worst <= tolerance:
             return None, iterations, worst
         q, start_force, start_work = q1, end_force, end_work
-    return (q, v), iterations, worst
+    return (q, v, here), iterations, worst
 
 
 def _implicit_step(
@@ -208,11 +238,14 @@ def _implicit_step(
     q1 = free + p.gq * force0
     correction = 0.0
     newton: FloatArray | None = None
+    size, corrected = np.inf, False
     for rounds in range(1, _FIXED_POINT_ROUNDS + _NEWTON_ROUNDS + 1):
         middle = configuration_at(dynamics, 0.5 * (q0 + q1))
         force = modal_force(dynamics, loads, middle)
         difference = q1 - q0
-        if rounds > 1 and np.any(difference):
+        # The correction is cubic in Δq: it can wait until q₁ has nearly settled, but has to be there when it has.
+        corrected = size <= _SETTLED
+        if corrected and difference.any():
             correction = _correction(dynamics, loads, middle, force, q1, work0, difference)
         mean_force = force + correction * difference
         residual = q1 - free - p.gq * mean_force
@@ -221,14 +254,21 @@ def _implicit_step(
             half = 0.5 * (np.diag(dynamics.stiffness) - tangent_stiffness(dynamics, loads, middle))
             newton = np.eye(q0.size) - p.gq[:, None] * half
         change = residual if newton is None else _solve(newton, residual)
-        if change is None or not np.all(np.isfinite(change)):
+        if change is None:
             return None, rounds
         q1 = q1 - change
-        if rounds > 1 and np.linalg.norm(omega * change) <= _TOLERANCE * (
-            np.linalg.norm(omega * q1) + np.linalg.norm(v0)
-        ):
+        scale = _norm(omega * q1) + _norm(v0)
+        size = _norm(omega * change) / scale if scale > 0.0 else 0.0
+        if not np.isfinite(size):
+            return None, rounds
+        if corrected and size <= _TOLERANCE:
             return (q1, mean_force), rounds
     return None, _FIXED_POINT_ROUNDS + _NEWTON_ROUNDS
+
+
+def _norm(vector: FloatArray) -> float:
+    """Euclidean norm, without the overhead of the general one."""
+    return math.sqrt(vector @ vector)
 
 
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
