@@ -1,0 +1,163 @@
+"""Every formulation on every demo body against CalculiX: error of the interfaces' displacements at several loads.
+
+Run from the repository's root: python -m demo.methods [--output FILE.csv]. Prints a Markdown table and writes the
+records that it is made of.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from demo.fmu_study import reference
+from numpy.typing import NDArray
+
+from flexfmu.build import reduce_body
+from flexfmu.config import BodyFile, read_body_file
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.errors import EquilibriumError, OptionError
+from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+
+HERE = Path(__file__).parent
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A load case: a demo body, its CalculiX table, and the direction of the force at each interface."""
+
+    folder: str
+    table: str
+    title: str
+    forces: dict[str, FloatArray]
+    column: str
+    prefixed: bool = False
+
+    def rows(self) -> Iterator[tuple[float, dict[str, list[float]], FloatArray]]:
+        """Load (N), loads by interface, and expected displacements (interfaces, 3), for a third and all of the load."""
+        table = reference(HERE / self.folder / "calculix" / f"{self.table}.csv")
+        for row in (table[len(table) // 3], table[-1]):
+            load = float(abs(row[self.column]))
+            prefix = [f"{name}_" if self.prefixed else "" for name in self.forces]
+            expected = np.array([[row[f"{p}u{axis}_m"] for axis in "xyz"] for p in prefix])
+            yield load, {name: list(load * direction) for name, direction in self.forces.items()}, expected
+
+
+X, Y, Z = np.eye(3)
+CASES = (
+    Case("clamped_beam", "static_y", "clamped beam", {"tip": Y}, "force_N"),
+    Case("l_frame", "static_z", "L-frame, out of plane", {"tip": Z}, "force_N"),
+    Case("l_frame", "static_x", "L-frame, in plane", {"tip": X}, "force_N"),
+    Case("clamped_clamped", "static_y", "beam clamped at both ends", {"middle": Y}, "force_N"),
+    Case("shallow_arch", "static_y", "shallow arch", {"crown": -Y}, "force_N"),
+    Case(
+        "plate", "static_bend", "plate, bent", {"corner_left": Z, "corner_right": Z}, "corner_left_fz_N", prefixed=True
+    ),
+    Case(
+        "plate", "static_twist", "plate, twisted", {"corner_left": Z, "corner_right": -Z}, "corner_left_fz_N",
+        prefixed=True,
+    ),
+)  # fmt: skip
+
+# Number of frames and formulation, in the order of the table.
+METHODS: tuple[tuple[int, Formulation], ...] = (
+    (1, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)),
+    (1, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_LOAD)),
+    (1, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE)),
+    (1, Formulation(Kinematics.LITERAL, LoadPlacement.CORRECTIVE_MOMENT)),
+    (1, Formulation(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT)),
+    (1, Formulation(Kinematics.COROTATED, LoadPlacement.REFERENCE)),
+    (1, Formulation(Kinematics.COROTATED, LoadPlacement.CORRECTIVE_MOMENT)),
+    (1, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
+    (4, Formulation(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT)),
+    (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
+    (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD)),
+    (8, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
+    (8, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD)),
+)
+
+
+def label(frames: int, formulation: Formulation) -> str:
+    """Name of a method in the table."""
+    parts = [formulation.kinematics.value]
+    if formulation.kinematics is not Kinematics.LINEAR:
+        parts = [f"{frames} × {parts[0]}" if frames > 1 else f"{parts[0]}"]
+        parts.append(formulation.loads.value.replace("_", " "))
+    if formulation.stiffness is not Stiffness.CONSTANT:
+        parts.append(formulation.stiffness.value.replace("_", " "))
+    return ", ".join(parts)
+
+
+def reduced(config: BodyFile, frames: int) -> ReducedBody:
+    """A body with a number of frames and all geometric stiffness aboard."""
+    reduction = config.reduction.model_copy(update={"geometric_stiffness": ["by_load", "by_mode"]})
+    return reduce_body(config.model_copy(update={"frames": frames, "reduction": reduction}), Reporter())
+
+
+def measure() -> list[dict[str, object]]:
+    """One record for each method, case and load."""
+    records: list[dict[str, object]] = []
+    known: dict[tuple[str, int], ReducedBody] = {}
+    for case in CASES:
+        config = read_body_file(HERE / case.folder / "body.toml")
+        for frames, formulation in METHODS:
+            if (case.folder, frames) not in known:
+                known[case.folder, frames] = reduced(config, frames)
+            body = FlexibleBody(known[case.folder, frames], formulation)
+            for load, loads, expected in case.rows():
+                error: float | None = None
+                try:
+                    found = body.response(body.static(loads)).displacement
+                    order = [body.model.interface_names.index(name) for name in loads]
+                    error = float(np.linalg.norm(found[order] - expected) / np.linalg.norm(expected))
+                except (EquilibriumError, OptionError):
+                    pass
+                records.append(
+                    {
+                        "body": case.folder,
+                        "case": case.title,
+                        "load_N": load,
+                        "frames": body.model.frame_count,
+                        "modes": body.model.mode_count,
+                        "method": label(frames, formulation),
+                        "relative_error": "" if error is None else f"{error:.6g}",
+                    }
+                )
+    return records
+
+
+def percent(error: float) -> str:
+    """Two significant digits, without an exponent."""
+    value = 100.0 * error
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+
+
+def print_table(records: list[dict[str, object]]) -> None:
+    """Markdown: a row a method, a column a case, errors in % at a third and at all of the load."""
+    cases = list(dict.fromkeys(str(record["case"]) for record in records))
+    print("| method | " + " | ".join(cases) + " |")
+    print("|---" * (len(cases) + 1) + "|")
+    for method in dict.fromkeys(str(record["method"]) for record in records):
+        cells = []
+        for case in cases:
+            errors = [r["relative_error"] for r in records if r["method"] == method and r["case"] == case]
+            cells.append(" / ".join("none" if e == "" else percent(float(str(e))) for e in errors))
+        print(f"| {method} | " + " | ".join(cells) + " |")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=Path("output/methods.csv"), help="records, CSV")
+    target = parser.parse_args().output
+    found = measure()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with target.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(found[0]))
+        writer.writeheader()
+        writer.writerows(found)
+    print_table(found)

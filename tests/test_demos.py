@@ -1,0 +1,70 @@
+"""The demos run and print what their pages claim."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from demo.methods import measure
+
+ROOT = Path(__file__).parent.parent
+
+
+def run(module, folder):
+    """Run a demo in a process of its own, since FMUs end up in it; what it prints."""
+    command = [sys.executable, "-m", module, "--output", str(folder)]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert "FMUs and figures are in" in result.stdout, result.stderr
+    return result.stdout
+
+
+def errors(printed, model):
+    """Errors (%) of a model in the demo's tables, in order."""
+    rows = [line for line in printed.splitlines() if line.strip().startswith(model) and line.endswith("%")]
+    return [float(line.split()[-2]) for line in rows]
+
+
+def test_clamped_beam_demo_prints_errors_and_draws_figures(tmp_path):
+    printed = run("demo.clamped_beam.run", tmp_path)
+    assert errors(printed, "linear modes")[:3] == pytest.approx([2.96, 7.45, 15.24], abs=0.02)
+    assert all(error < 0.1 for error in errors(printed, "8 frames")[:3])
+    assert {path.name for path in tmp_path.glob("*.png")} == {"tip_x.png", "tip_y.png", "sudden_load.png", "shape.png"}
+    assert len(list(tmp_path.glob("*.fmu"))) == 2
+
+
+def test_l_frame_demo_prints_errors_and_draws_figures(tmp_path):
+    printed = run("demo.l_frame.run", tmp_path)
+    assert all(error < 0.1 for error in errors(printed, "8 frames"))
+    assert all(error > 4.0 for error in errors(printed, "linear modes"))
+    assert len(list(tmp_path.glob("*.png"))) == 5
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Errors by method and case at the full load; None where there is no equilibrium."""
+    records = measure()
+    return {(r["method"], r["case"]): float(r["relative_error"] or "nan") for r in records}
+
+
+@pytest.mark.parametrize("case", ["clamped beam", "L-frame, out of plane", "L-frame, in plane"])
+def test_tree_is_right_where_bodies_hang_on_one_support(table, case):
+    assert table["8 × corotated, deformed", case] < 0.001
+    assert table["linear", case] > 0.08
+
+
+@pytest.mark.parametrize("case", ["beam clamped at both ends", "plate, twisted"])
+def test_no_method_knows_membrane_stiffening(table, case):
+    methods = {method for method, _ in table}
+    assert len(methods) == 13
+    assert all(table[method, case] > 0.7 for method in methods)
+
+
+def test_stiffness_by_load_helps_the_arch_but_not_enough(table):
+    assert table["linear, by load", "shallow arch"] < 0.75 * table["linear", "shallow arch"]
+    assert table["linear, by load", "shallow arch"] > 0.2
+
+
+def test_bent_plate_is_beam_like_to_two_percent(table):
+    assert table["4 × corotated, deformed", "plate, bent"] < 0.02
+    # Not for want of frames: twice as many gain little.
+    assert table["8 × corotated, deformed", "plate, bent"] > 0.8 * table["4 × corotated, deformed", "plate, bent"]
