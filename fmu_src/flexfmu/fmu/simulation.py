@@ -182,8 +182,10 @@ def simulate(
         signals[name] = loads[:, column]
     messages: list[str] = []
 
-    def log(_environment: object, _instance: object, _status: int, _category: bytes, text: bytes) -> None:
-        messages.append(text.decode(errors="replace"))
+    def log(_environment: object, _instance: object, _status: int, category: bytes | None, text: bytes) -> None:
+        # Lines without a category are the library's own, and say only which call failed.
+        if category:
+            messages.append(text.decode(errors="replace"))
 
     with report.stage(f"Simulate {fmu.name} from {start:g} s to {end:g} s in steps of {interval:g} s"):
         try:
@@ -196,6 +198,7 @@ def simulate(
                 output=outputs,
                 start_values=settings,
                 logger=log,
+                debug_logging=True,
             )
         except Exception as error:  # fmpy's FMICallException and what its loader raises
             why = "; ".join(messages) or str(error)

@@ -4,6 +4,7 @@ pythonfmu's library calls the methods; it finds the class in a generated module 
 pythonfmu's base class. Only what follows from the standard is here: the body itself knows nothing of FMI.
 """
 
+from ctypes import py_object, pythonapi
 from pathlib import Path
 from typing import Any
 
@@ -193,7 +194,7 @@ class BodySlave:
         values = np.frombuffer(block, dtype=np.float64)
         sizes = [inputs, m, m, 3, len(_CHOICES), 4, 3]
         if values.size != sum(sizes):
-            raise ValueError(f"FMU state has {values.size} numbers, expected {sum(sizes)}: of another FMU?")
+            raise self._failure(f"FMU state has {values.size} numbers, expected {sum(sizes)}: of another FMU?")
         ends = np.cumsum(sizes)[:-1]
         set_inputs, q, v, numbers, choices, flags, work = np.split(values, ends)
         self._inputs = set_inputs.copy()
@@ -316,4 +317,8 @@ class BodySlave:
         """Error that makes pythonfmu's library answer the call with a failure."""
         self._status = 1
         self._log.append(LogMessage(_ERROR, f"{self.instance_name}: {text}"))
+        # The library gives up its references to these when a call raises, and once more when the instance is freed:
+        # without one to spare, every later call would use freed memory and end the master's process.
+        for held in (self, type(self), self._log):
+            pythonapi.Py_IncRef(py_object(held))
         return OptionError(text)
