@@ -189,7 +189,7 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     if residual > _RESIDUAL_LIMIT:
         raise AccuracyError(
             f"modes are not good enough: residual {residual:.1e} (limit {_RESIDUAL_LIMIT:.0e}); check the mesh for "
-            "badly shaped elements"
+            "badly shaped elements, and for parts that hang on the rest by a single edge or corner"
         )
     return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, residual, splits)
 
