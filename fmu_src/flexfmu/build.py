@@ -149,6 +149,8 @@ def _check_sets(config: BodyFile, mesh: Mesh) -> None:
         node_set(mesh, frame.nodes, f"frame {frame.name!r}, nodes")
         if isinstance(frame.joint, str):
             node_set(mesh, frame.joint, f"frame {frame.name!r}, joint")
+        for name in frame.rotation_points or ():
+            node_set(mesh, name, f"frame {frame.name!r}, rotation_points")
 
 
 def _subdomains(
@@ -169,7 +171,9 @@ def _subdomains(
         elif table.joint is not None:
             joint = np.array(table.joint)
         nodes = node_set(model.mesh, table.nodes, f"frame {table.name!r}, nodes")
-        requests.append(FrameRequest(table.name, nodes, joint, table.parent))
+        key = f"frame {table.name!r}, rotation_points"
+        points = tuple(node_set(model.mesh, name, key) for name in table.rotation_points or ())
+        requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
     held = np.flatnonzero(model.fixed.any(axis=1))
     return requested_subdomains(model.mesh, volumes, faces, held, requests), ()
 

@@ -59,6 +59,17 @@ class FrameTable(_Table):
     nodes: str
     joint: str | Vector | None = None
     parent: str | None = None
+    rotation_points: list[str] | None = None
+
+    @field_validator("rotation_points")
+    @classmethod
+    def _one_or_three(cls, value: list[str] | None) -> list[str] | None:
+        if value is not None and len(value) not in (1, 3):
+            raise ValueError(
+                f"lists {len(value)} node sets, expected one (the far end: chord from the joint) or three (a "
+                "tetrahedron with the joint)"
+            )
+        return value
 
 
 class Basis(Enum):

@@ -11,7 +11,11 @@ from ..fe.assembly import scatter
 from ..fe.faces import FaceBlock, area_matrix, select
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..runtime.reduced_body import GROUND
+from ..runtime.rotations import skew
 from .rigid_fit import Weighted, by_node, modal_fit
+
+# Volume of the tetrahedron of characteristic points over the cube of its longest edge: below it rotations are guesses.
+_FLAT_TETRAHEDRON = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,8 @@ class Subdomain:
         The section that it shares with its parent; at a root, the support.
     joint_point : (3,) float
         m.
+    points : tuple of Weighted
+        Characteristic points that tell the averaged rotation, one or three; none: least squares over the body.
     """
 
     name: str
@@ -39,6 +45,7 @@ class Subdomain:
     body: Weighted
     joint: Weighted
     joint_point: FloatArray
+    points: tuple[Weighted, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,12 +130,15 @@ class FrameRequest:
     joint : (j,) int, (3,) float, or None
         Nodes of the joint's section, a point, or None for what is shared with the parent.
     parent : str or None
+    points : tuple of (k,) int
+        Node sets whose centres are the characteristic points, or none.
     """
 
     name: str
     nodes: IntArray
     joint: IntArray | FloatArray | None
     parent: str | None
+    points: tuple[IntArray, ...] = ()
 
 
 def requested_subdomains(
@@ -177,7 +187,8 @@ def requested_subdomains(
                 body = by_node(request.nodes)
             parent = GROUND if request.parent is None else position[request.parent]
             position[request.name] = len(result)
-            result.append(Subdomain(request.name, parent, elements, body, joint, point))
+            points = tuple(section(mesh.points, faces, nodes) for nodes in request.points)
+            result.append(Subdomain(request.name, parent, elements, body, joint, point, points))
         waiting = [r for r in waiting if r.name not in position]
     return result
 
@@ -227,11 +238,56 @@ def frame_operators(points: FloatArray, shapes: FloatArray, subdomains: Sequence
                 f"frame {domain.name!r}: its {domain.body.nodes.size} nodes lie on a line or in one point, which does "
                 "not tell a rotation; give it at least three nodes off a line"
             )
+        if domain.points:
+            averaged[s] = rotation_by_points(points, shapes, domain)
         displacement[s], rotation[s], rank = modal_fit(points, shapes, domain.joint, domain.joint_point)
         if rank < 6:
             # A hinge line or a single node: its own section tells no turn other than the frame's.
             rotation[s] = averaged[s]
     return FrameOperators(displacement, rotation, averaged)
+
+
+def rotation_by_points(points: FloatArray, shapes: FloatArray, domain: Subdomain) -> FloatArray:
+    """Averaged rotation of a sub-domain from the joint and one or three characteristic points.
+
+    One point: the turn of the chord from the joint, r × (u − u_a)/|r|². Three: the skew part of D D₀⁻¹ − I, D₀ and D
+    being the tetrahedron's edges before and after. Both are the first-order part of the rotation that the chord, or the
+    polar decomposition D D₀⁻¹ = R U, gives: of a turn by θ they find θ, where those find arctan θ.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    shapes : (3n, m) float
+    domain : Subdomain
+
+    Returns
+    -------
+    (3, m) float
+        Per unit modal coordinate.
+
+    Raises
+    ------
+    BodyFileError
+        Points that coincide with the joint or lie in a plane with it.
+    """
+    anchor, _, _ = modal_fit(points, shapes, domain.joint, domain.joint.centre(points))
+    start = domain.joint.centre(points)
+    edges = np.array([point.centre(points) - start for point in domain.points])
+    moved = np.array([modal_fit(points, shapes, p, p.centre(points))[0] - anchor for p in domain.points])
+    size = float(np.max(np.linalg.norm(edges, axis=1)))
+    if len(edges) == 1:
+        if size <= 0.0:
+            raise BodyFileError(f"frame {domain.name!r}: its rotation point lies in the joint; take the far end")
+        chord: FloatArray = skew(edges[0]) @ moved[0] / size**2
+        return chord
+    if abs(np.linalg.det(edges / max(size, 1e-300))) < _FLAT_TETRAHEDRON:
+        raise BodyFileError(
+            f"frame {domain.name!r}: its three rotation points lie in a plane with the joint, which tells no rotation; "
+            "take points that span a volume with it"
+        )
+    gradient = np.einsum("pim,jp->ijm", moved, np.linalg.inv(edges))
+    spin = 0.5 * (gradient - gradient.transpose(1, 0, 2))
+    return np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
 
 
 def carrying_frame(subdomains: Sequence[Subdomain], nodes: IntArray) -> int:

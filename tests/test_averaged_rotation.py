@@ -1,0 +1,95 @@
+"""The averaged rotation of a sub-domain: by least squares, by a chord, by a tetrahedron."""
+
+import numpy as np
+import pytest
+
+from flexfmu.build import reduce_body
+from flexfmu.config import FrameTable, read_body_file
+from flexfmu.errors import BodyFileError
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement
+from references import BEAM, calculix, displacement, relative
+
+EXTRA = """*NSET, NSET=ALL
+SEG1, SEG2, SEG3, SEG4, SEG5, SEG6, SEG7, SEG8
+*NSET, NSET=CORNER1
+{corners[0]}
+*NSET, NSET=CORNER2
+{corners[1]}
+*NSET, NSET=CORNER3
+{corners[2]}
+*MATERIAL"""
+
+
+@pytest.fixture(scope="module")
+def beam(tmp_path_factory):
+    """The clamped beam with one frame over all of it, its rotation told by the node sets given."""
+    folder = tmp_path_factory.mktemp("points")
+    deck = (BEAM / "beam.inp").read_text(encoding="utf-8")
+    lines = deck.split("*NODE", 1)[1].split("\n", 1)[1].split("*")[0].strip().splitlines()
+    nodes = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+    tip = nodes[nodes[:, 1] > 1.0 - 1e-9]
+    spots = [(0.015, 0.015), (0.015, -0.015), (-0.015, 0.0)]
+    corners = [int(tip[np.argmin(np.hypot(tip[:, 2] - y, tip[:, 3] - z)), 0]) for y, z in spots]
+    text = deck.replace("*MATERIAL", EXTRA.format(corners=corners), 1)
+    (folder / "beam.inp").write_text(text, encoding="utf-8")
+    config = read_body_file(BEAM / "body.toml")
+    mesh = config.mesh.model_copy(update={"file": folder / "beam.inp"})
+
+    def make(points):
+        frame = FrameTable(name="all", nodes="ALL", rotation_points=points)
+        changed = config.model_copy(update={"frames": None, "frame": [frame], "mesh": mesh})
+        return reduce_body(changed, Reporter())
+
+    return make
+
+
+WAYS = {"least squares": None, "chord": ["TIP"], "tetrahedron": ["CORNER1", "CORNER2", "CORNER3"]}
+
+
+def test_chord_turns_by_the_tip_displacement_over_the_length(beam):
+    model = beam(WAYS["chord"])
+    tip = model.interface_displacement[0]
+    np.testing.assert_allclose(model.frame_rotation[0], [np.zeros_like(tip[0]), -tip[2], tip[1]], atol=1e-9)
+
+
+def test_tetrahedron_sees_the_twist_that_the_chord_does_not(beam):
+    # The seventh mode is torsion: the section at the tip turns by all of it.
+    torsion = 6
+    twist = beam(WAYS["tetrahedron"]).interface_rotation[0, 0, torsion]
+    assert abs(twist) > 1.0
+    assert beam(WAYS["tetrahedron"]).frame_rotation[0, 0, torsion] == pytest.approx(twist, rel=0.6)
+    assert abs(beam(WAYS["chord"]).frame_rotation[0, 0, torsion]) < 1e-6 * abs(twist)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_any_average_corrects_the_large_deflection(beam, way):
+    row = calculix(BEAM / "calculix" / "static_y.csv")
+    row = row[row["force_N"] == 10e3][0]
+    body = FlexibleBody(beam(WAYS[way]))
+    found = body.response(body.static({"tip": [0.0, 10e3, 0.0]})).displacement[0]
+    assert relative(found, displacement(row)) < 0.04
+
+
+def test_chord_makes_the_literal_reading_better_and_the_secant_worse(beam):
+    row = calculix(BEAM / "calculix" / "static_y.csv")
+    row = row[row["force_N"] == 10e3][0]
+    errors = {}
+    for way in ("least squares", "chord"):
+        for kinematics in (Kinematics.LITERAL, Kinematics.SECANT):
+            body = FlexibleBody(beam(WAYS[way]), Formulation(kinematics, LoadPlacement.REFERENCE))
+            found = body.response(body.static({"tip": [0.0, 10e3, 0.0]})).displacement[0]
+            errors[way, kinematics] = relative(found, displacement(row))
+    # The chord is 5 % short of the least-squares rotation: too much turning is too much by less, too little by more.
+    assert errors["chord", Kinematics.LITERAL] < errors["least squares", Kinematics.LITERAL] - 0.005
+    assert errors["chord", Kinematics.SECANT] > errors["least squares", Kinematics.SECANT] + 0.001
+
+
+def test_points_that_tell_no_rotation_are_refused(beam):
+    with pytest.raises(BodyFileError, match="in a plane"):
+        beam(["CORNER1", "CORNER2", "CORNER2"])
+    with pytest.raises(BodyFileError, match="joint"):
+        beam(["ROOT"])
+    with pytest.raises(ValueError, match="expected one"):
+        FrameTable(name="all", nodes="ALL", rotation_points=["TIP", "ROOT"])
