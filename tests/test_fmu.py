@@ -1,0 +1,445 @@
+"""The FMU as masters see it: validity, isolation, equality with the body, statuses, states."""
+
+import ast
+import hashlib
+import json
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
+from flexfmu.errors import PackagingError
+from flexfmu.fmu.package import package_fmu, read_packaged_body
+from flexfmu.runtime import body as runtime_body
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.errors import ModalFileError
+from flexfmu.runtime.modal_file import write_modal_file
+from flexfmu.runtime.rotations import exponential
+from flexfmu.runtime.stepping import StepLimits
+
+MASTERS = Path(__file__).with_name("fmu_masters.py")
+MARK = "RESULT "
+STEP = 1e-3
+PUSH = {"tip.force.x": -2e3, "tip.force.y": 8e3, "tip.moment.z": 300.0}
+OK, DISCARD, FATAL = 0, 2, 4
+
+
+def master(name, *arguments, folder=None):
+    """What a function of fmu_masters returns in a process of its own."""
+    command = [sys.executable, str(MASTERS), name, json.dumps(arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=folder)
+    lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
+    assert lines, f"{name} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}"
+    return json.loads(lines[-1][len(MARK) :])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("fmus")
+
+
+@pytest.fixture(scope="module")
+def tree(folder):
+    """Body and FMU of the random tree, with velocities."""
+    model = random_body(velocity_outputs=True)
+    package_fmu(model, folder / "tree.fmu")
+    return model, str(folder / "tree.fmu")
+
+
+@pytest.fixture(scope="module")
+def beam(folder):
+    """Body and FMU of the beam."""
+    model = beam_body(3, modes=3)
+    package_fmu(model, folder / "beam.fmu")
+    return model, str(folder / "beam.fmu")
+
+
+def motion(flexible, state):
+    """Displacement and rotation of every interface in the order of the outputs."""
+    response = flexible.response(state)
+    return np.concatenate([response.displacement, response.rotation], axis=1).ravel()
+
+
+def entries(path):
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def description(path):
+    return ElementTree.fromstring(entries(path)["modelDescription.xml"])
+
+
+def package_name(path):
+    return entries(path)["resources/slavemodule.txt"].decode()
+
+
+# The archive.
+
+
+@pytest.mark.parametrize("which", ["tree", "beam"])
+def test_the_validator_finds_no_problem(which, request):
+    assert master("validate", request.getfixturevalue(which)[1]) == []
+
+
+def test_the_same_body_gives_the_same_bytes(tmp_path, beam):
+    package_fmu(beam_body(3, modes=3), tmp_path / "again.fmu")
+    assert (tmp_path / "again.fmu").read_bytes() == Path(beam[1]).read_bytes()
+
+
+def test_another_body_gives_another_package_name_and_guid(tmp_path, beam):
+    changed = np.array(beam[0].damping_ratio)
+    changed[0] = np.nextafter(changed[0], 1.0)
+    package_fmu(replace(beam[0], damping_ratio=changed), tmp_path / "other.fmu")
+    assert package_name(tmp_path / "other.fmu") != package_name(beam[1])
+    assert description(tmp_path / "other.fmu").get("guid") != description(beam[1]).get("guid")
+
+
+def test_other_code_gives_another_package_name_and_guid(tmp_path, beam, monkeypatch):
+    copy = tmp_path / "code"
+    copy.mkdir()
+    for source in Path(runtime_body.__file__).parent.glob("*.py"):
+        text = source.read_text(encoding="utf-8")
+        (copy / source.name).write_text(text + "# another\n" if source.name == "tree.py" else text, encoding="utf-8")
+    monkeypatch.setattr("flexfmu.fmu.package.runtime.__file__", str(copy / "__init__.py"))
+    package_fmu(beam[0], tmp_path / "other.fmu")
+    assert package_name(tmp_path / "other.fmu") != package_name(beam[1])
+    assert description(tmp_path / "other.fmu").get("guid") != description(beam[1]).get("guid")
+
+
+@pytest.mark.parametrize(("name", "words"), [("beam.zip", "ends in .fmu"), ("nowhere/beam.fmu", "does not exist")])
+def test_a_wrong_ending_or_folder_is_refused_and_leaves_nothing(tmp_path, beam, name, words):
+    with pytest.raises(PackagingError, match=words):
+        package_fmu(beam[0], tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_fmu_that_cannot_be_written_leaves_nothing(tmp_path, beam, monkeypatch):
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("zipfile.ZipFile.writestr", fail)
+    with pytest.raises(PackagingError, match="disk full"):
+        package_fmu(beam[0], tmp_path / "beam.fmu")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_body_can_be_read_back_out_of_its_fmu(tmp_path, tree):
+    read = read_packaged_body(Path(tree[1]))
+    np.testing.assert_array_equal(read.frame_rotation, tree[0].frame_rotation)
+    assert read.interface_names == tree[0].interface_names
+    write_modal_file(tree[0], tmp_path / "tree.h5")
+    assert read_packaged_body(tmp_path / "tree.h5").frame_names == read.frame_names
+
+
+def test_archives_that_are_no_such_fmu_are_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "other.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", "<x/>")
+    with pytest.raises(PackagingError, match="made by flexfmu"):
+        read_packaged_body(tmp_path / "other.fmu")
+    with pytest.raises(ModalFileError, match="no such file"):
+        read_packaged_body(tmp_path / "nothing.fmu")
+
+
+def test_travelling_code_imports_numpy_h5py_and_the_standard_library_alone():
+    allowed = {"numpy", "h5py", *sys.stdlib_module_names}
+    sources = list(Path(runtime_body.__file__).parent.glob("*.py"))
+    assert len(sources) > 10
+    for source in sources:
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                assert {name.name.split(".")[0] for name in node.names} <= allowed, source.name
+            elif isinstance(node, ast.ImportFrom):
+                # Relative imports stay within the package, whatever its name.
+                assert node.level == 1 or (node.level == 0 and node.module.split(".")[0] in allowed), source.name
+
+
+# The model description.
+
+
+def test_every_quantity_has_its_si_unit(tree):
+    root = description(tree[1])
+    units = {unit.get("name"): unit.find("BaseUnit").attrib for unit in root.find("UnitDefinitions")}
+    assert units["N"] == {"kg": "1", "m": "1", "s": "-2"}
+    assert units["N.m"] == {"kg": "1", "m": "2", "s": "-2"}
+    assert units["rad/s"] == {"rad": "1", "s": "-1"}
+    expected = {
+        "force": "N",
+        "moment": "N.m",
+        "displacement": "m",
+        "rotation": "rad",
+        "velocity": "m/s",
+        "angular_velocity": "rad/s",
+    }
+    seen = set()
+    for variable in root.find("ModelVariables"):
+        quantity = variable.get("name").split(".")[1] if variable.get("name").count(".") == 2 else None
+        if quantity in expected:
+            assert variable.find("Real").get("unit") == expected[quantity]
+            seen.add(quantity)
+        if variable.find("Real") is not None and variable.find("Real").get("unit"):
+            assert variable.find("Real").get("unit") in units
+    assert seen == set(expected)
+
+
+def test_outputs_do_not_depend_on_inputs_within_a_step(tree):
+    unknowns = list(description(tree[1]).find("ModelStructure/Outputs"))
+    assert len(unknowns) == 3 * 12 + 1
+    assert all(unknown.get("dependencies") == "" for unknown in unknowns)
+
+
+def test_inputs_start_at_zero_and_outputs_are_calculated(tree):
+    variables = description(tree[1]).find("ModelVariables")
+    inputs = [v for v in variables if v.get("causality") == "input"]
+    outputs = [v for v in variables if v.get("causality") == "output"]
+    assert len(inputs) == 18
+    assert all(v.find("Real").get("start") == "0.0" for v in inputs)
+    assert all(v.get("initial") == "calculated" and v[0].get("start") is None for v in outputs)
+    assert [v.get("valueReference") for v in variables] == [str(k) for k in range(len(variables))]
+
+
+def test_velocities_are_offered_only_when_asked_for(tree, beam):
+    names = [[v.get("name") for v in description(path).find("ModelVariables")] for _, path in (tree, beam)]
+    assert "port_0.velocity.x" in names[0]
+    assert "port_2.angular_velocity.z" in names[0]
+    assert not [name for name in names[1] if "velocity" in name]
+
+
+# Motion.
+
+
+def test_outputs_are_those_of_the_body(beam):
+    found = master("trajectory", beam[1], PUSH, STEP, 30)
+    flexible = FlexibleBody(beam[0])
+    loads, state = (
+        flexible.loads({"tip": tuple(PUSH.get(f"tip.{q}.{a}", 0.0) for q in ("force", "moment") for a in "xyz")}),
+        flexible.rest(),
+    )
+    rows = [motion(flexible, state)]
+    for _ in range(30):
+        state, work = flexible.step_with_work(state, loads, STEP)
+        rows.append(motion(flexible, state))
+    np.testing.assert_allclose(found["rows"], rows, rtol=0, atol=1e-14)
+    assert np.max(np.abs(rows)) > 0.1
+    np.testing.assert_allclose(found["energies"], flexible.energies(state), rtol=1e-12)
+    assert found["integers"] == [0, work.substeps, work.iterations]
+    assert found["frame"] == [pytest.approx(np.max(flexible.rotation_within_frames(state)), rel=1e-12)]
+
+
+def test_an_fmu_runs_from_any_working_directory(beam, tmp_path):
+    here = master("trajectory", beam[1], PUSH, STEP, 3)
+    assert master("trajectory", beam[1], PUSH, STEP, 3, folder=tmp_path) == here
+    assert master("trajectory", beam[1], PUSH, STEP, 3, folder="/") == here
+
+
+def test_velocities_are_the_rates_of_displacements_and_rotations(tree):
+    step = 1e-5
+    loads = {"port_0.force.x": 400.0, "port_1.force.y": -300.0, "port_2.moment.z": 200.0}
+    found = master("trajectory", tree[1], loads, step, 3000)
+    names, rows = found["names"], np.array(found["rows"])
+
+    def signal(quantity):
+        return rows[:, [names.index(f"port_{k}.{quantity}.{a}") for k in range(3) for a in "xyz"]]
+
+    velocity = (signal("displacement")[2:] - signal("displacement")[:-2]) / (2.0 * step)
+    size = np.max(np.abs(signal("velocity")))
+    np.testing.assert_allclose(signal("velocity")[1:-1], velocity, atol=2e-5 * size)
+    # Ṙ Rᵀ at the middle of each pair of steps.
+    turns = exponential(signal("rotation").reshape(-1, 3, 3))
+    rate = (turns[2:] - turns[:-2]) / (2.0 * step) @ np.swapaxes(turns[1:-1], -1, -2)
+    angular = np.stack([rate[..., 2, 1], rate[..., 0, 2], rate[..., 1, 0]], axis=-1).reshape(-1, 9)
+    size = np.max(np.abs(signal("angular_velocity")))
+    np.testing.assert_allclose(signal("angular_velocity")[1:-1], angular, atol=2e-5 * size)
+    assert np.max(np.abs(signal("rotation"))) > 0.1
+
+
+def test_loads_set_before_the_start_give_a_static_start_when_asked_for(beam):
+    loads = {"tip.force.x": -2e3, "tip.force.y": 8e3}
+    found = master("trajectory", beam[1], loads, STEP, 20, {"initialization": "static"})
+    flexible = FlexibleBody(beam[0])
+    expected = motion(flexible, flexible.static({"tip": (-2e3, 8e3, 0.0)}))
+    rows = np.array(found["rows"])
+    np.testing.assert_allclose(rows[0], expected, rtol=0, atol=1e-14)
+    # In equilibrium it stays.
+    np.testing.assert_allclose(rows, np.broadcast_to(expected, rows.shape), atol=1e-9)
+    assert np.linalg.norm(expected) > 0.1
+    np.testing.assert_array_equal(master("trajectory", beam[1], loads, STEP, 1)["rows"][0], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "body"),
+    [
+        ({"formulation.kinematics": "linear", "formulation.loads": "reference"}, lambda m: FlexibleBody(m, LINEAR)),
+        ({"damping.scale": 4.0}, lambda m: FlexibleBody(m, COROTATED, 4.0)),
+        ({"internal_step.limit": 1e-4}, lambda m: FlexibleBody(m, limits=StepLimits(1e-4))),
+        ({"internal_step.tolerance": 1e-8}, lambda m: FlexibleBody(m, limits=StepLimits(0.0, 1e-8))),
+    ],
+    ids=["linear", "damping", "step limit", "tolerance"],
+)
+def test_parameters_do_what_they_say(tree, settings, body):
+    loads = {"port_0.force.x": 300.0, "port_1.force.y": -200.0}
+    found = np.array(master("trajectory", tree[1], loads, 5e-3, 8, settings)["rows"])[:, :18]
+    flexible = body(tree[0])
+    plain = FlexibleBody(tree[0])
+    ends = []
+    for one in (flexible, plain):
+        state, forces = one.rest(), one.loads({"port_0": (300.0, 0, 0), "port_1": (0, -200.0, 0)})
+        for _ in range(8):
+            state = one.step(state, forces, 5e-3)
+        ends.append(motion(one, state))
+    np.testing.assert_allclose(found[-1], ends[0], rtol=0, atol=1e-13)
+    assert np.max(np.abs(ends[0] - ends[1])) > 1e-7
+
+
+# Several at once.
+
+
+def test_instances_side_by_side_have_states_of_their_own(beam):
+    other = {"tip.force.z": 3e3}
+    ends = master("side_by_side", [[beam[1], PUSH], [beam[1], other], [beam[1], PUSH]], STEP, 10)
+    alone = [master("trajectory", beam[1], loads, STEP, 10)["rows"][-1] for loads in (PUSH, other)]
+    assert ends == [alone[0], alone[1], alone[0]]
+
+
+def test_different_bodies_in_one_process_do_not_mix(beam, tree):
+    jobs = [[beam[1], PUSH], [tree[1], {"port_1.force.x": 50.0}]]
+    alone = [master("trajectory", path, loads, STEP, 10)["rows"][-1] for path, loads in jobs]
+    assert master("side_by_side", jobs, STEP, 10) == alone
+    assert master("side_by_side", jobs[::-1], STEP, 10) == alone[::-1]
+
+
+def renamed_copy(path, copy, edit):
+    """The FMU with other travelling code, under the name that its contents give it."""
+    package = package_name(path).removesuffix("_slave")
+    changed = "flexfmu_" + hashlib.sha256(package.encode()).hexdigest()[:16]
+    with zipfile.ZipFile(copy, "w") as archive:
+        for name, data in entries(path).items():
+            if name.endswith((".py", ".txt")):
+                text = data.decode()
+                if name.endswith(f"{package}/body.py"):
+                    text, before = edit(text), text
+                    assert text != before
+                data = text.replace(package, changed).encode()
+            archive.writestr(name.replace(package, changed), data)
+
+
+def test_fmus_with_different_versions_of_the_code_in_one_process_do_not_mix(beam, tmp_path):
+    # The copy's code gives displacements times ten.
+    copy = str(tmp_path / "beam.fmu")
+    old = "return Response(displacement,"
+    renamed_copy(beam[1], copy, lambda text: text.replace(old, "return Response(10.0 * displacement,"))
+    jobs = [[beam[1], PUSH], [copy, PUSH], [beam[1], PUSH]]
+    first, second, third = (np.array(end) for end in master("side_by_side", jobs, STEP, 10))
+    np.testing.assert_allclose(second[:3], 10.0 * first[:3], rtol=1e-15)
+    np.testing.assert_array_equal(second[3:], first[3:])
+    np.testing.assert_array_equal(third, first)
+    assert np.linalg.norm(first[:3]) > 1e-3
+
+
+# Failures.
+
+
+def test_a_wrong_value_of_a_parameter_fails_the_call_and_says_what_is_offered(beam):
+    found = master("wrong_start", beam[1], {"formulation.kinematics": "magic", "damping.scale": 2.0})
+    assert found["failed"] == [["formulation.kinematics", FATAL]]
+    status, category, text = found["log"][0]
+    assert (status, category) == (3, "logStatusError")
+    assert "'magic'" in text
+    assert "'corotated'" in text
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"damping.scale": -1.0}, "damping scale is -1.0"),
+        ({"internal_step.tolerance": 0.0}, "tolerance is 0.0"),
+        ({"initialization": "static", "tip.force.x": -100.0 * Beam().critical_load}, "no stable equilibrium"),
+    ],
+)
+def test_a_start_that_cannot_be_fails_the_call_and_says_why(beam, settings, words):
+    found = master("wrong_start", beam[1], settings)
+    assert found["failed"] == [["start", FATAL]]
+    assert words in found["log"][0][2]
+    assert found["log"][0][1] == "logStatusError"
+
+
+def test_after_a_failed_call_an_instance_can_still_be_asked_and_freed(beam):
+    # The library would use freed memory here, and end the master's process, if the slave did not see to it.
+    found = master("wrong_start", beam[1], {"formulation.kinematics": "magic", "formulation.loads": "magic"})
+    assert [name for name, _ in found["failed"]] == ["formulation.kinematics", "formulation.loads"]
+    assert found["status"] == 1
+    assert found["freed"]
+
+
+@pytest.mark.parametrize(("name", "value", "kept"), [("damping.scale", 9.0, 1.0), ("initialization", "static", "rest")])
+def test_a_parameter_set_too_late_keeps_its_value_and_warns(beam, name, value, kept):
+    found = master("late_parameter", beam[1], name, value)
+    assert found["value"] == kept
+    assert found["log"] == [
+        [1, "logStatusWarning", f"{name} is fixed once initialisation has ended; it keeps its value"]
+    ]
+
+
+@pytest.mark.parametrize("wrong", ["nan", "inf", "-inf"])
+def test_an_input_that_is_not_finite_discards_the_step_and_the_next_one_recovers(beam, wrong):
+    found = master("wrong_input", beam[1], "tip.force.y", wrong, 4000.0, STEP)
+    assert found["status"] == DISCARD
+    assert found["unchanged"]
+    assert found["code"] == 1
+    (line,) = found["log"]
+    assert line[:2] == [DISCARD, "logStatusDiscard"]
+    # The instance is called "100% sound": a sign of printf formats in log lines.
+    assert line[2].startswith(f"100% sound: input tip.force.y is {wrong}")
+    assert found["recovered"]
+    assert found["moves"]
+    # The status stays, for masters that overlook a discarded step.
+    assert found["codes"] == [1, 0]
+    assert found["beyond"] == DISCARD
+    assert found["sound"]
+
+
+def test_nothing_is_logged_when_the_master_wants_no_log(beam):
+    assert master("quiet", beam[1], "tip.force.y") == {"status": DISCARD, "log": []}
+
+
+def test_wrong_steps_are_discarded_and_a_step_of_no_length_does_nothing(beam):
+    found = master("wrong_step", beam[1], ["nan", "inf", "-1e-3", "0"])
+    assert found == {"statuses": [DISCARD, DISCARD, DISCARD, OK], "unchanged": True}
+
+
+# States.
+
+
+@pytest.mark.parametrize("which", ["beam", "tree"])
+def test_a_state_replays_bit_by_bit_also_from_bytes_and_in_another_instance(which, request):
+    loads = PUSH if which == "beam" else {"port_0.force.x": 300.0, "port_1.force.y": -200.0}
+    found = master("replay", request.getfixturevalue(which)[1], loads, 4e-3, 20)
+    first, *others = found["ends"]
+    assert all(end == first for end in others)
+    assert found["back"]
+    assert found["same_bytes"]
+    assert first[: len(found["here"])] != found["here"]
+    assert first[-5:-2] == [3.0, 1e-6, "deformed"]
+
+
+def test_going_back_to_a_state_takes_the_status_back_too(beam):
+    assert master("status_in_state", beam[1]) == [1, 0, 1]
+
+
+def test_a_state_of_another_fmu_is_refused(beam, tree):
+    found = master("foreign_state", beam[1], tree[1])
+    assert found["status"] == FATAL
+    assert "of another FMU" in found["log"][0][2]
+    assert found["unchanged"]
+
+
+def test_a_reset_instance_starts_anew(beam):
+    found = master("resets", beam[1], PUSH, STEP)
+    assert found["second"] == found["first"]
+    assert found["bare"] == [0.0] * 6
+    assert np.linalg.norm(found["first"]) > 1e-3
