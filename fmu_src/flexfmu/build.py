@@ -12,6 +12,7 @@ from .fe.assembly import mass, stiffness, volume_matrices
 from .fe.faces import FaceBlock, element_faces
 from .fe.factorisation import Factorisation
 from .fe.geometric import geometric_stiffness
+from .fe.stress import point_stress
 from .mesh.checks import checked
 from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, IntArray, Mesh
@@ -19,7 +20,7 @@ from .progress import Reporter
 from .reduction.division import divide
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.masses import sub_masses
-from .reduction.model import Model, assemble_model, node_set
+from .reduction.model import Model, assemble_model, element_set, node_set
 from .reduction.modes import Modes, Supported, craig_bampton, normal_modes, with_residual_flexibility
 from .reduction.subdomains import (
     FrameRequest,
@@ -28,7 +29,7 @@ from .reduction.subdomains import (
     requested_subdomains,
 )
 from .reduction.surface import body_surface
-from .runtime.reduced_body import ReducedBody, Stiffness
+from .runtime.reduced_body import ReducedBody, Stiffness, StressSet
 
 
 def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
@@ -95,6 +96,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         joint_rotation=frames.joint_rotation,
         frame_rotation=frames.frame_rotation,
         masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
+        stress_sets=_stress_sets(config, mesh, modes.shapes),
         stiffness_by_load=by_load,
         stiffness_by_mode=by_mode,
         formulation=config.formulation.formulation,
@@ -145,6 +147,8 @@ def _check_sets(config: BodyFile, mesh: Mesh) -> None:
     """Find every set that will be asked for before the expensive work begins."""
     for interface in config.interface:
         node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")
+    for stress in config.stress:
+        element_set(mesh, stress.elements, f"stress {stress.name!r}, elements")
     for frame in config.frame:
         node_set(mesh, frame.nodes, f"frame {frame.name!r}, nodes")
         if isinstance(frame.joint, str):
@@ -219,6 +223,14 @@ def _geometric(
         with report.stage(f"Geometric stiffness of {shapes.shape[1]} modes"):
             by_mode = geometric_stiffness(mesh, shapes, shapes)
     return by_load, by_mode
+
+
+def _stress_sets(config: BodyFile, mesh: Mesh, shapes: FloatArray) -> tuple[StressSet, ...]:
+    result = []
+    for table in config.stress:
+        elements = element_set(mesh, table.elements, f"stress {table.name!r}, elements")
+        result.append(StressSet(table.name, *point_stress(mesh, elements, shapes)))
+    return tuple(result)
 
 
 def _provenance(config: BodyFile, mesh: Mesh) -> dict[str, str]:

@@ -81,6 +81,13 @@ class Basis(Enum):
     """Constraint modes of the interfaces and fixed-interface normal modes."""
 
 
+class StressTable(_Table):
+    """`[[stress]]`: a part of the body whose largest von Mises stress goes out."""
+
+    name: Name
+    elements: str
+
+
 class ReductionTable(_Table):
     """`[reduction]`: the modal basis."""
 
@@ -147,6 +154,7 @@ class BodyFile(_Table):
     interface: list[InterfaceTable] = Field(min_length=1)
     frames: int | None = Field(default=None, ge=0)
     frame: list[FrameTable] = []
+    stress: list[StressTable] = []
     reduction: ReductionTable = ReductionTable()
     damping: DampingTable = DampingTable()
     formulation: FormulationTable = FormulationTable()
@@ -160,6 +168,7 @@ class BodyFile(_Table):
         for kind, names in (
             ("interface", [i.name for i in self.interface]),
             ("frame", [f.name for f in self.frame]),
+            ("stress", [s.name for s in self.stress]),
         ):
             for name in names:
                 if names.count(name) > 1:

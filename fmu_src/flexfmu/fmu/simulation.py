@@ -15,6 +15,9 @@ from ..progress import Reporter
 
 FloatArray = NDArray[np.float64]
 
+# FMI 2.0 statuses from here on mean that a call was not honoured.
+_FMI_DISCARD = 2
+
 
 def read_table(path: Path) -> tuple[list[str], FloatArray]:
     """Read a CSV of numbers whose first column is time.
@@ -181,11 +184,12 @@ def simulate(
     for column, name in enumerate(("time", *names)):
         signals[name] = loads[:, column]
     messages: list[str] = []
+    refusals: list[str] = []
 
-    def log(_environment: object, _instance: object, _status: int, category: bytes | None, text: bytes) -> None:
+    def log(_environment: object, _instance: object, status: int, category: bytes | None, text: bytes) -> None:
         # Lines without a category are the library's own, and say only which call failed.
         if category:
-            messages.append(text.decode(errors="replace"))
+            (refusals if status >= _FMI_DISCARD else messages).append(text.decode(errors="replace"))
 
     with report.stage(f"Simulate {fmu.name} from {start:g} s to {end:g} s in steps of {interval:g} s"):
         try:
@@ -201,8 +205,11 @@ def simulate(
                 debug_logging=True,
             )
         except Exception as error:  # fmpy's FMICallException and what its loader raises
-            why = "; ".join(messages) or str(error)
+            why = "; ".join(refusals) or str(error)
             raise SimulationError(f"{fmu.name} stopped: {why}") from error
+        # fmpy ends a run quietly where the FMU discards a step.
+        if refusals:
+            raise SimulationError(f"{fmu.name} stopped at {result['time'][-1]:g} s: {'; '.join(refusals)}")
     for text in messages:
         report.warning(text)
     return outputs, np.column_stack([result[name] for name in ("time", *outputs)])

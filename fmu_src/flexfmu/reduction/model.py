@@ -62,15 +62,23 @@ def node_set(mesh: Mesh, name: str, key: str) -> IntArray:
     BodyFileError
         No such set, or an empty one.
     """
-    sets: Mapping[str, IntArray] = mesh.node_sets
+    return _named_set(mesh.node_sets, "node", name, key)
+
+
+def _named_set(sets: Mapping[str, IntArray], kind: str, name: str, key: str) -> IntArray:
     match = [known for known in sets if known == name] or [k for k in sets if k.lower() == name.lower()]
     if len(match) != 1:
         there = ", ".join(sorted(sets)) or "none"
-        raise BodyFileError(f"{key}: the mesh has no node set {name!r}; it has: {there}")
-    nodes = sets[match[0]]
-    if not nodes.size:
-        raise BodyFileError(f"{key}: node set {name!r} is empty, expected at least one node")
-    return nodes
+        raise BodyFileError(f"{key}: the mesh has no {kind} set {name!r}; it has: {there}")
+    members = sets[match[0]]
+    if not members.size:
+        raise BodyFileError(f"{key}: {kind} set {name!r} is empty, expected at least one {kind}")
+    return members
+
+
+def element_set(mesh: Mesh, name: str, key: str) -> IntArray:
+    """Elements of a named set, counted over all blocks; see `node_set`."""
+    return _named_set(mesh.element_sets, "element", name, key)
 
 
 def assemble_model(mesh: Mesh, config: BodyFile) -> Model:

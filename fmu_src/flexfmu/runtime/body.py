@@ -225,6 +225,24 @@ class FlexibleBody:
         moved[carried] = nodes.position[s] + (nodes.rotation[s] @ local[:, :, None])[:, :, 0]
         return moved
 
+    def von_mises(self, state: State) -> FloatArray:
+        """Largest von Mises stress of each stress set, N/m².
+
+        Parameters
+        ----------
+        state : State
+
+        Returns
+        -------
+        (number of stress sets,) float
+        """
+        largest = np.empty(len(self.model.stress_sets))
+        for number, part in enumerate(self.model.stress_sets):
+            xx, yy, zz, xy, yz, zx = (part.stress @ state.q).T
+            direct = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
+            largest[number] = np.sqrt(np.max(0.5 * direct + 3.0 * (xy**2 + yz**2 + zx**2)))
+        return largest
+
     def energies(self, state: State) -> tuple[float, float]:
         """Strain and kinetic energy, J.
 

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from .errors import ModalFileError
-from .reduced_body import Formulation, Kinematics, LoadPlacement, Masses, ReducedBody, Stiffness, Surface
+from .reduced_body import Formulation, Kinematics, LoadPlacement, Masses, ReducedBody, Stiffness, StressSet, Surface
 
 FORMAT = "flexfmu modal file"
 SCHEMA_VERSION = 1
@@ -63,6 +63,13 @@ MASSES: dict[str, Entry] = {
     "displacement": Entry("masses/displacement", "kg^-0.5", "(P, 3, m) displacement of the centres per mode"),
     "frame": Entry("masses/frame", "1", "(P,) frame that carries it, -1 for none"),
 }
+# In a group of each stress set's name.
+STRESS: dict[str, Entry] = {
+    "point": Entry("point", "m", "(P, 3) undeformed places"),
+    "stress": Entry(
+        "stress", "N/m^2/(kg^0.5 m)", "(P, 6, m) xx, yy, zz, xy, yz, zx per mode, turning with the material"
+    ),
+}
 SURFACE: dict[str, Entry] = {
     "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),
     "faces": Entry("surface/faces", "1", "(f, 4) rows of points; a triangle repeats its last corner"),
@@ -94,13 +101,16 @@ class _Digest:
             *body.frame_names,
             *(f"{key}={body.provenance[key]}" for key in sorted(body.provenance)),
         ]
-        digest.update("\0".join(texts).encode())
         arrays = [getattr(body, name) for name in ARRAYS]
         arrays += [value for name in OPTIONAL if (value := getattr(body, name)) is not None]
         if body.masses is not None:
             arrays += [getattr(body.masses, name) for name in MASSES]
+        for part in body.stress_sets:
+            texts.append(part.name)
+            arrays += [part.point, part.stress]
         if body.surface is not None:
             arrays += [getattr(body.surface, name) for name in SURFACE]
+        digest.update("\0".join(texts).encode())
         for array in arrays:
             digest.update(str(array.shape).encode())
             digest.update(np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<")).tobytes())
@@ -143,6 +153,10 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             if body.masses is not None:
                 for field, entry in MASSES.items():
                     _write(file, entry, getattr(body.masses, field))
+            for number, stresses in enumerate(body.stress_sets):
+                for field, entry in STRESS.items():
+                    place = f"stress/{number:03d}_{stresses.name}/{entry.path}"
+                    _write(file, entry._replace(path=place), getattr(stresses, field))
             if body.surface is not None:
                 for field, entry in SURFACE.items():
                     _write(file, entry, getattr(body.surface, field))
@@ -217,6 +231,10 @@ def _read(file: Any, name: str) -> ReducedBody:
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         masses=masses,
+        stress_sets=tuple(
+            StressSet(key.partition("_")[2], *(group[entry.path][()] for entry in STRESS.values()))
+            for key, group in sorted(file.get("stress", {}).items())
+        ),
         surface=surface,
     )
     if _Digest(body).hexdigest() != file.attrs["sha256"]:

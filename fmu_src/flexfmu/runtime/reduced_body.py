@@ -124,6 +124,24 @@ class Masses:
 
 
 @dataclass(frozen=True, slots=True)
+class StressSet:
+    """Modal stress at points of a named part of the body.
+
+    Attributes
+    ----------
+    name : str
+    point : (P, 3) float
+        Undeformed places, m.
+    stress : (P, 6, m) float
+        xx, yy, zz, xy, yz, zx per unit modal coordinate, N/m²/(kg^1/2 m), in axes that turn with the material.
+    """
+
+    name: str
+    point: FloatArray
+    stress: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class ReducedBody:
     """A flexible body in m modal coordinates with I interfaces and S frames.
 
@@ -156,6 +174,7 @@ class ReducedBody:
         Averaged rotation Θ_s of the sub-domain.
     masses : Masses or None
         Where the body's mass is, for accelerations of its supports.
+    stress_sets : tuple of StressSet
     stiffness_by_load : (6I, m, m) float or None
         Reduced geometric stiffness of each unit load: forces of all interfaces, then moments; 1/(s² N), 1/(s² N m).
     stiffness_by_mode : (m, m, m) float or None
@@ -184,6 +203,7 @@ class ReducedBody:
     joint_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     frame_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     masses: Masses | None = None
+    stress_sets: tuple[StressSet, ...] = ()
     stiffness_by_load: FloatArray | None = None
     stiffness_by_mode: FloatArray | None = None
     formulation: Formulation = field(default_factory=Formulation)
@@ -219,6 +239,10 @@ class ReducedBody:
             found = [np.shape(getattr(self.masses, name)) for name in ("point", "displacement", "frame")]
             if found != [(count, 3), (count, 3, modes), (count,)]:
                 raise ModalFileError(f"masses have shapes {found}, expected {count} points and {modes} modes")
+        for part in self.stress_sets:
+            count = len(part.point)
+            if part.point.shape != (count, 3) or part.stress.shape != (count, 6, modes) or not count:
+                raise ModalFileError(f"stress set {part.name!r} has shapes {part.point.shape}, {part.stress.shape}")
         if self.stiffness_by_load is not None:
             shapes["stiffness_by_load"] = (6 * interfaces, modes, modes)
         if self.stiffness_by_mode is not None:

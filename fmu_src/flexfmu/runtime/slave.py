@@ -82,6 +82,7 @@ class BodySlave:
         groups = [variable.group for variable in self._variables]
         self._motion = groups.index(Group.MOTION)
         self._rate = self._motion + groups.count(Group.MOTION)
+        self._stress = self._rate + groups.count(Group.RATE)
         self._status_reference = groups.index(Group.STATUS)
         self._inputs = np.zeros(groups.count(Group.INPUT))
         self._parameters = {v.name: v.start for v in self._variables if v.group is Group.PARAMETER}
@@ -265,8 +266,10 @@ class BodySlave:
             return float(self._inputs[vr])
         if self._motion <= vr < self._rate:
             return self._group(Group.MOTION)[vr - self._motion]
-        if self._rate <= vr < self._status_reference:
+        if self._rate <= vr < self._stress:
             return self._group(Group.RATE)[vr - self._rate]
+        if self._stress <= vr < self._status_reference:
+            return self._group(Group.STRESS)[vr - self._stress]
         name = self._named(vr, "Real")
         if name in self._parameters:
             return float(self._parameters[name] or 0.0)
@@ -283,10 +286,12 @@ class BodySlave:
             body, state = self._start()
             if group is Group.MOTION:
                 response = body.response(state)
-                pair = response.displacement, response.rotation
+                found = np.concatenate([response.displacement, response.rotation], axis=1)
+            elif group is Group.RATE:
+                found = np.concatenate(body.rates(state), axis=1)
             else:
-                pair = body.rates(state)
-            values = self._outputs[group] = np.concatenate(pair, axis=1).ravel().tolist()
+                found = body.von_mises(state)
+            values = self._outputs[group] = found.ravel().tolist()
         return values
 
     def _named(self, vr: int, kind: str) -> str:

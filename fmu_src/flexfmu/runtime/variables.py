@@ -27,6 +27,7 @@ class Group(Enum):
     INPUT = "input"
     MOTION = "motion"
     RATE = "rate"
+    STRESS = "stress"
     STATUS = "status"
     PARAMETER = "parameter"
     DIAGNOSTIC = "diagnostic"
@@ -125,6 +126,20 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
             for quantity, unit, words in quantities
             for axis in AXES
         ]
+    table += [
+        Variable(
+            f"{part.name}.von_mises",
+            "Real",
+            Group.STRESS,
+            "output",
+            "continuous",
+            "calculated",
+            None,
+            "Pa",
+            f"{part.name}: largest von Mises stress at {len(part.point)} points",
+        )
+        for part in body.stress_sets
+    ]
     if body.masses is not None:
         after_loads = 6 * body.interface_count
         words = "acceleration of the supports (a weight is one against gravity), along the global {} axis"
