@@ -1,4 +1,4 @@
-"""The distributing coupling: rigid motions are read exactly, and loads spread without loss, over area if there is one."""
+"""The distributing coupling: rigid motions are read exactly, loads are spread without loss, and over area."""
 
 import numpy as np
 import pytest
