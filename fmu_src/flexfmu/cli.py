@@ -63,15 +63,24 @@ def build(
 
 
 @app.command()
-def info(file: Annotated[Path, typer.Argument(help="FMU or modal file.")]) -> None:
+def info(
+    file: Annotated[Path, typer.Argument(help="FMU or modal file.")],
+    cost: Annotated[
+        bool, typer.Option("--cost", help="Time a step of every formulation whose data is aboard.")
+    ] = False,
+) -> None:
     """Show what is in an FMU or a modal file: modes, interfaces, tree of frames, origin."""
+    from .cost import step_costs
     from .fmu.package import read_packaged_body
-    from .info import describe
+    from .info import cost_table, describe
 
     def job() -> None:
+        body = read_packaged_body(file)
         console = Console(highlight=False)
-        for part in describe(read_packaged_body(file)):
+        for part in describe(body):
             console.print(part)
+        if cost:
+            console.print(cost_table(step_costs(body, ConsoleReporter())))
 
     _run(job)
 

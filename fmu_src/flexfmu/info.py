@@ -1,11 +1,13 @@
 """A readable description of a reduced body, for `flexfmu info`."""
 
 import math
+from collections.abc import Sequence
 
 from rich.console import RenderableType
 from rich.table import Column, Table
 from rich.tree import Tree
 
+from .cost import Cost
 from .runtime.reduced_body import GROUND, FloatArray, ReducedBody
 
 
@@ -26,6 +28,27 @@ def describe(body: ReducedBody) -> list[RenderableType]:
         f"kinematics {formulation.kinematics.value}, loads on the {formulation.loads.value} body"
     )
     return [head, _modes(body), _interfaces(body), _frames(body), _origin(body)]
+
+
+def cost_table(costs: Sequence[Cost]) -> Table:
+    """Table of what a step of each formulation costs.
+
+    Parameters
+    ----------
+    costs : sequence of Cost
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    table = Table(
+        "kinematics", "loads", "stiffness", "median / µs", "fastest / µs", "iterations", title="Cost of a step"
+    )
+    for cost in costs:
+        choice = cost.formulation
+        names = choice.kinematics.value, choice.loads.value, choice.stiffness.value
+        table.add_row(*names, f"{1e6 * cost.median:.0f}", f"{1e6 * cost.fastest:.0f}", f"{cost.iterations:.1f}")
+    return table
 
 
 def _modes(body: ReducedBody) -> Table:

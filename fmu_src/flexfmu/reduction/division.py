@@ -20,6 +20,11 @@ from .subdomains import Subdomain, section, volume_weighted
 # A piece that reaches along the body for less than this share of a level is a sliver: it would bend too little to
 # be worth a frame.
 _SLIVER = 0.34
+# So is an end whose volume is less than its section times this share of a level: an odd element or two that a level's
+# ragged boundary cuts off. The tip of a cone has a third.
+_FRAGMENT = 0.1
+# Distances, areas and places that differ by less than this share are the same: round-off must not decide.
+_DIGITS = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +107,8 @@ def divide(
         )
     middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
     depth = float(distance.max()) / levels
-    level = np.minimum((middle / depth).astype(np.int64), levels - 1)
-    link = _neighbours(faces, mesh.element_count)
+    level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
+    link = _neighbours(mesh.points, faces, mesh.element_count)
     same = link.multiply(_equal(link, level))
     _, piece = connected_components(same, directed=False)
     reach = np.concatenate(
@@ -112,18 +117,20 @@ def divide(
             for b in mesh.blocks
         ]
     )
-    piece = _merge_slivers(piece.astype(np.int64), link, reach, depth)
-    return _tree(mesh, volumes, faces, supported, piece, middle)
+    volume = np.concatenate([matrices.sum(axis=(1, 2)) for matrices in volumes])
+    piece = _merge_slivers(piece.astype(np.int64), link, reach, volume, depth)
+    return _tree(mesh, volumes, faces, supported, piece, middle, link)
 
 
-def _neighbours(faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:
-    """Elements that share a face, (e, e) with ones."""
-    rows, columns = [], []
+def _neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:
+    """Elements that share a face, (e, e) with the area between its corners."""
+    rows, columns, areas = [], [], []
     for kind in (3, 4):
         blocks = [b for b in faces if b.corner_count == kind]
         if not blocks:
             continue
-        key = np.concatenate([np.sort(b.nodes[~b.outer, :kind], axis=1) for b in blocks])
+        corners = np.concatenate([b.nodes[~b.outer, :kind] for b in blocks])
+        key = np.sort(corners, axis=1)
         element = np.concatenate([b.element[~b.outer] for b in blocks])
         _, face = np.unique(key, axis=0, return_inverse=True)
         order = np.argsort(face.ravel(), kind="stable")
@@ -131,11 +138,14 @@ def _neighbours(faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:
         pair = np.flatnonzero(face[1:] == face[:-1])
         rows.append(element[pair])
         columns.append(element[pair + 1])
+        at = points[corners[order[pair]]]
+        # Of a triangle two edges from its first corner, of a quadrilateral the diagonals.
+        edges = np.cross(at[:, 2] - at[:, 0], at[:, -1] - at[:, 1] if kind == 4 else at[:, 1] - at[:, 0])
+        areas.append(0.5 * np.linalg.norm(edges, axis=1))
     if not rows:
         return sp.csr_array((elements, elements))
-    r, c = np.concatenate(rows), np.concatenate(columns)
-    ones = np.ones(2 * r.size)
-    return sp.csr_array(sp.coo_array((ones, (np.r_[r, c], np.r_[c, r])), shape=(elements, elements)))
+    r, c, area = np.concatenate(rows), np.concatenate(columns), np.concatenate(areas)
+    return sp.csr_array(sp.coo_array((np.r_[area, area], (np.r_[r, c], np.r_[c, r])), shape=(elements, elements)))
 
 
 def _equal(link: sp.csr_array, label: IntArray) -> sp.csr_array:
@@ -145,10 +155,12 @@ def _equal(link: sp.csr_array, label: IntArray) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((np.ones(int(keep.sum())), (pairs.row[keep], pairs.col[keep])), shape=link.shape))
 
 
-def _merge_slivers(piece: IntArray, link: sp.csr_array, reach: FloatArray, depth: float) -> IntArray:
-    """Join each piece that is a sliver to the neighbour with which it shares most faces, the shortest first.
+def _merge_slivers(
+    piece: IntArray, link: sp.csr_array, reach: FloatArray, volume: FloatArray, depth: float
+) -> IntArray:
+    """Join each piece that is a sliver to the neighbour with which it shares the largest section, the shortest first.
 
-    `reach` (e, 2) is the smallest and largest distance of each element's nodes.
+    `reach` (e, 2) is the smallest and largest distance of each element's nodes, `volume` (e,) is in m³.
     """
     while True:
         count = int(piece.max()) + 1
@@ -156,20 +168,27 @@ def _merge_slivers(piece: IntArray, link: sp.csr_array, reach: FloatArray, depth
         np.minimum.at(near, piece, reach[:, 0])
         np.maximum.at(far, piece, reach[:, 1])
         shared = _shared(piece, link, count)
-        length = np.where(shared.any(axis=1), far - near, np.inf)
-        shortest = int(np.argmin(length))
-        if length[shortest] >= _SLIVER * depth:
+        largest = shared.max(axis=1)
+        # Slivers are below one; a piece without neighbours stays.
+        extent = np.where(largest > 0.0, (far - near) / (_SLIVER * depth), np.inf)
+        end = np.count_nonzero(shared, axis=1) == 1
+        thickness = np.bincount(piece, volume, count)[end] / largest[end]
+        extent[end] = np.minimum(extent[end], thickness / (_FRAGMENT * depth))
+        place = np.round(near / depth, _DIGITS)
+        first = int(np.lexsort((place, np.round(extent, _DIGITS)))[0])
+        if extent[first] >= 1.0:
             return piece
-        piece = np.where(piece == shortest, int(np.argmax(shared[shortest])), piece)
+        host = int(np.lexsort((place, -np.round(shared[first] / largest[first], _DIGITS)))[0])
+        piece = np.where(piece == first, host, piece)
         piece = np.unique(piece, return_inverse=True)[1].astype(np.int64)
 
 
-def _shared(piece: IntArray, link: sp.csr_array, count: int) -> IntArray:
-    """Number of faces (count, count) that pieces share, zero on the diagonal."""
+def _shared(piece: IntArray, link: sp.csr_array, count: int) -> FloatArray:
+    """Area (count, count) of the sections that pieces share, zero on the diagonal."""
     pairs = link.tocoo()
-    table = np.zeros((count, count), dtype=np.int64)
-    np.add.at(table, (piece[pairs.row], piece[pairs.col]), 1)
-    np.fill_diagonal(table, 0)
+    table = np.zeros((count, count))
+    np.add.at(table, (piece[pairs.row], piece[pairs.col]), pairs.data)
+    np.fill_diagonal(table, 0.0)
     return table
 
 
@@ -180,6 +199,7 @@ def _tree(
     supported: IntArray,
     piece: IntArray,
     middle: FloatArray,
+    link: sp.csr_array,
 ) -> Division:
     """Hang the pieces on each other, nearest to the support first."""
     count = int(piece.max()) + 1
@@ -187,17 +207,21 @@ def _tree(
     near = np.full(count, np.inf)
     np.minimum.at(near, piece, middle)
     roots = [p for p in range(count) if np.intersect1d(bodies[p].nodes, supported).size]
-    link = _neighbours(faces, mesh.element_count)
     shared = _shared(piece, link, count)
+    area = np.round(shared / max(float(shared.max()), 1e-300), _DIGITS)
+    # Nearest to the support first; of those at the same distance by place, not by the numbering of the mesh.
+    size = float(np.abs(mesh.points).max())
+    place = np.round(np.array([body.centre(mesh.points) for body in bodies]) / size, _DIGITS)
+    rank = [(x, *xyz) for x, xyz in zip(np.round(near / middle.max(), _DIGITS), place.tolist(), strict=True)]
 
     parent: dict[int, int] = dict.fromkeys(roots, GROUND)
-    order = sorted(roots, key=lambda p: near[p])
+    order = sorted(roots, key=lambda p: rank[p])
     waiting = set(range(count)) - set(roots)
     while waiting:
         # The waiting piece nearest to the support that touches the tree; its parent is where the section is largest.
         ready = [p for p in waiting if any(shared[p, other] for other in order)]
-        child = min(ready, key=lambda p: (near[p], p))
-        parent[child] = max(order, key=lambda other: (shared[child, other], -near[other], -other))
+        child = min(ready, key=lambda p: rank[p])
+        parent[child] = min(order, key=lambda other: (-area[child, other], rank[other]))
         order.append(child)
         waiting.remove(child)
 

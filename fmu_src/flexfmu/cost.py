@@ -1,0 +1,88 @@
+"""What a step of each formulation costs, measured on the body itself."""
+
+import statistics
+import time
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from .fmu.description import suggested_step
+from .progress import Reporter
+from .runtime.body import FlexibleBody
+from .runtime.errors import OptionError, RuntimeBodyError
+from .runtime.loads import Loads
+from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+
+_BLOCKS, _STEPS = 5, 20
+# Tip motion, relative to the body's size, that the measuring load brings about: bent enough to need its iterations.
+_BENT = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Time of a step.
+
+    Attributes
+    ----------
+    formulation : Formulation
+    median, fastest : float
+        s, of blocks of steps.
+    iterations : float
+        Rounds of the implicit iteration per step.
+    """
+
+    formulation: Formulation
+    median: float
+    fastest: float
+    iterations: float
+
+
+def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
+    """Time a step of every formulation whose data is aboard, at the suggested communication step.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    report : Reporter
+
+    Returns
+    -------
+    list of Cost
+    """
+    costs = []
+    step = suggested_step(body)
+    with report.stage(f"Time steps of {step:g} s"):
+        loads = _measuring_loads(body)
+        for kinematics, placement, stiffness in product(Kinematics, LoadPlacement, Stiffness):
+            try:
+                model = FlexibleBody(body, Formulation(kinematics, placement, stiffness))
+                costs.append(_time(model, loads, step))
+            except (OptionError, RuntimeBodyError):
+                # Without meaning, without data, or not stable under this load: nothing to time.
+                continue
+    return costs
+
+
+def _measuring_loads(body: ReducedBody) -> Loads:
+    """Equal forces on all interfaces that move the farthest of them by a small share of the body's size."""
+    points = np.concatenate([body.interface_point, body.joint_point])
+    size = float(np.max(np.ptp(points, axis=0))) or 1.0
+    force = np.ones((body.interface_count, 3))
+    linear = FlexibleBody(body, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE))
+    unit = Loads(force, np.zeros_like(force))
+    moved = float(np.max(np.linalg.norm(linear.response(linear.static(unit)).displacement, axis=1)))
+    return unit.scaled(_BENT * size / moved) if moved > 0.0 else unit
+
+
+def _time(model: FlexibleBody, loads: Loads, step: float) -> Cost:
+    state, work = model.step_with_work(model.rest(), loads, step)
+    iterations, times = 0, []
+    for _ in range(_BLOCKS):
+        start = time.perf_counter()
+        for _ in range(_STEPS):
+            state, work = model.step_with_work(state, loads, step)
+            model.response(state)
+            iterations += work.iterations
+        times.append((time.perf_counter() - start) / _STEPS)
+    return Cost(model.formulation, statistics.median(times), min(times), iterations / (_BLOCKS * _STEPS))
