@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from demo import calculix_results as results
 from demo import calculix_tools as ccx
 from demo.tip_face import MOTION_COLUMNS
 
@@ -75,7 +76,7 @@ class ReferenceBody:
         _, motion = self._motion(run)
         motion = np.vstack([np.zeros(motion.shape[1]), motion])
         force = np.zeros((len(motion), 3))
-        force[1:, axis] = -sum(ccx.read_reaction(run.printed, support)[:, axis] for support in self.model.supports)
+        force[1:, axis] = -sum(results.read_reaction(run.printed, support)[:, axis] for support in self.model.supports)
         notes = [*self._notes(title, run), "force: that of a uniform traction, in equilibrium, stable or not"]
         self._write_static(name, {interface: force}, motion, [*notes, *self._face_notes(), ROTATION_NOTE])
 
@@ -83,7 +84,7 @@ class ReferenceBody:
         """Lowest `count` eigenfrequencies of the clamped, unloaded body."""
         title = f"Lowest {count} eigenfrequencies, clamped and unloaded"
         run = self._run(name, ccx.frequency_deck(self.model, count, title))
-        found = ccx.read_frequencies(run.printed)[0]
+        found = results.read_frequencies(run.printed)[0]
         rows = np.column_stack([np.arange(1, found.size + 1), found])
         _write_table(self.folder / f"{name}.csv", ["mode", "frequency_Hz"], rows, self._notes(title, run))
 
@@ -94,14 +95,14 @@ class ReferenceBody:
         preloads = [{interface: size * np.eye(3)[axis]} for size in sizes]
         run = self._run(name, ccx.preloaded_frequency_deck(self.model, preloads, count, title))
         columns = ["force_N", *(f"f{mode}_Hz" for mode in range(1, count + 1))]
-        rows = np.column_stack([sizes, ccx.read_frequencies(run.printed)])
+        rows = np.column_stack([sizes, results.read_frequencies(run.printed)])
         _write_table(self.folder / f"{name}.csv", columns, rows, self._notes(title, run))
 
     def buckling(self, name: str, interface: str, axis: int, size: float, count: int) -> None:
         """Lowest `count` critical forces along an axis, linear; `size` (N) sets their sign and scale."""
         title = f"Linear buckling, lowest {count} critical forces on {interface} along {'xyz'[axis]}"
         run = self._run(name, ccx.buckling_deck(self.model, {interface: size * np.eye(3)[axis]}, count, title))
-        factors = ccx.read_buckling_factors(run.printed)
+        factors = results.read_buckling_factors(run.printed)
         rows = np.column_stack([np.arange(1, factors.size + 1), size * factors])
         _write_table(self.folder / f"{name}.csv", ["mode", "force_N"], rows, self._notes(title, run))
 
@@ -124,7 +125,7 @@ class ReferenceBody:
         """Step times (n,) and the motion of all interfaces (n, 6 per interface) of a run."""
         columns = []
         for interface, face in self.model.faces.items():
-            times, displacements = ccx.read_displacements(run.printed, interface)
+            times, displacements = results.read_displacements(run.printed, interface)
             columns.append(face.linear_motion(displacements) if linear else face.motion(displacements))
         return times, np.hstack(columns)
 
