@@ -93,5 +93,16 @@ def face_rule(node_count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         8: (felupe.QuadraticQuad(), felupe.GaussLegendre(order=2, dim=2)),
     }[node_count]
     value = np.array([element.function(point) for point in quadrature.points])
-    gradient = np.array([element.gradient(point) for point in quadrature.points])
+    # felupe 11.3 has a wrong gradient for the quadratic triangle, which shows on curved faces only.
+    slope = _quadratic_triangle_gradient if node_count == 6 else element.gradient
+    gradient = np.array([slope(point) for point in quadrature.points])
     return value, gradient, np.asarray(quadrature.weights)
+
+
+def _quadratic_triangle_gradient(point: FloatArray) -> FloatArray:
+    """Gradients (6, 2) of L_i (2 L_i − 1) at the corners and 4 L_i L_j between them, L being area coordinates."""
+    area = np.array([1.0 - point[0] - point[1], point[0], point[1]])
+    slope = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    following, next_area = np.roll(slope, -1, axis=0), np.roll(area, -1)
+    corner = (4.0 * area - 1.0)[:, None] * slope
+    return np.concatenate([corner, 4.0 * (area[:, None] * following + next_area[:, None] * slope)])
