@@ -238,12 +238,9 @@ def _tree(
         subdomains.append(Subdomain(names[p], index, elements, bodies[p], joint, joint.centre(mesh.points)))
 
     cuts = []
-    for p, other in zip(*np.nonzero(np.triu(shared)), strict=True):
-        if parent[int(p)] != other and parent[int(other)] != p:
-            nodes = np.intersect1d(bodies[p].nodes, bodies[other].nodes)
-            x, y, z = mesh.points[nodes].mean(axis=0)
-            cuts.append(
-                f"closed loop cut between frames {names[int(p)]} and {names[int(other)]} "
-                f"at ({x:.4g}, {y:.4g}, {z:.4g}) m"
-            )
+    open_pairs = {(p, q) for p, q in zip(*np.nonzero(shared), strict=True) if parent[p] != q and parent[q] != p}
+    for p, q in sorted(open_pairs, key=lambda pair: (position[pair[0]], position[pair[1]])):
+        if position[p] < position[q]:
+            x, y, z = mesh.points[np.intersect1d(bodies[p].nodes, bodies[q].nodes)].mean(axis=0)
+            cuts.append(f"closed loop cut between frames {names[p]} and {names[q]} at ({x:.4g}, {y:.4g}, {z:.4g}) m")
     return Division(tuple(subdomains), tuple(cuts))
