@@ -5,6 +5,7 @@ from itertools import permutations
 
 import numpy as np
 
+from flexfmu.config import BodyFile
 from flexfmu.mesh.model import ElementBlock, ElementType, Material, Mesh
 
 STEEL = Material("STEEL", 2.0e11, 0.3, 7850.0)
@@ -166,3 +167,15 @@ def write_deck(mesh, path, *, materials=True):
             lines.append(f"*SOLID SECTION, ELSET=PART{index}, MATERIAL={material.name}")
     path.write_text("\n".join(lines) + "\n")
     return path
+
+
+def body_file(mesh, folder, *, interface, support="ROOT", name="body", **tables):
+    """Checked body file of a mesh whose deck is written to `folder`: interfaces by their sets, `support` clamped."""
+    deck = write_deck(mesh, folder / f"{name}.inp")
+    content = {
+        "name": name,
+        "mesh": {"file": deck},
+        "support": [{"nodes": support, "fix": ["x", "y", "z"]}],
+        "interface": [{"name": each.lower(), "nodes": each} for each in interface],
+    }
+    return BodyFile.model_validate(content | tables)

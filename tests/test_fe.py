@@ -1,12 +1,15 @@
 """Finite element matrices against closed forms, for every element type."""
 
+from itertools import product
+
+import felupe
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from flexfmu.errors import ModelError
 from flexfmu.fe.assembly import mass, stiffness, volume_matrices
-from flexfmu.fe.elements import FACES
+from flexfmu.fe.elements import FACES, face_rule, rule
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.mesh.model import ElementType, Material
 from meshes import EVERY_TYPE, QUADRATIC, STEEL, box, distorted
@@ -56,6 +59,53 @@ def cantilever_tip(kind, counts, size, force=1.0):
         fixed[root, axis] = np.abs(mesh.points[root, axis] - 0.5 * size[axis]) < 1e-9
     u = solve(mesh, fixed, spread_evenly(mesh, "TIP", (0.0, force, 0.0)))
     return u[mesh.node_sets["TIP"], 1].mean()
+
+
+def monomials(points, degree):
+    """Values (k, n) and gradients (k, n, d) of all monomials up to a degree at points (n, d)."""
+    count = points.shape[1]
+    powers = [p for p in product(range(degree + 1), repeat=count) if sum(p) <= degree]
+    value = np.array([np.prod(points ** np.array(p), axis=1) for p in powers])
+    gradient = []
+    for p in powers:
+        lower = np.maximum(np.array(p) - np.eye(count, dtype=int), 0)
+        gradient.append(np.stack([p[i] * np.prod(points ** lower[i], axis=1) for i in range(count)], axis=1))
+    return value, np.array(gradient)
+
+
+def check_completeness(value, gradient, nodes, points, degree):
+    """Shape functions (p, n) and their gradients (p, n, d) give back every polynomial of their degree."""
+    at_nodes, _ = monomials(nodes, degree)
+    expected, slope = monomials(points, degree)
+    np.testing.assert_allclose(value @ at_nodes.T, expected.T, atol=1e-12)
+    np.testing.assert_allclose(np.einsum("pnd,kn->kpd", gradient, at_nodes), slope, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("element", "quadrature"),
+    [
+        (felupe.Triangle(), felupe.TriangleQuadrature(2)),
+        (felupe.QuadraticTriangle(), felupe.TriangleQuadrature(5)),
+        (felupe.Quad(), felupe.GaussLegendre(order=2, dim=2)),
+        (felupe.QuadraticQuad(), felupe.GaussLegendre(order=2, dim=2)),
+    ],
+    ids=["tri3", "tri6", "quad4", "quad8"],
+)
+def test_face_shape_functions_and_their_gradients_are_complete(element, quadrature):
+    nodes = np.asarray(element.points, dtype=float)
+    value, gradient, weight = face_rule(len(nodes))
+    check_completeness(value, gradient, nodes, quadrature.points, 2 if len(nodes) in (6, 8) else 1)
+    assert weight.sum() == pytest.approx(0.5 if len(nodes) in (3, 6) else 4.0, rel=1e-9)
+
+
+@EVERY
+def test_element_shape_functions_and_their_gradients_are_complete(kind):
+    choice = rule(kind)
+    nodes = np.asarray(choice.element.points, dtype=float)
+    for quadrature in (choice.stiffness, choice.mass):
+        value = np.array([choice.element.function(point) for point in quadrature.points])
+        gradient = np.array([choice.element.gradient(point) for point in quadrature.points])
+        check_completeness(value, gradient, nodes, quadrature.points, 2 if kind in QUADRATIC else 1)
 
 
 @EVERY
