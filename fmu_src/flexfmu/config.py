@@ -13,19 +13,22 @@ from .runtime.errors import OptionError
 from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+# What pydantic adds to the place of an error to tell the types that a key may have.
+_ALTERNATIVES = ("float", "list[float]", "str")
 # Names become parts of FMU variable names and HDF5 paths.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    # Strict: no number from text, none from true or false.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class MeshTable(_Table):
     """`[mesh]`: where the mesh is and in which units."""
 
-    file: Path
-    units: UnitSystem = UnitSystem.SI
+    file: Path = Field(strict=False)
+    units: UnitSystem = Field(default=UnitSystem.SI, strict=False)
 
 
 class MaterialTable(_Table):
@@ -91,7 +94,7 @@ class StressTable(_Table):
 class ReductionTable(_Table):
     """`[reduction]`: the modal basis."""
 
-    basis: Basis = Basis.NORMAL
+    basis: Basis = Field(default=Basis.NORMAL, strict=False)
     modes: int = Field(default=10, ge=1)
     residual_flexibility: bool = False
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
@@ -113,9 +116,9 @@ class DampingTable(_Table):
 class FormulationTable(_Table):
     """`[formulation]`: kinematics and loads that the FMU starts with."""
 
-    kinematics: Kinematics = Kinematics.COROTATED
-    loads: LoadPlacement = LoadPlacement.DEFORMED
-    stiffness: Stiffness = Stiffness.CONSTANT
+    kinematics: Kinematics = Field(default=Kinematics.COROTATED, strict=False)
+    loads: LoadPlacement = Field(default=LoadPlacement.DEFORMED, strict=False)
+    stiffness: Stiffness = Field(default=Stiffness.CONSTANT, strict=False)
 
     @property
     def formulation(self) -> Formulation:
@@ -216,23 +219,44 @@ def read_body_file(path: Path) -> BodyFile:
     try:
         body = BodyFile.model_validate(data)
     except ValidationError as error:
-        lines = [_explain(problem) for problem in error.errors()]
-        raise BodyFileError(f"{path}:\n  " + "\n  ".join(lines)) from error
+        raise BodyFileError(f"{path}:\n  " + "\n  ".join(_explain(error))) from error
     mesh = body.mesh.model_copy(update={"file": path.parent / body.mesh.file})
     return body.model_copy(update={"mesh": mesh})
 
 
-def _explain(problem: Any) -> str:
-    """One line for one of pydantic's errors: key, what was found, what would do."""
+def _explain(error: ValidationError) -> list[str]:
+    """One line for each wrong key: the key, what was found, what would do."""
+    reasons: dict[str, list[str]] = {}
+    for problem in error.errors():
+        reasons.setdefault(_key(problem["loc"]), []).append(_reason(problem))
+    # Of a key that may be of one type or another, the reason that went deepest is the one that helps.
+    deepest = [key for key in reasons if not any(other.startswith((f"{key}[", f"{key}.")) for other in reasons if key)]
+    lines = []
+    for key in deepest:
+        found, _, _ = reasons[key][0].rpartition("; ")
+        wanted = " or ".join(reason.rpartition("; ")[2] for reason in reasons[key])
+        text = f"{found}; {wanted}" if len(reasons[key]) > 1 else reasons[key][0]
+        lines.append(f"{key}: {text}" if key else text)
+    return lines
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    """The key as the file spells it; tables of an array are counted from one."""
     key = ""
-    for part in problem["loc"]:
-        key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else str(part)
+    for part in location:
+        if part in _ALTERNATIVES:
+            continue
+        key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else part
+    return key
+
+
+def _reason(problem: Any) -> str:
     message = str(problem["msg"]).removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
-        return f"{key}: unknown key; docs/file-formats.md lists the known ones"
+        return "unknown key; docs/file-formats.md lists the known ones"
     if problem["type"] == "missing":
-        return f"{key}: missing, and there is no default"
+        return "missing, and there is no default"
     if problem["type"] == "value_error":
-        return f"{key}: {message}" if key else message
-    found = problem.get("input")
-    return f"{key}: found {found!r}; {message[0].lower()}{message[1:]}"
+        return message
+    message = message.replace("Input should", "should")
+    return f"found {problem.get('input')!r}; {message[0].lower()}{message[1:]}"
