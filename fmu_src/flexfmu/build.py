@@ -25,11 +25,15 @@ from .reduction.modes import Modes, Supported, craig_bampton, normal_modes, with
 from .reduction.subdomains import (
     FrameRequest,
     Subdomain,
+    division_warnings,
     frame_operators,
     requested_subdomains,
 )
 from .reduction.surface import body_surface
 from .runtime.reduced_body import ReducedBody, Stiffness, StressSet
+
+# Share of an interface's nodes outside the frame that carries it which is worth a warning.
+_SPREAD = 0.1
 
 
 def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
@@ -76,6 +80,11 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         supported = Supported(k[free][:, free], m[free][:, free], factor, free, k.shape[0])
     modes = _basis(config.reduction, supported, interfaces, len(mesh.points), report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
+    for interface in interfaces:
+        if not np.any(modes.shapes.reshape(len(mesh.points), 3, -1)[interface.nodes]):
+            report.warning(
+                f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing"
+            )
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
     by_load, by_mode = _geometric(config, mesh, supported, modes.shapes, interfaces, report)
 
@@ -179,7 +188,8 @@ def _subdomains(
         points = tuple(node_set(model.mesh, name, key) for name in table.rotation_points or ())
         requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
     held = np.flatnonzero(model.fixed.any(axis=1))
-    return requested_subdomains(model.mesh, volumes, faces, held, requests), ()
+    subdomains = requested_subdomains(model.mesh, volumes, faces, held, requests)
+    return subdomains, division_warnings(model.mesh, subdomains)
 
 
 def _interfaces(
@@ -192,6 +202,13 @@ def _interfaces(
         report.note(
             f"interface {interface.name!r}: {interface.nodes.size} nodes, loads spread {spread}, carried by {carrier}"
         )
+        if interface.frame >= 0:
+            beyond = np.setdiff1d(interface.nodes, subdomains[interface.frame].body.nodes).size
+            if beyond > _SPREAD * interface.nodes.size:
+                report.warning(
+                    f"interface {interface.name!r}: {beyond} of its {interface.nodes.size} nodes lie outside frame "
+                    f"{subdomains[interface.frame].name}, which carries all of it; take a smaller set"
+                )
         if interface.frame < 0 and subdomains:
             report.warning(
                 f"interface {interface.name!r} touches no frame: it will move linearly; put its nodes into a [[frame]]"

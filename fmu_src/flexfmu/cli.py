@@ -100,8 +100,11 @@ def simulate(
 ) -> None:
     """Drive an FMU by a table of loads and write its motion."""
     from .fmu.simulation import parse_parameters, simulate_csv
+    from .targets import PICTURE_SUFFIXES, check_target
 
     def job() -> None:
+        if plot is not None:
+            check_target(plot, PICTURE_SUFFIXES, inputs=(fmu, loads, output))
         settings = parse_parameters(parameter or [])
         if static_start:
             settings["initialization"] = "static"

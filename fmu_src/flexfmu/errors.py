@@ -44,5 +44,9 @@ class PackagingError(FlexfmuError):
     """The FMU archive could not be made or read."""
 
 
+class OutputError(PackagingError):
+    """A file cannot, or should not, be written."""
+
+
 class SimulationError(FlexfmuError):
     """A simulation cannot be set up, or the FMU refused a step."""

@@ -4,11 +4,11 @@ from pathlib import Path
 
 from .build import reduce_body
 from .config import read_body_file
-from .errors import PackagingError
 from .fmu.package import package_fmu
 from .progress import Reporter
 from .runtime.modal_file import write_modal_file
 from .runtime.reduced_body import ReducedBody
+from .targets import check_target, whole_file
 
 
 def build_fmu(
@@ -37,14 +37,16 @@ def build_fmu(
         With what was found, what was expected and what to do.
     """
     report = report or Reporter()
-    for path, ending in ((output, ".fmu"), (modal_file, ".h5")):
-        if path is not None and path.suffix != ending:
-            raise PackagingError(f"{path}: expected a file name that ends in {ending}")
-        if path is not None and not path.parent.is_dir():
-            raise PackagingError(f"{path}: the folder {path.parent} does not exist; make it first")
+    check_target(output, (".fmu",))
+    if modal_file is not None:
+        check_target(modal_file, (".h5",))
     body = reduce_body(read_body_file(body_file), report)
     with report.stage(f"Write {output}"):
-        package_fmu(body, output)
-        if modal_file is not None:
-            write_modal_file(body, modal_file)
+        if modal_file is None:
+            package_fmu(body, output)
+        else:
+            # The modal file takes its name once the FMU is there.
+            with whole_file(modal_file) as part:
+                write_modal_file(body, part)
+                package_fmu(body, output)
     return body

@@ -6,11 +6,10 @@ code therefore lies in a package whose name is a hash of everything in the archi
 
 import hashlib
 import io
-import os
 import tempfile
 import uuid
 import zipfile
-from contextlib import suppress
+import zlib
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from ..runtime.errors import ModalFileError
 from ..runtime.modal_file import read_modal_file, write_modal_file
 from ..runtime.reduced_body import ReducedBody
 from ..runtime.slave import MODAL_FILE
+from ..targets import check_target, whole_file
 from .description import model_description
 
 # pythonfmu's base class of slaves and what it imports; the rest of the library is for building only.
@@ -56,27 +56,16 @@ def package_fmu(body: ReducedBody, output: Path) -> None:
 
     Raises
     ------
-    PackagingError
+    OutputError
         A wrong ending, or a folder that is not there or cannot be written to.
     """
-    if output.suffix != ".fmu":
-        raise PackagingError(f"{output}: expected a file name that ends in .fmu")
-    if not output.parent.is_dir():
-        raise PackagingError(f"{output}: the folder {output.parent} does not exist; make it first")
+    check_target(output, (".fmu",))
     contents = _contents(body)
-    part = output.with_name(f".{output.name}.{os.getpid()}.part")
-    try:
-        with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name in sorted(contents):
-                entry = zipfile.ZipInfo(name, _DATE)
-                entry.external_attr = 0o644 << 16
-                archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
-        part.replace(output)
-    except OSError as error:
-        raise PackagingError(f"{output}: cannot be written ({error})") from error
-    finally:
-        with suppress(FileNotFoundError):
-            part.unlink()
+    with whole_file(output) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(contents):
+            entry = zipfile.ZipInfo(name, _DATE)
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
 
 
 def _contents(body: ReducedBody) -> dict[str, bytes]:
@@ -130,12 +119,21 @@ def read_packaged_body(path: Path) -> ReducedBody:
     ModalFileError
         The modal file is missing, damaged, altered or of an unknown version.
     """
-    if not path.exists():
+    if not path.is_file():
         raise ModalFileError(f"{path}: no such file")
     if not zipfile.is_zipfile(path):
+        if path.suffix.lower() == ".fmu":
+            raise PackagingError(f"{path}: not an archive, so no FMU; the file is damaged, or something else")
         return read_modal_file(path)
-    with zipfile.ZipFile(path) as archive:
-        name = f"resources/{MODAL_FILE}"
-        if name not in archive.namelist():
-            raise PackagingError(f"{path}: an archive without {name}; expected an FMU made by flexfmu")
-        return read_modal_file(io.BytesIO(archive.read(name)))
+    name = f"resources/{MODAL_FILE}"
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if name not in archive.namelist():
+                raise PackagingError(f"{path}: an archive without {name}; expected an FMU made by flexfmu")
+            data = archive.read(name)
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
+        raise PackagingError(f"{path}: the archive is damaged ({error}); build or copy it again") from error
+    try:
+        return read_modal_file(io.BytesIO(data))
+    except ModalFileError as error:
+        raise ModalFileError(f"{path}: {error}") from error

@@ -1,9 +1,8 @@
 """Driving an FMU through fmpy by a table of loads."""
 
 import csv
-import os
+import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import fmpy
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..progress import Reporter
+from ..targets import check_target, whole_file
 
 FloatArray = NDArray[np.float64]
 
@@ -38,13 +38,17 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
         Naming the line that is wrong.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        # Spreadsheets put a byte-order mark in front.
+        with path.open(newline="", encoding="utf-8-sig") as file:
             lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read ({error})") from error
     if len(lines) < 2 or not lines[0][1] or lines[0][1][0].strip() != "time":
-        raise SimulationError(f'{path}: expected a header "time,NAME,…" and at least one row of numbers')
+        raise SimulationError(f'{path}: expected a header "time,NAME,…" (commas) and at least one row of numbers')
     names = [name.strip() for name in lines[0][1][1:]]
+    for name in names:
+        if names.count(name) > 1 or name == "time":
+            raise SimulationError(f"{path}: two columns are called {name!r}, expected each name once")
     values = np.empty((len(lines) - 1, len(names) + 1))
     for k, (number, row) in enumerate(lines[1:]):
         if len(row) != values.shape[1]:
@@ -72,21 +76,13 @@ def write_table(path: Path, names: Sequence[str], values: FloatArray) -> None:
 
     Raises
     ------
-    SimulationError
-        The folder cannot be written to.
+    OutputError
+        The file cannot be written.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with part.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(["time", *names])
-            writer.writerows([f"{x:.12g}" for x in row] for row in values)
-        part.replace(path)
-    except OSError as error:
-        raise SimulationError(f"{path}: cannot be written ({error}); does the folder exist?") from error
-    finally:
-        with suppress(FileNotFoundError):
-            part.unlink()
+    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time", *names])
+        writer.writerows([f"{x:.12g}" for x in row] for row in values)
 
 
 def parse_parameters(settings: Sequence[str]) -> dict[str, object]:
@@ -173,12 +169,14 @@ def simulate(
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
     start = float(loads[0, 0])
     end = float(loads[-1, 0]) if stop is None else stop
-    interval = step or float(description.defaultExperiment.stepSize)
-    if not interval > 0.0 or not end > start:
+    interval = float(description.defaultExperiment.stepSize) if step is None else step
+    if not (math.isfinite(interval) and interval > 0.0 and math.isfinite(end) and end > start):
         raise SimulationError(
             f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0"
         )
 
+    # Of several rows at the first time only the last counts: fmpy would begin with the first and jump a step later.
+    loads = loads[int(np.searchsorted(loads[:, 0], start, side="right")) - 1 :]
     # Every input is given, so that fmpy does not warn about those that stay zero.
     signals = np.zeros(len(loads), dtype=[("time", float), *((name, float) for name in inputs)])
     for column, name in enumerate(("time", *names)):
@@ -238,8 +236,7 @@ def simulate_csv(
     ------
     SimulationError
     """
-    if not output.parent.is_dir():
-        raise SimulationError(f"{output}: the folder {output.parent} does not exist; make it first")
+    check_target(output, (".csv",), inputs=(fmu, loads))
     names, values = read_table(loads)
     outputs, result = simulate(fmu, names, values, step=step, stop=stop, parameters=parameters, report=report)
     write_table(output, outputs, result)

@@ -21,6 +21,8 @@ _RESIDUAL_LIMIT = 1e-6
 _DEGENERATE = 1e-7
 # Share of a static shape's strain energy below which it is in the span of the modes: round-off of the solve, squared.
 _HELD_ALREADY = 1e-12
+# Smallest eigenvalue of the interfaces' scaled compliance below which they depend on each other.
+_DEPENDENT = 1e-10
 # A component this close to the largest may serve to fix a sign: the first such one is taken.
 _NEARLY_LARGEST = 0.9
 
@@ -160,7 +162,7 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
         raise BodyFileError(f"[reduction] modes = {count}: the mesh has {model.free.size} free degrees of freedom only")
     released = model.factor.solve(held)
     # K⁻¹ b less what brings Gu back to zero.
-    compliance = held.T @ released
+    compliance = _checked_compliance(held.T @ released)
 
     def inverse(right: FloatArray) -> FloatArray:
         solution = model.factor.solve(right)
@@ -194,9 +196,23 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, residual, splits)
 
 
+def _checked_compliance(compliance: FloatArray) -> FloatArray:
+    """Compliance (6I, 6I) of the interfaces, if all of them can move independently of each other."""
+    size = np.sqrt(np.maximum(np.diag(compliance), 0.0))
+    if compliance.size and (size.min() <= 0.0 or np.linalg.eigvalsh(compliance / np.outer(size, size))[0] < _DEPENDENT):
+        raise BodyFileError(
+            'basis = "craig_bampton" holds every interface by itself, which these do not allow: an interface lies on a '
+            'support, or two share their nodes; take it out, or take basis = "normal" with residual_flexibility = true'
+        )
+    return compliance
+
+
 def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Squared frequencies and modes of the small eigenproblem that vectors (k, j) span."""
-    squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
+    try:
+        squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
+    except np.linalg.LinAlgError as error:
+        raise AccuracyError(f"the modes are not independent of each other ({error}); ask for fewer modes") from error
     if squares[0] <= 0.0:
         raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
     return squares, vectors @ small
@@ -206,7 +222,11 @@ def _joined(model: Supported, modes: Modes, statics: FloatArray) -> Modes:
     """Span of modes and static shapes (k, j), orthonormalised; shapes that the modes hold already add nothing."""
     k, m = model.stiffness, model.mass
     phi = modes.shapes[model.free]
-    statics = statics / np.sqrt(np.einsum("ij,ij->j", statics, k @ statics))
+    energy = np.einsum("ij,ij->j", statics, k @ statics)
+    # Loads on a support do nothing.
+    statics = statics[:, energy > 0.0] / np.sqrt(energy[energy > 0.0])
+    if not statics.shape[1]:
+        return modes
     # What is left over in strain energy once the modes have taken their part.
     rest = statics - phi @ np.linalg.solve(phi.T @ (k @ phi), phi.T @ (k @ statics))
     energies, turn = np.linalg.eigh(rest.T @ (k @ rest))

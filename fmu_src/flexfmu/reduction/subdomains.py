@@ -17,6 +17,9 @@ from .rigid_fit import Weighted, by_node, modal_fit
 # Volume of the tetrahedron of characteristic points over the cube of its longest edge: below it rotations are guesses.
 _FLAT_TETRAHEDRON = 1e-4
 
+# A joint given by coordinates may lie this many times the section's reach from its centre.
+_JOINT_REACH = 1.5
+
 
 @dataclass(frozen=True, slots=True)
 class Subdomain:
@@ -196,19 +199,61 @@ def requested_subdomains(
 def _joint(
     points: FloatArray, faces: tuple[FaceBlock, ...], request: FrameRequest, neighbour: IntArray
 ) -> tuple[Weighted, FloatArray]:
+    where = "any support" if request.parent is None else f"its parent {request.parent!r}"
     if request.joint is not None and request.joint.dtype.kind in "iu":
-        joint = section(points, faces, request.joint.astype(np.int64))
+        nodes = request.joint.astype(np.int64)
+        for other, words in ((request.nodes, "the frame itself"), (neighbour, where)):
+            if not np.intersect1d(nodes, other).size:
+                raise BodyFileError(
+                    f"frame {request.name!r}: its joint shares no node with {words}; the joint is the "
+                    "section between the two"
+                )
+        joint = section(points, faces, nodes)
         return joint, joint.centre(points)
     shared = np.intersect1d(request.nodes, neighbour)
     if not shared.size:
-        where = "any support" if request.parent is None else f"its parent {request.parent!r}"
         raise BodyFileError(
             f'frame {request.name!r} shares no node with {where}: name the joint\'s nodes (joint = "SET"), or let '
             "neighbouring sets share their common section"
         )
     joint = section(points, faces, shared)
-    point = joint.centre(points) if request.joint is None else request.joint.astype(np.float64)
+    if request.joint is None:
+        return joint, joint.centre(points)
+    point = request.joint.astype(np.float64)
+    # A joint anywhere else would have the frame turn about a place where nothing joins.
+    reach = float(np.max(np.linalg.norm(points[shared] - joint.centre(points), axis=1)))
+    away = float(np.linalg.norm(point - joint.centre(points)))
+    if away > _JOINT_REACH * reach:
+        raise BodyFileError(
+            f"frame {request.name!r}: its joint lies {away:.3g} m from the centre of the section shared with {where}, "
+            f"which reaches {reach:.3g} m; coordinates are in m, in the mesh's frame"
+        )
     return joint, point
+
+
+def division_warnings(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[str, ...]:
+    """What looks unintended about sub-domains given by hand: parts in several of them, in none, or without elements.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    subdomains : sequence of Subdomain
+
+    Returns
+    -------
+    tuple of str
+    """
+    times = np.bincount(np.concatenate([d.elements for d in subdomains]), minlength=mesh.element_count)
+    found = [
+        f"frame {d.name}: its node set holds no whole element; every node counts the same in its averaged rotation"
+        for d in subdomains
+        if not d.elements.size
+    ]
+    if np.any(times > 1):
+        found.append(f"{int(np.sum(times > 1))} elements are in more than one frame: what turns there counts twice")
+    if np.any(times == 0):
+        found.append(f"{int(np.sum(times == 0))} elements are in no frame")
+    return tuple(found)
 
 
 def frame_operators(points: FloatArray, shapes: FloatArray, subdomains: Sequence[Subdomain]) -> FrameOperators:

@@ -199,12 +199,14 @@ class BodySlave:
         ends = np.cumsum(sizes)[:-1]
         set_inputs, q, v, numbers, choices, flags, work = np.split(values, ends)
         self._inputs = set_inputs.copy()
+        before = dict(self._parameters)
         self._parameters |= dict(
             zip((DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE), (float(x) for x in numbers), strict=True)
         )
         for index, (name, kind) in zip(choices, _CHOICES.items(), strict=True):
             self._parameters[name] = list(kind)[int(index)].value
-        self._body = None
+        if self._parameters != before:
+            self._body = None
         self._outputs.clear()
         self._state = State(q.copy(), v.copy(), int(flags[3])) if flags[0] else None
         self._running, self._status = bool(flags[1]), int(flags[2])
