@@ -1,5 +1,7 @@
 """Mistakes that are easy to make and must not pass in silence."""
 
+import subprocess
+import sys
 import zipfile
 
 import numpy as np
@@ -144,3 +146,14 @@ def test_columns_of_the_same_name_are_refused_and_byte_order_marks_are_not(tmp_p
         read_table(tmp_path / "a.csv")
     (tmp_path / "b.csv").write_text("time,f\n0,1\n", encoding="utf-8-sig")
     assert read_table(tmp_path / "b.csv")[0] == ["f"]
+
+
+def test_load_that_jumps_at_the_start_acts_from_the_start(fmu, tmp_path):
+    # In a process of its own: the FMU's code ends up in the process that runs it.
+    (tmp_path / "jump.csv").write_text("time,tip.force.y\n0,0\n0,1000\n1,1000\n", encoding="utf-8")
+    command = [sys.executable, "-m", "flexfmu.cli", "simulate", str(fmu), "-i", "jump.csv", "-o", "out.csv"]
+    command += ["--step", "0.5", "--static-start"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "out.csv" in done.stdout, done.stderr
+    rows = (tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()[1:]
+    assert [float(row.split(",")[2]) for row in rows] == pytest.approx([0.0246] * 3, rel=1e-2)
