@@ -165,19 +165,14 @@ def test_one_level_takes_a_closed_body_whole_and_cuts_nothing():
     assert division.cuts == ()
 
 
-def test_the_end_of_a_level_that_is_a_sliver_joins_its_neighbour():
-    # Level one ends at 0.5; a thin last layer of a tenth beyond three levels of 1 m each would be a frame of its own.
-    cells = [(i, 0, 0) for i in range(13)]
+def test_a_thin_end_of_the_body_that_is_a_sliver_of_a_level_joins_its_neighbour():
+    # Twelve layers of 0.25 m and one of 0.05 m, alone in the last of twenty levels of 0.15 m.
     ends = np.array([*np.arange(13) * 0.25, 3.05])
+    cells = [(i, 0, 0) for i in range(13)]
     mesh = lattice(ElementType.C3D8, cells, lambda p: np.column_stack([np.interp(p[:, 0], range(14), ends), p[:, 1:]]))
     mesh = with_sets(mesh, ROOT=lambda p: p[:, 0])
-    levels = 13
-    depth = distance_along(mesh, mesh.node_sets["ROOT"]).max() / levels
-    division = divided(mesh, levels)
-    # Thirteen layers in thirteen levels; the last is 0.05 long and the levels are 0.23.
-    assert 0.34 * depth > 0.05
-    assert [domain.elements.size for domain in division.subdomains][-1] == 2
-    assert len(division.subdomains) == 12
+    assert (ends[11] + ends[12]) / 2.0 < 3.05 * 19.0 / 20.0 < (ends[12] + ends[13]) / 2.0
+    assert [domain.elements.size for domain in divided(mesh, 20).subdomains] == [1] * 11 + [2]
 
 
 @EVERY
