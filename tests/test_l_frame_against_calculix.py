@@ -7,6 +7,7 @@ from flexfmu.build import reduce_body
 from flexfmu.config import FrameTable, read_body_file
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.reduced_body import Formulation, Stiffness
 from references import L_FRAME, calculix, displacement, relative
 
 CASES = {"static_z": np.array([0.0, 0.0, 1.0]), "static_x": np.array([1.0, 0.0, 0.0])}
@@ -58,3 +59,14 @@ def test_frames_given_by_hand_follow_the_legs():
     assert body.model.frame_parent.tolist() == [-1, 0, 1]
     assert tip_error(body, "static_z") <= 0.003
     assert tip_error(body, "static_x") <= 0.0065
+
+
+def test_three_frames_and_the_stress_of_the_loads_are_enough_in_the_plane(bodies):
+    # A force in the plane presses along a leg: geometric stiffness by load takes most of what three frames leave.
+    reduction = bodies.config(L_FRAME).reduction.model_copy(update={"geometric_stiffness": ["by_load"]})
+    model = bodies.l_frame(frames=3, reduction=reduction).model
+    errors = [
+        tip_error(FlexibleBody(model, Formulation(stiffness=s)), "static_x") for s in Stiffness if s.value != "by_mode"
+    ]
+    assert errors[0] > 0.006
+    assert errors[1] < 0.003
