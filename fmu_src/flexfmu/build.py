@@ -69,7 +69,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     with report.stage("Divide into frames and fit interfaces"):
         faces = element_faces(mesh)
         subdomains, cuts = _subdomains(config, model, volumes, faces)
-        interfaces = _interfaces(config, mesh, faces, subdomains, report)
+        interfaces = _interfaces(config, model, faces, subdomains, report)
     for text in cuts:
         report.warning(text)
     report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
@@ -80,11 +80,6 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         supported = Supported(k[free][:, free], m[free][:, free], factor, free, k.shape[0])
     modes = _basis(config.reduction, supported, interfaces, len(mesh.points), report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
-    for interface in interfaces:
-        if not np.any(modes.shapes.reshape(len(mesh.points), 3, -1)[interface.nodes]):
-            report.warning(
-                f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing"
-            )
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
     by_load, by_mode = _geometric(config, mesh, supported, modes.shapes, interfaces, report)
 
@@ -193,15 +188,19 @@ def _subdomains(
 
 
 def _interfaces(
-    config: BodyFile, mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: list[Subdomain], report: Reporter
+    config: BodyFile, model: Model, faces: tuple[FaceBlock, ...], subdomains: list[Subdomain], report: Reporter
 ) -> list[Interface]:
-    interfaces = [fit_interface(table, mesh, faces, subdomains) for table in config.interface]
+    interfaces = [fit_interface(table, model.mesh, faces, subdomains) for table in config.interface]
     for interface in interfaces:
         carrier = f"frame {subdomains[interface.frame].name}" if interface.frame >= 0 else "no frame"
         spread = "by area" if interface.by_area else "by node"
         report.note(
             f"interface {interface.name!r}: {interface.nodes.size} nodes, loads spread {spread}, carried by {carrier}"
         )
+        if model.fixed[interface.nodes].all():
+            report.warning(
+                f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing"
+            )
         if interface.frame >= 0:
             beyond = np.setdiff1d(interface.nodes, subdomains[interface.frame].body.nodes).size
             if beyond > _SPREAD * interface.nodes.size:

@@ -2,11 +2,12 @@
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import fmpy
 import numpy as np
+from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
 from ..errors import SimulationError
@@ -156,16 +157,9 @@ def simulate(
         description = fmpy.read_model_description(str(fmu))
     except Exception as error:  # fmpy raises bare exceptions
         raise SimulationError(f"{fmu}: not a readable FMU ({error})") from error
-    kinds = {v.name: v for v in description.modelVariables}
-    inputs = [v.name for v in description.modelVariables if v.causality == "input"]
-    for name in names:
-        if name not in inputs:
-            raise SimulationError(f"{name!r} is no input of {fmu.name}; it has: {', '.join(inputs)}")
     settings = dict(parameters or {})
-    for name in settings:
-        if name not in kinds or kinds[name].causality != "parameter":
-            known = ", ".join(n for n, v in kinds.items() if v.causality == "parameter")
-            raise SimulationError(f"{name!r} is no parameter of {fmu.name}; it has: {known}")
+    inputs = _known(description, "input", names, fmu)
+    _known(description, "parameter", settings, fmu)
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
     start = float(loads[0, 0])
     end = float(loads[-1, 0]) if stop is None else stop
@@ -174,13 +168,7 @@ def simulate(
         raise SimulationError(
             f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0"
         )
-
-    # Of several rows at the first time only the last counts: fmpy would begin with the first and jump a step later.
-    loads = loads[int(np.searchsorted(loads[:, 0], start, side="right")) - 1 :]
-    # Every input is given, so that fmpy does not warn about those that stay zero.
-    signals = np.zeros(len(loads), dtype=[("time", float), *((name, float) for name in inputs)])
-    for column, name in enumerate(("time", *names)):
-        signals[name] = loads[:, column]
+    signals = _signals(inputs, names, loads)
     messages: list[str] = []
     refusals: list[str] = []
 
@@ -211,6 +199,26 @@ def simulate(
     for text in messages:
         report.warning(text)
     return outputs, np.column_stack([result[name] for name in ("time", *outputs)])
+
+
+def _known(description: ModelDescription, causality: str, names: Iterable[str], fmu: Path) -> list[str]:
+    """Variables of a causality, after making sure that all names asked for are among them."""
+    there = [v.name for v in description.modelVariables if v.causality == causality]
+    for name in names:
+        if name not in there:
+            raise SimulationError(f"{name!r} is no {causality} of {fmu.name}; it has: {', '.join(there)}")
+    return there
+
+
+def _signals(inputs: Sequence[str], names: Sequence[str], loads: FloatArray) -> NDArray[np.void]:
+    """Input table for fmpy."""
+    # Of several rows at the first time only the last counts: fmpy would begin with the first and jump a step later.
+    loads = loads[int(np.searchsorted(loads[:, 0], loads[0, 0], side="right")) - 1 :]
+    # Every input is given, so that fmpy does not warn about those that stay zero.
+    signals = np.zeros(len(loads), dtype=[("time", float), *((name, float) for name in inputs)])
+    for column, name in enumerate(("time", *names)):
+        signals[name] = loads[:, column]
+    return signals
 
 
 def simulate_csv(

@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +9,6 @@ from numpy.typing import NDArray
 from .dynamics import build_dynamics, spread
 from .errors import LoadError, OptionError, StepError
 from .loads import Loads, loads_from_mapping
-from .modal_file import read_modal_file
 from .reduced_body import Formulation, ReducedBody
 from .rotations import cross, rotation_vector
 from .statics import equilibrium
@@ -290,24 +287,3 @@ class FlexibleBody:
 
     def _as_loads(self, loads: Loads | Mapping[str, Sequence[float]]) -> Loads:
         return loads if isinstance(loads, Loads) else self.loads(loads)
-
-
-def load(source: str | Path | BinaryIO, formulation: Formulation | None = None) -> FlexibleBody:
-    """Read a modal file (HDF5).
-
-    Parameters
-    ----------
-    source : path or binary file object
-    formulation : Formulation, optional
-        Default: the one in the file.
-
-    Returns
-    -------
-    FlexibleBody
-
-    Raises
-    ------
-    ModalFileError
-        The file is missing, damaged, foreign, or of an unknown schema version.
-    """
-    return FlexibleBody(read_modal_file(source), formulation)

@@ -42,6 +42,7 @@ MODAL_FILE = "modal.h5"
 # FMI status numbers.
 _WARNING, _DISCARD, _ERROR = 1, 2, 3
 _CATEGORY = {_WARNING: "logStatusWarning", _DISCARD: "logStatusDiscard", _ERROR: "logStatusError"}
+_NUMBERS = (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)
 _CHOICES: dict[str, type[Kinematics] | type[LoadPlacement] | type[Stiffness] | type[Initialization]] = {
     KINEMATICS: Kinematics,
     LOADS: LoadPlacement,
@@ -183,7 +184,7 @@ class BodySlave:
         """Everything that the future depends on, as one block of bytes."""
         body = self._model
         state = self._state or State(np.zeros(body.mode_count), np.zeros(body.mode_count))
-        numbers = [float(self._parameters[name] or 0.0) for name in (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)]
+        numbers = self._numbers()
         choices = [list(kind).index(kind(self._parameters[name])) for name, kind in _CHOICES.items()]
         flags = [self._state is not None, self._running, self._status, state.substeps]
         work = [self._work.substeps, self._work.iterations, self._work.error]
@@ -193,16 +194,14 @@ class BodySlave:
         """Go back to a state taken from this or another instance of the same FMU."""
         m, inputs = self._model.mode_count, self._inputs.size
         values = np.frombuffer(block, dtype=np.float64)
-        sizes = [inputs, m, m, 3, len(_CHOICES), 4, 3]
+        sizes = [inputs, m, m, len(_NUMBERS), len(_CHOICES), 4, 3]
         if values.size != sum(sizes):
             raise self._failure(f"FMU state has {values.size} numbers, expected {sum(sizes)}: of another FMU?")
         ends = np.cumsum(sizes)[:-1]
         set_inputs, q, v, numbers, choices, flags, work = np.split(values, ends)
         self._inputs = set_inputs.copy()
         before = dict(self._parameters)
-        self._parameters |= dict(
-            zip((DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE), (float(x) for x in numbers), strict=True)
-        )
+        self._parameters |= dict(zip(_NUMBERS, (float(x) for x in numbers), strict=True))
         for index, (name, kind) in zip(choices, _CHOICES.items(), strict=True):
             self._parameters[name] = list(kind)[int(index)].value
         if self._parameters != before:
@@ -234,9 +233,9 @@ class BodySlave:
                     LoadPlacement(self._parameters[LOADS]),
                     Stiffness(self._parameters[STIFFNESS]),
                 )
-                numbers = [float(self._parameters[n] or 0.0) for n in (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)]
-                limits = StepLimits(numbers[1], numbers[2])
-                self._body = FlexibleBody(self._model, formulation, numbers[0], limits)
+                damping_scale, longest, tolerance = self._numbers()
+                limits = StepLimits(longest, tolerance)
+                self._body = FlexibleBody(self._model, formulation, damping_scale, limits)
             except OptionError as error:
                 raise self._failure(str(error)) from error
         if self._state is None:
@@ -251,10 +250,14 @@ class BodySlave:
                 self._state = self._body.rest()
         return self._body, self._state
 
+    def _numbers(self) -> list[float]:
+        """Values of the numeric parameters, in the order of `_NUMBERS`."""
+        return [float(self._parameters[name] or 0.0) for name in _NUMBERS]
+
     def _changed(self) -> None:
         """Before the first step inputs and parameters still decide where the body starts."""
         if not self._running:
-            self._body = self._state = None
+            self._state = None
             self._outputs.clear()
 
     def _loads(self) -> Loads:
@@ -313,6 +316,7 @@ class BodySlave:
             if value not in offered:
                 raise self._failure(f"{name} is {value!r}, expected one of {offered}")
         self._parameters[name] = value
+        self._body = None
 
     def _refuse(self, text: str) -> bool:
         """Log, remember and discard a step."""
