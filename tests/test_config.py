@@ -93,8 +93,8 @@ WRONG = {
     "one table where several may be": ({"rest": '[support]\nnodes = "A"'}, ["support: found {", "list"]),
     "too few modes": ({"rest": "[reduction]\nmodes = 0"}, ["reduction.modes: found 0", "greater than or equal to 1"]),
     "negative frames": ({"top": "frames = -1"}, ["frames: found -1", "greater than or equal to 0"]),
-    "missing key": ({"rest": '[[support]]\nnodes = "ROOT"'}, ["support[1].fix: missing", "no default"]),
-    "empty list": ({"rest": SUPPORT + "[]"}, ["support[1].fix: found []", "at least 1 item"]),
+    "missing key": ({"rest": '[[support]]\nnodes = "ROOT"'}, ["support[1]: holds nothing", "stiffness = [kx, ky, kz]"]),
+    "empty list": ({"rest": SUPPORT + "[]"}, ["support[1]: holds nothing", 'fix = ["x", "y", "z"]']),
     "unknown direction": ({"rest": SUPPORT + '["x", "w"]'}, ["support[1].fix[2]: found 'w'", "'x', 'y' or 'z'"]),
     "unknown units": ({"mesh": 'units = "inch"'}, ["mesh.units: found 'inch'", "'m-kg-s' or 'mm-t-s'"]),
     "unknown kinematics": (

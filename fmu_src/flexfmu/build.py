@@ -4,13 +4,13 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 
 from . import __version__
 from .config import Basis, BodyFile, ReductionTable
 from .errors import BodyFileError
 from .fe.assembly import mass, stiffness, volume_matrices
 from .fe.faces import FaceBlock, element_faces
-from .fe.factorisation import Factorisation
 from .fe.geometric import geometric_stiffness
 from .fe.stress import point_stress
 from .mesh.checks import checked
@@ -21,19 +21,24 @@ from .reduction.division import divide
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.masses import sub_masses
 from .reduction.model import Model, assemble_model, element_set, node_set
-from .reduction.modes import Modes, Supported, craig_bampton, normal_modes, with_residual_flexibility
+from .reduction.modes import Modes, craig_bampton, normal_modes, with_residual_flexibility
 from .reduction.subdomains import (
     FrameRequest,
     Subdomain,
     division_warnings,
+    floating_frame,
     frame_operators,
+    on_floating_frame,
     requested_subdomains,
 )
+from .reduction.supported import Supported, supported
 from .reduction.surface import body_surface
-from .runtime.reduced_body import ReducedBody, Stiffness, StressSet
+from .runtime.reduced_body import GROUND, ReducedBody, Stiffness, StressSet
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
+# Of a body that nothing holds.
+_RIGID_MOTIONS = 6
 
 
 def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
@@ -65,7 +70,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
 
     with report.stage("Assemble stiffness and mass"):
         volumes = volume_matrices(mesh)
-        k, m = stiffness(mesh), mass(mesh, volumes)
+        k, m = stiffness(mesh) + sp.diags_array(model.spring.ravel()), mass(mesh, volumes)
     with report.stage("Divide into frames and fit interfaces"):
         faces = element_faces(mesh)
         subdomains, cuts = _subdomains(config, model, volumes, faces)
@@ -75,13 +80,11 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
 
     with report.stage("Factorise the stiffness"):
-        free = model.free
-        factor = Factorisation(k[free][:, free], free // 3)
-        supported = Supported(k[free][:, free], m[free][:, free], factor, free, k.shape[0])
-    modes = _basis(config.reduction, supported, interfaces, len(mesh.points), report)
+        matrices = supported(k, m, model.free, model.rigid)
+    modes = _basis(config.reduction, matrices, interfaces, len(mesh.points), report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
-    by_load, by_mode = _geometric(config, mesh, supported, modes.shapes, interfaces, report)
+    by_load, by_mode = _geometric(config, mesh, matrices, modes.shapes, interfaces, report)
 
     count = modes.angular_frequency.size
     return ReducedBody(
@@ -93,6 +96,8 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         interface_displacement=motion[:, :3],
         interface_rotation=motion[:, 3:],
         interface_frame=np.array([interface.frame for interface in interfaces]),
+        root_interface=_fixable_root(config, model),
+        floating=any(domain.floating for domain in subdomains),
         frame_names=tuple(domain.name for domain in subdomains),
         frame_parent=np.array([domain.parent for domain in subdomains], dtype=np.int64),
         joint_point=np.array([domain.joint_point for domain in subdomains]),
@@ -111,23 +116,25 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
 
 
 def _basis(
-    table: ReductionTable, supported: Supported, interfaces: list[Interface], node_count: int, report: Reporter
+    table: ReductionTable, matrices: Supported, interfaces: list[Interface], node_count: int, report: Reporter
 ) -> Modes:
     """Modes of the basis that the body file asks for."""
     loads = np.concatenate([interface.nodal_loads(node_count) for interface in interfaces], axis=1)
     if table.basis is Basis.CRAIG_BAMPTON:
         with report.stage(f"Find {loads.shape[1]} constraint modes and {table.modes} fixed-interface normal modes"):
-            modes = craig_bampton(supported, table.modes, loads)
+            modes = craig_bampton(matrices, table.modes, loads)
         if table.residual_flexibility:
             report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
     else:
         with report.stage(f"Find {table.modes} normal modes"):
-            modes = normal_modes(supported, table.modes)
+            modes = normal_modes(matrices, table.modes)
             if table.residual_flexibility:
-                modes = with_residual_flexibility(supported, modes, loads)
-    hertz = modes.angular_frequency / (2.0 * np.pi)
+                modes = with_residual_flexibility(matrices, modes, loads)
+    hertz = modes.angular_frequency[modes.angular_frequency > 0.0] / (2.0 * np.pi)
+    rigid = modes.angular_frequency.size - hertz.size
     report.note(
-        f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; |ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, "
+        f"{f'{rigid} rigid motions, ' if rigid else ''}{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; "
+        f"|ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, "
         f"residual {modes.residual:.1e}"
     )
     if modes.splits_pair:
@@ -164,27 +171,49 @@ def _check_sets(config: BodyFile, mesh: Mesh) -> None:
 def _subdomains(
     config: BodyFile, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
 ) -> tuple[list[Subdomain], tuple[str, ...]]:
-    """Frames by hand or by themselves; without either key the body gets one."""
+    """Frames by hand or by themselves; without either key the body gets one.
+
+    Those of a free body hang on a floating frame.
+    """
+    mesh = model.mesh
+    floats = model.rigid.shape[1] == _RIGID_MOTIONS
+    anchored, held = model.anchored, model.held
+    if floats:
+        root = config.interface[_root(config)]
+        anchored = held = np.sort(node_set(mesh, root.nodes, f"interface {root.name!r}, nodes"))
+    top = [floating_frame(mesh, volumes)] if floats else []
     if not config.frame:
         levels = 1 if config.frames is None else config.frames
         if levels == 0:
-            return [], ()
-        division = divide(model.mesh, volumes, faces, model.anchored, levels)
-        return list(division.subdomains), division.cuts
+            return top, ()
+        division = divide(mesh, volumes, faces, anchored, levels)
+        return top + on_floating_frame(division.subdomains, len(top)), division.cuts
     requests = []
     for table in config.frame:
         joint: IntArray | FloatArray | None = None
         if isinstance(table.joint, str):
-            joint = node_set(model.mesh, table.joint, f"frame {table.name!r}, joint")
+            joint = node_set(mesh, table.joint, f"frame {table.name!r}, joint")
         elif table.joint is not None:
             joint = np.array(table.joint)
-        nodes = node_set(model.mesh, table.nodes, f"frame {table.name!r}, nodes")
+        nodes = node_set(mesh, table.nodes, f"frame {table.name!r}, nodes")
         key = f"frame {table.name!r}, rotation_points"
-        points = tuple(node_set(model.mesh, name, key) for name in table.rotation_points or ())
+        points = tuple(node_set(mesh, name, key) for name in table.rotation_points or ())
         requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
-    held = np.flatnonzero(model.fixed.any(axis=1))
-    subdomains = requested_subdomains(model.mesh, volumes, faces, held, requests)
-    return subdomains, division_warnings(model.mesh, subdomains)
+    subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
+    return top + on_floating_frame(subdomains, len(top)), division_warnings(mesh, subdomains)
+
+
+def _root(config: BodyFile) -> int:
+    """The interface from which a free body is divided."""
+    names = [interface.name for interface in config.interface]
+    return 0 if config.root is None else names.index(config.root)
+
+
+def _fixable_root(config: BodyFile, model: Model) -> int:
+    """The same where a scene may fix it: the body moves freely, and the basis holds its constraint modes."""
+    if model.rigid.shape[1] and config.reduction.basis is Basis.CRAIG_BAMPTON:
+        return _root(config)
+    return GROUND
 
 
 def _interfaces(
@@ -201,7 +230,7 @@ def _interfaces(
             report.warning(
                 f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing"
             )
-        if interface.frame >= 0:
+        if interface.frame >= 0 and not subdomains[interface.frame].floating:
             beyond = np.setdiff1d(interface.nodes, subdomains[interface.frame].body.nodes).size
             if beyond > _SPREAD * interface.nodes.size:
                 report.warning(
@@ -218,7 +247,7 @@ def _interfaces(
 def _geometric(
     config: BodyFile,
     mesh: Mesh,
-    supported: Supported,
+    matrices: Supported,
     shapes: FloatArray,
     interfaces: list[Interface],
     report: Reporter,
@@ -233,7 +262,7 @@ def _geometric(
             nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
             # Forces of all interfaces, then moments.
             loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
-            fields = supported.whole(supported.factor.solve(loads[supported.free]))
+            fields = matrices.whole(matrices.static(loads[matrices.free]))
             by_load = geometric_stiffness(mesh, fields, shapes)
     if "by_mode" in wanted:
         with report.stage(f"Geometric stiffness of {shapes.shape[1]} modes"):

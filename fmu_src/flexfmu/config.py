@@ -40,10 +40,29 @@ class MaterialTable(_Table):
 
 
 class SupportTable(_Table):
-    """`[[support]]`: translations held at zero."""
+    """`[[support]]`: translations held at zero, or springs to the ground."""
 
     nodes: str
-    fix: list[Literal["x", "y", "z"]] = Field(min_length=1)
+    fix: list[Literal["x", "y", "z"]] = []
+    stiffness: Vector | None = None
+
+    @field_validator("stiffness")
+    @classmethod
+    def _not_negative(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and (min(value) < 0.0 or max(value) == 0.0):
+            raise ValueError(f"is {value} N/m, expected three numbers ≥ 0 along x, y, z, not all of them zero")
+        return value
+
+    @model_validator(mode="after")
+    def _holds_something(self) -> "SupportTable":
+        if not self.fix and self.stiffness is None:
+            raise ValueError('holds nothing: give fix = ["x", "y", "z"], or stiffness = [kx, ky, kz] in N/m')
+        for axis, value in zip(("x", "y", "z"), self.stiffness or (), strict=False):
+            if axis in self.fix and value > 0.0:
+                raise ValueError(
+                    f"both fixes {axis} and puts a spring of {value} N/m along it, expected one of the two"
+                )
+        return self
 
 
 class InterfaceTable(_Table):
@@ -153,6 +172,8 @@ class BodyFile(_Table):
     name: Name
     mesh: MeshTable
     material: MaterialTable | None = None
+    free: bool = False
+    root: Name | None = None
     support: list[SupportTable] = []
     interface: list[InterfaceTable] = Field(min_length=1)
     frames: int | None = Field(default=None, ge=0)
@@ -176,6 +197,15 @@ class BodyFile(_Table):
             for name in names:
                 if names.count(name) > 1:
                     raise ValueError(f"two [[{kind}]] tables have the name {name!r}, expected different names")
+        if self.root is not None and self.root not in [i.name for i in self.interface]:
+            raise ValueError(f"root is {self.root!r}, which is no [[interface]]")
+        if self.root is not None and not self.free:
+            raise ValueError("root names the interface from which a free body is divided: it needs free = true")
+        if self.free and "by_load" in (self.formulation.stiffness.value, *(self.reduction.geometric_stiffness or ())):
+            raise ValueError(
+                'stiffness "by_load" needs the stress of each load by itself, and a free body has none: what balances '
+                'the load is not known before; take "by_mode" or "constant"'
+            )
         known = {f.name for f in self.frame}
         for f in self.frame:
             if f.parent is not None and f.parent not in known:

@@ -33,7 +33,7 @@ _STEPS_PER_PERIOD = 40
 
 
 def suggested_step(body: ReducedBody) -> float:
-    """Communication step (s) that resolves the lowest mode, rounded down to 1, 2 or 5 times a power of ten.
+    """Communication step (s) that resolves the lowest elastic mode, rounded down to 1, 2 or 5 times a power of ten.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def suggested_step(body: ReducedBody) -> float:
     -------
     float
     """
-    step = 2.0 * math.pi / body.angular_frequency[0] / _STEPS_PER_PERIOD
+    step = 2.0 * math.pi / body.angular_frequency[body.rigid_count] / _STEPS_PER_PERIOD
     power = 10.0 ** math.floor(math.log10(step))
     return float(f"{max(f for f in (1, 2, 5) if f * power <= step * (1 + 1e-12)) * power:.6g}")
 
@@ -128,7 +128,8 @@ def _scalar_variable(reference: int, variable: Variable) -> Element:
     if variable.minimum is not None:
         value.set("min", repr(variable.minimum))
     if variable.start is not None:
-        value.set("start", str(variable.start))
+        start = variable.start
+        value.set("start", str(start).lower() if isinstance(start, bool) else str(start))
     return element
 
 

@@ -29,7 +29,8 @@ def sub_masses(
     -------
     Masses
     """
-    owner = np.full(mesh.element_count, GROUND)
+    floats = bool(subdomains) and subdomains[0].floating
+    owner = np.full(mesh.element_count, 0 if floats else GROUND)
     for s, domain in reversed(list(enumerate(subdomains))):
         owner[domain.elements] = s
     density = np.array([material.density for material in mesh.materials])

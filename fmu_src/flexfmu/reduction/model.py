@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..config import BodyFile, MaterialTable
 from ..errors import BodyFileError, ModelError
 from ..mesh.checks import connected_parts
-from ..mesh.model import NO_MATERIAL, IntArray, Material, Mesh
+from ..mesh.model import NO_MATERIAL, FloatArray, IntArray, Material, Mesh
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 # Relative size of a singular value below which a rigid motion is not held.
@@ -25,10 +25,16 @@ class Model:
     mesh : Mesh
     fixed : (n, 3) bool
         Translations held at zero.
+    spring : (n, 3) float
+        Stiffness of springs from translations to the ground, N/m.
+    rigid : (3n, r) float
+        Rigid motions that no support resists, zero where one holds; none for most bodies.
     """
 
     mesh: Mesh
     fixed: NDArray[np.bool_]
+    spring: FloatArray
+    rigid: FloatArray
 
     @property
     def free(self) -> IntArray:
@@ -37,9 +43,18 @@ class Model:
 
     @property
     def anchored(self) -> IntArray:
-        """Nodes from which distances along the body count: those held in all directions, else all held ones."""
-        whole = np.flatnonzero(self.fixed.all(axis=1))
-        return whole if whole.size else np.flatnonzero(self.fixed.any(axis=1))
+        """Nodes from which distances along the body count: those held best, in all directions and without springs."""
+        held = self.fixed | (self.spring > 0.0)
+        for chosen in (self.fixed.all(axis=1), self.fixed.any(axis=1), held.all(axis=1)):
+            if np.any(chosen):
+                return np.flatnonzero(chosen)
+        return np.flatnonzero(held.any(axis=1))
+
+    @property
+    def held(self) -> IntArray:
+        """Nodes where a frame may hang on the ground: supports, and springs only where there is nothing else."""
+        fixed = np.flatnonzero(self.fixed.any(axis=1))
+        return fixed if fixed.size else self.anchored
 
 
 def node_set(mesh: Mesh, name: str, key: str) -> IntArray:
@@ -99,16 +114,19 @@ def assemble_model(mesh: Mesh, config: BodyFile) -> Model:
     BodyFileError
         Elements without material, or a set that is not there.
     ModelError
-        A part of the body is free to move.
+        A part of the body is free to move without the body file's word that it shall.
     """
     mesh = _with_material(mesh, config.material)
     fixed = mesh.fixed.copy()
+    spring = np.zeros(fixed.shape)
     for number, support in enumerate(config.support, start=1):
         nodes = node_set(mesh, support.nodes, f"support[{number}].nodes")
         for axis in support.fix:
             fixed[nodes, _AXES[axis]] = True
-    _check_held(mesh, fixed)
-    return Model(mesh, fixed)
+        if support.stiffness is not None:
+            spring[nodes] += np.array(support.stiffness) / nodes.size
+    rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free)
+    return Model(mesh, fixed, spring, rigid)
 
 
 def _with_material(mesh: Mesh, table: MaterialTable | None) -> Mesh:
@@ -128,23 +146,34 @@ def _with_material(mesh: Mesh, table: MaterialTable | None) -> Mesh:
     return replace(mesh, blocks=blocks, materials=(*mesh.materials, material))
 
 
-def _check_held(mesh: Mesh, fixed: NDArray[np.bool_]) -> None:
-    """Refuse a part of the mesh that can still move as a rigid body."""
+def _free_motions(mesh: Mesh, held: NDArray[np.bool_], may_float: bool) -> FloatArray:
+    """Rigid motions (3n, r) that move no held translation (n, 3); refused where the body file does not expect them."""
     part = connected_parts(mesh)
-    for number in range(int(part.max()) + 1):
+    parts = int(part.max()) + 1
+    found = np.zeros((3 * len(mesh.points), 0))
+    for number in range(parts):
         nodes = np.flatnonzero(part == number)
         arm = mesh.points[nodes] - mesh.points[nodes].mean(axis=0)
-        arm = arm / max(float(np.abs(arm).max()), 1e-300)
+        size = max(float(np.abs(arm).max()), 1e-300)
         motions = np.zeros((nodes.size, 3, 6))
         motions[:, :, :3] = np.eye(3)
         for axis in range(3):
-            motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm)
-        held = motions[fixed[nodes]]
-        values = np.linalg.svd(held, compute_uv=False) if held.size else np.zeros(6)
-        free = 6 - int(np.sum(values > _FREE * max(values.max(), 1e-300)))
-        if free:
-            which = "the body" if int(part.max()) == 0 else f"the part of the mesh with node {mesh.labels[nodes[0]]}"
+            motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm / size)
+        rows = motions[held[nodes]]
+        _, values, turn = np.linalg.svd(np.concatenate([rows, np.zeros((6, 6))]))
+        # Without any support the plain translations and rotations are clearer than the axes of a decomposition.
+        free = np.eye(6) if not rows.size else turn[values <= _FREE * values.max()].T
+        if not free.shape[1]:
+            continue
+        if parts > 1 or not may_float:
+            which = "the body" if parts == 1 else f"the part of the mesh with node {mesh.labels[nodes[0]]}"
+            floating = ", or let it float with free = true" if parts == 1 else ", or join the parts to share nodes"
             raise ModelError(
-                f"{which} is free to move in {free} rigid motions: the supports hold {int(fixed[nodes].sum())} of its "
-                "translations; add a [[support]], or join the parts where they should share nodes"
+                f"{which} is free to move in {free.shape[1]} rigid motions: the supports hold {len(rows)} of its "
+                f"translations; add a [[support]]{floating}"
             )
+        found = motions.reshape(-1, 6) @ free
+        found[held.ravel()] = 0.0
+    if may_float and not found.shape[1]:
+        raise ModelError("free = true, but the supports hold the body: take out the key, or the supports")
+    return found

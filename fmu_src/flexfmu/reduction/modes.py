@@ -11,8 +11,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from ..errors import AccuracyError, BodyFileError, ModelError
-from ..fe.factorisation import Factorisation
-from ..mesh.model import FloatArray, IntArray
+from ..mesh.model import FloatArray
+from .supported import Supported
 
 # Lanczos reaches round-off; these leave three decades for matrices of bad condition.
 _ORTHONORMALITY_LIMIT = 1e-9
@@ -34,7 +34,7 @@ class Modes:
     Attributes
     ----------
     angular_frequency : (m,) float
-        rad/s, ascending.
+        rad/s, ascending; zero for the rigid motions of a free body.
     shapes : (3n, m) float
         kg^-1/2, zero at supports; degree of freedom 3 i + j is node i in direction j.
     orthonormality_error : float
@@ -52,43 +52,14 @@ class Modes:
     splits_pair: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Supported:
-    """Matrices of the free degrees of freedom, with the stiffness factorised.
-
-    Attributes
-    ----------
-    stiffness, mass : (k, k) sparse
-        N/m, kg.
-    factor : Factorisation
-        Of the stiffness.
-    free : (k,) int
-        Their places among all 3n degrees of freedom.
-    size : int
-        3n.
-    """
-
-    stiffness: sp.csr_array
-    mass: sp.csr_array
-    factor: Factorisation
-    free: IntArray
-    size: int
-
-    def whole(self, vectors: FloatArray) -> FloatArray:
-        """Put vectors (k, j) into all degrees of freedom (3n, j), zero at supports."""
-        result = np.zeros((self.size, vectors.shape[1]))
-        result[self.free] = vectors
-        return result
-
-
 def normal_modes(model: Supported, count: int) -> Modes:
-    """Lowest modes with the supports in place, by shift-invert Lanczos about zero.
+    """Rigid motions, and lowest elastic modes with the supports in place, by shift-invert Lanczos about zero.
 
     Parameters
     ----------
     model : Supported
     count : int
-        Number of modes.
+        Number of elastic modes.
 
     Returns
     -------
@@ -101,14 +72,15 @@ def normal_modes(model: Supported, count: int) -> Modes:
     AccuracyError
         The modes do not pass their own check.
     """
-    return _lowest(model, count, np.zeros((model.free.size, 0)))
+    return _with_rigid(model, _lowest(model, count, np.zeros((model.free.size, 0))))
 
 
 def craig_bampton(model: Supported, count: int, interface_loads: FloatArray) -> Modes:
     """Constraint modes of the interfaces and fixed-interface normal modes, orthonormalised by the small eigenproblem.
 
     An interface is a distributing coupling: it is held where its rigid fit (3) is zero, and its constraint modes are
-    the shapes of least strain energy with one component of one fit at one. They span what unit loads on it do.
+    the shapes of least strain energy with one component of one fit at one. They span what unit loads on it do; on a
+    free body, what loads in balance do, and the rigid motions.
 
     Parameters
     ----------
@@ -130,7 +102,7 @@ def craig_bampton(model: Supported, count: int, interface_loads: FloatArray) -> 
     """
     loads = interface_loads[model.free]
     fixed = _lowest(model, count, loads)
-    return _joined(model, fixed, model.factor.solve(loads))
+    return _joined(model, fixed, model.static(loads @ _balanced(model, loads)))
 
 
 def with_residual_flexibility(model: Supported, modes: Modes, interface_loads: FloatArray) -> Modes:
@@ -151,7 +123,31 @@ def with_residual_flexibility(model: Supported, modes: Modes, interface_loads: F
     Modes
         At most 6I more.
     """
-    return _joined(model, modes, model.factor.solve(interface_loads[model.free]))
+    return _joined(model, modes, model.static(interface_loads[model.free]))
+
+
+def _balanced(model: Supported, loads: FloatArray) -> FloatArray:
+    """Combinations (6I, 6I - r) of the interfaces' unit loads that no rigid motion feels."""
+    felt = model.rigid.T @ loads
+    count = len(felt)
+    if not count:
+        return np.eye(loads.shape[1])
+    # Moments are felt in other units than forces: what matters is the direction each load pushes in.
+    scale = np.linalg.norm(felt, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, _, turn = np.linalg.svd(felt / scale)
+    result: FloatArray = turn[count:].T / scale[:, None]
+    return result
+
+
+def _with_rigid(model: Supported, modes: Modes) -> Modes:
+    """Put the rigid motions before elastic modes."""
+    if not model.rigid.shape[1]:
+        return modes
+    shapes = np.hstack([model.rigid, modes.shapes[model.free]])
+    orthonormality = _checked_orthonormality(model.mass, shapes)
+    frequency = np.concatenate([np.zeros(model.rigid.shape[1]), modes.angular_frequency])
+    return Modes(frequency, model.whole(shapes), orthonormality, modes.residual, modes.splits_pair)
 
 
 def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
@@ -160,14 +156,22 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     asked = count + 1
     if asked >= model.free.size - held.shape[1]:
         raise BodyFileError(f"[reduction] modes = {count}: the mesh has {model.free.size} free degrees of freedom only")
-    released = model.factor.solve(held)
-    # K⁻¹ b less what brings Gu back to zero.
+    released = model.static(held)
+    # K⁻¹ b less what brings Gu back to zero. Holding the interfaces holds the rigid motions too: their amplitudes are
+    # such that the reactions balance b.
     compliance = _checked_compliance(held.T @ released)
+    moved = held.T @ model.rigid
+    weight = np.linalg.solve(compliance, moved) if held.shape[1] else moved
 
     def inverse(right: FloatArray) -> FloatArray:
-        solution = model.factor.solve(right)
+        solution = model.static(right)
         if held.shape[1]:
-            solution -= released @ np.linalg.solve(compliance, held.T @ solution)
+            gap = held.T @ solution
+            if moved.shape[1]:
+                amplitude = np.linalg.solve(moved.T @ weight, model.rigid.T @ right - weight.T @ gap)
+                solution += model.rigid @ amplitude
+                gap += moved @ amplitude
+            solution -= released @ np.linalg.solve(compliance, gap)
         return solution
 
     # A fixed start with all wave lengths in it makes a rebuild repeat the same iteration.
@@ -221,12 +225,14 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
 def _joined(model: Supported, modes: Modes, statics: FloatArray) -> Modes:
     """Span of modes and static shapes (k, j), orthonormalised; shapes that the modes hold already add nothing."""
     k, m = model.stiffness, model.mass
-    phi = modes.shapes[model.free]
+    # Rigid motions stand for themselves; what is elastic about the rest follows.
+    phi = model.elastic(modes.shapes[model.free][:, modes.angular_frequency > 0.0])
     energy = np.einsum("ij,ij->j", statics, k @ statics)
     # Loads on a support do nothing.
     statics = statics[:, energy > 0.0] / np.sqrt(energy[energy > 0.0])
     if not statics.shape[1]:
         return modes
+    statics = model.elastic(statics)
     # What is left over in strain energy once the modes have taken their part.
     rest = statics - phi @ np.linalg.solve(phi.T @ (k @ phi), phi.T @ (k @ statics))
     energies, turn = np.linalg.eigh(rest.T @ (k @ rest))
@@ -235,7 +241,8 @@ def _joined(model: Supported, modes: Modes, statics: FloatArray) -> Modes:
     squares, vectors = _rayleigh_ritz(k, m, np.hstack([phi, rest]))
     vectors = _fixed_axes(squares, vectors)
     orthonormality = _checked_orthonormality(m, vectors)
-    return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, modes.residual, modes.splits_pair)
+    elastic = Modes(np.sqrt(squares), model.whole(vectors), orthonormality, modes.residual, modes.splits_pair)
+    return _with_rigid(model, elastic)
 
 
 def _checked_orthonormality(m: sp.csr_array, vectors: FloatArray) -> float:

@@ -1,7 +1,7 @@
 """Sub-domains and their frames: the tree of docs/theory.md, section 4, as the body file gives it or as divided."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -40,6 +40,8 @@ class Subdomain:
         m.
     points : tuple of Weighted
         Characteristic points that tell the averaged rotation, one or three; none: least squares over the body.
+    floating : bool
+        Whether it is the floating frame of a body that nothing holds, which carries no part of its own.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Subdomain:
     joint: Weighted
     joint_point: FloatArray
     points: tuple[Weighted, ...] = ()
+    floating: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +96,35 @@ def volume_weighted(mesh: Mesh, volumes: tuple[FloatArray, ...], elements: IntAr
         first += len(block.labels)
     nodes = np.flatnonzero(used)
     return Weighted(nodes, sp.csr_array(total[nodes][:, nodes]))
+
+
+def floating_frame(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Subdomain:
+    """Mean-axis frame of a body that nothing holds: its origin is the centre of mass, it turns with the rigid motions.
+
+    Fitted by mass, elastic modes do not move it, and momentum is that of the rigid motions however far they go.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    volumes : tuple of (n_elements, node_count, node_count) float
+
+    Returns
+    -------
+    Subdomain
+        Without elements: what lies on no other frame hangs on it.
+    """
+    density = np.array([material.density for material in mesh.materials])
+    masses = tuple(
+        density[block.material][:, None, None] * matrices for block, matrices in zip(mesh.blocks, volumes, strict=True)
+    )
+    whole = volume_weighted(mesh, masses, np.arange(mesh.element_count))
+    none = np.zeros(0, dtype=np.int64)
+    return Subdomain("floating", GROUND, none, whole, whole, whole.centre(mesh.points), floating=True)
+
+
+def on_floating_frame(subdomains: Sequence[Subdomain], floating: int) -> list[Subdomain]:
+    """Sub-domains moved back by the number of floating frames, 0 or 1: roots hang on it where there is one."""
+    return [replace(domain, parent=domain.parent + floating) for domain in subdomains]
 
 
 def section(points: FloatArray, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:
@@ -336,9 +368,17 @@ def rotation_by_points(points: FloatArray, shapes: FloatArray, domain: Subdomain
 
 
 def carrying_frame(subdomains: Sequence[Subdomain], nodes: IntArray) -> int:
-    """Sub-domain that holds most of an interface's nodes (k,), the earliest of equals; `GROUND` if none does."""
+    """Sub-domain that holds most of an interface's nodes (k,), the earliest of equals.
+
+    If none does, the floating frame; without one, `GROUND`.
+    """
     if not subdomains:
         return GROUND
-    shared = [np.intersect1d(nodes, domain.body.nodes, assume_unique=True).size for domain in subdomains]
+    shared = [
+        0 if domain.floating else np.intersect1d(nodes, domain.body.nodes, assume_unique=True).size
+        for domain in subdomains
+    ]
     best = int(np.argmax(shared))
-    return best if shared[best] else GROUND
+    if shared[best]:
+        return best
+    return 0 if subdomains[0].floating else GROUND

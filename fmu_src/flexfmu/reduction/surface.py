@@ -32,8 +32,12 @@ def body_surface(
         corners.append(outer if block.corner_count == 4 else outer[:, [0, 1, 2, 2]])
     nodes, index = np.unique(np.concatenate(corners), return_inverse=True)
     frame = np.full(len(mesh.points), GROUND)
-    for s, domain in reversed(list(enumerate(subdomains))):
-        frame[domain.body.nodes] = s
+    # Last to first: a floating frame, the first, would take everything.
+    own = [s for s, domain in enumerate(subdomains) if not domain.floating]
+    if len(own) < len(subdomains):
+        frame[:] = 0
+    for s in reversed(own):
+        frame[subdomains[s].body.nodes] = s
     return Surface(
         mesh.points[nodes], index.reshape(-1, 4), shapes.reshape(len(mesh.points), 3, -1)[nodes], frame[nodes]
     )

@@ -1,6 +1,6 @@
 """A flexible body ready to be loaded, solved and stepped; knows nothing of FMI."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from .dynamics import build_dynamics, spread
 from .errors import LoadError, OptionError, StepError
+from .fixing import with_fixed_interfaces
 from .loads import Loads, loads_from_mapping
 from .reduced_body import Formulation, ReducedBody
 from .rotations import cross, rotation_vector
@@ -46,11 +47,13 @@ class FlexibleBody:
         Factor on all modal damping ratios, not negative.
     limits : StepLimits
         Bounds of the internal step.
+    fixed : collection of str
+        Interfaces of a free body that the scene fixes; see `with_fixed_interfaces`.
 
     Raises
     ------
     OptionError
-        A scale, limit or tolerance out of range.
+        A scale, limit or tolerance out of range, or interfaces that cannot be fixed.
     """
 
     def __init__(
@@ -59,6 +62,7 @@ class FlexibleBody:
         formulation: Formulation | None = None,
         damping_scale: float = 1.0,
         limits: StepLimits | None = None,
+        fixed: Collection[str] = (),
     ):
         limits = limits or StepLimits()
         if not (np.isfinite(damping_scale) and damping_scale >= 0.0):
@@ -67,8 +71,8 @@ class FlexibleBody:
             raise OptionError(f"internal step limit is {limits.longest} s, expected 0 (none) or a positive number")
         if not (np.isfinite(limits.tolerance) and limits.tolerance > 0.0):
             raise OptionError(f"internal step tolerance is {limits.tolerance}, expected a positive number")
-        self.model = model
         self.formulation = formulation or model.formulation
+        self.model = model = with_fixed_interfaces(model, fixed, self.formulation.kinematics)
         self.limits = limits
         self._dynamics = build_dynamics(model, self.formulation)
         self._configuration = ConfigurationMemo(self._dynamics)

@@ -22,6 +22,8 @@ class Dynamics:
     ----------
     stiffness : (m,) float
         ω², 1/s².
+    weight : (m,) float
+        What weighs errors of q, rad/s: ω, and the lowest elastic ω for rigid motions.
     tree : Tree
         Kinematics of outputs, and of loads on the deformed body.
     placement : LoadPlacement
@@ -40,6 +42,7 @@ class Dynamics:
     """
 
     stiffness: FloatArray
+    weight: FloatArray
     tree: Tree
     placement: LoadPlacement
     load_operator: FloatArray
@@ -101,18 +104,20 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
         placement = LoadPlacement.REFERENCE
     operator = np.concatenate([body.interface_displacement.reshape(-1, m), body.interface_rotation.reshape(-1, m)])
     tree = build_tree(body, formulation.kinematics)
+    omega = body.angular_frequency
+    weight = np.where(omega > 0.0, omega, omega[body.rigid_count])
     mass, inertia = np.zeros(0), np.zeros((3, m))
     if body.masses is not None:
         mass = body.masses.mass
         inertia = -np.tensordot(mass, body.masses.displacement, axes=1)
     by_load = by_mode = None
     if formulation.stiffness is Stiffness.BY_LOAD:
-        bare = Dynamics(body.angular_frequency**2, tree, placement, operator, mass, inertia, None, None, True)
+        bare = Dynamics(omega**2, weight, tree, placement, operator, mass, inertia, None, None, True)
         by_load = _aboard(body.stiffness_by_load, formulation) + _own_stiffness(bare, body.interface_count)
     elif formulation.stiffness is Stiffness.BY_MODE:
         by_mode = _aboard(body.stiffness_by_mode, formulation)
     nonlinear = placement is not LoadPlacement.REFERENCE or by_load is not None or by_mode is not None
-    return Dynamics(body.angular_frequency**2, tree, placement, operator, mass, inertia, by_load, by_mode, nonlinear)
+    return Dynamics(omega**2, weight, tree, placement, operator, mass, inertia, by_load, by_mode, nonlinear)
 
 
 def _aboard(data: FloatArray | None, formulation: Formulation) -> FloatArray:

@@ -14,7 +14,7 @@ from .errors import ModalFileError
 from .reduced_body import Formulation, Kinematics, LoadPlacement, Masses, ReducedBody, Stiffness, StressSet, Surface
 
 FORMAT = "flexfmu modal file"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
 
 
@@ -97,6 +97,8 @@ class _Digest:
             body.formulation.loads.value,
             body.formulation.stiffness.value,
             str(body.velocity_outputs),
+            str(body.root_interface),
+            str(body.floating),
             *body.interface_names,
             *body.frame_names,
             *(f"{key}={body.provenance[key]}" for key in sorted(body.provenance)),
@@ -141,6 +143,8 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["loads"] = body.formulation.loads.value
             file.attrs["stiffness"] = body.formulation.stiffness.value
             file.attrs["velocity_outputs"] = body.velocity_outputs
+            file.attrs["root_interface"] = body.root_interface
+            file.attrs["floating"] = body.floating
             file.attrs["sha256"] = _Digest(body).hexdigest()
             for field, entry in NAMES.items():
                 names = np.array([name.encode() for name in getattr(body, field)] or [b""], dtype="S")
@@ -229,6 +233,8 @@ def _read(file: Any, name: str) -> ReducedBody:
             Stiffness(file.attrs["stiffness"]),
         ),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
+        root_interface=int(file.attrs["root_interface"]),
+        floating=bool(file.attrs["floating"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         masses=masses,
         stress_sets=tuple(

@@ -52,7 +52,7 @@ def propagator(angular_frequency: FloatArray, damping_ratio: FloatArray, step: f
     Parameters
     ----------
     angular_frequency : (m,) float
-        ω > 0, rad/s.
+        ω ≥ 0, rad/s.
     damping_ratio : (m,) float
         ζ ≥ 0.
     step : float
@@ -82,7 +82,9 @@ def propagator(angular_frequency: FloatArray, damping_ratio: FloatArray, step: f
     p22 = cosine - z * x * sinc
     # 1 − P₁₁ without cancelling for short steps: what the cosine lacks of the decay, then what the decay lacks of 1.
     lack = np.where(over, -0.5 * slow * np.expm1(-root) ** 2, 2.0 * decay * np.sin(0.5 * root) ** 2)
-    gq = (lack - np.expm1(-z * x) - z * x * sinc) / (w * w)
+    free = w == 0.0
+    square = np.where(free, 1.0, w * w)
+    gq = np.where(free, 0.5 * h * h, (lack - np.expm1(-z * x) - z * x * sinc) / square)
     gv = p12
-    ramp_end = np.where(x < _SMALL_ANGLE, h * h / 6.0 * (1.0 - z * x / 2.0), (h - gv - 2.0 * z * w * gq) / (w * w * h))
+    ramp_end = np.where(x < _SMALL_ANGLE, h * h / 6.0 * (1.0 - z * x / 2.0), (h - gv - 2.0 * z * w * gq) / (square * h))
     return Propagator(h, p11, p12, p21, p22, gq, gv, ramp_end - 0.5 * gq)

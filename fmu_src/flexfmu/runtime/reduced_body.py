@@ -152,7 +152,7 @@ class ReducedBody:
     ----------
     name : str
     angular_frequency : (m,) float
-        ω, rad/s, ascending and positive.
+        ω, rad/s, ascending; zero for the rigid motions of a body that can move freely.
     damping_ratio : (m,) float
         Modal damping ratios ζ, not negative.
     interface_names : tuple of str
@@ -183,6 +183,11 @@ class ReducedBody:
         The one that the body file asks for; another may be chosen at run time.
     velocity_outputs : bool
         Whether the FMU offers velocities and angular velocities.
+    root_interface : int
+        Of a free body whose basis holds the constraint modes of its interfaces: the one that the tree of frames hangs
+        on when it is fixed. Else `GROUND`.
+    floating : bool
+        Whether frame 0 is the floating frame of a body that nothing holds.
     provenance : dict of str to str
         Where the body comes from: input hashes and versions.
     surface : Surface or None
@@ -208,6 +213,8 @@ class ReducedBody:
     stiffness_by_mode: FloatArray | None = None
     formulation: Formulation = field(default_factory=Formulation)
     velocity_outputs: bool = False
+    root_interface: int = GROUND
+    floating: bool = False
     provenance: dict[str, str] = field(default_factory=dict)
     surface: Surface | None = None
 
@@ -262,8 +269,14 @@ class ReducedBody:
     def _check_physics(self) -> None:
         if self.mode_count == 0:
             raise ModalFileError("the body has no modes, expected at least one")
-        if np.any(self.angular_frequency <= 0.0) or np.any(np.diff(self.angular_frequency) < 0.0):
-            raise ModalFileError("angular_frequency must be positive and ascending")
+        if np.any(self.angular_frequency < 0.0) or np.any(np.diff(self.angular_frequency) < 0.0):
+            raise ModalFileError("angular_frequency must be ascending and not negative")
+        if self.angular_frequency[-1] == 0.0:
+            raise ModalFileError("the body has rigid motions only, expected at least one elastic mode")
+        if not GROUND <= self.root_interface < self.interface_count:
+            raise ModalFileError("root_interface must name an interface, or be -1")
+        if self.floating and not self.frame_count:
+            raise ModalFileError("a floating body must have its floating frame")
         if np.any(self.damping_ratio < 0.0):
             raise ModalFileError("damping_ratio must not be negative")
         if len(set(self.interface_names)) < len(self.interface_names) or not self.interface_names:
@@ -278,6 +291,11 @@ class ReducedBody:
     def mode_count(self) -> int:
         """Number of modal coordinates m."""
         return int(self.angular_frequency.size)
+
+    @property
+    def rigid_count(self) -> int:
+        """Number of rigid motions, which are the first modal coordinates."""
+        return int(np.sum(self.angular_frequency == 0.0))
 
     @property
     def frame_count(self) -> int:

@@ -19,6 +19,7 @@ from .reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from .stepping import State, StepLimits, Work
 from .variables import (
     DAMPING_SCALE,
+    FIXED,
     FRAME_ROTATION,
     INITIALIZATION,
     ITERATIONS,
@@ -87,6 +88,7 @@ class BodySlave:
         self._status_reference = groups.index(Group.STATUS)
         self._inputs = np.zeros(groups.count(Group.INPUT))
         self._parameters = {v.name: v.start for v in self._variables if v.group is Group.PARAMETER}
+        self._switches = [v.name for v in self._variables if v.type == "Boolean"]
         self._status = 0
         self._body: FlexibleBody | None = None
         self._state: State | None = None
@@ -160,13 +162,14 @@ class BodySlave:
             self._set_parameter(vr, "Integer", value)
 
     def get_boolean(self, vrs: list[int]) -> list[bool]:
-        """There are no Boolean variables."""
-        return [bool(self._named(vr, "Boolean")) for vr in vrs]
+        """Values of Boolean parameters."""
+        return [bool(self._parameters[self._named(vr, "Boolean")]) for vr in vrs]
 
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
-        """There are no Boolean variables."""
+        """Set Boolean parameters before initialisation ends."""
         for vr, value in zip(vrs, values, strict=True):
             self._set_parameter(vr, "Boolean", value)
+        self._changed()
 
     def get_string(self, vrs: list[int]) -> list[str]:
         """Values of string parameters."""
@@ -184,30 +187,39 @@ class BodySlave:
         """Everything that the future depends on, as one block of bytes."""
         body = self._model
         state = self._state or State(np.zeros(body.mode_count), np.zeros(body.mode_count))
+        # With interfaces fixed the body has fewer modes; the block keeps its length.
+        rest = np.zeros(body.mode_count - state.q.size)
         numbers = self._numbers()
         choices = [list(kind).index(kind(self._parameters[name])) for name, kind in _CHOICES.items()]
+        fixed = [float(bool(self._parameters[name])) for name in self._switches]
         flags = [self._state is not None, self._running, self._status, state.substeps]
         work = [self._work.substeps, self._work.iterations, self._work.error]
-        return np.concatenate([self._inputs, state.q, state.v, numbers, choices, flags, work]).tobytes()
+        return np.concatenate(
+            [self._inputs, state.q, rest, state.v, rest, numbers, choices, fixed, flags, work]
+        ).tobytes()
 
     def _set_fmu_state(self, block: bytes) -> None:
         """Go back to a state taken from this or another instance of the same FMU."""
         m, inputs = self._model.mode_count, self._inputs.size
         values = np.frombuffer(block, dtype=np.float64)
-        sizes = [inputs, m, m, len(_NUMBERS), len(_CHOICES), 4, 3]
+        sizes = [inputs, m, m, len(_NUMBERS), len(_CHOICES), len(self._switches), 4, 3]
         if values.size != sum(sizes):
             raise self._failure(f"FMU state has {values.size} numbers, expected {sum(sizes)}: of another FMU?")
         ends = np.cumsum(sizes)[:-1]
-        set_inputs, q, v, numbers, choices, flags, work = np.split(values, ends)
+        set_inputs, q, v, numbers, choices, switches, flags, work = np.split(values, ends)
         self._inputs = set_inputs.copy()
         before = dict(self._parameters)
         self._parameters |= dict(zip(_NUMBERS, (float(x) for x in numbers), strict=True))
         for index, (name, kind) in zip(choices, _CHOICES.items(), strict=True):
             self._parameters[name] = list(kind)[int(index)].value
+        self._parameters |= dict(zip(self._switches, (bool(x) for x in switches), strict=True))
         if self._parameters != before:
             self._body = None
         self._outputs.clear()
-        self._state = State(q.copy(), v.copy(), int(flags[3])) if flags[0] else None
+        self._state = None
+        if flags[0]:
+            m -= 6 * int(np.sum(switches))
+            self._state = State(q[:m].copy(), v[:m].copy(), int(flags[3]))
         self._running, self._status = bool(flags[1]), int(flags[2])
         self._work = Work(int(work[0]), int(work[1]), float(work[2]))
 
@@ -235,7 +247,8 @@ class BodySlave:
                 )
                 damping_scale, longest, tolerance = self._numbers()
                 limits = StepLimits(longest, tolerance)
-                self._body = FlexibleBody(self._model, formulation, damping_scale, limits)
+                fixed = [name.removesuffix(FIXED) for name in self._switches if self._parameters[name]]
+                self._body = FlexibleBody(self._model, formulation, damping_scale, limits, fixed)
             except OptionError as error:
                 raise self._failure(str(error)) from error
         if self._state is None:

@@ -37,8 +37,16 @@ def equilibrium(dynamics: Dynamics, loads: Loads) -> tuple[FloatArray, int]:
     Raises
     ------
     EquilibriumError
-        The load exceeds what the body can bear in a stable way, or bends it further than the kinematics reach.
+        The body is free to move, or the load exceeds what it can bear in a stable way, or bends it further than the
+        kinematics reach.
     """
+    free = int(np.sum(dynamics.stiffness == 0.0))
+    if free:
+        raise EquilibriumError(
+            f"the body is free to move in {free} rigid motions and has no equilibrium of its own: fix an interface, or "
+            "start at rest",
+            0.0,
+        )
     full = spread(dynamics, loads)
     q: FloatArray = np.zeros(dynamics.stiffness.size)
     if not full.active:

@@ -215,7 +215,7 @@ def _substeps(
         end_force, end_work = modal_force(dynamics, loads, here), force_work(dynamics, loads, here)
         # What the force's change over the sub-step would do beyond its mean is the leading error.
         size = math.hypot(_norm(omega * q1), _norm(v))
-        error = _norm(omega * p.ramp * (end_force - start_force)) / size if size > 0.0 else 0.0
+        error = _norm(dynamics.weight * p.ramp * (end_force - start_force)) / size if size > 0.0 else 0.0
         worst = max(worst, error)
         if not worst <= tolerance:
             return None, iterations, worst
@@ -233,7 +233,7 @@ def _implicit_step(
     work0: float | None,
 ) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
     """Solve q₁ = P q₀ + g_q Q̄(q₀, q₁); return q₁ and Q̄, or None, and the number of rounds."""
-    omega = np.sqrt(dynamics.stiffness)
+    weight = dynamics.weight
     free = p.p11 * q0 + p.p12 * v0
     q1 = free + p.gq * force0
     correction = 0.0
@@ -257,8 +257,8 @@ def _implicit_step(
         if change is None:
             return None, rounds
         q1 = q1 - change
-        scale = _norm(omega * q1) + _norm(v0)
-        size = _norm(omega * change) / scale if scale > 0.0 else 0.0
+        scale = _norm(weight * q1) + _norm(v0)
+        size = _norm(weight * change) / scale if scale > 0.0 else 0.0
         if not np.isfinite(size):
             return None, rounds
         if corrected and size <= _TOLERANCE:

@@ -7,7 +7,7 @@ its order: inputs, outputs, parameters, diagnostics.
 from dataclasses import dataclass
 from enum import Enum
 
-from .reduced_body import Kinematics, LoadPlacement, ReducedBody, Stiffness
+from .reduced_body import GROUND, Kinematics, LoadPlacement, ReducedBody, Stiffness
 
 AXES = ("x", "y", "z")
 
@@ -41,12 +41,12 @@ class Variable:
     ----------
     name : str
     type : str
-        "Real", "Integer" or "String".
+        "Real", "Integer", "Boolean" or "String".
     group : Group
     causality, variability : str
         As in FMI 2.0.
     initial : str or None
-    start : float, int, str or None
+    start : float, int, bool, str or None
     unit : str or None
     description : str
     minimum : float or None
@@ -58,7 +58,7 @@ class Variable:
     causality: str
     variability: str
     initial: str | None
-    start: float | int | str | None
+    start: float | int | bool | str | None
     unit: str | None
     description: str
     minimum: float | None = None
@@ -73,6 +73,8 @@ INITIALIZATION = "initialization"
 DAMPING_SCALE = "damping.scale"
 STEP_LIMIT = "internal_step.limit"
 STEP_TOLERANCE = "internal_step.tolerance"
+FIXED = ".fixed"
+"""Ends the name of the parameter that fixes an interface of a free body."""
 FRAME_ROTATION = "diagnostics.rotation_within_frame"
 STRAIN_ENERGY = "diagnostics.strain_energy"
 KINETIC_ENERGY = "diagnostics.kinetic_energy"
@@ -197,6 +199,20 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
         number(STEP_LIMIT, 0.0, "s", "longest internal step; 0 for none"),
         number(STEP_TOLERANCE, 1e-4, None, "error accepted per step, relative, in the energy norm"),
+        *(
+            Variable(
+                f"{interface}{FIXED}",
+                "Boolean",
+                Group.PARAMETER,
+                "parameter",
+                "fixed",
+                "exact",
+                False,
+                None,
+                f"{interface}: held at zero displacement and rotation",
+            )
+            for interface in (body.interface_names if body.root_interface != GROUND else ())
+        ),
     ]
 
 

@@ -1,0 +1,109 @@
+"""Interfaces of a free body fixed by the scene: their coordinates are taken out of the basis.
+
+A Craig-Bampton basis holds the constraint modes of every interface, so that what is left once G_i q = 0 is the same
+body with the interface as its support: q = N z with N the null space of G_i, and the small eigenproblem makes N
+mass-orthonormal modes again.
+"""
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import OptionError
+from .reduced_body import GROUND, Kinematics, ReducedBody
+
+FloatArray = NDArray[np.float64]
+
+# Relative size of a singular value below which a motion is not held.
+_FREE = 1e-9
+
+
+def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics: Kinematics) -> ReducedBody:
+    """Fix interfaces of a free body.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    names : collection of str
+        None to leave the body as it is.
+    kinematics : Kinematics
+        What the body will be used with.
+
+    Returns
+    -------
+    ReducedBody
+        With six modes less an interface, and without the floating frame.
+
+    Raises
+    ------
+    OptionError
+        The body has supports, no such interface, or frames that hang on another one.
+    """
+    if not names:
+        return body
+    if body.root_interface == GROUND:
+        raise OptionError(
+            f"interface {min(names)!r} cannot be fixed: only a free body with a Craig-Bampton basis lets the scene fix "
+            'interfaces; build it with free = true and basis = "craig_bampton"'
+        )
+    root = body.interface_names[body.root_interface]
+    if kinematics is not Kinematics.LINEAR and set(names) != {root}:
+        raise OptionError(
+            f"fixed interfaces are {', '.join(sorted(names))}, but frames hang on {root!r}: expected that one alone; "
+            'set root in the body file, or take kinematics "linear"'
+        )
+    held = [body.interface_names.index(name) for name in names]
+    rows = np.concatenate([body.interface_displacement[held], body.interface_rotation[held]]).reshape(6 * len(held), -1)
+    turn = _remaining_modes(rows, body.angular_frequency)
+    square = turn.T @ (body.angular_frequency[:, None] ** 2 * turn)
+    squares, small = np.linalg.eigh(square)
+    turn = turn @ small
+    if squares[0] <= 0.0:
+        raise OptionError("the body can still move freely with these interfaces fixed; fix one more")
+    # Each ratio by its share of the strain energy: one ratio for all modes stays what it is.
+    share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
+    gone = int(body.floating)
+    frames = slice(gone, None)
+    masses, surface = body.masses, body.surface
+    if masses is not None:
+        masses = replace(masses, displacement=masses.displacement @ turn, frame=np.maximum(masses.frame - gone, GROUND))
+    if surface is not None:
+        surface = replace(surface, modes=surface.modes @ turn, frame=np.maximum(surface.frame - gone, GROUND))
+    by_mode = body.stiffness_by_mode
+    if by_mode is not None:
+        by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
+    return replace(
+        body,
+        angular_frequency=np.sqrt(squares),
+        damping_ratio=share.T @ body.damping_ratio,
+        interface_displacement=body.interface_displacement @ turn,
+        interface_rotation=body.interface_rotation @ turn,
+        interface_frame=np.maximum(body.interface_frame - gone, GROUND),
+        frame_names=body.frame_names[gone:],
+        frame_parent=np.maximum(body.frame_parent[frames] - gone, GROUND),
+        joint_point=body.joint_point[frames],
+        joint_displacement=body.joint_displacement[frames] @ turn,
+        joint_rotation=body.joint_rotation[frames] @ turn,
+        frame_rotation=body.frame_rotation[frames] @ turn,
+        masses=masses,
+        stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
+        stiffness_by_mode=by_mode,
+        surface=surface,
+        root_interface=GROUND,
+        floating=False,
+    )
+
+
+def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> FloatArray:
+    """Orthonormal combinations (m, m - h) of modes that leave the rows (h, m) at zero."""
+    count = held.shape[0]
+    if count >= angular_frequency.size:
+        raise OptionError(f"fixing {count} coordinates leaves none of the body's {angular_frequency.size} modes")
+    size = np.linalg.norm(held, axis=1, keepdims=True)
+    _, values, turn = np.linalg.svd(held / np.where(size > 0.0, size, 1.0))
+    if values[-1] < _FREE * values[0]:
+        raise OptionError("the interfaces to be fixed depend on each other; fix fewer of them")
+    result: FloatArray = turn[count:].T
+    return result

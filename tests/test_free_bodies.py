@@ -1,0 +1,185 @@
+"""Bodies that nothing holds, or a hinge: rigid motions of any size, interfaces that the scene fixes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from flexfmu.config import Basis, InputTable, InterfaceTable, SupportTable
+from flexfmu.errors import BodyFileError, ModelError
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.errors import EquilibriumError, OptionError
+from flexfmu.runtime.loads import Loads
+from flexfmu.runtime.reduced_body import Formulation, Kinematics
+from flexfmu.runtime.stepping import State
+from references import BEAM, relative
+
+LENGTH, SIDE, DENSITY, YOUNG = 1.0, 0.03, 7850.0, 2.0e11
+MASS = LENGTH * SIDE**2 * DENSITY
+ROOT_AND_TIP = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
+
+
+@pytest.fixture(scope="module")
+def floating(bodies):
+    """The clamped beam without its clamp."""
+
+    def make(basis=Basis.CRAIG_BAMPTON, modes=8, frames=4, **changes):
+        reduction = bodies.config(BEAM).reduction.model_copy(update={"basis": basis, "modes": modes})
+        changes = {"interface": ROOT_AND_TIP} | changes
+        return bodies.beam(free=True, support=[], reduction=reduction, frames=frames, **changes)
+
+    return make
+
+
+def spinning(body, rate):
+    """Spin about the axis through the centre of mass, rad/s about x, y, z."""
+    model = body.model
+    v = np.zeros(model.mode_count)
+    v[:6] = np.linalg.solve(
+        np.concatenate([model.joint_displacement[0], model.frame_rotation[0]])[:, :6], [0, 0, 0, *rate]
+    )
+    return State(np.zeros_like(v), v)
+
+
+@pytest.mark.parametrize("basis", Basis)
+def test_a_free_beam_has_six_rigid_motions_and_the_frequencies_of_beam_theory(floating, basis):
+    model = floating(basis, 12).model
+    assert model.rigid_count == 6
+    # Bending of a free-free beam, twice each; shear and rotary inertia take off what a slender beam has.
+    stiffness, line = YOUNG * SIDE**4 / 12.0, SIDE**2 * DENSITY
+    expected = np.array([4.730041, 7.853205]) ** 2 / LENGTH**2 * np.sqrt(stiffness / line)
+    found = model.angular_frequency[6:10].reshape(2, 2)
+    np.testing.assert_allclose(found, np.repeat(expected, 2).reshape(2, 2), rtol=2e-2)
+    assert np.all(found < expected[:, None])
+
+
+@pytest.mark.parametrize("frames", [0, 1, 4])
+def test_fixed_by_the_scene_the_free_body_is_the_supported_one(bodies, floating, frames):
+    free = floating(frames=frames)
+    fixed = FlexibleBody(free.model, fixed=["root"])
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"basis": Basis.CRAIG_BAMPTON, "modes": 8})
+    supported = bodies.beam(reduction=reduction, frames=frames)
+    np.testing.assert_allclose(fixed.model.angular_frequency[:6], supported.model.angular_frequency[:6], rtol=3e-3)
+    np.testing.assert_allclose(fixed.model.damping_ratio, free.model.damping_ratio[0])
+    loads = {"tip": [-2e3, 8e3, 3e3, 50.0, -200.0, 300.0]}
+    found = [body.response(body.static(loads)) for body in (fixed, supported)]
+    assert np.linalg.norm(found[1].displacement) > 0.15
+    np.testing.assert_allclose(found[0].displacement[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found[0].rotation[0], 0.0, atol=1e-12)
+    # A distributing coupling holds the section's mean, a support each node.
+    assert relative(found[0].displacement[1], found[1].displacement[0]) < 5e-3
+
+
+def test_a_free_body_falls_as_one(floating):
+    body = floating(input=InputTable(acceleration=True))
+    loads = Loads(np.zeros((2, 3)), np.zeros((2, 3)), np.array([0.0, 9.81, 0.0]))
+    state = body.rest()
+    for _ in range(10):
+        state = body.step(state, loads, 0.05)
+    moved = body.response(state).displacement
+    np.testing.assert_allclose(moved, np.tile([0.0, -0.5 * 9.81 * 0.25, 0.0], (2, 1)), atol=1e-9)
+
+
+def test_a_spinning_body_turns_about_its_centre_of_mass_without_growing(floating):
+    body = floating()
+    # Slow against the first bending frequency: no centrifugal force in this model to stretch it.
+    state = spinning(body, [0.0, 0.0, 1.0])
+    for angle in (0.5, 1.0, 2.0):
+        state = body.step(state, {}, 0.5 if angle < 2.0 else 1.0)
+        points = body.model.interface_point + body.response(state).displacement
+        along = LENGTH * np.array([np.cos(angle), np.sin(angle), 0.0])
+        np.testing.assert_allclose(points[1] - points[0], along, atol=1e-9)
+        np.testing.assert_allclose(points.mean(axis=0), body.model.interface_point.mean(axis=0), atol=1e-9)
+        np.testing.assert_allclose(body.response(state).rotation[1], [0.0, 0.0, angle], atol=1e-9)
+
+
+def test_a_push_moves_the_centre_of_mass_as_newton_says_while_the_body_turns(floating):
+    body = floating()
+    state, step, count = body.rest(), 2e-3, 100
+    force = np.array([0.0, 20.0, 0.0])
+    for _ in range(count):
+        state = body.step(state, {"tip": force}, step)
+    centre = body.model.joint_displacement[0] @ state.q
+    np.testing.assert_allclose(centre, 0.5 * force / MASS * (count * step) ** 2, rtol=1e-6, atol=1e-12)
+    assert body.response(state).rotation[1, 2] > 0.3
+
+
+def test_a_free_body_keeps_its_energy_under_a_dead_force(floating, bodies):
+    body = FlexibleBody(floating().model, damping_scale=0.0)
+    loads, state = {"tip": [0.0, 200.0, 100.0]}, body.rest()
+    start = body.response(state).displacement
+    for _ in range(400):
+        state = body.step(state, loads, 1e-3)
+        work = np.vdot([0.0, 200.0, 100.0], body.response(state).displacement[1] - start[1])
+        assert sum(body.energies(state)) == pytest.approx(work, rel=1e-9, abs=1e-12)
+    assert np.linalg.norm(body.response(state).rotation[1]) > 1.0
+
+
+def test_a_hinged_beam_swings_like_the_large_angle_pendulum(bodies):
+    """Period 4 √(I/(m g l)) K(sin²(θ₀/2)) of a rigid pendulum that swings from 90°."""
+    config = bodies.config(BEAM)
+    mesh_support = [SupportTable(nodes="ROOT_LINE", fix=["x", "y", "z"])]
+    body = hinged_beam(config, mesh_support)
+    gravity = 9.81
+    # The beam lies along x; weight along −y swings it from the horizontal to the horizontal on the other side.
+    loads = Loads(np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.0, gravity, 0.0]))
+    inertia = MASS * (LENGTH**2 / 3.0 + SIDE**2 / 12.0)
+    period = 4.0 * np.sqrt(inertia / (MASS * gravity * LENGTH / 2.0)) * ellipk(0.5)
+    state, count = body.rest(), 400
+    tips = []
+    for _ in range(count):
+        state = body.step(state, loads, period / count)
+        tips.append(body.response(state).displacement[0])
+    tips = np.array(tips)
+    assert np.ptp(tips[:, 0]) == pytest.approx(2.0, abs=5e-3)
+    # Hanging down after a quarter, on the other side after a half, back after a period.
+    np.testing.assert_allclose(tips[count // 4 - 1], [-1.0, -1.0, 0.0], atol=1e-2)
+    np.testing.assert_allclose(tips[count // 2 - 1], [-2.0, 0.0, 0.0], atol=1e-2)
+    np.testing.assert_allclose(tips[count - 1], [0.0, 0.0, 0.0], atol=1e-2)
+
+
+def hinged_beam(config, support):
+    """The beam held on the line across its root's middle."""
+    from flexfmu import build
+    from flexfmu.progress import Reporter
+
+    original = build.read_mesh
+
+    def with_line(*arguments):
+        mesh = original(*arguments)
+        x, y, _ = (mesh.points - mesh.points.min(axis=0)).T
+        line = np.flatnonzero((x < 1e-9) & (np.abs(y - 0.5 * SIDE) < 1e-9))
+        return replace(mesh, node_sets=dict(mesh.node_sets) | {"ROOT_LINE": line})
+
+    build.read_mesh = with_line
+    try:
+        changes = {"support": support, "free": True, "frames": 2, "input": InputTable(acceleration=True)}
+        return FlexibleBody(build.reduce_body(config.model_copy(update=changes), Reporter()))
+    finally:
+        build.read_mesh = original
+
+
+def test_no_equilibrium_is_promised_to_a_body_that_can_float_away(floating):
+    with pytest.raises(EquilibriumError, match="free to move in 6 rigid motions"):
+        floating().static({"tip": [0.0, 1.0, 0.0]})
+
+
+def test_what_cannot_be_fixed_is_refused_with_the_reason(floating, bodies):
+    with pytest.raises(OptionError, match="frames hang on 'root'"):
+        FlexibleBody(floating().model, fixed=["tip"])
+    linear = Formulation(Kinematics.LINEAR)
+    both = FlexibleBody(floating().model, linear, fixed=["tip", "root"])
+    moved = both.response(both.static({"tip": [0.0, 1e5, 0.0]})).displacement
+    np.testing.assert_allclose(moved, 0.0, atol=1e-12)
+    with pytest.raises(OptionError, match="Craig-Bampton"):
+        FlexibleBody(floating(Basis.NORMAL).model, fixed=["root"])
+    with pytest.raises(OptionError, match="Craig-Bampton"):
+        FlexibleBody(bodies.beam().model, fixed=["tip"])
+
+
+def test_a_body_floats_only_when_its_file_says_so(bodies):
+    with pytest.raises(ModelError, match=r"free to move in 6 rigid motions.*free = true"):
+        bodies.beam(support=[])
+    with pytest.raises(ModelError, match="the supports hold the body"):
+        bodies.beam(free=True)
