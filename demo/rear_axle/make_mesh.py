@@ -46,10 +46,11 @@ WORST_CORNER = 0.4
 HEADING = [
     "Twist-beam rear axle: two box-section trailing arms and a U-profile, C3D20R, sheets one element thick.",
     "SI units (m, N, kg, s). x to the rear, y to the right, z up; _L is left (y < 0), _R is right.",
-    "Node sets: BUSH_L/R (nodes on the bushing's lateral axis, x = z = 0), EYE_L/R (the bushing's eye), FLANGE_L/R",
-    "(outboard face of the wheel flange), SEAT_L/R (spring seat), ARM_L/R (all of an arm), BEAM (the cross-beam),",
-    "BEAM_L1 ... BEAM_L4 and BEAM_R1 ... (its pieces from the arm to the middle). Neighbours share the nodes of",
-    "their common section. Element sets: EALL, ARM_L/R, BEAM, BEAM_L1 ... The body is ARM_L, ARM_R and BEAM.",
+    "Node sets: BUSH_L/R (nodes on the bushing's lateral axis, x = z = 0), PIVOT_L/R (the middle one of them),",
+    "EYE_L/R (the bushing's eye), FLANGE_L/R (outboard face of the wheel flange), SEAT_L/R (spring seat), ARM_L/R",
+    "(all of an arm), BEAM (the cross-beam), BEAM_L1 ... BEAM_L4 and BEAM_R1 ... (its pieces from the arm to the",
+    "middle). Neighbours share the nodes of their common section. Element sets: EALL, ARM_L/R, BEAM, BEAM_L1 ...",
+    "The body is ARM_L, ARM_R and BEAM.",
 ]
 
 # Corners joined to each corner of a brick, in an order that makes a right-handed triad.
@@ -309,6 +310,7 @@ def _face_sets(mesh: BrickMesh, axle: Axle) -> dict[str, np.ndarray]:
         in_tray = (x > low) & (x < high) & (y >= axle.seat_y) & (y <= axle.arm_y[0])
         sets |= {
             f"BUSH_{side}": mesh.nodes_where(in_arm & (x == 0.0) & (z == 0.0)),
+            f"PIVOT_{side}": mesh.nodes_where(np.isclose(y, sum(axle.arm_y) / 2) & (x == 0.0) & (z == 0.0)),
             f"EYE_{side}": mesh.nodes_where(in_arm & (x <= axle.eye_half_length)),
             f"FLANGE_{side}": mesh.nodes_where(y == axle.flange_y[1]),
             f"SEAT_{side}": mesh.nodes_where(in_tray & np.isclose(z, axle.tray_z[1])),
