@@ -6,11 +6,14 @@ import scipy.integrate
 
 from flexfmu.config import InputTable
 from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
 from flexfmu.runtime.errors import LoadError
+from flexfmu.runtime.loads import Loads
 from flexfmu.runtime.modal_file import write_modal_file
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement
+from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from flexfmu.runtime.slave import MODAL_FILE, BodySlave
 from flexfmu.runtime.variables import variable_table
+from references import BEAM
 
 MASS = 7850.0 * 0.03**2
 STIFFNESS = 2e11 * 0.03**4 / 12.0
@@ -109,3 +112,17 @@ def test_fmu_takes_the_acceleration_as_input(bodies, tmp_path):
 def test_acceleration_of_a_body_without_masses_is_refused(bodies):
     with pytest.raises(LoadError, match="acceleration = true"):
         bodies.beam().loads({}, [0.0, 9.81, 0.0])
+
+
+@pytest.mark.parametrize("loads", [LoadPlacement.REFERENCE, LoadPlacement.DEFORMED])
+def test_stiffness_by_load_lets_a_column_buckle_under_its_own_weight(bodies, loads):
+    """Critical weight w L³ = 7.837 EI of a clamped column, A. G. Greenhill 1881."""
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"geometric_stiffness": ["by_load"]})
+    body = heavy_beam(bodies, reduction=reduction, frames=4).model
+    dynamics = build_dynamics(body, Formulation(loads=loads, stiffness=Stiffness.BY_LOAD))
+    at_rest = configuration_at(dynamics, np.zeros(body.mode_count))
+    critical = 7.837 * STIFFNESS / MASS
+    for share, stable in ((0.97, True), (1.03, False)):
+        weight = Loads(np.zeros((1, 3)), np.zeros((1, 3)), np.array([share * critical, 0.0, 0.0]))
+        tangent = tangent_stiffness(dynamics, spread(dynamics, weight), at_rest)
+        assert (np.linalg.eigvalsh(0.5 * (tangent + tangent.T))[0] > 0.0) == stable

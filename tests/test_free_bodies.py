@@ -183,3 +183,16 @@ def test_a_body_floats_only_when_its_file_says_so(bodies):
         bodies.beam(support=[])
     with pytest.raises(ModelError, match="the supports hold the body"):
         bodies.beam(free=True)
+
+
+def test_a_support_on_springs_gives_by_force_over_stiffness(bodies):
+    stiffness = np.array([2e7, 5e6, 1e7])
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"residual_flexibility": True})
+    clamped = bodies.beam(reduction=reduction, frames=0)
+    # Springs at every node of the section hold it against turning too, far less stiffly than a clamp.
+    springs = [SupportTable(nodes="ROOT", stiffness=list(stiffness))]
+    sprung = bodies.beam(reduction=reduction, frames=0, support=springs)
+    found = [body.response(body.static({"tip": [1e4, 0.0, 0.0]})).displacement[0, 0] for body in (clamped, sprung)]
+    assert found[1] - found[0] == pytest.approx(1e4 / stiffness[0], rel=1e-2)
+    with pytest.raises(ModelError, match="free to move in 3 rigid motions"):
+        bodies.beam(support=[SupportTable(nodes="ROOT", stiffness=[1e6, 0.0, 0.0])])

@@ -84,7 +84,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     modes = _basis(config.reduction, matrices, interfaces, len(mesh.points), report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
-    by_load, by_mode = _geometric(config, mesh, matrices, modes.shapes, interfaces, report)
+    by_load, by_mode = _geometric(config, mesh, m, matrices, modes.shapes, interfaces, report)
 
     count = modes.angular_frequency.size
     return ReducedBody(
@@ -247,6 +247,7 @@ def _interfaces(
 def _geometric(
     config: BodyFile,
     mesh: Mesh,
+    mass_matrix: sp.csr_array,
     matrices: Supported,
     shapes: FloatArray,
     interfaces: list[Interface],
@@ -258,10 +259,14 @@ def _geometric(
         wanted = [] if config.formulation.stiffness is Stiffness.CONSTANT else [config.formulation.stiffness.value]
     by_load = by_mode = None
     if "by_load" in wanted:
-        with report.stage(f"Geometric stiffness of {6 * len(interfaces)} unit loads"):
+        inertia = []
+        if config.input.acceleration:
+            # What the mass of the body does under a unit acceleration of its supports.
+            inertia = [-(mass_matrix @ np.tile(np.eye(3), (len(mesh.points), 1)))]
+        with report.stage(f"Geometric stiffness of {6 * len(interfaces) + 3 * len(inertia)} unit loads"):
             nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
-            # Forces of all interfaces, then moments.
-            loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
+            # Forces of all interfaces, then moments, then accelerations.
+            loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal] + inertia, axis=1)
             fields = matrices.whole(matrices.static(loads[matrices.free]))
             by_load = geometric_stiffness(mesh, fields, shapes)
     if "by_mode" in wanted:

@@ -33,8 +33,8 @@ class Dynamics:
         Of the tree's centres of mass, kg.
     inertia_operator : (3, m) float
         Modal force per unit acceleration of the supports, on the reference body.
-    by_load : (6I, m, m) float or None
-        Geometric stiffness of each unit load (forces, then moments), less what the loads' own motion makes of it.
+    by_load : (6I or 6I + 3, m, m) float or None
+        Geometric stiffness of each unit load (forces, moments, accelerations), less what the loads' own motion makes of it.
     by_mode : (m, m, m) float or None
         Geometric stiffness of each unit modal coordinate.
     nonlinear : bool
@@ -113,7 +113,8 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
     by_load = by_mode = None
     if formulation.stiffness is Stiffness.BY_LOAD:
         bare = Dynamics(omega**2, weight, tree, placement, operator, mass, inertia, None, None, True)
-        by_load = _aboard(body.stiffness_by_load, formulation) + _own_stiffness(bare, body.interface_count)
+        data = _aboard(body.stiffness_by_load, formulation)
+        by_load = data + _own_stiffness(bare, body.interface_count, len(data))
     elif formulation.stiffness is Stiffness.BY_MODE:
         by_mode = _aboard(body.stiffness_by_mode, formulation)
     nonlinear = placement is not LoadPlacement.REFERENCE or by_load is not None or by_mode is not None
@@ -130,20 +131,20 @@ def _aboard(data: FloatArray | None, formulation: Formulation) -> FloatArray:
     return data
 
 
-def _own_stiffness(dynamics: Dynamics, interfaces: int) -> FloatArray:
-    """∂Q/∂q at q = 0 under each unit load, (6I, m, m): what the loads' displacement does at first order.
+def _own_stiffness(dynamics: Dynamics, interfaces: int, count: int) -> FloatArray:
+    """∂Q/∂q at q = 0 under each of `count` unit loads, (count, m, m): what the loads' displacement does at first order.
 
     It *is* part of the effect that geometric stiffness by load carries. Taken out of it, the tangent at the unloaded
     shape is Λ + Σ f_l K_l whatever the placement of loads, and nothing counts twice.
     """
     m = dynamics.stiffness.size
-    result = np.zeros((6 * interfaces, m, m))
+    result = np.zeros((count, m, m))
     if dynamics.placement is LoadPlacement.REFERENCE:
         return result
     undeformed = configuration_at(dynamics, np.zeros(m))
-    for column, unit in enumerate(np.eye(6 * interfaces)):
-        force, moment = unit.reshape(2, interfaces, 3)
-        loads = spread(dynamics, Loads(force, moment))
+    for column, unit in enumerate(np.eye(count, 6 * interfaces + 3)):
+        force, moment = unit[:-3].reshape(2, interfaces, 3)
+        loads = spread(dynamics, Loads(force, moment, unit[-3:]))
         result[column] = _displacement_stiffness(dynamics, loads, undeformed)
     return result
 
@@ -170,7 +171,8 @@ def spread(dynamics: Dynamics, loads: Loads) -> NodeLoads:
     constant = components @ dynamics.load_operator + loads.acceleration @ dynamics.inertia_operator
     geometric = None
     if dynamics.by_load is not None:
-        geometric = np.tensordot(components, dynamics.by_load, axes=1)
+        every = np.concatenate([components, loads.acceleration])[: len(dynamics.by_load)]
+        geometric = np.tensordot(every, dynamics.by_load, axes=1)
     forces_only = None
     if dynamics.nonlinear and np.any(loads.moment):
         forces_only = spread(dynamics, Loads(loads.force, np.zeros_like(loads.moment), loads.acceleration))

@@ -53,7 +53,9 @@ ARRAYS: dict[str, Entry] = {
 # Present only where the body was built with them.
 OPTIONAL: dict[str, Entry] = {
     "stiffness_by_load": Entry(
-        "stiffness/by_load", "s^-2/N", "(6I, m, m) per unit load: forces, then moments (/(N m))"
+        "stiffness/by_load",
+        "s^-2/N",
+        "(6I or 6I + 3, m, m) per unit load: forces, moments (/(N m)), accelerations (/(m/s^2))",
     ),
     "stiffness_by_mode": Entry("stiffness/by_mode", "s^-2/(kg^0.5 m)", "(m, m, m) per unit modal coordinate"),
 }

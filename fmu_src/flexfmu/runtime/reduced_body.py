@@ -175,8 +175,9 @@ class ReducedBody:
     masses : Masses or None
         Where the body's mass is, for accelerations of its supports.
     stress_sets : tuple of StressSet
-    stiffness_by_load : (6I, m, m) float or None
-        Reduced geometric stiffness of each unit load: forces of all interfaces, then moments; 1/(s² N), 1/(s² N m).
+    stiffness_by_load : (6I or 6I + 3, m, m) float or None
+        Reduced geometric stiffness of each unit load: forces of all interfaces, then moments, then, of a body with
+        masses, accelerations of the supports; 1/(s² N), 1/(s² N m), 1/m.
     stiffness_by_mode : (m, m, m) float or None
         Reduced geometric stiffness of each unit modal coordinate, 1/(s² kg^1/2 m).
     formulation : Formulation
@@ -251,7 +252,7 @@ class ReducedBody:
             if part.point.shape != (count, 3) or part.stress.shape != (count, 6, modes) or not count:
                 raise ModalFileError(f"stress set {part.name!r} has shapes {part.point.shape}, {part.stress.shape}")
         if self.stiffness_by_load is not None:
-            shapes["stiffness_by_load"] = (6 * interfaces, modes, modes)
+            shapes["stiffness_by_load"] = (6 * interfaces + (3 if self.masses is not None else 0), modes, modes)
         if self.stiffness_by_mode is not None:
             shapes["stiffness_by_mode"] = (modes, modes, modes)
         for name, shape in shapes.items():
