@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipk
 
 from flexfmu.config import Basis, InputTable, InterfaceTable, SupportTable
-from flexfmu.errors import BodyFileError, ModelError
+from flexfmu.errors import ModelError
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.errors import EquilibriumError, OptionError
 from flexfmu.runtime.loads import Loads
@@ -105,7 +105,7 @@ def test_a_push_moves_the_centre_of_mass_as_newton_says_while_the_body_turns(flo
     assert body.response(state).rotation[1, 2] > 0.3
 
 
-def test_a_free_body_keeps_its_energy_under_a_dead_force(floating, bodies):
+def test_a_free_body_keeps_its_energy_under_a_dead_force(floating):
     body = FlexibleBody(floating().model, damping_scale=0.0)
     loads, state = {"tip": [0.0, 200.0, 100.0]}, body.rest()
     start = body.response(state).displacement

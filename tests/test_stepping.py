@@ -268,3 +268,36 @@ def test_the_damping_scale_multiplies_every_ratio():
     c = run(FlexibleBody(model, LINEAR), loads, 0.01, 20)
     np.testing.assert_array_equal(a.q, b.q)
     assert np.linalg.norm(a.q - c.q) > 1e-3 * np.linalg.norm(c.q)
+
+
+def harmonic(end_too, step, formulation, count):
+    """State of the damped beam after `count` steps under a force that grows and falls, known at each step's ends."""
+    flexible = swinging_beam(ONE_STEP, damping=0.01, formulation=formulation)
+    state = flexible.rest()
+    for k in range(count):
+        start, end = ({"tip": (0.0, HEAVY[1] * np.sin(40.0 * t), 0.0)} for t in (k * step, (k + 1) * step))
+        state, _ = flexible.step_with_work(state, start, step, end if end_too else None)
+    return flexible, state
+
+
+@pytest.mark.parametrize("formulation", [LINEAR, COROTATED])
+def test_loads_that_grow_over_a_step_make_it_second_order_where_constant_ones_are_first(formulation):
+    flexible, exact = harmonic(True, END / 2**11, formulation, 2**11)
+    errors = {
+        ramp: [distance(flexible, harmonic(ramp, END / 2**k, formulation, 2**k)[1], exact) for k in (6, 7, 8)]
+        for ramp in (False, True)
+    }
+    orders = {ramp: np.log2(np.array(e[:-1]) / e[1:]) for ramp, e in errors.items()}
+    np.testing.assert_allclose(orders[False], 1.0, atol=0.15)
+    np.testing.assert_allclose(orders[True], 2.0, atol=0.15)
+    assert errors[True][2] < 0.05 * errors[False][2]
+
+
+def test_a_linear_body_under_a_force_linear_in_time_is_exact_for_any_step():
+    one = swinging_beam(formulation=LINEAR, damping=0.02)
+    force = np.array([*HEAVY])
+    whole, _ = one.step_with_work(one.rest(), {}, END, {"tip": force})
+    parts = one.rest()
+    for k in range(7):
+        parts, _ = one.step_with_work(parts, {"tip": k / 7 * force}, END / 7, {"tip": (k + 1) / 7 * force})
+    assert distance(one, whole, parts) < 1e-12

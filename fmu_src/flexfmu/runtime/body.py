@@ -131,17 +131,24 @@ class FlexibleBody:
         return self.step_with_work(state, loads, step)[0]
 
     def step_with_work(
-        self, state: State, loads: Loads | Mapping[str, Sequence[float]], step: float
+        self,
+        state: State,
+        loads: Loads | Mapping[str, Sequence[float]],
+        step: float,
+        end_loads: Loads | Mapping[str, Sequence[float]] | None = None,
     ) -> tuple[State, Work]:
-        """State after a step under loads that are constant over it, and what it cost.
+        """State after a step under loads that are constant over it, or grow linearly, and what it cost.
 
         Parameters
         ----------
         state : State
             Left untouched.
         loads : Loads or mapping as for `loads`
+            Over the step, or at its start.
         step : float
             s, positive.
+        end_loads : Loads or mapping as for `loads`, optional
+            At its end, where they are others.
 
         Returns
         -------
@@ -156,7 +163,10 @@ class FlexibleBody:
         if not (np.isfinite(step) and step > 0.0):
             raise StepError(f"step is {step} s, expected a positive number")
         at_nodes = spread(self._dynamics, self._as_loads(loads))
-        end, work = advance(self._dynamics, self._cache, self._configuration, at_nodes, state, step, self.limits)
+        at_end = None if end_loads is None else spread(self._dynamics, self._as_loads(end_loads))
+        end, work = advance(
+            self._dynamics, self._cache, self._configuration, at_nodes, at_end, state, step, self.limits
+        )
         if not (np.all(np.isfinite(end.q)) and np.all(np.isfinite(end.v))):
             raise StepError("the step ends in values that are not finite: the loads are too large for the arithmetic")
         return end, work

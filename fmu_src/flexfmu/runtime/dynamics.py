@@ -34,7 +34,7 @@ class Dynamics:
     inertia_operator : (3, m) float
         Modal force per unit acceleration of the supports, on the reference body.
     by_load : (6I or 6I + 3, m, m) float or None
-        Geometric stiffness of each unit load (forces, moments, accelerations), less what the loads' own motion makes of it.
+        Geometric stiffness of each unit load (forces, moments, accelerations), less what their own motion makes of it.
     by_mode : (m, m, m) float or None
         Geometric stiffness of each unit modal coordinate.
     nonlinear : bool
@@ -178,6 +178,28 @@ def spread(dynamics: Dynamics, loads: Loads) -> NodeLoads:
         forces_only = spread(dynamics, Loads(loads.force, np.zeros_like(loads.moment), loads.acceleration))
     active = dynamics.by_mode is not None or (dynamics.nonlinear and bool(np.any(components) or np.any(force)))
     return NodeLoads(force, moment, constant, geometric, forces_only, active)
+
+
+def between(start: NodeLoads, end: NodeLoads, share: float) -> NodeLoads:
+    """Loads at a share of the way from `start` to `end`."""
+
+    def mixed(a: FloatArray, b: FloatArray) -> FloatArray:
+        result: FloatArray = a + share * (b - a)
+        return result
+
+    geometric = forces_only = None
+    if start.geometric is not None and end.geometric is not None:
+        geometric = mixed(start.geometric, end.geometric)
+    if start.forces_only is not None or end.forces_only is not None:
+        forces_only = between(start.forces_only or start, end.forces_only or end, share)
+    return NodeLoads(
+        mixed(start.force, end.force),
+        mixed(start.moment, end.moment),
+        mixed(start.constant, end.constant),
+        geometric,
+        forces_only,
+        start.active or end.active,
+    )
 
 
 def modal_force(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> FloatArray:

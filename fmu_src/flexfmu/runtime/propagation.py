@@ -31,9 +31,9 @@ class Propagator:
         Free response.
     gq, gv : (m,) float
         Response at the step's end to a unit modal force that acts over it: s² and s.
-    ramp : (m,) float
-        Response of q to a unit modal force growing from −1/2 to 1/2 over the step, s²: what a force that varies
-        over the step does beyond its mean.
+    ramp, ramp_rate : (m,) float
+        Response of q (s²) and of its rate (s) to a unit modal force growing from −1/2 to 1/2 over the step: what a
+        force that varies over the step does beyond its mean.
     """
 
     step: float
@@ -44,6 +44,7 @@ class Propagator:
     gq: FloatArray
     gv: FloatArray
     ramp: FloatArray
+    ramp_rate: FloatArray
 
 
 def propagator(angular_frequency: FloatArray, damping_ratio: FloatArray, step: float) -> Propagator:
@@ -87,4 +88,4 @@ def propagator(angular_frequency: FloatArray, damping_ratio: FloatArray, step: f
     gq = np.where(free, 0.5 * h * h, (lack - np.expm1(-z * x) - z * x * sinc) / square)
     gv = p12
     ramp_end = np.where(x < _SMALL_ANGLE, h * h / 6.0 * (1.0 - z * x / 2.0), (h - gv - 2.0 * z * w * gq) / (square * h))
-    return Propagator(h, p11, p12, p21, p22, gq, gv, ramp_end - 0.5 * gq)
+    return Propagator(h, p11, p12, p21, p22, gq, gv, ramp_end - 0.5 * gq, gq / h - 0.5 * gv)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import Dynamics, NodeLoads, configuration_at, force_work, modal_force, tangent_stiffness
+from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, tangent_stiffness
 from .errors import StepError
 from .propagation import Propagator, propagator
 from .tree import Configuration
@@ -132,11 +132,12 @@ def advance(
     cache: PropagatorCache,
     memo: ConfigurationMemo,
     loads: NodeLoads,
+    end_loads: NodeLoads | None,
     state: State,
     step: float,
     limits: StepLimits,
 ) -> tuple[State, Work]:
-    """State after a step under loads that are constant over it.
+    """State after a step under loads that are constant over it, or grow linearly.
 
     Parameters
     ----------
@@ -146,6 +147,9 @@ def advance(
     memo : ConfigurationMemo
         Of the same dynamics.
     loads : NodeLoads
+        Over the step, or at its start.
+    end_loads : NodeLoads or None
+        At its end, where they differ from those at its start.
     state : State
         Left untouched.
     step : float
@@ -162,11 +166,14 @@ def advance(
     StepError
         No sub-step within reason converges: the load is beyond what the body can bear.
     """
-    if not loads.active:
+    if not (loads.active or (end_loads is not None and end_loads.active)):
         # Exact for any length: nothing to iterate, nothing to divide.
         p = cache(step)
-        q = p.p11 * state.q + p.p12 * state.v + p.gq * loads.constant
-        v = p.p21 * state.q + p.p22 * state.v + p.gv * loads.constant
+        mean = loads if end_loads is None else between(loads, end_loads, 0.5)
+        q = p.p11 * state.q + p.p12 * state.v + p.gq * mean.constant
+        v = p.p21 * state.q + p.p22 * state.v + p.gv * mean.constant
+        if end_loads is not None:
+            q, v = _ramped(p, q, v, loads, end_loads, 1)
         return State(q, v, state.substeps), Work(1, 0, 0.0)
 
     fewest = 1 if limits.longest <= 0.0 else int(np.ceil(step / limits.longest * (1.0 - 1e-9)))
@@ -174,7 +181,7 @@ def advance(
     iterations = 0
     here = memo(state.q)
     while substeps <= MAX_SUBSTEPS:
-        end, rounds, error = _substeps(dynamics, cache, loads, state, here, step, substeps, limits.tolerance)
+        end, rounds, error = _substeps(dynamics, cache, loads, end_loads, state, here, step, substeps, limits.tolerance)
         iterations += rounds
         if end is not None:
             memo.remember(end[0], end[2])
@@ -192,6 +199,7 @@ def _substeps(
     dynamics: Dynamics,
     cache: PropagatorCache,
     loads: NodeLoads,
+    end_loads: NodeLoads | None,
     state: State,
     here: Configuration,
     step: float,
@@ -202,17 +210,23 @@ def _substeps(
     p = cache(step / substeps)
     omega = np.sqrt(dynamics.stiffness)
     q, v = state.q, state.v
-    start_force, start_work = modal_force(dynamics, loads, here), force_work(dynamics, loads, here)
+    mean = loads
+    start_force, start_work = modal_force(dynamics, mean, here), force_work(dynamics, mean, here)
     iterations, worst = 0, 0.0
-    for _ in range(substeps):
-        solution, rounds = _implicit_step(dynamics, p, loads, q, v, start_force, start_work)
+    for number in range(substeps):
+        if end_loads is not None:
+            mean = between(loads, end_loads, (number + 0.5) / substeps)
+            start_force, start_work = modal_force(dynamics, mean, here), force_work(dynamics, mean, here)
+        solution, rounds = _implicit_step(dynamics, p, mean, q, v, start_force, start_work)
         iterations += rounds
         if solution is None:
             return None, iterations, np.inf
         q1, mean_force = solution
         v = p.p21 * q + p.p22 * v + p.gv * mean_force
+        if end_loads is not None:
+            q1, v = _ramped(p, q1, v, loads, end_loads, substeps)
         here = configuration_at(dynamics, q1)
-        end_force, end_work = modal_force(dynamics, loads, here), force_work(dynamics, loads, here)
+        end_force, end_work = modal_force(dynamics, mean, here), force_work(dynamics, mean, here)
         # What the force's change over the sub-step would do beyond its mean is the leading error.
         size = math.hypot(_norm(omega * q1), _norm(v))
         error = _norm(dynamics.weight * p.ramp * (end_force - start_force)) / size if size > 0.0 else 0.0
@@ -221,6 +235,17 @@ def _substeps(
             return None, iterations, worst
         q, start_force, start_work = q1, end_force, end_work
     return (q, v, here), iterations, worst
+
+
+def _ramped(
+    p: Propagator, q: FloatArray, v: FloatArray, loads: NodeLoads, end_loads: NodeLoads, substeps: int
+) -> tuple[FloatArray, FloatArray]:
+    """Add what loads that grow over a sub-step do beyond their mean: exact on the undeformed body.
+
+    On the deformed one it is wrong by the third power of the step, as the rule itself is.
+    """
+    growth = (end_loads.constant - loads.constant) / substeps
+    return q + p.ramp * growth, v + p.ramp_rate * growth
 
 
 def _implicit_step(
