@@ -1,0 +1,16 @@
+"""A co-simulation master for FMI 2.0 FMUs, of ours and of other origin; docs/master.md tells how to use it."""
+
+from .config import CouplingFile, parse_coupling, read_coupling_file
+from .coupling import CouplingStoppedError, couple, run
+from .results import Result, write_result
+
+__all__ = [
+    "CouplingFile",
+    "CouplingStoppedError",
+    "Result",
+    "couple",
+    "parse_coupling",
+    "read_coupling_file",
+    "run",
+    "write_result",
+]

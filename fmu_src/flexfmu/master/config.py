@@ -1,0 +1,234 @@
+"""The coupling file (TOML): its keys, checked, with errors that name the key; docs/master.md describes it."""
+
+import difflib
+import tomllib
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from ..errors import SimulationError
+
+# FMU instances; a dot parts them from their variables.
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Six = Annotated[list[NotNegative], Field(min_length=6, max_length=6)]
+StartValue = float | int | bool | str
+
+# The number of steps must be whole to this much of a step.
+_WHOLE = 1e-6
+# Kinds of value that pydantic adds to the place of an error where a key may have one of several.
+_ALTERNATIVES = ("float", "int", "bool", "str")
+
+
+class _Table(BaseModel):
+    # Strict: no number from text, none from true or false.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class Scheme(Enum):
+    """How the FMUs exchange values within a communication step."""
+
+    JACOBI = "jacobi"
+    """All step with the values of the last communication point."""
+    GAUSS_SEIDEL = "gauss_seidel"
+    """One after the other in the order listed; the later ones get the fresh values."""
+    ITERATED = "iterated"
+    """Steps are taken back and repeated until the coupled inputs settle."""
+
+
+class Held(Enum):
+    """Which coupled inputs the iterated scheme holds over a step."""
+
+    END = "end"
+    """Those of the step's end: first order, damps what the step does not resolve."""
+    MEAN = "mean"
+    """The mean of those at its two ends: second order, without numerical damping."""
+
+
+class ExperimentTable(_Table):
+    """`[experiment]`: span of time, communication step and scheme."""
+
+    stop: float = Field(gt=0.0)
+    step: float = Field(gt=0.0)
+    scheme: Scheme = Field(default=Scheme.JACOBI, strict=False)
+    tolerance: float = Field(default=1e-6, gt=0.0, lt=1.0)
+    max_iterations: int = Field(default=20, ge=1)
+    relaxation: float = Field(default=0.1, gt=0.0, le=1.0)
+    reuse: int = Field(default=4, ge=0)
+    held: Held = Field(default=Held.END, strict=False)
+
+    @property
+    def steps(self) -> int:
+        """Number of communication steps."""
+        return round(self.stop / self.step)
+
+    @model_validator(mode="after")
+    def _whole_number_of_steps(self) -> "ExperimentTable":
+        count = self.stop / self.step
+        if round(count) < 1 or abs(count - round(count)) > _WHOLE:
+            near = max(round(count), 1)
+            raise ValueError(
+                f"stop = {self.stop:g} s is {count:.6g} steps of {self.step:g} s, expected a whole number: "
+                f"take stop = {near * self.step:.12g} or step = {self.stop / near:.12g}"
+            )
+        return self
+
+
+class FmuTable(_Table):
+    """`[[fmu]]`: an FMU, its start values and its table of inputs."""
+
+    name: Name
+    file: Path = Field(strict=False)
+    start: dict[str, StartValue] = {}
+    input: Path | None = Field(default=None, strict=False)
+
+
+class ConnectionTable(_Table):
+    """`[[connection]]`: an output that feeds an input."""
+
+    source: str = Field(alias="from")
+    target: str = Field(alias="to")
+    factor: float | None = None
+
+
+class SpringTable(_Table):
+    """`[[spring]]`: spring and damper between two interfaces, or one and the ground."""
+
+    a: str
+    b: str | None = None
+    stiffness: Six
+    damping: Six = [0.0] * 6
+
+    @model_validator(mode="after")
+    def _two_ends(self) -> "SpringTable":
+        if self.a == self.b:
+            raise ValueError(f"both ends are {self.a!r}, expected two different interfaces, or no b for the ground")
+        return self
+
+
+class OutputTable(_Table):
+    """`[output]`: what goes into the results."""
+
+    variables: list[str] | None = None
+    every: int = Field(default=1, ge=1)
+
+
+class CouplingFile(_Table):
+    """A whole coupling file."""
+
+    experiment: ExperimentTable
+    fmu: list[FmuTable] = Field(min_length=1)
+    connection: list[ConnectionTable] = []
+    spring: list[SpringTable] = []
+    output: OutputTable = OutputTable()
+
+    @model_validator(mode="after")
+    def _different_names(self) -> "CouplingFile":
+        names = [fmu.name for fmu in self.fmu]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two [[fmu]] tables have the name {name!r}, expected different names")
+        return self
+
+
+def read_coupling_file(path: Path) -> CouplingFile:
+    """Read and check a coupling file; paths in it come out relative to the working directory.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    CouplingFile
+
+    Raises
+    ------
+    SimulationError
+        Every wrong key at once, with what was found and what would do.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise SimulationError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise SimulationError(f"{path}: cannot be read ({error})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SimulationError(f"{path}: not valid TOML: {error}") from error
+    try:
+        return parse_coupling(data, path.parent)
+    except SimulationError as error:
+        raise SimulationError(f"{path}:\n  {error}") from error
+
+
+def parse_coupling(data: dict[str, Any], folder: Path) -> CouplingFile:
+    """Check the contents of a coupling file.
+
+    Parameters
+    ----------
+    data : dict
+        As `tomllib` reads it.
+    folder : Path
+        What paths of FMUs and tables are relative to.
+
+    Returns
+    -------
+    CouplingFile
+
+    Raises
+    ------
+    SimulationError
+        Every wrong key at once, with what was found and what would do.
+    """
+    try:
+        coupling = CouplingFile.model_validate(data)
+    except ValidationError as error:
+        raise SimulationError("\n  ".join(_explain(error))) from error
+    fmus = [
+        fmu.model_copy(update={"file": folder / fmu.file, "input": None if fmu.input is None else folder / fmu.input})
+        for fmu in coupling.fmu
+    ]
+    return coupling.model_copy(update={"fmu": fmus})
+
+
+def _explain(error: ValidationError) -> list[str]:
+    """One line for each wrong key."""
+    lines: dict[str, None] = {}
+    for problem in error.errors():
+        key = _key(problem["loc"])
+        reason = _reason(problem)
+        lines[f"{key}: {reason}" if key else reason] = None
+    return list(lines)
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    """The key as the file spells it; tables of an array are counted from one."""
+    key = ""
+    for depth, part in enumerate(location):
+        # Only start values may be of several kinds.
+        if depth and part in _ALTERNATIVES and "start" in location[:depth]:
+            continue
+        key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else part
+    return key
+
+
+def _reason(problem: Any) -> str:
+    if problem["type"] == "extra_forbidden":
+        key = str(problem["loc"][-1])
+        return f"unknown key{_nearest_key(key)}; docs/master.md lists the known ones"
+    if problem["type"] == "missing":
+        return "missing, and there is no default"
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    if problem["type"] == "value_error":
+        return message
+    message = message.replace("Input should", "should")
+    return f"found {problem.get('input')!r}; {message[0].lower()}{message[1:]}"
+
+
+def _nearest_key(key: str) -> str:
+    tables = (CouplingFile, ExperimentTable, FmuTable, ConnectionTable, SpringTable, OutputTable)
+    known = {field.alias or name for table in tables for name, field in table.model_fields.items()}
+    near = difflib.get_close_matches(key, sorted(known), n=1)
+    return f", did you mean {near[0]!r}?" if near else ""

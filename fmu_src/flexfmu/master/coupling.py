@@ -1,0 +1,172 @@
+"""Coupling FMUs from a file or from Python: set up, run, keep what came out also where a run stops early."""
+
+import time as clock
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SimulationError
+from ..progress import Reporter
+from ..targets import check_target
+from .config import CouplingFile, Scheme, read_coupling_file
+from .layout import Wiring
+from .participants import Participant
+from .results import ITERATIONS, SUFFIXES, Result, write_result
+from .schemes import Point, Stage, scheme
+from .wiring import wire
+
+FloatArray = NDArray[np.float64]
+
+# Seconds between words on how far a run is.
+_PAUSE = 10.0
+# Answer of springs to their own loads beyond which explicit schemes are warned of.
+_STIFF = 0.1
+
+
+class CouplingStoppedError(SimulationError):
+    """A run that ended before its time.
+
+    Parameters
+    ----------
+    message : str
+    result : Result
+        What came out until then.
+    """
+
+    def __init__(self, message: str, result: Result):
+        super().__init__(message)
+        self.result = result
+
+
+class _Recorder:
+    """Rows of results as they come."""
+
+    def __init__(self, wiring: Wiring, participants: list[Participant]):
+        self._recorded = wiring.recorded
+        self._of = [
+            (participant, [k for k, variable in enumerate(wiring.recorded) if variable.role == role])
+            for role, participant in enumerate(participants)
+        ]
+        self._times: list[float] = []
+        self._rows: list[FloatArray] = []
+
+    def take(self, time: float, iterations: float) -> None:
+        row = np.empty(len(self._recorded) + 1)
+        for participant, places in self._of:
+            row[places] = participant.recorded([self._recorded[k] for k in places])
+        row[-1] = iterations
+        self._times.append(time)
+        self._rows.append(row)
+
+    def result(self) -> Result:
+        names = (*(variable.name for variable in self._recorded), ITERATIONS)
+        units = (*(variable.unit for variable in self._recorded), None)
+        return Result(names, units, np.array(self._times), np.array(self._rows).reshape(-1, len(names)))
+
+
+def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
+    """Run coupled FMUs.
+
+    Parameters
+    ----------
+    coupling : CouplingFile
+    report : Reporter, optional
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    SimulationError
+        The coupling cannot be, or an FMU fails its start; nothing has run.
+    CouplingStoppedError
+        An FMU refused or failed a step, or the coupled inputs did not settle; with what came out until then.
+    """
+    report = report or Reporter()
+    settings = coupling.experiment
+    wiring = wire(coupling)
+    names = ", ".join(role.description.name for role in wiring.roles)
+    title = f"Couple {names} to {settings.stop:g} s in steps of {settings.step:g} s, {settings.scheme.value}"
+    with report.stage(title), ExitStack() as stack:
+        participants = []
+        for role in wiring.roles:
+            participants.append(Participant(role))
+            stack.callback(participants[-1].close)
+        for participant in participants:
+            participant.initialize(settings.stop)
+        result = _march(coupling, Stage(wiring, participants, settings.step), report)
+        for participant in participants:
+            for text in participant.warnings():
+                report.warning(f"{participant.name}: {text}")
+    return result
+
+
+def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
+    """Step by step to the end."""
+    settings, recorder = coupling.experiment, _Recorder(stage.wiring, list(stage.participants))
+    point = stage.initial()
+    recorder.take(0.0, 0.0)
+    advance, said, rounds = scheme(stage, settings), clock.monotonic(), 0
+    try:
+        while point.number < settings.steps:
+            point = advance(point)
+            rounds += point.iterations
+            if point.number == 1 and settings.scheme is not Scheme.ITERATED:
+                _warn_of_stiff_springs(stage, point, report)
+            if point.number % coupling.output.every == 0 or point.number == settings.steps:
+                recorder.take(point.number * settings.step, point.iterations)
+            if clock.monotonic() - said > _PAUSE:
+                said = clock.monotonic()
+                report.note(f"at {point.number * settings.step:.6g} s of {settings.stop:g} s")
+    except SimulationError as error:
+        at = point.number * settings.step
+        raise CouplingStoppedError(f"stopped at {at:.9g} s: {error}", recorder.result()) from error
+    if settings.scheme is Scheme.ITERATED:
+        report.note(f"{rounds / settings.steps:.2f} iterations a step")
+    return recorder.result()
+
+
+def _warn_of_stiff_springs(stage: Stage, point: Point, report: Reporter) -> None:
+    """Say so where the interfaces' compliance tells that an explicit scheme will grow."""
+    model = stage.answer(point.signals, point.before)
+    if model is None:
+        return
+    size = float(np.max(np.abs(np.linalg.eigvals(model.slope))))
+    if size > _STIFF:
+        report.warning(
+            f"springs answer their own loads {size:.2g}-fold within a step; explicit coupling grows where that is not "
+            'small against 1: take scheme = "iterated", or a shorter step'
+        )
+
+
+def run(path: Path, output: Path, report: Reporter) -> None:
+    """Run the coupling of a file and write its results; of a run that stops early, as NAME.partial.SUFFIX beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Coupling file (TOML).
+    output : Path
+        CSV or HDF5, by its ending.
+    report : Reporter
+
+    Raises
+    ------
+    SimulationError
+        The coupling cannot be, or stopped early.
+    OutputError
+        The results cannot be written.
+    """
+    coupling = read_coupling_file(path)
+    tables = [fmu.input for fmu in coupling.fmu if fmu.input is not None]
+    check_target(output, SUFFIXES, inputs=(path, *(fmu.file for fmu in coupling.fmu), *tables))
+    try:
+        result = couple(coupling, report)
+    except CouplingStoppedError as stopped:
+        partial = output.with_suffix(f".partial{output.suffix}")
+        write_result(partial, stopped.result)
+        raise CouplingStoppedError(f"{stopped}\nWhat came out until then is in {partial}", stopped.result) from stopped
+    write_result(output, result)

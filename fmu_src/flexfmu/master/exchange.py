@@ -1,0 +1,156 @@
+"""What inputs the FMUs' outputs ask for: tables, connections and springs, and how the answer to inputs is known."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .acceleration import Model
+from .layout import Wiring
+from .springs import Springs, backward_rates, loads, tangent
+
+FloatArray = NDArray[np.float64]
+
+# Of a step: on which side of a jump in a table its ends lie does not hang on round-off.
+_NEAR = 1e-9
+# Multiples of round-off that outputs are trusted to, and the change of any input that never counts.
+_ROUND_OFF, _NOTHING = 1e3 * np.finfo(float).eps, 1e-12
+
+
+def base_inputs(wiring: Wiring, time: float, step: float, before: bool = False) -> FloatArray:
+    """What the driven inputs have apart from the coupling.
+
+    Parameters
+    ----------
+    wiring : Wiring
+    time, step : float
+        s.
+    before : bool, optional
+        At a jump of a table take the value before it.
+
+    Returns
+    -------
+    (n,) float
+    """
+    result = wiring.base.copy()
+    for table in wiring.tables:
+        moment = time + (-_NEAR if before else _NEAR) * step
+        row = int(np.searchsorted(table.time, moment, side="right"))
+        if row in (0, len(table.time)):
+            result[table.inputs] = table.values[min(row, len(table.time) - 1)]
+        else:
+            span = table.time[row] - table.time[row - 1]
+            part = (moment - table.time[row - 1]) / span
+            result[table.inputs] = (1.0 - part) * table.values[row - 1] + part * table.values[row]
+    return result
+
+
+def coupled_inputs(wiring: Wiring, signals: FloatArray, before: FloatArray, step: float) -> FloatArray:
+    """What connections and springs ask the driven inputs to be, in addition to the base.
+
+    Parameters
+    ----------
+    wiring : Wiring
+    signals : (m,) float
+        Now.
+    before : (m,) float
+        A step ago, for the rates of ends without velocities.
+    step : float
+        s.
+
+    Returns
+    -------
+    (n,) float
+    """
+    result: FloatArray = wiring.matrix @ signals
+    if len(wiring.springs.a):
+        places, values = wiring.ends.loads, loads(wiring.springs, *_motion(wiring, signals, before, step))
+        there = places >= 0
+        result[places[there]] += values[there]
+    return result
+
+
+def answer(
+    wiring: Wiring,
+    signals: FloatArray,
+    before: FloatArray,
+    step: float,
+    compliance: Sequence[FloatArray | None],
+    share: float = 1.0,
+) -> Model | None:
+    """Derivative of the coupled inputs with respect to themselves, held over a step, from the ends' compliance.
+
+    Of springs only one of whose ends offers its compliance nothing is known.
+
+    Parameters
+    ----------
+    wiring : Wiring
+    signals, before : (m,) float
+        At the step's end and beginning.
+    step : float
+        s.
+    compliance : sequence of (6, 6) float or None
+        Of each end: displacement and rotation at the step's end by force and moment held over it.
+    share : float, optional
+        Part that the step's end has in what is held.
+
+    Returns
+    -------
+    Model or None
+        None: nothing is known.
+    """
+    ends, springs = wiring.ends, wiring.springs
+    # The ground does not give way.
+    offered = np.array([c is not None and bool(np.all(np.isfinite(c))) for c in compliance] + [True])
+    told = offered[springs.a] & offered[springs.b]
+    if not np.any(told):
+        return None
+    known_springs = Springs(springs.a[told], springs.b[told], springs.stiffness[told], springs.damping[told])
+    motion, _ = _motion(wiring, signals, before, step)
+    # A load held over the step changes the velocity at its end twice as much as the motion suggests.
+    by_motion = np.where(ends.rates[:, 0] >= 0, 2.0, 1.0) / step
+    slope = tangent(known_springs, motion, by_motion)
+    for end, block in enumerate(compliance):
+        columns = slice(6 * end, 6 * end + 6)
+        slope[:, columns] = slope[:, columns] @ (np.zeros((6, 6)) if block is None or not offered[end] else block)
+    known = np.zeros(len(wiring.base), dtype=bool)
+    for end in {*known_springs.a.tolist(), *known_springs.b.tolist()} - {len(ends.names)}:
+        known[ends.loads[end][ends.loads[end] >= 0]] = True
+    places = ends.loads.ravel()
+    there = places >= 0
+    full = np.zeros((len(wiring.base), len(wiring.base)))
+    full[np.ix_(places[there], places[there])] = share * slope[np.ix_(there, there)]
+    return Model(full, known)
+
+
+def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:
+    """Residuals of the coupled inputs that round-off of the signals explains.
+
+    Parameters
+    ----------
+    wiring : Wiring
+    signals : (m,) float
+    step : float
+        s.
+
+    Returns
+    -------
+    (n,) float
+    """
+    result: FloatArray = np.abs(wiring.matrix) @ np.abs(signals)
+    if len(wiring.springs.a):
+        motion, _ = _motion(wiring, signals, signals, step)
+        size = np.repeat(np.max(np.abs(motion), axis=1, initial=0.0), 6)
+        by_motion = np.full(len(motion), 2.0 / step)
+        places = wiring.ends.loads.ravel()
+        result[places[places >= 0]] += (np.abs(tangent(wiring.springs, motion, by_motion)) @ size)[places >= 0]
+    return _ROUND_OFF * result + _NOTHING
+
+
+def _motion(wiring: Wiring, signals: FloatArray, before: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Motion and rates of the ends, (E, 6) each; what an FMU does not offer is zero, rates are differences then."""
+    # Place −1 is the zero at the end.
+    now, then = np.append(signals, 0.0), np.append(before, 0.0)
+    motion, offered = now[wiring.ends.motion], now[wiring.ends.rates]
+    difference = backward_rates(motion, then[wiring.ends.motion], step)
+    return motion, np.where(wiring.ends.rates >= 0, offered, difference)

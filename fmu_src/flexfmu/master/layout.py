@@ -1,0 +1,152 @@
+"""A coupling as arrays: what every FMU gives and gets, connections, springs' ends, tables and what is recorded.
+
+All outputs that the coupling needs make one vector of signals, all inputs that it drives another: FMU by FMU in the
+order listed. The connections are a matrix from the one to the other; springs read and write places in them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .config import StartValue
+from .descriptions import Description
+from .springs import Springs
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Inputs over time: linear between rows, of rows at one time the last counts from then on.
+
+    Attributes
+    ----------
+    time : (R,) float
+        s.
+    values : (R, C) float
+    inputs : (C,) int
+        Places among the driven inputs.
+    """
+
+    time: FloatArray
+    values: FloatArray
+    inputs: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """What an FMU gives to the coupling and gets from it.
+
+    Attributes
+    ----------
+    description : Description
+    start : mapping of str to float, int, bool or str
+        Start values, each of its variable's type.
+    inputs, signals : tuple of int
+        Value references of its share of the driven inputs and of the signals.
+    first_input, first_signal : int
+        Where its share begins.
+    """
+
+    description: Description
+    start: Mapping[str, StartValue]
+    inputs: tuple[int, ...]
+    signals: tuple[int, ...]
+    first_input: int
+    first_signal: int
+
+    @property
+    def input_share(self) -> slice:
+        """Its share of the driven inputs."""
+        return slice(self.first_input, self.first_input + len(self.inputs))
+
+    @property
+    def signal_share(self) -> slice:
+        """Its share of the signals."""
+        return slice(self.first_signal, self.first_signal + len(self.signals))
+
+
+@dataclass(frozen=True, slots=True)
+class Ends:
+    """Interfaces that springs hold, E of them; −1 stands for a variable that the FMU does not have.
+
+    Attributes
+    ----------
+    names : tuple of str
+        "fmu.interface".
+    role : (E,) int
+    motion, rates : (E, 6) int
+        Signals: displacement and rotation, velocity and angular velocity.
+    loads : (E, 6) int
+        Driven inputs: force and moment.
+    compliance : tuple of tuple of int
+        36 value references row by row, or none.
+    """
+
+    names: tuple[str, ...]
+    role: IntArray
+    motion: IntArray
+    rates: IntArray
+    loads: IntArray
+    compliance: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A variable of the results.
+
+    Attributes
+    ----------
+    name : str
+        "fmu.variable".
+    unit : str or None
+    role : int
+    reference : int
+        Value reference.
+    type : str
+        "Real", "Integer" or "Boolean".
+    """
+
+    name: str
+    unit: str | None
+    role: int
+    reference: int
+    type: str
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """A whole coupling, checked.
+
+    Attributes
+    ----------
+    roles : tuple of Role
+    input_names : tuple of str
+        The driven inputs, n.
+    kind : (n,) int
+        Inputs of one number are compared with each other when changes are judged.
+    base : (n,) float
+        What inputs have apart from tables, connections and springs.
+    coupled : (n,) bool
+        Inputs that connections or springs feed.
+    matrix : (n, signals) float
+        Of the connections.
+    tables : tuple of Table
+    springs : Springs
+    ends : Ends
+    recorded : tuple of Recorded
+    """
+
+    roles: tuple[Role, ...]
+    input_names: tuple[str, ...]
+    kind: IntArray
+    base: FloatArray
+    coupled: NDArray[np.bool_]
+    matrix: FloatArray
+    tables: tuple[Table, ...]
+    springs: Springs
+    ends: Ends
+    recorded: tuple[Recorded, ...]

@@ -1,0 +1,335 @@
+"""An FMU at work, by fmpy: its life cycle, values, steps, saved states and log."""
+
+import shutil
+import tempfile
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from ctypes import byref
+from typing import Any
+
+import fmpy
+import numpy as np
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import (
+    FMU2Slave,
+    calloc,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+    free,
+)
+from fmpy.logging import addLoggerProxy
+from numpy.typing import NDArray
+
+from ..errors import SimulationError
+from .layout import Recorded, Role
+
+FloatArray = NDArray[np.float64]
+
+STATUS_CODE = "status.code"
+# FMI 2.0 statuses: a call that was not honoured, and one after which nothing may be called.
+_DISCARD, _FATAL = 2, 4
+# Log lines of an FMU that a message quotes, and warnings that are handed on.
+_QUOTED, _WARNINGS = 3, 20
+
+_refusals: dict[str, deque[str]] = {}
+_warnings: dict[str, dict[str, None]] = {}
+
+
+def _log(_environment: object, instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
+    # Lines without a category are the library's own, and say only which call failed.
+    if not category or not text or not instance:
+        return
+    name, words = (
+        instance.decode(errors="replace"),
+        text.decode(errors="replace").removeprefix(f"{instance.decode()}: "),
+    )
+    if status >= _DISCARD and name in _refusals:
+        _refusals[name].append(words)
+    elif status == 1 and name in _warnings and len(_warnings[name]) < _WARNINGS:
+        _warnings[name][words] = None
+
+
+# fmpy's proxy knows one logger in a process: this one tells by the instance's name whose line it is.
+_LOGGER = fmi2CallbackLoggerTYPE(_log)
+
+
+class StepRefusedError(SimulationError):
+    """An FMU discarded a step; its state is as it was before."""
+
+
+class Participant:
+    """An FMU's instance in a coupling.
+
+    Parameters
+    ----------
+    role : Role
+
+    Raises
+    ------
+    SimulationError
+        The archive cannot be unpacked, or its library not loaded here.
+    """
+
+    def __init__(self, role: Role):
+        self.role = role
+        self.name = role.description.name
+        self._usable = True
+        self._state: Any = None
+        self._slave: Any = None
+        _refusals[self.name] = deque(maxlen=_QUOTED)
+        _warnings[self.name] = {}
+        self._folder = tempfile.mkdtemp(prefix="flexfmu-")
+        try:
+            fmpy.extract(str(role.description.file), self._folder)
+            self._callbacks = fmi2CallbackFunctions()
+            self._callbacks.logger = _LOGGER
+            self._callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
+            self._callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
+            addLoggerProxy(byref(self._callbacks))
+            slave = FMU2Slave(
+                guid=role.description.guid,
+                unzipDirectory=self._folder,
+                modelIdentifier=role.description.model_identifier,
+                instanceName=self.name,
+            )
+            slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+            self._slave = slave
+        except Exception as error:  # fmpy raises bare exceptions
+            self.close()
+            raise SimulationError(
+                f"fmu {self.name!r} ({role.description.file}) cannot be loaded: {self._quoted() or error}"
+            ) from error
+
+    def initialize(self, stop: float) -> None:
+        """Set the start values and enter the initialisation.
+
+        Parameters
+        ----------
+        stop : float
+            End of the experiment, s.
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails a call.
+        """
+        try:
+            for name, value in self.role.start.items():
+                variable = self.role.description.variables[name]
+                setters = {
+                    "Real": self._slave.setReal,
+                    "Integer": self._slave.setInteger,
+                    "Enumeration": self._slave.setInteger,
+                    "Boolean": self._slave.setBoolean,
+                    "String": self._slave.setString,
+                }
+                setters[variable.type]([variable.valueReference], [value])
+            self._slave.setupExperiment(startTime=0.0, stopTime=stop)
+            self._slave.enterInitializationMode()
+        except FMICallException as error:
+            raise self._failure("failed its start", error) from error
+
+    def begin(self) -> None:
+        """End the initialisation.
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call.
+        """
+        try:
+            self._slave.exitInitializationMode()
+        except FMICallException as error:
+            raise self._failure("failed its start", error) from error
+
+    def set_inputs(self, values: FloatArray) -> None:
+        """Set its share of the driven inputs.
+
+        Parameters
+        ----------
+        values : (inputs,) float
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call.
+        """
+        if self.role.inputs:
+            try:
+                self._slave.setReal(self.role.inputs, values.tolist())
+            except FMICallException as error:
+                raise self._failure("failed to take its inputs", error) from error
+
+    def signals(self) -> FloatArray:
+        """Its share of the signals.
+
+        Returns
+        -------
+        (signals,) float
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call, or a value is not finite.
+        """
+        values = self.reals(self.role.signals)
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if wrong.size:
+            reference = self.role.signals[int(wrong[0])]
+            name = next(v.name for v in self.role.description.variables.values() if v.valueReference == reference)
+            raise SimulationError(
+                f"fmu {self.name!r}: {name} is {values[wrong[0]]}, expected a finite value. A coupling that grows "
+                "without bound ends so: take a shorter step, or the iterated scheme"
+            )
+        return values
+
+    def reals(self, references: Sequence[int]) -> FloatArray:
+        """Values of Real variables.
+
+        Parameters
+        ----------
+        references : sequence of int
+
+        Returns
+        -------
+        (references,) float
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call.
+        """
+        return np.array(self._values("Real", references), dtype=np.float64)
+
+    def recorded(self, variables: Sequence[Recorded]) -> list[float]:
+        """Values for the results.
+
+        Parameters
+        ----------
+        variables : sequence of Recorded
+            All of this FMU.
+
+        Returns
+        -------
+        list of float
+            In the order of `variables`.
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call.
+        """
+        found: dict[int, float] = {}
+        for kind in ("Real", "Integer", "Boolean"):
+            places = [k for k, variable in enumerate(variables) if variable.type == kind]
+            values = self._values(kind, [variables[k].reference for k in places])
+            found |= {k: float(value) for k, value in zip(places, values, strict=True)}
+        return [found[k] for k in range(len(variables))]
+
+    def step(self, time: float, size: float) -> None:
+        """Advance by a communication step.
+
+        Parameters
+        ----------
+        time, size : float
+            s.
+
+        Raises
+        ------
+        StepRefusedError
+            The FMU discards the step.
+        SimulationError
+            The FMU fails the call, or its status.code tells of a failure.
+        """
+        # A step that may be repeated must leave what lies before it within reach.
+        final = self._state is None
+        try:
+            self._slave.doStep(time, size, final)
+        except FMICallException as error:
+            if error.status == _DISCARD:
+                words = self._quoted() or "without a reason in its log"
+                raise StepRefusedError(
+                    f"fmu {self.name!r} refused the step from {time:.9g} s by {size:g} s: {words}"
+                ) from error
+            raise self._failure(f"failed the step from {time:.9g} s by {size:g} s", error) from error
+        status = self.role.description.variables.get(STATUS_CODE)
+        if status is not None and status.type == "Integer":
+            (code,) = self._values("Integer", [int(status.valueReference)])
+            if code:
+                raise SimulationError(
+                    f"fmu {self.name!r}: status.code is {code} after the step from {time:.9g} s: {self._quoted()}"
+                )
+
+    def save(self) -> None:
+        """Keep the state of now, to come back to.
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call.
+        """
+        self.forget()
+        try:
+            self._state = self._slave.getFMUstate()
+        except FMICallException as error:
+            raise self._failure("failed to save its state", error) from error
+
+    def restore(self) -> None:
+        """Go back to the state kept.
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call.
+        """
+        try:
+            self._slave.setFMUstate(self._state)
+        except FMICallException as error:
+            raise self._failure("failed to go back to its state", error) from error
+
+    def forget(self) -> None:
+        """Drop the state kept, if any."""
+        if self._state is not None:
+            state, self._state = self._state, None
+            with suppress(FMICallException):
+                self._slave.freeFMUstate(state)
+
+    def warnings(self) -> list[str]:
+        """What the FMU warned of so far, each once.
+
+        Returns
+        -------
+        list of str
+        """
+        return list(_warnings[self.name])
+
+    def close(self) -> None:
+        """End and free the instance and remove what was unpacked."""
+        if self._slave is not None and self._usable:
+            self.forget()
+            with suppress(FMICallException):
+                self._slave.terminate()
+            self._slave.freeInstance()
+        self._slave = None
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _values(self, kind: str, references: Sequence[int]) -> list[Any]:
+        if not references:
+            return []
+        getters = {"Real": self._slave.getReal, "Integer": self._slave.getInteger, "Boolean": self._slave.getBoolean}
+        try:
+            values: list[Any] = getters[kind](list(references))
+        except FMICallException as error:
+            raise self._failure("failed to give its values", error) from error
+        return values
+
+    def _failure(self, what: str, error: FMICallException) -> SimulationError:
+        """Error for a call that was not honoured."""
+        self._usable = error.status < _FATAL
+        return SimulationError(f"fmu {self.name!r} {what}: {self._quoted() or error}")
+
+    def _quoted(self) -> str:
+        return "; ".join(_refusals[self.name])

@@ -1,0 +1,93 @@
+"""Results of a coupling: columns over time with names and units, in a CSV or an HDF5 file."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from ..targets import whole_file
+
+FloatArray = NDArray[np.float64]
+
+SUFFIXES = (".csv", ".h5", ".hdf5")
+ITERATIONS = "master.iterations"
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What the coupled FMUs did.
+
+    Attributes
+    ----------
+    names : tuple of str
+        "fmu.variable", C of them; the last is "master.iterations".
+    units : tuple of str or None
+    time : (T,) float
+        s.
+    values : (T, C) float
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    time: FloatArray
+    values: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (len(self.time), len(self.names)) or len(self.units) != len(self.names):
+            raise ValueError(
+                f"{len(self.names)} names, {len(self.units)} units, {len(self.time)} times, values {self.values.shape}"
+            )
+        for array in (self.time, self.values):
+            array.flags.writeable = False
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Values (T,) of a column by its name."""
+        result: FloatArray = self.values[:, self.names.index(name)]
+        return result
+
+
+def write_result(path: Path, result: Result) -> None:
+    """Write results, by the file name's ending as CSV or HDF5; the file appears whole or not at all.
+
+    CSV: a header "time,NAME [UNIT],…". HDF5: datasets "time" and one a column, with the attribute "unit".
+
+    Parameters
+    ----------
+    path : Path
+    result : Result
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    with whole_file(path) as part:
+        if path.suffix.lower() == ".csv":
+            _write_csv(part, result)
+        else:
+            _write_hdf5(part, result)
+
+
+def _write_csv(path: Path, result: Result) -> None:
+    headers = [f"{name} [{unit}]" if unit else name for name, unit in zip(result.names, result.units, strict=True)]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time", *headers])
+        for time, row in zip(result.time, result.values, strict=True):
+            writer.writerow([f"{x:.12g}" for x in (time, *row)])
+
+
+def _write_hdf5(path: Path, result: Result) -> None:
+    columns: Sequence[tuple[str, str | None, FloatArray]] = [
+        ("time", "s", result.time),
+        *((name, unit, result[name]) for name, unit in zip(result.names, result.units, strict=True)),
+    ]
+    with h5py.File(path, "w") as file:
+        for name, unit, values in columns:
+            # HDF5 takes a slash for a group.
+            dataset = file.create_dataset(name.replace("/", "_"), data=values, track_times=False)
+            dataset.attrs["unit"] = unit or ""

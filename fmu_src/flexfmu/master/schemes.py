@@ -1,0 +1,286 @@
+"""How the FMUs of a coupling take a communication step together; docs/master.md says which scheme is stable when."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SimulationError
+from .acceleration import Model, Secants, change, joined, no_secants
+from .config import ExperimentTable, Held, Scheme
+from .exchange import answer, base_inputs, coupled_inputs, noise
+from .layout import Wiring
+from .participants import Participant, StepRefusedError
+
+FloatArray = NDArray[np.float64]
+
+# Halvings of a change of inputs with which an FMU refuses the step.
+_HALVINGS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A communication point.
+
+    Attributes
+    ----------
+    number : int
+        Steps taken so far.
+    signals : (m,) float
+    before : (m,) float
+        A step earlier.
+    iterations : int
+        Times that the step which led here was taken.
+    """
+
+    number: int
+    signals: FloatArray
+    before: FloatArray
+    iterations: int = 0
+
+
+Advance = Callable[[Point], Point]
+
+
+class Stage:
+    """The FMUs and what links them.
+
+    Parameters
+    ----------
+    wiring : Wiring
+    participants : sequence of Participant
+    step : float
+        Communication step, s.
+    """
+
+    def __init__(self, wiring: Wiring, participants: Sequence[Participant], step: float):
+        self.wiring, self.participants, self.step = wiring, tuple(participants), step
+        self.coupled = tuple(p for p in self.participants if np.any(wiring.coupled[p.role.input_share]))
+        self.free = tuple(p for p in self.participants if p not in self.coupled)
+
+    def initial(self) -> Point:
+        """Hand outputs on along the connections, in the order listed, and end the initialisation."""
+        signals = np.zeros(self.wiring.matrix.shape[1])
+        base = base_inputs(self.wiring, 0.0, self.step)
+        for participant in self.participants:
+            participant.set_inputs((base + self.wiring.matrix @ signals)[participant.role.input_share])
+            signals[participant.role.signal_share] = participant.signals()
+        for participant in self.participants:
+            participant.begin()
+            signals[participant.role.signal_share] = participant.signals()
+        return Point(0, signals, signals.copy())
+
+    def take(self, participant: Participant, number: int, inputs: FloatArray, signals: FloatArray) -> None:
+        """Let an FMU step with its share of inputs; its share of signals is renewed."""
+        participant.set_inputs(inputs[participant.role.input_share])
+        participant.step(number * self.step, self.step)
+        signals[participant.role.signal_share] = participant.signals()
+
+    def requested(self, signals: FloatArray, before: FloatArray) -> FloatArray:
+        """What connections and springs ask the inputs to be."""
+        return coupled_inputs(self.wiring, signals, before, self.step)
+
+    def answer(self, signals: FloatArray, before: FloatArray, share: float = 1.0) -> Model | None:
+        """What the ends' compliance, of the step just taken, tells beforehand."""
+        ends = self.wiring.ends
+        if not any(ends.compliance):
+            return None
+        compliance = [
+            self.participants[role].reals(references).reshape(6, 6) if references else None
+            for role, references in zip(ends.role, ends.compliance, strict=True)
+        ]
+        return answer(self.wiring, signals, before, self.step, compliance, share)
+
+
+def jacobi(stage: Stage, point: Point) -> Point:
+    """All FMUs step with the inputs of the last communication point.
+
+    Parameters
+    ----------
+    stage : Stage
+    point : Point
+
+    Returns
+    -------
+    Point
+        A step later.
+    """
+    inputs = base_inputs(stage.wiring, point.number * stage.step, stage.step)
+    inputs += stage.requested(point.signals, point.before)
+    signals = point.signals.copy()
+    for participant in stage.participants:
+        stage.take(participant, point.number, inputs, signals)
+    return Point(point.number + 1, signals, point.signals, 1)
+
+
+def gauss_seidel(stage: Stage, point: Point) -> Point:
+    """One FMU steps after the other; the later ones get the fresh outputs of the earlier.
+
+    Parameters
+    ----------
+    stage : Stage
+    point : Point
+
+    Returns
+    -------
+    Point
+        A step later.
+    """
+    base = base_inputs(stage.wiring, point.number * stage.step, stage.step)
+    signals, before = point.signals.copy(), point.before.copy()
+    for participant in stage.participants:
+        stage.take(participant, point.number, base + stage.requested(signals, before), signals)
+        share = participant.role.signal_share
+        before[share] = point.signals[share]
+    return Point(point.number + 1, signals, point.signals, 1)
+
+
+class Iterated:
+    """Steps are taken back and repeated until the inputs held over them are those that the outputs ask for.
+
+    Parameters
+    ----------
+    stage : Stage
+    settings : ExperimentTable
+    """
+
+    def __init__(self, stage: Stage, settings: ExperimentTable):
+        self._stage, self._settings = stage, settings
+        self._share = 1.0 if settings.held is Held.END else 0.5
+        size = len(stage.wiring.base)
+        self._kept: list[Secants] = []
+        self._held: list[FloatArray] = []
+        self._largest = np.zeros(int(np.max(stage.wiring.kind, initial=0)) + 1)
+        self._none = no_secants(size)
+
+    def __call__(self, point: Point) -> Point:
+        """Take a step.
+
+        Parameters
+        ----------
+        point : Point
+
+        Returns
+        -------
+        Point
+            A step later.
+
+        Raises
+        ------
+        SimulationError
+            The inputs do not settle, or an FMU refuses the step also with small changes of its inputs.
+        """
+        stage, settings = self._stage, self._settings
+        base, first = self._base(point), stage.requested(point.signals, point.before)
+        for participant in stage.coupled:
+            participant.save()
+        signals = point.signals.copy()
+        for participant in stage.free:
+            stage.take(participant, point.number, base, signals)
+        here = self._none
+        model: Model | None = None
+        held, guess = (first if not self._held else self._held[-1]), self._predicted(first)
+        past: tuple[FloatArray, FloatArray] | None = None
+        for iteration in range(1, settings.max_iterations + 1):
+            held = self._evaluate(point, base, held, guess, signals, iteration)
+            asked = (1.0 - self._share) * first + self._share * stage.requested(signals, point.signals)
+            residual = asked - held
+            if iteration == 1:
+                model = stage.answer(signals, point.signals, self._share)
+            if past is not None:
+                differences = ((residual - past[1])[:, None], (held - past[0])[:, None])
+                here = joined(Secants(*differences), here)
+            past = held, residual
+            secants = here
+            for older in self._kept:
+                secants = joined(secants, older)
+            delta, error = change(residual, secants, self._scale(asked), settings.relaxation, model)
+            if self._settled(held, error, residual, signals):
+                self._remember(held, here)
+                for participant in stage.coupled:
+                    participant.forget()
+                return Point(point.number + 1, signals, point.signals, iteration)
+            guess = held + delta
+        raise SimulationError(self._unsettled(point, held, error))
+
+    def _base(self, point: Point) -> FloatArray:
+        """What tables give over the step: at its beginning, or the mean of its ends."""
+        time, step = point.number * self._stage.step, self._stage.step
+        start = base_inputs(self._stage.wiring, time, step)
+        if self._settings.held is Held.END:
+            return start
+        return 0.5 * (start + base_inputs(self._stage.wiring, time + step, step, before=True))
+
+    def _predicted(self, first: FloatArray) -> FloatArray:
+        """Inputs to begin with: on the line through the last two steps."""
+        if len(self._held) < 2:
+            return first if not self._held else self._held[-1]
+        return 2.0 * self._held[-1] - self._held[-2]
+
+    def _evaluate(
+        self, point: Point, base: FloatArray, safe: FloatArray, guess: FloatArray, signals: FloatArray, iteration: int
+    ) -> FloatArray:
+        """Step with the inputs guessed, or, where an FMU refuses those, nearer to the ones that it took; which ones."""
+        for halving in range(_HALVINGS + 1):
+            if iteration > 1 or halving:
+                for participant in self._stage.coupled:
+                    participant.restore()
+            held = safe + 0.5**halving * (guess - safe)
+            try:
+                for participant in self._stage.coupled:
+                    self._stage.take(participant, point.number, base + held, signals)
+                break
+            except StepRefusedError:
+                # Nearer to inputs that equal the guess there is nothing to try.
+                if halving == _HALVINGS or np.array_equal(guess, safe):
+                    raise
+        return held
+
+    def _scale(self, values: FloatArray) -> FloatArray:
+        """Size of each input's kind: the largest so far, in this step or before."""
+        kind = self._stage.wiring.kind
+        largest = self._largest.copy()
+        np.maximum.at(largest, kind, np.abs(values))
+        scale: FloatArray = np.where(largest > 0.0, largest, 1.0)[kind]
+        return scale
+
+    def _settled(self, held: FloatArray, error: FloatArray, residual: FloatArray, signals: FloatArray) -> bool:
+        """Whether what the inputs are off by does not count, or is round-off."""
+        small = np.abs(error) <= self._settings.tolerance * self._scale(held + error)
+        return bool(np.all(small | (np.abs(residual) <= noise(self._stage.wiring, signals, self._stage.step))))
+
+    def _remember(self, held: FloatArray, secants: Secants) -> None:
+        np.maximum.at(self._largest, self._stage.wiring.kind, np.abs(held))
+        self._held = [*self._held[-1:], held]
+        if self._settings.reuse:
+            self._kept = [secants, *self._kept][: self._settings.reuse]
+
+    def _unsettled(self, point: Point, held: FloatArray, error: FloatArray) -> str:
+        ratio = np.abs(error) / self._scale(held)
+        worst = int(np.argmax(ratio))
+        return (
+            f"the coupled inputs do not settle in the step from {point.number * self._stage.step:.9g} s: after "
+            f"{self._settings.max_iterations} iterations {self._stage.wiring.input_names[worst]} still changes by "
+            f"{ratio[worst]:.1e} of its size, expected {self._settings.tolerance:g}; take a shorter step, a larger "
+            "max_iterations or tolerance, or a smaller relaxation"
+        )
+
+
+def scheme(stage: Stage, settings: ExperimentTable) -> Advance:
+    """The scheme that the experiment asks for.
+
+    Parameters
+    ----------
+    stage : Stage
+    settings : ExperimentTable
+
+    Returns
+    -------
+    callable
+        From a point to the next.
+    """
+    if settings.scheme is Scheme.ITERATED:
+        return Iterated(stage, settings)
+    explicit = jacobi if settings.scheme is Scheme.JACOBI else gauss_seidel
+    return lambda point: explicit(stage, point)

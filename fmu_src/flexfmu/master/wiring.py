@@ -1,0 +1,324 @@
+"""From the coupling file and what the FMUs say of themselves to a layout, all names, units and types checked."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SimulationError
+from ..fmu.simulation import read_table
+from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, SpringTable, StartValue
+from .descriptions import Description, nearest, read_description, split, units_differ
+from .layout import Ends, Recorded, Role, Table, Wiring
+from .springs import Springs
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+AXES = ("x", "y", "z")
+ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")
+COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
+_SETTABLE = ("input", "parameter")
+_UNITS = {"displacement": "m", "rotation": "rad", "force": "N", "moment": "N.m"}
+
+
+class _Shares:
+    """Variables of all FMUs, collected as they are asked for, then put into the order of the FMUs."""
+
+    def __init__(self, descriptions: Mapping[str, Description]):
+        self._asked: dict[str, dict[str, None]] = {name: {} for name in descriptions}
+
+    def ask(self, fmu: str, variable: str) -> None:
+        self._asked[fmu][variable] = None
+
+    def of(self, fmu: str) -> tuple[str, ...]:
+        return tuple(self._asked[fmu])
+
+    def places(self) -> dict[tuple[str, str], int]:
+        pairs = [(fmu, variable) for fmu, variables in self._asked.items() for variable in variables]
+        return {pair: place for place, pair in enumerate(pairs)}
+
+
+def wire(coupling: CouplingFile) -> Wiring:
+    """Check a coupling against the FMUs' descriptions and lay it out.
+
+    Parameters
+    ----------
+    coupling : CouplingFile
+
+    Returns
+    -------
+    Wiring
+
+    Raises
+    ------
+    SimulationError
+        A name, type or unit that does not fit, an input fed twice, or an FMU that cannot do what the scheme needs.
+    """
+    descriptions = {fmu.name: read_description(fmu.name, fmu.file) for fmu in coupling.fmu}
+    inputs, signals = _Shares(descriptions), _Shares(descriptions)
+    starts = {fmu.name: _start_values(descriptions[fmu.name], fmu.start) for fmu in coupling.fmu}
+    tables = {fmu.name: _table(descriptions[fmu.name], fmu, inputs) for fmu in coupling.fmu if fmu.input is not None}
+    links = [_link(number, link, descriptions) for number, link in enumerate(coupling.connection, start=1)]
+    for number, (source, output, target, name) in enumerate(links, start=1):
+        if target.name in tables and name in tables[target.name][0]:
+            table = next(fmu.input for fmu in coupling.fmu if fmu.name == target.name)
+            raise SimulationError(
+                f"connection {number}: {target.name}.{name} is also a column of {table}; "
+                "an input takes a table or connections: remove one of them"
+            )
+        signals.ask(source.name, output)
+        inputs.ask(target.name, name)
+    ends = _end_names(coupling.spring, descriptions, inputs, signals)
+    input_place, signal_place = inputs.places(), signals.places()
+
+    if coupling.experiment.scheme is Scheme.ITERATED:
+        for fmu, variable in input_place:
+            fed = any((target.name, name) == (fmu, variable) for _, _, target, name in links)
+            if (fed or any(end.partition(".")[0] == fmu for end in ends)) and not descriptions[fmu].saves_state:
+                raise SimulationError(
+                    f'experiment.scheme is "iterated", but fmu {fmu!r} ({descriptions[fmu].file.name}) cannot save '
+                    'its state (canGetAndSetFMUstate is false): take "jacobi" or "gauss_seidel", or export it anew'
+                )
+    matrix = np.zeros((len(input_place), len(signal_place)))
+    for link, (source, output, target, name) in zip(coupling.connection, links, strict=True):
+        factor = 1.0 if link.factor is None else link.factor
+        matrix[input_place[target.name, name], signal_place[source.name, output]] += factor
+    laid_ends = _lay_ends(ends, descriptions, input_place, signal_place)
+    base = np.array([_base(descriptions[fmu], name, starts[fmu]) for fmu, name in input_place])
+    for _, _, target, name in links:
+        base[input_place[target.name, name]] = 0.0
+    for fmu, (names, _) in tables.items():
+        base[[input_place[fmu, name] for name in names]] = 0.0
+    coupled = np.any(matrix != 0.0, axis=1)
+    coupled[laid_ends.loads[laid_ends.loads >= 0]] = True
+    return Wiring(
+        roles=tuple(_roles(descriptions, starts, inputs, signals)),
+        input_names=tuple(f"{fmu}.{name}" for fmu, name in input_place),
+        kind=_kinds(descriptions, input_place, laid_ends),
+        base=base,
+        coupled=coupled,
+        matrix=matrix,
+        tables=tuple(
+            Table(rows[:, 0], rows[:, 1:], np.array([input_place[fmu, name] for name in names], dtype=np.int64))
+            for fmu, (names, rows) in tables.items()
+        ),
+        springs=_springs(coupling.spring, ends),
+        ends=laid_ends,
+        recorded=_recorded(coupling.output.variables, descriptions),
+    )
+
+
+def _roles(
+    descriptions: Mapping[str, Description],
+    starts: Mapping[str, Mapping[str, StartValue]],
+    inputs: _Shares,
+    signals: _Shares,
+) -> list[Role]:
+    roles: list[Role] = []
+    first_input = first_signal = 0
+    for name, description in descriptions.items():
+        references = [
+            tuple(int(description.variables[variable].valueReference) for variable in shares.of(name))
+            for shares in (inputs, signals)
+        ]
+        roles.append(Role(description, starts[name], references[0], references[1], first_input, first_signal))
+        first_input += len(references[0])
+        first_signal += len(references[1])
+    return roles
+
+
+def _start_values(description: Description, start: Mapping[str, StartValue]) -> dict[str, StartValue]:
+    """Start values of the variables' own types."""
+    result: dict[str, StartValue] = {}
+    for name, value in start.items():
+        key = f"fmu {description.name!r}, start"
+        variable = description.variable(name, key)
+        fixed = variable.initial == "calculated" or variable.variability == "constant"
+        if fixed or (variable.causality not in _SETTABLE and variable.initial not in ("exact", "approx")):
+            raise SimulationError(f"{key}: {name!r} is of causality {variable.causality} and cannot be set")
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        fits = {
+            "Real": number,
+            "Integer": isinstance(value, int) and not isinstance(value, bool),
+            "Enumeration": isinstance(value, int) and not isinstance(value, bool),
+            "Boolean": isinstance(value, bool),
+            "String": isinstance(value, str),
+        }
+        if not fits[variable.type]:
+            raise SimulationError(f"{key}: {name!r} is {value!r}, expected a value of type {variable.type}")
+        result[name] = float(value) if variable.type == "Real" else value
+    return result
+
+
+def _table(description: Description, fmu: FmuTable, inputs: _Shares) -> tuple[list[str], FloatArray]:
+    """Names and rows of an FMU's table of inputs."""
+    assert fmu.input is not None
+    names, rows = read_table(Path(fmu.input))
+    offered = [v.name for v in description.variables.values() if v.causality == "input" and v.type == "Real"]
+    for name in names:
+        if name not in offered:
+            raise SimulationError(
+                f"{fmu.input}: {name!r} is no Real input of fmu {fmu.name!r}; {nearest(name, offered)}"
+            )
+        inputs.ask(fmu.name, name)
+    return names, rows
+
+
+def _link(
+    number: int, link: ConnectionTable, descriptions: Mapping[str, Description]
+) -> tuple[Description, str, Description, str]:
+    """A connection's ends, checked."""
+    key = f"connection {number}"
+    source, output = split(link.source, descriptions, f"{key}, from")
+    target, name = split(link.target, descriptions, f"{key}, to")
+    giver, taker = source.variable(output, f"{key}, from"), target.variable(name, f"{key}, to")
+    if giver.causality not in ("output", "local"):
+        raise SimulationError(f"{key}: {link.source} is of causality {giver.causality}, expected an output")
+    if taker.causality != "input":
+        raise SimulationError(f"{key}: {link.target} is of causality {taker.causality}, expected an input")
+    for text, variable in ((link.source, giver), (link.target, taker)):
+        if variable.type != "Real":
+            raise SimulationError(f"{key}: {text} is of type {variable.type}; only Real variables can be connected")
+    if link.factor is None and units_differ(source, output, target, name):
+        raise SimulationError(
+            f"{key}: {link.source} is in {source.unit(output)}, {link.target} in {target.unit(name)}; connect "
+            "variables of one unit, or give the factor that turns the one into the other"
+        )
+    return source, output, target, name
+
+
+def _end_names(
+    springs: list[SpringTable], descriptions: Mapping[str, Description], inputs: _Shares, signals: _Shares
+) -> tuple[str, ...]:
+    """Interfaces that springs hold, in the order found; their variables are asked for."""
+    ends: dict[str, None] = {}
+    for number, spring in enumerate(springs, start=1):
+        for side, text in (("a", spring.a), ("b", spring.b)):
+            if text is None:
+                continue
+            key = f"spring {number}, {side}"
+            description, interface = split(text, descriptions, key)
+            turns = _group(description, f"{interface}.rotation") and _group(description, f"{interface}.moment")
+            if not turns and any(spring.stiffness[3:] + spring.damping[3:]):
+                raise SimulationError(
+                    f"{key}: {text} has no rotation and moment ({interface}.rotation.x …, {interface}.moment.x …): set "
+                    "the last three numbers of stiffness and damping to zero"
+                )
+            asked = ["displacement", "force", *(["rotation", "moment"] if turns else [])]
+            for quantity in asked:
+                for axis in AXES:
+                    _check_end(description, f"{interface}.{quantity}.{axis}", quantity, key)
+            ends[text] = None
+    for text in ends:
+        fmu, _, interface = text.partition(".")
+        for quantity in ("displacement", "rotation", "velocity", "angular_velocity", "force", "moment"):
+            if _group(descriptions[fmu], f"{interface}.{quantity}"):
+                for axis in AXES:
+                    shares = inputs if quantity in ("force", "moment") else signals
+                    shares.ask(fmu, f"{interface}.{quantity}.{axis}")
+    return tuple(ends)
+
+
+def _check_end(description: Description, name: str, quantity: str, key: str) -> None:
+    variable = description.variable(name, key)
+    wanted = "input" if quantity in ("force", "moment") else "output"
+    if variable.causality != wanted or variable.type != "Real":
+        raise SimulationError(
+            f"{key}: {description.name}.{name} is of causality {variable.causality} and type {variable.type}, expected "
+            f"a Real {wanted}"
+        )
+    unit = description.unit(name)
+    if unit is not None and unit.replace(" ", "").replace("*", ".").replace("N.m", "Nm") not in (
+        _UNITS[quantity],
+        _UNITS[quantity].replace(".", ""),
+    ):
+        raise SimulationError(f"{key}: {description.name}.{name} is in {unit}, expected {_UNITS[quantity]}")
+
+
+def _group(description: Description, name: str) -> bool:
+    """Whether all three components of a vector are there."""
+    return all(f"{name}.{axis}" in description.variables for axis in AXES)
+
+
+def _lay_ends(
+    ends: tuple[str, ...],
+    descriptions: Mapping[str, Description],
+    input_place: Mapping[tuple[str, str], int],
+    signal_place: Mapping[tuple[str, str], int],
+) -> Ends:
+    """Places of the ends' variables."""
+    order = list(descriptions)
+
+    def places(place: Mapping[tuple[str, str], int], *quantities: str) -> IntArray:
+        rows = [
+            [
+                place.get((text.partition(".")[0], f"{text.partition('.')[2]}.{quantity}.{axis}"), -1)
+                for quantity in quantities
+                for axis in AXES
+            ]
+            for text in ends
+        ]
+        return np.array(rows, dtype=np.int64).reshape(len(ends), 6)
+
+    compliance = []
+    for text in ends:
+        fmu, _, interface = text.partition(".")
+        names = [f"{interface}.compliance.{row}.{column}" for row in ROWS for column in COLUMNS]
+        there = descriptions[fmu].variables
+        complete = all(name in there and there[name].type == "Real" for name in names)
+        compliance.append(tuple(int(there[name].valueReference) for name in names) if complete else ())
+    return Ends(
+        ends,
+        np.array([order.index(text.partition(".")[0]) for text in ends], dtype=np.int64),
+        places(signal_place, "displacement", "rotation"),
+        places(signal_place, "velocity", "angular_velocity"),
+        places(input_place, "force", "moment"),
+        tuple(compliance),
+    )
+
+
+def _springs(springs: list[SpringTable], ends: tuple[str, ...]) -> Springs:
+    return Springs(
+        np.array([ends.index(spring.a) for spring in springs], dtype=np.int64),
+        np.array([len(ends) if spring.b is None else ends.index(spring.b) for spring in springs], dtype=np.int64),
+        np.array([spring.stiffness for spring in springs], dtype=np.float64).reshape(-1, 6),
+        np.array([spring.damping for spring in springs], dtype=np.float64).reshape(-1, 6),
+    )
+
+
+def _base(description: Description, name: str, start: Mapping[str, StartValue]) -> float:
+    """What an input has on its own: the start value given, or the FMU's."""
+    value = start.get(name, description.variables[name].start)
+    return 0.0 if value is None else float(value)
+
+
+def _kinds(descriptions: Mapping[str, Description], input_place: Mapping[tuple[str, str], int], ends: Ends) -> IntArray:
+    """Number of each input's kind: those of one unit, and all loads of springs, N and N m alike."""
+    kinds: dict[str, int] = {"load": 0}
+    result = [kinds.setdefault(descriptions[fmu].unit(name) or "", len(kinds)) for fmu, name in input_place]
+    found = np.array(result, dtype=np.int64)
+    found[ends.loads[ends.loads >= 0]] = 0
+    return found
+
+
+def _recorded(variables: list[str] | None, descriptions: Mapping[str, Description]) -> tuple[Recorded, ...]:
+    """Variables of the results; without a choice all Real outputs."""
+    order = list(descriptions)
+    if variables is None:
+        variables = [
+            f"{fmu}.{v.name}"
+            for fmu, description in descriptions.items()
+            for v in description.variables.values()
+            if v.causality == "output" and v.type == "Real"
+        ]
+    result: dict[str, Recorded] = {}
+    for text in variables:
+        description, name = split(text, descriptions, "output.variables")
+        variable = description.variable(name, "output.variables")
+        if variable.type not in ("Real", "Integer", "Boolean"):
+            raise SimulationError(f"output.variables: {text} is of type {variable.type}, expected a number")
+        reference = int(variable.valueReference)
+        result[text] = Recorded(text, description.unit(name), order.index(description.name), reference, variable.type)
+    return tuple(result.values())
