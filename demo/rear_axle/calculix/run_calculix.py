@@ -78,7 +78,7 @@ class Case:
     keep: int = 1
 
 
-LEFT_FORCE = 2000.0  # N, vertical
+LEFT_FORCE = 1800.0  # N, vertical
 OPPOSITE_FORCE = 2400.0
 SIDE_FORCE = 7000.0
 
@@ -86,13 +86,13 @@ CASES = {
     "linear_left": Case("vertical force at the left wheel", {"wheel_left": 1e3 * UP}),
     "linear_side": Case("side force at the left wheel", {"wheel_left": SIDE_FORCE * INBOARD}),
     "linear_opposite": Case("opposite vertical forces", {"wheel_left": 1e3 * UP, "wheel_right": -1e3 * UP}),
-    "left": Case("vertical force at the left wheel", {"wheel_left": LEFT_FORCE * UP}, 8),
+    "left": Case("vertical force at the left wheel", {"wheel_left": LEFT_FORCE * UP}, 9),
     "side": Case("side force at the left wheel", {"wheel_left": SIDE_FORCE * INBOARD}, 5),
     "opposite": Case(
         "opposite vertical forces", {"wheel_left": OPPOSITE_FORCE * UP, "wheel_right": -OPPOSITE_FORCE * UP}, 8
     ),
     "linear_left_bushings": Case("vertical force at the left wheel", {"wheel_left": 1e3 * UP}, bushings=True),
-    "left_bushings": Case("vertical force at the left wheel", {"wheel_left": LEFT_FORCE * UP}, 8, bushings=True),
+    "left_bushings": Case("vertical force at the left wheel", {"wheel_left": LEFT_FORCE * UP}, 9, bushings=True),
     "opposite_bushings": Case(
         "opposite vertical forces",
         {"wheel_left": OPPOSITE_FORCE * UP, "wheel_right": -OPPOSITE_FORCE * UP},
