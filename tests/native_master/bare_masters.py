@@ -1,0 +1,311 @@
+"""What FMI masters without manners do with FMUs: `python bare_masters.py NAME ARGUMENTS`, judged by the printed line.
+
+As in fmu_masters.py, every public function gets JSON values and returns one; but calls are made as a C program makes
+them, so that nothing stands between a mistake and the FMU.
+"""
+
+import gc
+import json
+import os
+import sys
+from pathlib import Path
+
+from bare_fmi2 import FATAL, OK, Fmu
+
+MARK = "RESULT "
+PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
+
+
+def resident():
+    """Resident memory of this process in MB."""
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20
+
+
+def sound(instance):
+    """Whether an instance still steps, answers and can be freed, many times over."""
+    for k in range(50):
+        instance.get_boolean([0])
+        if instance.step(0.1 * k, 1e-3) != OK or instance.get_real([0])[0] != OK:
+            return False
+    instance.free()
+    return True
+
+
+def moving(fmu, name="moving"):
+    """An instance in motion."""
+    instance = fmu.instantiate(name)
+    assert instance.start() == [OK, OK, OK]
+    first, *_ = fmu.references("Real", "input")
+    assert instance.set_real([first], [2.0]) == OK
+    assert instance.step(0.0, 1e-3) == OK
+    return instance
+
+
+def view(instance):
+    """Everything that a master can see but the status code, which a refused call sets."""
+    references = instance.fmu.references("Real")
+    return instance.get_real(references), instance.get_string(instance.fmu.references("String"))
+
+
+def refused(path, call, *arguments):
+    """Status of a call of a moving instance, whether it left everything as it was, and whether all goes on after it."""
+    fmu = Fmu(path)
+    instance = moving(fmu)
+    before = view(instance)
+    status = globals()[f"_{call}"](instance, *arguments)
+    return {"status": status, "unchanged": view(instance) == before, "log": fmu.log, "sound": sound(instance)}
+
+
+def _set_real(instance, references, values):
+    return instance.set_real(references, values)
+
+
+def _damaged_state(instance, damage):
+    block = instance.bytes()
+    broken = {
+        "empty": b"",
+        "short": block[:-8],
+        "odd": block[:-3],
+        "long": block + bytes(8),
+        "not a number": b"\xff" * len(block),
+        "zeros": bytes(len(block)),
+        "bit": block[: len(block) // 2] + bytes([block[len(block) // 2] ^ 4]) + block[len(block) // 2 + 1 :],
+    }[damage]
+    return instance.set_bytes(broken)
+
+
+def _state_of(instance, path):
+    return instance.set_bytes(moving(Fmu(path), "stranger").bytes())
+
+
+def huge_loads(path, loads):
+    """Steps under loads of every size: statuses, and whether outputs stay finite."""
+    fmu = Fmu(path)
+    first, *_ = fmu.references("Real", "input")
+    outputs = fmu.references("Real", "output") + fmu.references("Real", "local")
+    found = []
+    for load in loads:
+        for kinematics in ("linear", "corotated"):
+            instance = fmu.instantiate()
+            instance.set_string([fmu.reference["formulation.kinematics"]], [kinematics])
+            instance.start()
+            instance.set_real([first], [load])
+            step = instance.step(0.0, 1e-3)
+            status, values = instance.get_real(outputs)
+            found.append([load, kinematics, step, status, all(abs(x) < float("inf") for x in values)])
+            instance.free()
+    return found
+
+
+def damaged_files(path, damages):
+    """Instantiation from damaged modal files: [damage, refused, log lines], then from the sound one."""
+    fmu = Fmu(path)
+    modal = fmu.folder / "resources" / "modal.h5"
+    sound_bytes = modal.read_bytes()
+    found = []
+    for name in damages:
+        _damage(modal, name, sound_bytes)
+        fmu.log.clear()
+        instance = fmu.instantiate()
+        found.append([name, instance is None, [list(line) for line in fmu.log]])
+        modal.unlink(missing_ok=True)
+        modal.write_bytes(sound_bytes)
+    return {"found": found, "sound": sound(moving(fmu))}
+
+
+def _damage(modal, name, data):
+    import h5py
+
+    whole = {
+        "missing": None,
+        "empty": b"",
+        "truncated": data[: len(data) // 2],
+        "one byte short": data[:-1],
+        "text": b"not a modal file\n" * 1000,
+    }
+    if name in whole:
+        modal.unlink()
+        if whole[name] is not None:
+            modal.write_bytes(whole[name])
+        return
+    if name == "foreign HDF5":
+        modal.unlink()
+        with h5py.File(modal, "w") as file:
+            file["x"] = 1.0
+        return
+    with h5py.File(modal, "r+") as file:
+        if name == "altered number":
+            file["modes/angular_frequency"][0] *= 1.0 + 2.0**-50
+        elif name == "altered name":
+            file.attrs["name"] = "another"
+        elif name == "newer schema":
+            file.attrs["schema_version"] += 1
+        elif name == "no schema":
+            del file.attrs["schema_version"]
+        elif name == "no checksum":
+            del file.attrs["sha256"]
+        elif name == "no modes":
+            del file["modes/damping_ratio"]
+        elif name == "not a number":
+            file["modes/damping_ratio"][0] = float("nan")
+
+
+# What pythonfmu's library does.
+
+
+def liberties(path):
+    """What the library lets pass that the standard does not."""
+    fmu = Fmu(path)
+    never_started = fmu.instantiate()
+    before_start = never_started.step(0.0, 1e-3)
+    one = moving(fmu)
+    found = {
+        "another guid": fmu.instantiate(guid="{of-another-fmu}") is not None,
+        "step before initialisation": before_start,
+        "second initialisation": one.enter(),
+        "time that jumps": one.step(7.0, 1e-3),
+        "terminate": one.terminate(),
+        "step after terminate": one.step(0.0, 1e-3),
+    }
+    _, state = one.get_state()
+    one.free_state(state)
+    return found | {"freed state is null": state.value is None}
+
+
+def discarded(path):
+    """What a master can find out after a discarded step."""
+    fmu = Fmu(path)
+    one = moving(fmu)
+    status = one.step(1e-3, -1.0)
+    return {"status": status, "last": one.last_successful_time(), "calls": one.unsupported()}
+
+
+def log_lines(path):
+    """Log lines after switching categories."""
+    fmu = Fmu(path)
+    one = moving(fmu)
+    found = {}
+    for name, on, categories in (
+        ("all", True, ()),
+        ("none", False, ()),
+        ("discards", True, ("logStatusDiscard",)),
+        ("errors", True, ("logStatusError",)),
+    ):
+        one.logging(on, categories)
+        fmu.log.clear()
+        one.step(0.0, -1.0)
+        found[name] = [line[:2] for line in fmu.log]
+    return found
+
+
+def fatal(path, kind):
+    """A mistake that ends the process: the line before it is the last."""
+    fmu = Fmu(path)
+    print(MARK + json.dumps("before"), flush=True)
+    if kind == "no resources":
+        fmu.instantiate(resources=(fmu.folder / "nowhere").as_uri())
+    elif kind == "path with #":
+        # %23 in the address of the resources: of all escapes the library reads that of the space alone.
+        fmu.instantiate(
+            resources=fmu.folder.rename(fmu.folder.with_name(fmu.folder.name + "#")).as_uri() + "/resources"
+        )
+    else:
+        one = moving(fmu)
+        if kind == "text that is not UTF-8":
+            one.set_string([fmu.reference["initialization"]], [b"\xff\xfe"])
+        elif kind == "state that is null":
+            one.set_state(None)
+        for _ in range(100):
+            one.step(0.0, 1e-3)
+            one.get_real([0])
+        one.free()
+    return "survived"
+
+
+# Long runs.
+
+
+def many_instances(path, count, warm_up):
+    """Growth of memory over `count` instantiations and freeings, MB, after a warm-up."""
+    fmu = Fmu(path)
+
+    def rounds(number):
+        for _ in range(number):
+            moving(fmu).free()
+
+    rounds(warm_up)
+    before = resident()
+    rounds(count)
+    return {"growth": resident() - before, "resident": resident()}
+
+
+def many_steps(path, kinematics, count, warm_up):
+    """Growth of memory over `count` steps with inputs set, outputs read and some steps refused, MB."""
+    fmu = Fmu(path)
+    one = fmu.instantiate()
+    assert one.set_string([fmu.reference["formulation.kinematics"]], [kinematics]) == OK
+    assert one.start() == [OK, OK, OK]
+    first, *_ = fmu.references("Real", "input")
+    outputs = fmu.references("Real", "output")
+
+    def steps(number):
+        for k in range(number):
+            one.set_real([first], [float(k % 7) - 3.0])
+            assert one.step(1e-3 * k, 1e-3) == OK
+            one.get_real(outputs[k % 2 :: 2])
+            if k % 100 == 0:
+                one.step(0.0, -1.0)
+                one.set_bytes(one.bytes())
+                fmu.log.clear()
+
+    steps(warm_up)
+    before = resident()
+    steps(count)
+    return {"growth": resident() - before, "resident": resident()}
+
+
+def many_failures(path, count, warm_up):
+    """Growth of memory over `count` calls that fail, MB."""
+    fmu = Fmu(path)
+    one = moving(fmu)
+
+    def failures(number):
+        for _ in range(number):
+            assert one.get_boolean([0])[0] == FATAL
+            assert one.set_real([9999], [1.0]) == FATAL
+            fmu.log.clear()
+
+    failures(warm_up)
+    before = resident()
+    failures(count)
+    return {"growth": resident() - before, "sound": sound(one)}
+
+
+def together(paths, loads, steps):
+    """Several FMUs, two instances of each, stepped in turn: the real outputs of both at the end, by FMU."""
+    instances = [(fmu, [fmu.instantiate(f"{k}_{n}") for n in range(2)]) for k, fmu in enumerate(map(Fmu, paths))]
+    for fmu, pair in instances:
+        for one in pair:
+            assert one.start() == [OK, OK, OK]
+            assert one.set_real(fmu.references("Real", "input")[: len(loads)], loads) == OK
+    for k in range(steps):
+        for _, pair in instances:
+            for one in pair:
+                assert one.step(1e-3 * k, 1e-3) == OK
+    ends = [[one.get_real(fmu.references("Real", "output"))[1] for one in pair] for fmu, pair in instances]
+    for _, pair in instances:
+        for one in pair:
+            one.free()
+    return ends
+
+
+def main():
+    name, arguments = sys.argv[1], json.loads(sys.argv[2])
+    print(MARK + json.dumps(globals()[name](*arguments)), flush=True)
+    # Not by the interpreter's exit: there pythonfmu's library may crash a process that has done its work.
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
