@@ -246,6 +246,7 @@ class Participant:
         """
         # A step that may be repeated must leave what lies before it within reach.
         final = self._state is None
+        _refusals[self.name].clear()
         try:
             self._slave.doStep(time, size, final)
         except FMICallException as error:
@@ -332,4 +333,4 @@ class Participant:
         return SimulationError(f"fmu {self.name!r} {what}: {self._quoted() or error}")
 
     def _quoted(self) -> str:
-        return "; ".join(_refusals[self.name])
+        return "; ".join(dict.fromkeys(_refusals[self.name]))

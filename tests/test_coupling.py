@@ -1,0 +1,458 @@
+"""Coupled FMUs: frequencies, balance, orders, stability, rollback. Masses are point masses integrated exactly."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+MARK = "RESULT "
+
+# A mass on a spring of its own, exact under a load held over the step.
+MASS = """
+import ctypes
+import math
+
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+# The library gives up a reference to this namespace that it only borrowed.
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+
+KNOWN = ("mass", "stiffness", "limit", "x0", "v0")
+STATE = ("x", "v", "f", "h")
+
+
+class {name}(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.p = dict.fromkeys(KNOWN, 0.0) | {{"mass": 1.0, "limit": 1e300}}
+        self.x, self.v, self.f = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        self.h, self.begun = 0.0, False
+        for key in KNOWN:
+            self.offer(key, lambda key=key: self.p[key], lambda x, key=key: self.p.update({{key: x}}))
+        for i, axis in enumerate("xyz"):
+            self.offer(f"tip.force.{{axis}}", lambda i=i: self.f[i], lambda x, i=i: self.push(i, x), "input")
+            self.offer(f"tip.displacement.{{axis}}", lambda i=i: self.moved()[i], None, "output")
+            if {velocities}:
+                self.offer(f"tip.velocity.{{axis}}", lambda i=i: self.v[i], None, "output")
+        for i, row in enumerate(("ux", "uy", "uz", "rx", "ry", "rz") if {compliance} else ()):
+            for j, column in enumerate(("fx", "fy", "fz", "mx", "my", "mz")):
+                get = lambda i=i, j=j: self.given() if i == j < 3 else 0.0
+                self.offer(f"tip.compliance.{{row}}.{{column}}", get, None, "local")
+
+    def offer(self, name, getter, setter, causality="parameter"):
+        variability = Fmi2Variability.fixed if causality == "parameter" else Fmi2Variability.continuous
+        start = 0.0 if causality == "input" else None
+        variable = Real(name, causality=Fmi2Causality[causality], variability=variability, start=start,
+                        getter=getter, setter=setter or (lambda x: None))
+        self.register_variable(variable, nested=False)
+
+    def push(self, i, value):
+        self.f[i] = value
+
+    def moved(self):
+        return self.x if self.begun else [self.p["x0"], 0.0, 0.0]
+
+    def given(self):
+        k, m = self.p["stiffness"], self.p["mass"]
+        return (1.0 - math.cos(math.sqrt(k / m) * self.h)) / k if k else 0.5 * self.h**2 / m
+
+    def exit_initialization_mode(self):
+        self.begun, self.x, self.v = True, [self.p["x0"], 0.0, 0.0], [self.p["v0"], 0.0, 0.0]
+
+    def do_step(self, time, h):
+        if max(map(abs, self.f)) > self.p["limit"]:
+            self.log(f"load beyond {{self.p['limit']}} N", self.status_discard(), "logStatusDiscard")
+            return False
+        k, m, self.h = self.p["stiffness"], self.p["mass"], h
+        for i in range(3):
+            x, v, f = self.x[i], self.v[i], self.f[i]
+            if k:
+                w = math.sqrt(k / m)
+                c, s, r = math.cos(w * h), math.sin(w * h), f / k
+                self.x[i], self.v[i] = r + (x - r) * c + v / w * s, v * c - (x - r) * w * s
+            else:
+                self.x[i], self.v[i] = x + v * h + 0.5 * f / m * h * h, v + f / m * h
+        return True
+
+    def status_discard(self):
+        from pythonfmu.enums import Fmi2Status
+
+        return Fmi2Status.discard
+
+    def _get_fmu_state(self):
+        return {{key: getattr(self, key) for key in ("h", "begun")}} | {{key: list(getattr(self, key)) for key in "xvf"}}
+
+    def _set_fmu_state(self, state):
+        for key, value in state.items():
+            setattr(self, key, list(value) if isinstance(value, list) else value)
+"""
+BUILD = """
+import sys
+from pythonfmu.builder import FmuBuilder
+FmuBuilder.build_FMU(sys.argv[1], dest=sys.argv[2], canGetAndSetFMUstate=sys.argv[3] == "True")
+"""
+RUN = """
+import json, sys
+from pathlib import Path
+from flexfmu.errors import FlexfmuError
+from flexfmu.master import couple, read_coupling_file
+from flexfmu.progress import Reporter
+
+
+class Words(Reporter):
+    said = []
+
+    def warning(self, text):
+        self.said.append(text)
+
+
+words = Words()
+error = None
+try:
+    result = couple(read_coupling_file(Path(sys.argv[1])), words)
+except FlexfmuError as caught:
+    error, result = str(caught), getattr(caught, "result", None)
+columns = {} if result is None else {name: result[name].tolist() for name in result.names}
+times = [] if result is None else result.time.tolist()
+print("RESULT " + json.dumps({"error": error, "time": times, "columns": columns, "said": words.said}), flush=True)
+"""
+
+
+def python(folder, code, *arguments):
+    """Run Python in a process of its own, in a folder."""
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        cwd=folder,
+        env=environment,
+    )
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    """Masses without velocities, with them, with their compliance, and one that cannot save its state."""
+    path = tmp_path_factory.mktemp("masses")
+    for name, velocities, compliance in (
+        ("mass", False, False),
+        ("mass_v", True, False),
+        ("mass_c", False, True),
+        ("mass_s", False, False),
+    ):
+        script = path / f"{name}.py"
+        script.write_text(MASS.format(name=name, velocities=velocities, compliance=compliance), encoding="utf-8")
+        done = python(path, BUILD, script, path / f"{name}.fmu", name != "mass_s")
+        assert (path / f"{name}.fmu").is_file(), done.stderr
+    return path
+
+
+class Run:
+    """What a run gave."""
+
+    def __init__(self, found):
+        self.error, self.said, self.time = found["error"], found["said"], np.array(found["time"])
+        self.columns = {name: np.array(values) for name, values in found["columns"].items()}
+
+    def __getitem__(self, name):
+        return self.columns[name]
+
+    @property
+    def iterations(self):
+        return self.columns["master.iterations"][1:]
+
+
+def run(folder, text, name="coupling.toml"):
+    """Couple what a TOML text says."""
+    (folder / name).write_text(text, encoding="utf-8")
+    done = python(folder, RUN, name)
+    lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
+    assert lines, f"ended with {done.returncode}:\n{done.stdout}\n{done.stderr}"
+    return Run(json.loads(lines[-1][len(MARK) :]))
+
+
+def experiment(scheme, step, stop, **more):
+    lines = [f'scheme = "{scheme}"', f"step = {float(step)!r}", f"stop = {float(stop)!r}"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in more.items()]
+    return "[experiment]\n" + "\n".join(lines) + "\n"
+
+
+def fmu(name, file, **start):
+    values = ", ".join(f'"{key}" = {json.dumps(value)}' for key, value in start.items())
+    return f'[[fmu]]\nname = "{name}"\nfile = "{file}.fmu"\nstart = {{ {values} }}\n'
+
+
+def spring(a, b=None, k=0.0, d=0.0):
+    other = "" if b is None else f'b = "{b}"\n'
+    zero = [0.0] * 3
+    return f'[[spring]]\na = "{a}"\n{other}stiffness = {[float(k)] * 3 + zero}\ndamping = {[float(d)] * 3 + zero}\n'
+
+
+# Two masses, each on a spring to the ground, joined by a third.
+
+MASSES, OWN, JOINT, START = np.array([1.0, 2.0]), np.array([1000.0, 500.0]), 4000.0, 0.01
+
+
+def pair(file="mass", joint=JOINT, damping=0.0, own=OWN):
+    a = fmu("a", file, mass=MASSES[0], stiffness=own[0], x0=START)
+    b = fmu("b", file, mass=MASSES[1], stiffness=own[1])
+    return a + b + spring("a.tip", "b.tip", joint, damping)
+
+
+def positions(found):
+    return np.column_stack([found[f"{name}.tip.displacement.x"] for name in "ab"])
+
+
+def exact(time, joint=JOINT, damping=0.0, own=OWN):
+    """Displacements (T, 2) of the two masses in continuous time."""
+    link = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stiffness, damper = np.diag(own) + joint * link, damping * link
+    system = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness / MASSES[:, None], -damper / MASSES[:, None]]])
+    values, vectors = np.linalg.eig(system)
+    weights = np.linalg.solve(vectors, np.array([START, 0.0, 0.0, 0.0], dtype=complex))
+    return np.real((np.exp(values * np.asarray(time)[:, None]) * weights) @ vectors[:2].T)
+
+
+def monolithic(steps, size, share=1.0, joint=JOINT):
+    """Displacements of two free masses whose joint's force is held over each step, all in one linear solve."""
+    x, v, held = np.array([START, 0.0]), np.zeros(2), np.array([-joint, joint])
+    rows = [x]
+    give = size**2 / (2.0 * MASSES) * held
+    for _ in range(steps):
+        far = x + size * v
+        # s = (1 − share) (x_a − x_b) + share (x_a⁺ − x_b⁺), x⁺ = far + give s.
+        strain = ((1.0 - share) * (x[0] - x[1]) + share * (far[0] - far[1])) / (1.0 - share * (give[0] - give[1]))
+        x, v = far + give * strain, v + size / MASSES * held * strain
+        rows.append(x)
+    return np.array(rows)
+
+
+def last_error(folder, scheme, step, file="mass", damping=0.0, **more):
+    found = run(folder, experiment(scheme, step, 0.1, tolerance=1e-9, **more) + pair(file, damping=damping))
+    assert found.error is None
+    truth = exact(found.time, damping=damping)
+    return np.max(np.abs(positions(found) - truth)[found.time > 0.05]) / START
+
+
+@pytest.mark.parametrize(
+    ("scheme", "more", "order"),
+    [
+        ("jacobi", {}, 1),
+        ("gauss_seidel", {}, 1),
+        ("iterated", {"held": "end"}, 1),
+        ("iterated", {"held": "mean"}, 2),
+    ],
+    ids=["jacobi", "gauss_seidel", "end", "mean"],
+)
+def test_halving_the_step_divides_the_error_by_two_or_where_the_mean_is_held_by_four(folder, scheme, more, order):
+    coarse, fine = (last_error(folder, scheme, step, **more) for step in (2e-4, 1e-4))
+    assert coarse / fine == pytest.approx(2.0**order, rel=0.1)
+    assert fine < (0.05 if order == 1 else 5e-4)
+
+
+@pytest.mark.parametrize("file", ["mass", "mass_v"], ids=["differences", "velocities"])
+def test_a_damper_works_from_velocities_and_from_differences(folder, file):
+    coarse, fine = (last_error(folder, "iterated", step, file, damping=20.0) for step in (2e-4, 1e-4))
+    assert coarse / fine == pytest.approx(2.0, rel=0.15)
+    assert fine < 0.05
+
+
+def test_the_pair_swings_with_its_exact_frequency(folder):
+    # The slower of two modes, by the roots of the characteristic polynomial; the start is its shape.
+    stiffness = np.diag(OWN) + JOINT * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    squares, shapes = np.linalg.eigh(stiffness / np.sqrt(np.outer(MASSES, MASSES)))
+    shape = shapes[:, 0] / np.sqrt(MASSES)
+    shape *= START / shape[0]
+    period = 2.0 * np.pi / np.sqrt(squares[0])
+    a = fmu("a", "mass", mass=MASSES[0], stiffness=OWN[0], x0=shape[0])
+    b = fmu("b", "mass", mass=MASSES[1], stiffness=OWN[1], x0=shape[1])
+    text = experiment("iterated", period / 400, period, held="mean", tolerance=1e-9)
+    found = run(folder, text + a + b + spring("a.tip", "b.tip", JOINT))
+    np.testing.assert_allclose(positions(found)[-1], shape, rtol=1e-4)
+    np.testing.assert_allclose(positions(found)[200], -shape, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("held", "share"), [("end", 1.0), ("mean", 0.5)])
+@pytest.mark.parametrize("file", ["mass", "mass_c"], ids=["quasi-Newton", "compliance"])
+@pytest.mark.parametrize("joint", [1e4, 1e9])
+def test_the_iterated_scheme_gives_the_monolithic_answer(folder, held, share, file, joint):
+    text = experiment("iterated", 1e-3, 0.05, held=held, tolerance=1e-10)
+    found = run(folder, text + pair(file, joint, own=(0.0, 0.0)))
+    assert found.error is None
+    np.testing.assert_allclose(positions(found), monolithic(50, 1e-3, share, joint), rtol=0, atol=1e-9 * START)
+
+
+# Stability.
+
+
+def growth(found):
+    """Factor of the amplitude of the relative motion per step, from the envelope of free masses."""
+    relative = np.diff(positions(found), axis=1)[:, 0]
+    half = len(relative) // 2
+    return (np.max(np.abs(relative[half:])) / np.max(np.abs(relative[:half]))) ** (1.0 / half)
+
+
+@pytest.mark.parametrize("kappa", [0.1, 1.0])
+def test_jacobi_grows_by_the_square_root_of_one_plus_half_kappa_a_step(folder, kappa):
+    # κ = h² k (1/m_a + 1/m_b): the determinant of a step of the relative motion is 1 + κ/2.
+    joint = kappa / 1e-6 / np.sum(1.0 / MASSES)
+    found = run(folder, experiment("jacobi", 1e-3, 0.2) + pair("mass", joint, own=(0.0, 0.0)))
+    assert found.error is None
+    assert growth(found) == pytest.approx(np.sqrt(1.0 + 0.5 * kappa), rel=5e-3)
+
+
+@pytest.mark.parametrize("kappa", [0.1, 1.0, 100.0, 1e4])
+def test_the_iterated_scheme_does_not_grow_and_with_the_mean_held_keeps_the_energy(folder, kappa):
+    joint = kappa / 1e-6 / np.sum(1.0 / MASSES)
+    damped = run(folder, experiment("iterated", 1e-3, 0.2, tolerance=1e-9) + pair("mass", joint, own=(0.0, 0.0)))
+    assert growth(damped) < 1.0
+    text = experiment("iterated", 1e-3, 0.2, held="mean", tolerance=1e-9)
+    kept = run(folder, text + pair("mass_v", joint, own=(0.0, 0.0)))
+    speed = np.column_stack([kept[f"{name}.tip.velocity.x"] for name in "ab"])
+    energy = 0.5 * speed**2 @ MASSES + 0.5 * joint * np.diff(positions(kept), axis=1)[:, 0] ** 2
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-5)
+
+
+def test_explicit_coupling_is_warned_of_where_the_compliance_tells(folder):
+    stiff = pair("mass_c", 1e6, own=(0.0, 0.0))
+    for scheme in ("jacobi", "gauss_seidel"):
+        (said,) = run(folder, experiment(scheme, 1e-3, 0.002) + stiff).said
+        # κ/2 = h² k (1/m_a + 1/m_b) / 2.
+        assert "0.75-fold" in said
+        assert '"iterated"' in said
+        assert run(folder, experiment(scheme, 1e-4, 0.0002) + stiff).said == []
+    assert run(folder, experiment("iterated", 1e-3, 0.002) + stiff).said == []
+
+
+# Iterations.
+
+
+def test_with_compliance_a_linear_coupling_settles_at_the_second_iteration(folder):
+    for joint in (1e4, 1e7, 1e10):
+        plain, told = (
+            run(folder, experiment("iterated", 1e-3, 0.1) + pair(file, joint)) for file in ("mass", "mass_c")
+        )
+        assert np.max(told.iterations) <= 2
+        assert np.max(plain.iterations) > 2
+        np.testing.assert_allclose(positions(told), positions(plain), atol=2e-5 * START)
+
+
+def test_what_rests_needs_no_iterations(folder):
+    a, b = fmu("a", "mass", mass=1.0), fmu("b", "mass", mass=1.0)
+    found = run(folder, experiment("iterated", 1e-3, 0.01) + a + b + spring("a.tip", "b.tip", 1e9))
+    np.testing.assert_array_equal(found.iterations, 1)
+    np.testing.assert_array_equal(positions(found), 0.0)
+
+
+def test_inputs_that_do_not_settle_stop_the_run_and_are_named(folder):
+    found = run(folder, experiment("iterated", 1e-3, 0.1, max_iterations=1) + pair(joint=1e7))
+    assert "do not settle in the step from 0 s" in found.error
+    assert "a.tip.force.x" in found.error
+    assert len(found.time) == 1
+
+
+def test_a_step_refused_at_trial_inputs_is_tried_with_smaller_changes(folder):
+    # The first trial asks for far more than the load that settles.
+    limit = 2000.0
+    a = fmu("a", "mass", mass=1.0, v0=1.0, limit=limit)
+    b = fmu("b", "mass", mass=1.0, limit=limit)
+    text = experiment("iterated", 1e-3, 0.01, relaxation=1.0) + a + b + spring("a.tip", "b.tip", 1e7)
+    found = run(folder, text)
+    free = run(folder, text.replace(f'"limit" = {limit}', '"limit" = 1e300'))
+    assert found.error is None
+    np.testing.assert_allclose(positions(found), positions(free), rtol=1e-5, atol=1e-12)
+
+
+# Balance.
+
+
+def momentum(found):
+    return np.column_stack([found[f"{name}.tip.velocity.x"] for name in "ab"]) @ MASSES
+
+
+def test_a_spring_pulls_both_masses_alike(folder):
+    start = fmu("a", "mass_v", mass=MASSES[0], v0=1.0) + fmu("b", "mass_v", mass=MASSES[1])
+    link = spring("a.tip", "b.tip", 1e4, 3.0)
+    for scheme in ("jacobi", "iterated"):
+        found = run(folder, experiment(scheme, 1e-3, 0.05) + start + link)
+        np.testing.assert_allclose(momentum(found), MASSES[0], rtol=1e-12)
+    # One after the other they feel the spring at different moments.
+    staggered = run(folder, experiment("gauss_seidel", 1e-3, 0.05) + start + link)
+    assert np.max(np.abs(momentum(staggered) - MASSES[0])) > 1e-3
+
+
+def test_a_spring_to_the_ground_is_a_spring_of_the_mass(folder):
+    alone = fmu("a", "mass", mass=1.0, x0=START) + spring("a.tip", None, 1000.0)
+    found = run(folder, experiment("iterated", 1e-4, 0.1, held="mean", tolerance=1e-9) + alone)
+    expected = START * np.cos(np.sqrt(1000.0) * found.time)
+    np.testing.assert_allclose(found["a.tip.displacement.x"], expected, atol=1e-4 * START)
+
+
+# Connections and tables.
+
+
+def connection(source, target, factor):
+    return f'[[connection]]\nfrom = "{source}"\nto = "{target}"\nfactor = {factor}\n'
+
+
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss_seidel", "iterated"])
+def test_connections_add_up_to_the_same_as_a_spring(folder, scheme):
+    masses = fmu("a", "mass", mass=1.0, x0=START) + fmu("b", "mass", mass=2.0)
+    head = experiment(scheme, 1e-3, 0.05, tolerance=1e-10)
+    by_spring = run(folder, head + masses + spring("a.tip", "b.tip", JOINT))
+    links = [
+        connection(f"{giver}.tip.displacement.x", f"{taker}.tip.force.x", JOINT if giver != taker else -JOINT)
+        for giver in "ab"
+        for taker in "ab"
+    ]
+    by_links = run(folder, head + masses + "".join(links))
+    np.testing.assert_allclose(positions(by_links), positions(by_spring), rtol=0, atol=1e-10 * START)
+
+
+def test_a_table_is_held_from_the_beginning_of_each_step_and_jumps_count_from_their_time(folder):
+    (folder / "loads.csv").write_text("time,tip.force.x\n0,0\n0.01,10\n0.01,4\n0.02,4\n", encoding="utf-8")
+    text = fmu("a", "mass", mass=1.0) + 'input = "loads.csv"\n'
+    found = run(folder, experiment("jacobi", 1e-3, 0.03) + text + '[output]\nvariables = ["a.tip.force.x"]\n')
+    expected = np.where(np.arange(30) < 10, np.arange(30) * 1.0, 4.0)
+    np.testing.assert_allclose(found["a.tip.force.x"][1:], expected, atol=1e-6)
+
+
+def test_a_constant_start_load_and_a_springs_load_add_up(folder):
+    text = fmu("a", "mass", mass=1.0, **{"tip.force.x": 10.0}) + spring("a.tip", None, 1000.0)
+    found = run(folder, experiment("iterated", 1e-3, 0.1, held="mean", tolerance=1e-9) + text)
+    expected = 0.01 * (1.0 - np.cos(np.sqrt(1000.0) * found.time))
+    np.testing.assert_allclose(found["a.tip.displacement.x"], expected, atol=2e-5)
+
+
+def test_results_keep_every_nth_point_and_the_last(folder):
+    found = run(folder, experiment("jacobi", 1e-3, 0.01) + pair() + "[output]\nevery = 4\n")
+    np.testing.assert_allclose(found.time, [0.0, 0.004, 0.008, 0.01])
+
+
+# Failures.
+
+
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss_seidel", "iterated"])
+def test_a_step_that_an_fmu_refuses_stops_the_run_with_its_words_and_keeps_what_came_before(folder, scheme):
+    (folder / "ramp.csv").write_text("time,tip.force.x\n0,0\n0.1,100\n", encoding="utf-8")
+    text = fmu("a", "mass", mass=1.0) + fmu("b", "mass", mass=1.0, limit=20.5) + 'input = "ramp.csv"\n'
+    found = run(folder, experiment(scheme, 1e-3, 0.1) + text + spring("a.tip", "b.tip", 1.0))
+    assert "fmu 'b' refused the step from 0.021 s" in found.error
+    assert "load beyond 20.5 N" in found.error
+    np.testing.assert_allclose(found.time[-1], 0.021)
+    assert len(found.time) == 22
+
+
+def test_an_fmu_without_saved_states_is_refused_for_the_iterated_scheme_only(folder):
+    found = run(folder, experiment("iterated", 1e-3, 0.01) + pair("mass_s"))
+    assert "fmu 'a' (mass_s.fmu) cannot save its state" in found.error
+    assert '"jacobi"' in found.error
+    assert run(folder, experiment("jacobi", 1e-3, 0.01) + pair("mass_s")).error is None
+    # One that nothing is fed back to need not.
+    lone = fmu("c", "mass_s", mass=1.0)
+    assert run(folder, experiment("iterated", 1e-3, 0.01) + pair() + lone).error is None
