@@ -2,8 +2,9 @@
 
 Two variants of support; in both, soft coil springs, 20 kN/m a side, hold the spring trays in z:
 
-- *hinged*: the nodes on the bushings' lateral axis are held, so that the arms turn freely about it;
-- *bushings*: the same nodes stand on springs to the ground.
+- *hinged*: the node in the middle of each bushing is held, a ball joint: rubber hardly resists tilting, and a held line
+  of nodes would clamp the roll of the arms, which makes the axle under opposite forces four times as stiff;
+- *bushings*: all nodes on the bushing's lateral axis stand on springs to the ground.
 
 Springs are CalculiX's SPRING1: linear, in a fixed direction also under NLGEOM, here shared equally by the nodes of the
 set. Forces act at the wheels' centres in fixed directions, spread as flexfmu spreads the loads of an interface.
@@ -16,8 +17,8 @@ set. Forces act at the wheels' centres in fixed directions, spread as flexfmu sp
 - ``opposite_fine``: ``opposite`` in four times as many increments, of which every fourth is kept.
 
 Run from the repository's root, with ``ccx`` on the PATH, for all cases or those named:
-``python -m demo.rear_axle.calculix.run_calculix [--model FILE --folder FOLDER] [case ...]``. The CSV files are laid out
-as `demo.references` says.
+``python -m demo.rear_axle.calculix.run_calculix [--model FILE --folder FOLDER --increments N] [case ...]``. The CSV
+files are laid out as `demo.references` says.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -211,6 +212,7 @@ def main() -> None:
     parser.add_argument("case", nargs="*", help=f"any of {', '.join(CASES)} (default: all)")
     parser.add_argument("--model", type=Path, default=make_mesh.MODEL_FILE, help="model deck (default: the coarse one)")
     parser.add_argument("--folder", type=Path, default=HERE, help="where decks and results go")
+    parser.add_argument("--increments", type=int, help="equal increments of the nonlinear cases, all kept")
     choice = parser.parse_args()
     names = choice.case or list(CASES)
     unknown = sorted(set(names) - set(CASES))
@@ -219,7 +221,10 @@ def main() -> None:
     choice.folder.mkdir(parents=True, exist_ok=True)
     fitted = wheels(choice.model)
     for name in names:
-        run(name, CASES[name], choice.model, choice.folder, fitted)
+        case = CASES[name]
+        if choice.increments and case.increments:
+            case = replace(case, increments=choice.increments, keep=1)
+        run(name, case, choice.model, choice.folder, fitted)
 
 
 if __name__ == "__main__":
