@@ -41,7 +41,7 @@ def base_inputs(wiring: Wiring, time: float, step: float, before: bool = False) 
         else:
             span = table.time[row] - table.time[row - 1]
             part = (moment - table.time[row - 1]) / span
-            result[table.inputs] = (1.0 - part) * table.values[row - 1] + part * table.values[row]
+            result[table.inputs] = table.values[row - 1] + part * (table.values[row] - table.values[row - 1])
     return result
 
 

@@ -21,6 +21,7 @@ ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
 _SETTABLE = ("input", "parameter")
 _UNITS = {"displacement": "m", "rotation": "rad", "force": "N", "moment": "N.m"}
+_JOINTS = str.maketrans("", "", ". *·")
 
 
 class _Shares:
@@ -200,16 +201,17 @@ def _end_names(
                 continue
             key = f"spring {number}, {side}"
             description, interface = split(text, descriptions, key)
+            for quantity in ("displacement", "force"):
+                _check_vector(description, interface, quantity, key)
             turns = _group(description, f"{interface}.rotation") and _group(description, f"{interface}.moment")
-            if not turns and any(spring.stiffness[3:] + spring.damping[3:]):
+            if turns:
+                for quantity in ("rotation", "moment"):
+                    _check_vector(description, interface, quantity, key)
+            elif any(spring.stiffness[3:] + spring.damping[3:]):
                 raise SimulationError(
                     f"{key}: {text} has no rotation and moment ({interface}.rotation.x …, {interface}.moment.x …): set "
                     "the last three numbers of stiffness and damping to zero"
                 )
-            asked = ["displacement", "force", *(["rotation", "moment"] if turns else [])]
-            for quantity in asked:
-                for axis in AXES:
-                    _check_end(description, f"{interface}.{quantity}.{axis}", quantity, key)
             ends[text] = None
     for text in ends:
         fmu, _, interface = text.partition(".")
@@ -221,20 +223,22 @@ def _end_names(
     return tuple(ends)
 
 
-def _check_end(description: Description, name: str, quantity: str, key: str) -> None:
-    variable = description.variable(name, key)
+def _check_vector(description: Description, interface: str, quantity: str, key: str) -> None:
+    """Whether the three components of a vector of an interface are there, and are what a spring needs."""
     wanted = "input" if quantity in ("force", "moment") else "output"
-    if variable.causality != wanted or variable.type != "Real":
-        raise SimulationError(
-            f"{key}: {description.name}.{name} is of causality {variable.causality} and type {variable.type}, expected "
-            f"a Real {wanted}"
-        )
-    unit = description.unit(name)
-    if unit is not None and unit.replace(" ", "").replace("*", ".").replace("N.m", "Nm") not in (
-        _UNITS[quantity],
-        _UNITS[quantity].replace(".", ""),
-    ):
-        raise SimulationError(f"{key}: {description.name}.{name} is in {unit}, expected {_UNITS[quantity]}")
+    expected = _UNITS[quantity]
+    for axis in AXES:
+        name = f"{interface}.{quantity}.{axis}"
+        variable = description.variable(name, key)
+        if variable.causality != wanted or variable.type != "Real":
+            raise SimulationError(
+                f"{key}: {description.name}.{name} is of causality {variable.causality} and type {variable.type}, "
+                f"expected a Real {wanted}"
+            )
+        unit = description.unit(name)
+        # "N.m", "N m", "N*m" and "Nm" are all in use.
+        if unit is not None and unit.translate(_JOINTS) != expected.translate(_JOINTS):
+            raise SimulationError(f"{key}: {description.name}.{name} is in {unit}, expected {expected}")
 
 
 def _group(description: Description, name: str) -> bool:
