@@ -18,6 +18,7 @@ import pythonfmu
 from .. import runtime
 from ..errors import PackagingError
 from ..runtime.errors import ModalFileError
+from ..runtime.kernel import PATTERN
 from ..runtime.modal_file import read_modal_file, write_modal_file
 from ..runtime.reduced_body import ReducedBody
 from ..runtime.slave import MODAL_FILE
@@ -74,7 +75,8 @@ def _contents(body: ReducedBody) -> dict[str, bytes]:
         path = Path(folder) / MODAL_FILE
         write_modal_file(body, path)
         modal = path.read_bytes()
-    code = {path.name: path.read_bytes() for path in sorted(Path(runtime.__file__).parent.glob("*.py"))}
+    travelling = Path(runtime.__file__).parent
+    code = {path.name: path.read_bytes() for path in sorted([*travelling.glob("*.py"), *travelling.glob(PATTERN)])}
     library = Path(pythonfmu.__file__).parent
     for name in _SLAVE_LIBRARY:
         code[f"pythonfmu/{name}.py"] = (library / f"{name}.py").read_bytes()

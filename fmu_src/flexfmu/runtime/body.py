@@ -1,19 +1,20 @@
 """A flexible body ready to be loaded, solved and stepped; knows nothing of FMI."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import build_dynamics, spread
+from .dynamics import build_dynamics
 from .errors import LoadError, OptionError, StepError
 from .fixing import with_fixed_interfaces
 from .loads import Loads, loads_from_mapping
 from .reduced_body import Formulation, ReducedBody
 from .rotations import cross, rotation_vector
 from .statics import equilibrium
-from .stepping import ConfigurationMemo, PropagatorCache, State, StepLimits, Work, advance
+from .stepping import State, StepLimits, Stepper, Work
 from .tree import jacobians
 
 FloatArray = NDArray[np.float64]
@@ -49,6 +50,8 @@ class FlexibleBody:
         Bounds of the internal step.
     fixed : collection of str
         Interfaces of a free body that the scene fixes; see `with_fixed_interfaces`.
+    use_compiled : bool
+        Whether compiled code is used where there is some.
 
     Raises
     ------
@@ -63,6 +66,7 @@ class FlexibleBody:
         damping_scale: float = 1.0,
         limits: StepLimits | None = None,
         fixed: Collection[str] = (),
+        use_compiled: bool = True,
     ):
         limits = limits or StepLimits()
         if not (np.isfinite(damping_scale) and damping_scale >= 0.0):
@@ -75,8 +79,9 @@ class FlexibleBody:
         self.model = model = with_fixed_interfaces(model, fixed, self.formulation.kinematics)
         self.limits = limits
         self._dynamics = build_dynamics(model, self.formulation)
-        self._configuration = ConfigurationMemo(self._dynamics)
-        self._cache = PropagatorCache(model.angular_frequency, damping_scale * model.damping_ratio)
+        damping = damping_scale * model.damping_ratio
+        self._stepper = Stepper(self._dynamics, model.angular_frequency, damping, limits, use_compiled)
+        self._configuration = self._stepper.configuration
 
     def loads(self, loads: Mapping[str, Sequence[float]], acceleration: Sequence[float] = (0.0, 0.0, 0.0)) -> Loads:
         """Loads from {interface: (fx, fy, fz)} or {interface: (fx, fy, fz, mx, my, mz)}, N and N m, global frame.
@@ -160,16 +165,29 @@ class FlexibleBody:
         StepError
             A step that is not positive and finite, or a load that the body cannot bear.
         """
-        if not (np.isfinite(step) and step > 0.0):
+        heavy = self.model.masses is not None
+        start = self._as_loads(loads).packed(heavy)
+        end = None if end_loads is None else self._as_loads(end_loads).packed(heavy)
+        return self.step_packed(state, start, step, end)
+
+    def step_packed(
+        self, state: State, inputs: FloatArray, step: float, end_inputs: FloatArray | None = None
+    ) -> tuple[State, Work]:
+        """As `step_with_work`, with loads as the array (6I,) or, of a body with masses, (6I + 3,) of `Loads.packed`."""
+        if not (math.isfinite(step) and step > 0.0):
             raise StepError(f"step is {step} s, expected a positive number")
-        at_nodes = spread(self._dynamics, self._as_loads(loads))
-        at_end = None if end_loads is None else spread(self._dynamics, self._as_loads(end_loads))
-        end, work = advance(
-            self._dynamics, self._cache, self._configuration, at_nodes, at_end, state, step, self.limits
-        )
-        if not (np.all(np.isfinite(end.q)) and np.all(np.isfinite(end.v))):
+        end, work = self._stepper.advance(state, inputs, step, end_inputs)
+        # A sum is finite if and only if its terms are, or so large that they should be refused as well.
+        if not math.isfinite(float(end.q @ end.q + end.v @ end.v)):
             raise StepError("the step ends in values that are not finite: the loads are too large for the arithmetic")
         return end, work
+
+    def motion(self, state: State) -> FloatArray:
+        """Displacement and rotation vector of each interface in turn, (6I,); as `response`."""
+        if self._stepper.kernel is not None:
+            return self._stepper.kernel.motion(state.q)
+        response = self.response(state)
+        return np.concatenate([response.displacement, response.rotation], axis=1).ravel()
 
     def response(self, state: State) -> Response:
         """Displacement and rotation of every interface.
@@ -186,6 +204,12 @@ class FlexibleBody:
         nodes = self._configuration(state.q)
         displacement = nodes.position[tree.interfaces] - tree.point[tree.interfaces]
         return Response(displacement, rotation_vector(nodes.rotation[tree.interfaces]))
+
+    def motion_and_rates(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """As `motion`, and velocity and angular velocity of each interface in turn, (6I,); as `rates`."""
+        if self._stepper.kernel is not None:
+            return self._stepper.kernel.motion_and_rates(state.q, state.v)
+        return self.motion(state), np.concatenate(self.rates(state), axis=1).ravel()
 
     def rates(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Velocity (m/s) and angular velocity (rad/s) of every interface, global frame, each (I, 3).

@@ -29,6 +29,18 @@ class Loads:
     moment: FloatArray
     acceleration: FloatArray = field(default_factory=lambda: np.zeros(3))
 
+    def packed(self, with_acceleration: bool) -> FloatArray:
+        """Return force and moment of each interface in turn, then the acceleration: (6I,) or (6I + 3,)."""
+        wrench = np.concatenate([self.force, self.moment], axis=1).ravel()
+        return np.concatenate([wrench, self.acceleration]) if with_acceleration else wrench
+
+    @classmethod
+    def unpacked(cls, values: FloatArray, interfaces: int) -> "Loads":
+        """Loads of what `packed` gives."""
+        wrench = values[: 6 * interfaces].reshape(-1, 2, 3)
+        acceleration = values[6 * interfaces :]
+        return cls(wrench[:, 0], wrench[:, 1], acceleration if acceleration.size else np.zeros(3))
+
     def scaled(self, factor: float) -> "Loads":
         """Return the same loads times a factor."""
         return Loads(factor * self.force, factor * self.moment, factor * self.acceleration)

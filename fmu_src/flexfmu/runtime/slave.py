@@ -124,7 +124,7 @@ class BodySlave:
             body, state = self._start()
             if step_size > 0.0:
                 with np.errstate(all="ignore"):
-                    self._state, self._work = body.step_with_work(state, self._loads(), float(step_size))
+                    self._state, self._work = body.step_packed(state, self._inputs, float(step_size))
                 self._outputs.clear()
         except RuntimeBodyError as error:
             return self._refuse(str(error))
@@ -302,14 +302,14 @@ class BodySlave:
         values = self._outputs.get(group)
         if values is None:
             body, state = self._start()
-            if group is Group.MOTION:
-                response = body.response(state)
-                found = np.concatenate([response.displacement, response.rotation], axis=1)
-            elif group is Group.RATE:
-                found = np.concatenate(body.rates(state), axis=1)
+            if group is Group.STRESS:
+                self._outputs[group] = body.von_mises(state).tolist()
+            elif self._model.velocity_outputs:
+                motion, rates = body.motion_and_rates(state)
+                self._outputs |= {Group.MOTION: motion.tolist(), Group.RATE: rates.tolist()}
             else:
-                found = body.von_mises(state)
-            values = self._outputs[group] = found.ravel().tolist()
+                self._outputs[Group.MOTION] = body.motion(state).tolist()
+            values = self._outputs[group]
         return values
 
     def _named(self, vr: int, kind: str) -> str:

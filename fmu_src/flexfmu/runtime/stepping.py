@@ -16,8 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, tangent_stiffness
+from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, spread, tangent_stiffness
 from .errors import StepError
+from .kernel import compiled
+from .loads import Loads
 from .propagation import Propagator, propagator
 from .tree import Configuration
 
@@ -127,87 +129,128 @@ class ConfigurationMemo:
         self._q, self._known = q, configuration
 
 
-def advance(
-    dynamics: Dynamics,
-    cache: PropagatorCache,
-    memo: ConfigurationMemo,
-    loads: NodeLoads,
-    end_loads: NodeLoads | None,
-    state: State,
-    step: float,
-    limits: StepLimits,
-) -> tuple[State, Work]:
-    """State after a step under loads that are constant over it, or grow linearly.
+class Stepper:
+    """Steps of a body under one formulation, with what they have in common at hand.
 
     Parameters
     ----------
     dynamics : Dynamics
-    cache : PropagatorCache
-        Propagators of the dynamics' modes.
-    memo : ConfigurationMemo
-        Of the same dynamics.
-    loads : NodeLoads
-        Over the step, or at its start.
-    end_loads : NodeLoads or None
-        At its end, where they differ from those at its start.
-    state : State
-        Left untouched.
-    step : float
-        s, positive.
+    angular_frequency, damping_ratio : (m,) float
     limits : StepLimits
-
-    Returns
-    -------
-    state : State
-    work : Work
-
-    Raises
-    ------
-    StepError
-        No sub-step within reason converges: the load is beyond what the body can bear.
+    use_compiled : bool
+        Whether compiled code is used where there is some; the results are the same to round-off.
     """
-    if not (loads.active or (end_loads is not None and end_loads.active)):
-        # Exact for any length: nothing to iterate, nothing to divide.
-        p = cache(step)
-        mean = loads if end_loads is None else between(loads, end_loads, 0.5)
-        q = p.p11 * state.q + p.p12 * state.v + p.gq * mean.constant
-        v = p.p21 * state.q + p.p22 * state.v + p.gv * mean.constant
-        if end_loads is not None:
-            q, v = _ramped(p, q, v, loads, end_loads, 1)
-        return State(q, v, state.substeps), Work(1, 0, 0.0)
 
-    fewest = 1 if limits.longest <= 0.0 else int(np.ceil(step / limits.longest * (1.0 - 1e-9)))
-    substeps = max(fewest, state.substeps)
-    iterations = 0
-    here = memo(state.q)
-    while substeps <= MAX_SUBSTEPS:
-        end, rounds, error = _substeps(dynamics, cache, loads, end_loads, state, here, step, substeps, limits.tolerance)
-        iterations += rounds
-        if end is not None:
-            memo.remember(end[0], end[2])
-            # The error falls with the cube of the internal step: try half as many next time only when that would do.
-            suggestion = substeps // 2 if 16.0 * error < limits.tolerance and substeps > fewest else substeps
-            return State(end[0], end[1], max(suggestion, 1)), Work(substeps, iterations, error)
-        substeps *= 2
-    raise StepError(
-        f"the step of {step:.6g} s does not converge with {MAX_SUBSTEPS} internal steps: the load exceeds what the "
-        "reduced body can bear, or moves it beyond the kinematics' range; lower the load or the communication step"
-    )
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        angular_frequency: FloatArray,
+        damping_ratio: FloatArray,
+        limits: StepLimits,
+        use_compiled: bool = True,
+    ):
+        self.kernel = compiled(dynamics) if use_compiled else None
+        self.configuration = ConfigurationMemo(dynamics)
+        self._dynamics = dynamics
+        self._limits = limits
+        self._cache = PropagatorCache(angular_frequency, damping_ratio)
+
+    def advance(
+        self, state: State, inputs: FloatArray, step: float, end_inputs: FloatArray | None = None
+    ) -> tuple[State, Work]:
+        """State after a step under loads that are constant over it, or grow linearly.
+
+        Parameters
+        ----------
+        state : State
+            Left untouched.
+        inputs : (6I,) or (6I + 3,) float
+            Loads over the step, or at its start, as of `Loads.packed`.
+        step : float
+            s, positive.
+        end_inputs : like inputs, or None
+            Loads at the step's end, where they are others.
+
+        Returns
+        -------
+        state : State
+        work : Work
+
+        Raises
+        ------
+        StepError
+            No sub-step within reason converges: the load is beyond what the body can bear.
+        """
+        exact = self._exact(state, inputs, step, end_inputs)
+        if exact is not None:
+            return State(*exact, state.substeps), Work(1, 0, 0.0)
+        tolerance, longest = self._limits.tolerance, self._limits.longest
+        fewest = 1 if longest <= 0.0 else math.ceil(step / longest * (1.0 - 1e-9))
+        substeps = max(fewest, state.substeps)
+        iterations = 0
+        while substeps <= MAX_SUBSTEPS:
+            end, rounds, error = self._try(state, inputs, end_inputs, step, substeps)
+            iterations += rounds
+            if end is not None:
+                # The error falls with the cube of the internal step: try half as many next time only when that would
+                # do.
+                suggestion = substeps // 2 if 16.0 * error < tolerance and substeps > fewest else substeps
+                return State(*end, max(suggestion, 1)), Work(substeps, iterations, error)
+            substeps *= 2
+        raise StepError(
+            f"the step of {step:.6g} s does not converge with {MAX_SUBSTEPS} internal steps: the load exceeds what the "
+            "reduced body can bear, or moves it beyond the kinematics' range; lower the load or the communication step"
+        )
+
+    def _exact(
+        self, state: State, inputs: FloatArray, step: float, end_inputs: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """State (q, v) after a step of any length where no load depends on q: nothing to iterate, nothing to divide."""
+        p = self._cache(step)
+        if self.kernel is not None:
+            return self.kernel.linear_step(p, inputs, end_inputs, state.q, state.v)
+        start, end = self._spread(inputs, end_inputs)
+        if start.active or (end is not None and end.active):
+            return None
+        force = (start if end is None else between(start, end, 0.5)).constant
+        q = p.p11 * state.q + p.p12 * state.v + p.gq * force
+        v = p.p21 * state.q + p.p22 * state.v + p.gv * force
+        return (q, v) if end is None else _ramped(p, q, v, start, end, 1)
+
+    def _try(
+        self, state: State, inputs: FloatArray, end_inputs: FloatArray | None, step: float, substeps: int
+    ) -> tuple[tuple[FloatArray, FloatArray] | None, int, float]:
+        """Try a number of equal sub-steps; None for the state where one of them fails or errs too much."""
+        p, tolerance = self._cache(step / substeps), self._limits.tolerance
+        if self.kernel is not None:
+            found = self.kernel.substeps(p, inputs, end_inputs, state.q, state.v, substeps, tolerance)
+            if found is not None:
+                return found
+        start, end = self._spread(inputs, end_inputs)
+        here = self.configuration(state.q)
+        state_there, rounds, error = _substeps(self._dynamics, p, start, end, state, here, substeps, tolerance)
+        if state_there is None:
+            return None, rounds, error
+        self.configuration.remember(state_there[0], state_there[2])
+        return state_there[:2], rounds, error
+
+    def _spread(self, inputs: FloatArray, end_inputs: FloatArray | None) -> tuple[NodeLoads, NodeLoads | None]:
+        interfaces = self._dynamics.tree.interface_count
+        start = spread(self._dynamics, Loads.unpacked(inputs, interfaces))
+        return start, None if end_inputs is None else spread(self._dynamics, Loads.unpacked(end_inputs, interfaces))
 
 
 def _substeps(
     dynamics: Dynamics,
-    cache: PropagatorCache,
+    p: Propagator,
     loads: NodeLoads,
     end_loads: NodeLoads | None,
     state: State,
     here: Configuration,
-    step: float,
     substeps: int,
     tolerance: float,
 ) -> tuple[tuple[FloatArray, FloatArray, Configuration] | None, int, float]:
-    """Try a number of equal sub-steps; None for the state where one of them fails or errs too much."""
-    p = cache(step / substeps)
+    """Equal sub-steps, each by fixed point, then by Newton; None for the state where one fails or errs too much."""
     omega = np.sqrt(dynamics.stiffness)
     q, v = state.q, state.v
     mean = loads

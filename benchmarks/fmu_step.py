@@ -1,0 +1,218 @@
+"""What a step of an FMU costs against the empty pythonfmu slave of the same variables, in one run.
+
+Run from the repository's root: python -m benchmarks.fmu_step [--output FILE.csv]. Both are driven by fmpy: set all
+inputs, step, get all outputs. Prints a table and writes the records that it is made of.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from itertools import product
+from pathlib import Path
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+BLOCKS, STEPS = 15, 200
+STEP = 1e-3
+# 24 inputs and 48 outputs.
+INTERFACES = {"tip": "TIP", "a": "SEG2", "b": "SEG4", "c": "SEG6"}
+MODES, FRAMES = 20, 8
+# N along y at every interface, growing and falling: bends the beam by some 5 % of its length.
+FORCE = 500.0
+
+
+@dataclass(frozen=True)
+class Record:
+    """One formulation's cost.
+
+    Attributes
+    ----------
+    kinematics, loads, stiffness : str
+        "" for the empty slave.
+    compiled : bool
+        Whether the FMU holds the compiled step.
+    median, fastest : float
+        s per step, of blocks of steps.
+    iterations : float
+        Rounds of the implicit iteration per step.
+    """
+
+    kinematics: str
+    loads: str
+    stiffness: str
+    compiled: bool
+    median: float
+    fastest: float
+    iterations: float
+
+
+def build_body(folder: Path) -> tuple[Path, Path]:
+    """The clamped beam with four interfaces: its FMU, and the same without compiled code."""
+    from flexfmu.build import reduce_body
+    from flexfmu.config import InterfaceTable, OutputTable, read_body_file
+    from flexfmu.fmu import package
+    from flexfmu.progress import Reporter
+
+    config = read_body_file(ROOT / "demo" / "clamped_beam" / "body.toml")
+    reduction = config.reduction.model_copy(update={"modes": MODES, "geometric_stiffness": ["by_load", "by_mode"]})
+    changes = {
+        "interface": [InterfaceTable(name=name, nodes=nodes) for name, nodes in INTERFACES.items()],
+        "reduction": reduction,
+        "frames": FRAMES,
+        "output": OutputTable(velocities=True),
+    }
+    body = reduce_body(config.model_copy(update=changes), Reporter())
+    paths = folder / "compiled.fmu", folder / "numpy.fmu"
+    package.package_fmu(body, paths[0])
+    package.PATTERN = "no library matches this"
+    package.package_fmu(body, paths[1])
+    return paths
+
+
+def build_empty(folder: Path, inputs: list[str], outputs: list[str]) -> Path:
+    """An FMU by pythonfmu alone that has the variables and does nothing."""
+    from pythonfmu.builder import FmuBuilder
+
+    script = folder / "emptyslave.py"
+    script.write_text(
+        "from pythonfmu import Fmi2Causality, Fmi2Slave, Real\n\n\n"
+        "def zero():\n    return 0.0\n\n\ndef ignore(value):\n    pass\n\n\n"
+        "class EmptySlave(Fmi2Slave):\n"
+        "    def __init__(self, **kwargs):\n"
+        "        super().__init__(**kwargs)\n"
+        f"        self.inputs, self.outputs = [0.0] * {len(inputs)}, [0.0] * {len(outputs)}\n"
+        f"        for name in {inputs!r}:\n"
+        "            variable = Real(name, causality=Fmi2Causality.input, start=0.0, getter=zero, setter=ignore)\n"
+        "            self.register_variable(variable)\n"
+        f"        for name in {outputs!r}:\n"
+        "            self.register_variable(Real(name, causality=Fmi2Causality.output, getter=zero))\n\n"
+        "    def get_real(self, vrs):\n"
+        "        return self.outputs[: len(vrs)]\n\n"
+        "    def set_real(self, vrs, values):\n"
+        "        self.inputs[: len(vrs)] = values\n\n"
+        "    def do_step(self, current_time, step_size):\n"
+        "        return True\n",
+        encoding="utf-8",
+    )
+    return Path(FmuBuilder.build_FMU(script, dest=folder))
+
+
+def drive(fmu: str, choices: dict[str, str]) -> dict[str, float]:
+    """Time blocks of steps of one FMU, in a process of its own."""
+    import fmpy
+    from fmpy.fmi2 import FMU2Slave
+
+    description = fmpy.read_model_description(fmu)
+    folder = fmpy.extract(fmu)
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=folder,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="timed",
+    )
+    slave.instantiate()
+    variables = {v.name: v.valueReference for v in description.modelVariables}
+    for name, value in choices.items():
+        slave.setString([variables[name]], [value])
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    inputs = [v for v in description.modelVariables if v.causality == "input"]
+    references = [v.valueReference for v in inputs]
+    outputs = [v.valueReference for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
+    share = [1.0 if v.name.endswith("force.y") else 0.0 for v in inputs]
+    number, times, rounds = 0, [], 0
+    for _ in range(BLOCKS):
+        values = []
+        for k in range(number, number + STEPS):
+            force = FORCE * (1.0 - abs((k / 400) % 2.0 - 1.0))
+            values.append([force * s for s in share])
+        start = time.perf_counter()
+        for row in values:
+            slave.setReal(references, row)
+            slave.doStep(currentCommunicationPoint=number * STEP, communicationStepSize=STEP)
+            slave.getReal(outputs)
+            number += 1
+        times.append((time.perf_counter() - start) / STEPS)
+        if "diagnostics.iterations" in variables:
+            rounds += slave.getInteger([variables["diagnostics.iterations"]])[0]
+    return {"median": statistics.median(times), "fastest": min(times), "iterations": rounds / BLOCKS}
+
+
+def in_process(fmu: Path, choices: dict[str, str]) -> dict[str, float] | None:
+    """Result of `drive` in a fresh process; None where the FMU refuses the choices."""
+    command = [sys.executable, __file__, "--drive", str(fmu), json.dumps(choices)]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
+    return json.loads(lines[-1].removeprefix("RESULT ")) if lines else None
+
+
+def measure(output: Path) -> list[Record]:
+    """Build everything, time everything, write the records."""
+    import fmpy
+
+    from flexfmu.runtime.reduced_body import Kinematics, LoadPlacement, Stiffness
+
+    records: list[Record] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with_kernel, without = build_body(folder)
+        variables = fmpy.read_model_description(str(with_kernel)).modelVariables
+        inputs = [v.name for v in variables if v.causality == "input"]
+        outputs = [v.name for v in variables if v.causality == "output" and v.type == "Real"]
+        empty = build_empty(folder, inputs, outputs)
+        print(f"{len(inputs)} inputs, {len(outputs)} outputs, {MODES} modes, {FRAMES} frames, steps of {STEP} s\n")
+        base = in_process(empty, {})
+        if base is None:
+            raise SystemExit("the empty slave does not run")
+        records.append(Record("", "", "", False, base["median"], base["fastest"], 0.0))
+        print("| kinematics | loads | stiffness | compiled | µs | of the empty slave | rounds |")
+        print("|---|---|---|---|---|---|---|")
+        print(f"| empty slave | | | | {1e6 * base['median']:.0f} | 1.0 | |")
+        for kinematics, loads, stiffness in product(Kinematics, LoadPlacement, Stiffness):
+            for fmu, compiled in ((with_kernel, True), (without, False)):
+                words = kinematics.value, loads.value, stiffness.value
+                names = ("formulation.kinematics", "formulation.loads", "formulation.stiffness")
+                found = in_process(fmu, dict(zip(names, words, strict=True)))
+                if found is None:
+                    continue
+                records.append(Record(*words, compiled, found["median"], found["fastest"], found["iterations"]))
+                ratio = found["median"] / base["median"]
+                print(
+                    f"| {' | '.join(words)} | {'yes' if compiled else 'no'} | {1e6 * found['median']:.0f} "
+                    f"| {ratio:.1f} | {found['iterations']:.1f} |",
+                    flush=True,
+                )
+    with output.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [*asdict(records[0]), "machine", "python"])
+        writer.writeheader()
+        for record in records:
+            writer.writerow(asdict(record) | {"machine": platform.machine(), "python": platform.python_version()})
+    return records
+
+
+def main() -> None:
+    """Run as a script."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("fmu_step.csv"))
+    parser.add_argument("--drive", nargs=2, metavar=("FMU", "CHOICES"), help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.drive:
+        print("RESULT " + json.dumps(drive(arguments.drive[0], json.loads(arguments.drive[1]))), flush=True)
+        os._exit(0)
+    measure(arguments.output)
+
+
+if __name__ == "__main__":
+    main()

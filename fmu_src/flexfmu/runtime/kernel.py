@@ -1,0 +1,233 @@
+"""The compiled step (kernel.c), where there is one for this machine; NumPy does the same without it.
+
+The library is built when the package is installed, if there is a C compiler, and travels inside the FMU. It knows
+nothing of Python: any version loads it. Where it cannot be loaded, on another platform say, nothing but speed is lost.
+"""
+
+import ctypes
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dynamics import Dynamics
+from .propagation import Propagator
+from .reduced_body import LoadPlacement
+
+FloatArray = NDArray[np.float64]
+
+PATTERN = "_kernel.*"
+"""File names of the library, which end in what the platform asks for."""
+_VERSION = 2
+_PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
+# What kernel_substeps answers.
+_DONE, _UNSETTLED = 0, 1
+# As many as the cache of propagators holds.
+_MOST_PROPAGATORS = 16
+_POINTER = ctypes.c_void_p
+_PROPAGATOR = ("p11", "p12", "p21", "p22", "gq", "gv", "ramp", "ramp_rate")
+
+
+class _Body(ctypes.Structure):
+    """`Body` of kernel.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("modes", "nodes", "frames", "interfaces", "masses")),
+        *((name, ctypes.c_int64) for name in ("placement", "nonlinear")),
+        *((name, _POINTER) for name in ("parent", "offset", "base", "point", "operator", "load_operator", "mass")),
+        *((name, _POINTER) for name in ("inertia", "by_load", "by_mode", "omega", "weight", "work")),
+    ]
+
+
+class _Propagator(ctypes.Structure):
+    """`Propagator` of kernel.c."""
+
+    _fields_ = [(name, _POINTER) for name in _PROPAGATOR]
+
+
+@cache
+def _library() -> ctypes.CDLL | None:
+    """The library beside this file, if it loads and is of this version."""
+    for path in sorted(Path(__file__).parent.glob(PATTERN)):
+        try:
+            library = ctypes.CDLL(str(path))
+            library.kernel_version.restype = ctypes.c_int64
+            if library.kernel_version() != _VERSION:
+                continue
+        except (OSError, AttributeError):
+            continue
+        integer, number, place = ctypes.c_int64, ctypes.c_double, _POINTER
+        library.kernel_work_size.restype = integer
+        library.kernel_work_size.argtypes = [integer] * 3
+        library.kernel_substeps.restype = integer
+        library.kernel_substeps.argtypes = [*[place] * 6, integer, number, place, place]
+        library.kernel_linear_step.restype = integer
+        library.kernel_linear_step.argtypes = [place] * 6
+        library.kernel_motion.restype = None
+        library.kernel_motion.argtypes = [place] * 5
+        return library
+    return None
+
+
+def compiled(dynamics: Dynamics) -> "Kernel | None":
+    """The compiled step of a body under a formulation; None where there is none.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+
+    Returns
+    -------
+    Kernel or None
+    """
+    library = _library()
+    return None if library is None else Kernel(library, dynamics)
+
+
+class Kernel:
+    """Compiled steps and outputs of one `Dynamics`; its buffers serve one call at a time.
+
+    Parameters
+    ----------
+    library : ctypes.CDLL
+    dynamics : Dynamics
+    """
+
+    def __init__(self, library: ctypes.CDLL, dynamics: Dynamics):
+        tree = dynamics.tree
+        modes, nodes, masses = dynamics.stiffness.size, len(tree.parent), dynamics.mass.size
+        self._library = library
+        work = np.zeros(library.kernel_work_size(modes, nodes, tree.interface_count))
+        arrays = {
+            "offset": tree.offset,
+            "base": tree.base,
+            "point": tree.point,
+            "operator": tree.operator,
+            "load_operator": dynamics.load_operator,
+            "mass": dynamics.mass,
+            "inertia": dynamics.inertia_operator,
+            "by_load": dynamics.by_load,
+            "by_mode": dynamics.by_mode,
+            "omega": np.sqrt(dynamics.stiffness),
+            "weight": dynamics.weight,
+        }
+        owned = {k: np.ascontiguousarray(a, dtype=np.float64) for k, a in arrays.items() if a is not None}
+        parent = np.ascontiguousarray(tree.parent, dtype=np.int64)
+        self._body = _Body(
+            modes=modes,
+            nodes=nodes,
+            frames=tree.frame_count,
+            interfaces=tree.interface_count,
+            masses=masses,
+            placement=_PLACEMENT[dynamics.placement],
+            nonlinear=int(dynamics.nonlinear),
+            parent=parent.ctypes.data,
+            work=work.ctypes.data,
+            **{name: array.ctypes.data for name, array in owned.items()},
+        )
+        # What the struct points to must live as long as it does.
+        self._owned = (*owned.values(), parent, work)
+        self._q, self._v = np.zeros(modes), np.zeros(modes)
+        self._inputs, self._end = (np.zeros(6 * tree.interface_count + (3 if masses else 0)) for _ in range(2))
+        self._motion, self._rate = (np.zeros(6 * tree.interface_count) for _ in range(2))
+        self._rounds, self._worst = ctypes.c_int64(), ctypes.c_double()
+        self._at = ctypes.addressof(self._body)
+        self._places = [a.ctypes.data for a in (self._inputs, self._end, self._q, self._v)]
+        self._results = self._motion.ctypes.data, self._rate.ctypes.data
+        self._counters = ctypes.addressof(self._rounds), ctypes.addressof(self._worst)
+        self._propagators: dict[int, tuple[Propagator, _Propagator, int]] = {}
+
+    def linear_step(
+        self, p: Propagator, inputs: FloatArray, end_inputs: FloatArray | None, q: FloatArray, v: FloatArray
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """State (q, v) after a step where no load depends on q; None where one does.
+
+        Parameters
+        ----------
+        p : Propagator
+            Of the step.
+        inputs : (6I,) or (6I + 3,) float
+            Force and moment of each interface, then the acceleration of a body with masses.
+        end_inputs : like inputs, or None
+            At the step's end, where they are others.
+        q, v : (m,) float
+        """
+        at_start, at_end, at_q, at_v = self._places
+        end = self._load(inputs, end_inputs, q, v, at_end)
+        if self._library.kernel_linear_step(self._at, self._place(p), at_start, end, at_q, at_v):
+            return None
+        return self._q.copy(), self._v.copy()
+
+    def substeps(
+        self,
+        p: Propagator,
+        inputs: FloatArray,
+        end_inputs: FloatArray | None,
+        q: FloatArray,
+        v: FloatArray,
+        count: int,
+        tolerance: float,
+    ) -> tuple[tuple[FloatArray, FloatArray] | None, int, float] | None:
+        """`count` equal sub-steps; None where a fixed point does not settle them.
+
+        Parameters
+        ----------
+        p : Propagator
+            Of a sub-step.
+        inputs, end_inputs, q, v
+            As for `linear_step`.
+        count : int
+        tolerance : float
+            Error accepted in a sub-step.
+
+        Returns
+        -------
+        state : tuple of (m,) float, or None
+            None where the error is larger.
+        rounds : int
+            Of the iteration.
+        error : float
+            The largest of a sub-step.
+        """
+        at_start, at_end, at_q, at_v = self._places
+        end = self._load(inputs, end_inputs, q, v, at_end)
+        answer = self._library.kernel_substeps(
+            self._at, self._place(p), at_start, end, at_q, at_v, count, tolerance, *self._counters
+        )
+        if answer == _UNSETTLED:
+            return None
+        state = (self._q.copy(), self._v.copy()) if answer == _DONE else None
+        return state, self._rounds.value, self._worst.value
+
+    def motion(self, q: FloatArray) -> FloatArray:
+        """Displacement and rotation vector of each interface in turn, (6I,), at q (m,)."""
+        self._q[:] = q
+        self._library.kernel_motion(self._at, self._places[2], None, self._results[0], None)
+        return self._motion.copy()
+
+    def motion_and_rates(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same, and velocity and angular velocity of each interface in turn, (6I,), at q and v (m,)."""
+        self._q[:], self._v[:] = q, v
+        self._library.kernel_motion(self._at, *self._places[2:], *self._results)
+        return self._motion.copy(), self._rate.copy()
+
+    def _load(
+        self, inputs: FloatArray, end_inputs: FloatArray | None, q: FloatArray, v: FloatArray, at_end: int
+    ) -> int | None:
+        """Fill the buffers; the place of the end's inputs, if any."""
+        self._inputs[:], self._q[:], self._v[:] = inputs, q, v
+        if end_inputs is None:
+            return None
+        self._end[:] = end_inputs
+        return at_end
+
+    def _place(self, p: Propagator) -> int:
+        """Address of a propagator's struct."""
+        found = self._propagators.get(id(p))
+        if found is None or found[0] is not p:
+            if len(self._propagators) > _MOST_PROPAGATORS:
+                self._propagators.clear()
+            struct = _Propagator(**{name: getattr(p, name).ctypes.data for name in _PROPAGATOR})
+            found = self._propagators[id(p)] = (p, struct, ctypes.addressof(struct))
+        return found[2]
