@@ -5,8 +5,15 @@ import os
 import subprocess
 import sys
 
+import h5py
 import numpy as np
 import pytest
+from scipy.optimize import root
+
+from bodies import beam_body
+from flexfmu.fmu.package import package_fmu
+from flexfmu.master import springs as master_springs
+from flexfmu.runtime.body import FlexibleBody
 
 MARK = "RESULT "
 
@@ -83,7 +90,7 @@ class {name}(Fmi2Slave):
         return Fmi2Status.discard
 
     def _get_fmu_state(self):
-        return {{key: getattr(self, key) for key in ("h", "begun")}} | {{key: list(getattr(self, key)) for key in "xvf"}}
+        return {{"h": self.h, "begun": self.begun}} | {{key: list(getattr(self, key)) for key in "xvf"}}
 
     def _set_fmu_state(self, state):
         for key, value in state.items():
@@ -94,6 +101,7 @@ import sys
 from pythonfmu.builder import FmuBuilder
 FmuBuilder.build_FMU(sys.argv[1], dest=sys.argv[2], canGetAndSetFMUstate=sys.argv[3] == "True")
 """
+# Couples one file after the other, as their names come in.
 RUN = """
 import json, sys
 from pathlib import Path
@@ -103,27 +111,28 @@ from flexfmu.progress import Reporter
 
 
 class Words(Reporter):
-    said = []
+    def __init__(self):
+        self.said = []
 
     def warning(self, text):
         self.said.append(text)
 
 
-words = Words()
-error = None
-try:
-    result = couple(read_coupling_file(Path(sys.argv[1])), words)
-except FlexfmuError as caught:
-    error, result = str(caught), getattr(caught, "result", None)
-columns = {} if result is None else {name: result[name].tolist() for name in result.names}
-times = [] if result is None else result.time.tolist()
-print("RESULT " + json.dumps({"error": error, "time": times, "columns": columns, "said": words.said}), flush=True)
+for line in sys.stdin:
+    words, error = Words(), None
+    try:
+        result = couple(read_coupling_file(Path(line.strip())), words)
+    except FlexfmuError as caught:
+        error, result = str(caught), getattr(caught, "result", None)
+    columns = {} if result is None else {name: result[name].tolist() for name in result.names}
+    times = [] if result is None else result.time.tolist()
+    print("RESULT " + json.dumps({"error": error, "time": times, "columns": columns, "said": words.said}), flush=True)
 """
+ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
 
 
 def python(folder, code, *arguments):
     """Run Python in a process of its own, in a folder."""
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     return subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
         capture_output=True,
@@ -131,7 +140,7 @@ def python(folder, code, *arguments):
         timeout=300,
         check=False,
         cwd=folder,
-        env=environment,
+        env=ENVIRONMENT,
     )
 
 
@@ -167,13 +176,43 @@ class Run:
         return self.columns["master.iterations"][1:]
 
 
-def run(folder, text, name="coupling.toml"):
-    """Couple what a TOML text says."""
-    (folder / name).write_text(text, encoding="utf-8")
-    done = python(folder, RUN, name)
-    lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
-    assert lines, f"ended with {done.returncode}:\n{done.stdout}\n{done.stderr}"
-    return Run(json.loads(lines[-1][len(MARK) :]))
+class Worker:
+    """A process that couples; a run is judged by what it prints."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        with (folder / "errors.txt").open("w", encoding="utf-8") as errors:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", RUN],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+                cwd=folder,
+                env=ENVIRONMENT,
+            )
+
+    def __call__(self, text):
+        """Couple what a TOML text says."""
+        (self.folder / "coupling.toml").write_text(text, encoding="utf-8")
+        self.process.stdin.write("coupling.toml\n")
+        self.process.stdin.flush()
+        for line in self.process.stdout:
+            if line.startswith(MARK):
+                return Run(json.loads(line[len(MARK) :]))
+        raise AssertionError((self.folder / "errors.txt").read_text(encoding="utf-8"))
+
+    def close(self):
+        self.process.kill()
+        self.process.communicate()
+
+
+@pytest.fixture(scope="module")
+def run(folder):
+    """Couple what a TOML text says, in a process that lives as long as the module's tests."""
+    worker = Worker(folder)
+    yield worker
+    worker.close()
 
 
 def experiment(scheme, step, stop, **more):
@@ -232,8 +271,8 @@ def monolithic(steps, size, share=1.0, joint=JOINT):
     return np.array(rows)
 
 
-def last_error(folder, scheme, step, file="mass", damping=0.0, **more):
-    found = run(folder, experiment(scheme, step, 0.1, tolerance=1e-9, **more) + pair(file, damping=damping))
+def last_error(run, scheme, step, file="mass", damping=0.0, **more):
+    found = run(experiment(scheme, step, 0.1, tolerance=1e-9, **more) + pair(file, damping=damping))
     assert found.error is None
     truth = exact(found.time, damping=damping)
     return np.max(np.abs(positions(found) - truth)[found.time > 0.05]) / START
@@ -249,20 +288,20 @@ def last_error(folder, scheme, step, file="mass", damping=0.0, **more):
     ],
     ids=["jacobi", "gauss_seidel", "end", "mean"],
 )
-def test_halving_the_step_divides_the_error_by_two_or_where_the_mean_is_held_by_four(folder, scheme, more, order):
-    coarse, fine = (last_error(folder, scheme, step, **more) for step in (2e-4, 1e-4))
+def test_halving_the_step_divides_the_error_by_two_or_where_the_mean_is_held_by_four(run, scheme, more, order):
+    coarse, fine = (last_error(run, scheme, step, **more) for step in (2e-4, 1e-4))
     assert coarse / fine == pytest.approx(2.0**order, rel=0.1)
     assert fine < (0.05 if order == 1 else 5e-4)
 
 
 @pytest.mark.parametrize("file", ["mass", "mass_v"], ids=["differences", "velocities"])
-def test_a_damper_works_from_velocities_and_from_differences(folder, file):
-    coarse, fine = (last_error(folder, "iterated", step, file, damping=20.0) for step in (2e-4, 1e-4))
+def test_a_damper_works_from_velocities_and_from_differences(run, file):
+    coarse, fine = (last_error(run, "iterated", step, file, damping=20.0) for step in (2e-4, 1e-4))
     assert coarse / fine == pytest.approx(2.0, rel=0.15)
     assert fine < 0.05
 
 
-def test_the_pair_swings_with_its_exact_frequency(folder):
+def test_the_pair_swings_with_its_exact_frequency(run):
     # The slower of two modes, by the roots of the characteristic polynomial; the start is its shape.
     stiffness = np.diag(OWN) + JOINT * np.array([[1.0, -1.0], [-1.0, 1.0]])
     squares, shapes = np.linalg.eigh(stiffness / np.sqrt(np.outer(MASSES, MASSES)))
@@ -272,7 +311,7 @@ def test_the_pair_swings_with_its_exact_frequency(folder):
     a = fmu("a", "mass", mass=MASSES[0], stiffness=OWN[0], x0=shape[0])
     b = fmu("b", "mass", mass=MASSES[1], stiffness=OWN[1], x0=shape[1])
     text = experiment("iterated", period / 400, period, held="mean", tolerance=1e-9)
-    found = run(folder, text + a + b + spring("a.tip", "b.tip", JOINT))
+    found = run(text + a + b + spring("a.tip", "b.tip", JOINT))
     np.testing.assert_allclose(positions(found)[-1], shape, rtol=1e-4)
     np.testing.assert_allclose(positions(found)[200], -shape, rtol=1e-4)
 
@@ -280,9 +319,9 @@ def test_the_pair_swings_with_its_exact_frequency(folder):
 @pytest.mark.parametrize(("held", "share"), [("end", 1.0), ("mean", 0.5)])
 @pytest.mark.parametrize("file", ["mass", "mass_c"], ids=["quasi-Newton", "compliance"])
 @pytest.mark.parametrize("joint", [1e4, 1e9])
-def test_the_iterated_scheme_gives_the_monolithic_answer(folder, held, share, file, joint):
+def test_the_iterated_scheme_gives_the_monolithic_answer(run, held, share, file, joint):
     text = experiment("iterated", 1e-3, 0.05, held=held, tolerance=1e-10)
-    found = run(folder, text + pair(file, joint, own=(0.0, 0.0)))
+    found = run(text + pair(file, joint, own=(0.0, 0.0)))
     assert found.error is None
     np.testing.assert_allclose(positions(found), monolithic(50, 1e-3, share, joint), rtol=0, atol=1e-9 * START)
 
@@ -298,72 +337,70 @@ def growth(found):
 
 
 @pytest.mark.parametrize("kappa", [0.1, 1.0])
-def test_jacobi_grows_by_the_square_root_of_one_plus_half_kappa_a_step(folder, kappa):
+def test_jacobi_grows_by_the_square_root_of_one_plus_half_kappa_a_step(run, kappa):
     # κ = h² k (1/m_a + 1/m_b): the determinant of a step of the relative motion is 1 + κ/2.
     joint = kappa / 1e-6 / np.sum(1.0 / MASSES)
-    found = run(folder, experiment("jacobi", 1e-3, 0.2) + pair("mass", joint, own=(0.0, 0.0)))
+    found = run(experiment("jacobi", 1e-3, 0.2) + pair("mass", joint, own=(0.0, 0.0)))
     assert found.error is None
     assert growth(found) == pytest.approx(np.sqrt(1.0 + 0.5 * kappa), rel=5e-3)
 
 
 @pytest.mark.parametrize("kappa", [0.1, 1.0, 100.0, 1e4])
-def test_the_iterated_scheme_does_not_grow_and_with_the_mean_held_keeps_the_energy(folder, kappa):
+def test_the_iterated_scheme_does_not_grow_and_with_the_mean_held_keeps_the_energy(run, kappa):
     joint = kappa / 1e-6 / np.sum(1.0 / MASSES)
-    damped = run(folder, experiment("iterated", 1e-3, 0.2, tolerance=1e-9) + pair("mass", joint, own=(0.0, 0.0)))
+    damped = run(experiment("iterated", 1e-3, 0.2, tolerance=1e-9) + pair("mass", joint, own=(0.0, 0.0)))
     assert growth(damped) < 1.0
     text = experiment("iterated", 1e-3, 0.2, held="mean", tolerance=1e-9)
-    kept = run(folder, text + pair("mass_v", joint, own=(0.0, 0.0)))
+    kept = run(text + pair("mass_v", joint, own=(0.0, 0.0)))
     speed = np.column_stack([kept[f"{name}.tip.velocity.x"] for name in "ab"])
     energy = 0.5 * speed**2 @ MASSES + 0.5 * joint * np.diff(positions(kept), axis=1)[:, 0] ** 2
     np.testing.assert_allclose(energy, energy[0], rtol=1e-5)
 
 
-def test_explicit_coupling_is_warned_of_where_the_compliance_tells(folder):
+def test_explicit_coupling_is_warned_of_where_the_compliance_tells(run):
     stiff = pair("mass_c", 1e6, own=(0.0, 0.0))
     for scheme in ("jacobi", "gauss_seidel"):
-        (said,) = run(folder, experiment(scheme, 1e-3, 0.002) + stiff).said
+        (said,) = run(experiment(scheme, 1e-3, 0.002) + stiff).said
         # κ/2 = h² k (1/m_a + 1/m_b) / 2.
         assert "0.75-fold" in said
         assert '"iterated"' in said
-        assert run(folder, experiment(scheme, 1e-4, 0.0002) + stiff).said == []
-    assert run(folder, experiment("iterated", 1e-3, 0.002) + stiff).said == []
+        assert run(experiment(scheme, 1e-4, 0.0002) + stiff).said == []
+    assert run(experiment("iterated", 1e-3, 0.002) + stiff).said == []
 
 
 # Iterations.
 
 
-def test_with_compliance_a_linear_coupling_settles_at_the_second_iteration(folder):
+def test_with_compliance_a_linear_coupling_settles_at_the_second_iteration(run):
     for joint in (1e4, 1e7, 1e10):
-        plain, told = (
-            run(folder, experiment("iterated", 1e-3, 0.1) + pair(file, joint)) for file in ("mass", "mass_c")
-        )
+        plain, told = (run(experiment("iterated", 1e-3, 0.1) + pair(file, joint)) for file in ("mass", "mass_c"))
         assert np.max(told.iterations) <= 2
         assert np.max(plain.iterations) > 2
         np.testing.assert_allclose(positions(told), positions(plain), atol=2e-5 * START)
 
 
-def test_what_rests_needs_no_iterations(folder):
+def test_what_rests_needs_no_iterations(run):
     a, b = fmu("a", "mass", mass=1.0), fmu("b", "mass", mass=1.0)
-    found = run(folder, experiment("iterated", 1e-3, 0.01) + a + b + spring("a.tip", "b.tip", 1e9))
+    found = run(experiment("iterated", 1e-3, 0.01) + a + b + spring("a.tip", "b.tip", 1e9))
     np.testing.assert_array_equal(found.iterations, 1)
     np.testing.assert_array_equal(positions(found), 0.0)
 
 
-def test_inputs_that_do_not_settle_stop_the_run_and_are_named(folder):
-    found = run(folder, experiment("iterated", 1e-3, 0.1, max_iterations=1) + pair(joint=1e7))
+def test_inputs_that_do_not_settle_stop_the_run_and_are_named(run):
+    found = run(experiment("iterated", 1e-3, 0.1, max_iterations=1) + pair(joint=1e7))
     assert "do not settle in the step from 0 s" in found.error
     assert "a.tip.force.x" in found.error
     assert len(found.time) == 1
 
 
-def test_a_step_refused_at_trial_inputs_is_tried_with_smaller_changes(folder):
+def test_a_step_refused_at_trial_inputs_is_tried_with_smaller_changes(run):
     # The first trial asks for far more than the load that settles.
     limit = 2000.0
     a = fmu("a", "mass", mass=1.0, v0=1.0, limit=limit)
     b = fmu("b", "mass", mass=1.0, limit=limit)
     text = experiment("iterated", 1e-3, 0.01, relaxation=1.0) + a + b + spring("a.tip", "b.tip", 1e7)
-    found = run(folder, text)
-    free = run(folder, text.replace(f'"limit" = {limit}', '"limit" = 1e300'))
+    found = run(text)
+    free = run(text.replace(f'"limit" = {limit}', '"limit" = 1e300'))
     assert found.error is None
     np.testing.assert_allclose(positions(found), positions(free), rtol=1e-5, atol=1e-12)
 
@@ -375,20 +412,20 @@ def momentum(found):
     return np.column_stack([found[f"{name}.tip.velocity.x"] for name in "ab"]) @ MASSES
 
 
-def test_a_spring_pulls_both_masses_alike(folder):
+def test_a_spring_pulls_both_masses_alike(run):
     start = fmu("a", "mass_v", mass=MASSES[0], v0=1.0) + fmu("b", "mass_v", mass=MASSES[1])
     link = spring("a.tip", "b.tip", 1e4, 3.0)
     for scheme in ("jacobi", "iterated"):
-        found = run(folder, experiment(scheme, 1e-3, 0.05) + start + link)
+        found = run(experiment(scheme, 1e-3, 0.05) + start + link)
         np.testing.assert_allclose(momentum(found), MASSES[0], rtol=1e-12)
     # One after the other they feel the spring at different moments.
-    staggered = run(folder, experiment("gauss_seidel", 1e-3, 0.05) + start + link)
+    staggered = run(experiment("gauss_seidel", 1e-3, 0.05) + start + link)
     assert np.max(np.abs(momentum(staggered) - MASSES[0])) > 1e-3
 
 
-def test_a_spring_to_the_ground_is_a_spring_of_the_mass(folder):
+def test_a_spring_to_the_ground_is_a_spring_of_the_mass(run):
     alone = fmu("a", "mass", mass=1.0, x0=START) + spring("a.tip", None, 1000.0)
-    found = run(folder, experiment("iterated", 1e-4, 0.1, held="mean", tolerance=1e-9) + alone)
+    found = run(experiment("iterated", 1e-4, 0.1, held="mean", tolerance=1e-9) + alone)
     expected = START * np.cos(np.sqrt(1000.0) * found.time)
     np.testing.assert_allclose(found["a.tip.displacement.x"], expected, atol=1e-4 * START)
 
@@ -401,36 +438,36 @@ def connection(source, target, factor):
 
 
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss_seidel", "iterated"])
-def test_connections_add_up_to_the_same_as_a_spring(folder, scheme):
+def test_connections_add_up_to_the_same_as_a_spring(run, scheme):
     masses = fmu("a", "mass", mass=1.0, x0=START) + fmu("b", "mass", mass=2.0)
     head = experiment(scheme, 1e-3, 0.05, tolerance=1e-10)
-    by_spring = run(folder, head + masses + spring("a.tip", "b.tip", JOINT))
+    by_spring = run(head + masses + spring("a.tip", "b.tip", JOINT))
     links = [
         connection(f"{giver}.tip.displacement.x", f"{taker}.tip.force.x", JOINT if giver != taker else -JOINT)
         for giver in "ab"
         for taker in "ab"
     ]
-    by_links = run(folder, head + masses + "".join(links))
+    by_links = run(head + masses + "".join(links))
     np.testing.assert_allclose(positions(by_links), positions(by_spring), rtol=0, atol=1e-10 * START)
 
 
-def test_a_table_is_held_from_the_beginning_of_each_step_and_jumps_count_from_their_time(folder):
+def test_a_table_is_held_from_the_beginning_of_each_step_and_jumps_count_from_their_time(run, folder):
     (folder / "loads.csv").write_text("time,tip.force.x\n0,0\n0.01,10\n0.01,4\n0.02,4\n", encoding="utf-8")
     text = fmu("a", "mass", mass=1.0) + 'input = "loads.csv"\n'
-    found = run(folder, experiment("jacobi", 1e-3, 0.03) + text + '[output]\nvariables = ["a.tip.force.x"]\n')
+    found = run(experiment("jacobi", 1e-3, 0.03) + text + '[output]\nvariables = ["a.tip.force.x"]\n')
     expected = np.where(np.arange(30) < 10, np.arange(30) * 1.0, 4.0)
     np.testing.assert_allclose(found["a.tip.force.x"][1:], expected, atol=1e-6)
 
 
-def test_a_constant_start_load_and_a_springs_load_add_up(folder):
+def test_a_constant_start_load_and_a_springs_load_add_up(run):
     text = fmu("a", "mass", mass=1.0, **{"tip.force.x": 10.0}) + spring("a.tip", None, 1000.0)
-    found = run(folder, experiment("iterated", 1e-3, 0.1, held="mean", tolerance=1e-9) + text)
+    found = run(experiment("iterated", 1e-3, 0.1, held="mean", tolerance=1e-9) + text)
     expected = 0.01 * (1.0 - np.cos(np.sqrt(1000.0) * found.time))
     np.testing.assert_allclose(found["a.tip.displacement.x"], expected, atol=2e-5)
 
 
-def test_results_keep_every_nth_point_and_the_last(folder):
-    found = run(folder, experiment("jacobi", 1e-3, 0.01) + pair() + "[output]\nevery = 4\n")
+def test_results_keep_every_nth_point_and_the_last(run):
+    found = run(experiment("jacobi", 1e-3, 0.01) + pair() + "[output]\nevery = 4\n")
     np.testing.assert_allclose(found.time, [0.0, 0.004, 0.008, 0.01])
 
 
@@ -438,21 +475,216 @@ def test_results_keep_every_nth_point_and_the_last(folder):
 
 
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss_seidel", "iterated"])
-def test_a_step_that_an_fmu_refuses_stops_the_run_with_its_words_and_keeps_what_came_before(folder, scheme):
+def test_a_step_that_an_fmu_refuses_stops_the_run_with_its_words_and_keeps_what_came_before(run, folder, scheme):
     (folder / "ramp.csv").write_text("time,tip.force.x\n0,0\n0.1,100\n", encoding="utf-8")
     text = fmu("a", "mass", mass=1.0) + fmu("b", "mass", mass=1.0, limit=20.5) + 'input = "ramp.csv"\n'
-    found = run(folder, experiment(scheme, 1e-3, 0.1) + text + spring("a.tip", "b.tip", 1.0))
+    found = run(experiment(scheme, 1e-3, 0.1) + text + spring("a.tip", "b.tip", 1.0))
     assert "fmu 'b' refused the step from 0.021 s" in found.error
     assert "load beyond 20.5 N" in found.error
     np.testing.assert_allclose(found.time[-1], 0.021)
     assert len(found.time) == 22
 
 
-def test_an_fmu_without_saved_states_is_refused_for_the_iterated_scheme_only(folder):
-    found = run(folder, experiment("iterated", 1e-3, 0.01) + pair("mass_s"))
+def test_an_fmu_without_saved_states_is_refused_for_the_iterated_scheme_only(run):
+    found = run(experiment("iterated", 1e-3, 0.01) + pair("mass_s"))
     assert "fmu 'a' (mass_s.fmu) cannot save its state" in found.error
     assert '"jacobi"' in found.error
-    assert run(folder, experiment("jacobi", 1e-3, 0.01) + pair("mass_s")).error is None
+    assert run(experiment("jacobi", 1e-3, 0.01) + pair("mass_s")).error is None
     # One that nothing is fed back to need not.
     lone = fmu("c", "mass_s", mass=1.0)
-    assert run(folder, experiment("iterated", 1e-3, 0.01) + pair() + lone).error is None
+    assert run(experiment("iterated", 1e-3, 0.01) + pair() + lone).error is None
+
+
+# Flexible bodies.
+
+BEAM_STEP, PUSH = 5e-4, {"tip.force.y": 4000.0, "tip.force.z": 1500.0, "tip.moment.x": 200.0}
+BUSHING = [2e7, 1e7, 3e7, 1e5, 2e5, 1e5]
+
+
+def bushing(a, b=None, stiffness=BUSHING):
+    other = "" if b is None else f'b = "{b}"\n'
+    return f'[[spring]]\na = "{a}"\n{other}stiffness = {stiffness}\n'
+
+
+@pytest.fixture(scope="module")
+def beams(folder):
+    """Two cantilevers of different modes, and their bodies."""
+    bodies = beam_body(3, modes=3, damping=0.01), beam_body(2, modes=2, damping=0.02)
+    for name, body in zip(("long", "short"), bodies, strict=True):
+        package_fmu(body, folder / f"{name}.fmu")
+    return tuple(FlexibleBody(body) for body in bodies)
+
+
+def beam_pair(held="end", scheme="iterated", size=BEAM_STEP, stop=20 * BEAM_STEP, **more):
+    names = [
+        f"{name}.tip.{q}.{axis}"
+        for q in ("displacement", "rotation", "force", "moment")
+        for name in "ab"
+        for axis in "xyz"
+    ]
+    text = experiment(scheme, size, stop, held=held, **more) + fmu("a", "long", **PUSH) + fmu("b", "short")
+    return text + bushing("a.tip", "b.tip") + f"[output]\nvariables = {json.dumps(names)}\n"
+
+
+def vectors(found, quantity):
+    """Values (T, 2, 3) of a vector at both tips."""
+    return np.stack([np.stack([found[f"{n}.tip.{quantity}.{x}"] for x in "xyz"], axis=-1) for n in "ab"], axis=1)
+
+
+def test_coupled_beams_move_as_by_one_solve_for_both(run, beams):
+    found = run(beam_pair(tolerance=1e-8))
+    assert found.error is None
+    joint = master_springs.Springs(np.array([0]), np.array([1]), np.array([BUSHING]), np.zeros((1, 6)))
+    still, scale = np.zeros((2, 6)), 1e3
+    push = np.array([0.0, *list(PUSH.values())[:2], PUSH["tip.moment.x"], 0.0, 0.0])
+    states, wrench = [beam.rest() for beam in beams], np.zeros((2, 6))
+
+    def stepped(held):
+        inputs = scale * held.reshape(2, 6) + np.stack([push, np.zeros(6)])
+        return [
+            beam.step(state, {"tip": load}, BEAM_STEP) for beam, state, load in zip(beams, states, inputs, strict=True)
+        ]
+
+    def motion(after):
+        responses = [beam.response(state) for beam, state in zip(beams, after, strict=True)]
+        return np.stack([np.concatenate([r.displacement[0], r.rotation[0]]) for r in responses])
+
+    for number in range(1, 11):
+        solved = root(
+            lambda held: master_springs.loads(joint, motion(stepped(held)), still).ravel() / scale - held,
+            wrench.ravel() / scale,
+            tol=1e-11,
+        )
+        wrench = scale * solved.x.reshape(2, 6)
+        states = stepped(solved.x)
+        at = np.concatenate([vectors(found, "displacement")[number], vectors(found, "rotation")[number]], axis=-1)
+        np.testing.assert_allclose(at, motion(states), rtol=0, atol=1e-8)
+    assert np.max(np.abs(motion(states))) > 0.01
+
+
+@pytest.mark.parametrize("held", ["end", "mean"])
+@pytest.mark.usefixtures("beams")
+def test_the_loads_of_a_bushing_balance(run, held):
+    found = run(beam_pair(held))
+    push = np.array([[0.0, 4000.0, 1500.0], [0.0, 0.0, 0.0]])
+    force, moment = vectors(found, "force")[1:] - push, vectors(found, "moment")[1:] - [[200.0, 0.0, 0.0], [0.0] * 3]
+    assert np.max(np.abs(force)) > 1000.0
+    np.testing.assert_allclose(np.sum(force, axis=1), 0.0, atol=1e-9 * np.max(np.abs(force)))
+    if held == "end":
+        # About a point, with the arms of the step's end; loads are at the tolerance of the iteration from those there.
+        arms = vectors(found, "displacement")[1:]
+        total = np.sum(moment + np.cross(arms, force), axis=1)
+        np.testing.assert_allclose(total, 0.0, atol=1e-6 * np.max(np.abs(moment)))
+
+
+@pytest.mark.usefixtures("beams")
+def test_a_stiff_bushing_holds_bodies_together_where_explicit_coupling_grows_without_sense(run):
+    stiff = [1e9] * 3 + [1e7] * 3
+    found = run(beam_pair().replace(str(BUSHING), str(stiff)))
+    assert found.error is None
+    assert np.mean(found.iterations) < 12
+    gap = vectors(found, "displacement")
+    assert np.max(np.abs(gap[:, 0] - gap[:, 1])) < 1e-3 * np.max(np.abs(gap))
+    explicit = run(beam_pair(scheme="jacobi").replace(str(BUSHING), str(stiff)))
+    assert np.max(np.abs(vectors(explicit, "force"))) > 100.0 * np.max(np.abs(vectors(found, "force")))
+
+
+@pytest.mark.usefixtures("beams")
+def test_the_same_coupling_gives_the_same_bits(run):
+    first, second = run(beam_pair()), run(beam_pair())
+    for name, values in first.columns.items():
+        np.testing.assert_array_equal(second[name], values)
+
+
+ROLLBACK = """
+import json, sys
+from pathlib import Path
+from flexfmu.master import read_coupling_file
+from flexfmu.master.participants import Participant
+from flexfmu.master.wiring import wire
+
+wiring = wire(read_coupling_file(Path(sys.argv[1])))
+role = wiring.roles[0]
+one = Participant(role)
+one.initialize(1.0)
+one.begin()
+for number in range(3):
+    one.step(number * 1e-3, 1e-3)
+one.save()
+before = one.signals().tolist()
+ends = []
+for load in (100.0, -5e3, 100.0, 7.0, 100.0):
+    one.set_inputs(0.0 * wiring.base[role.input_share] + load)
+    one.step(3e-3, 1e-3)
+    ends.append(one.signals().tolist())
+    one.restore()
+    assert one.signals().tolist() == before
+one.close()
+print("RESULT " + json.dumps(ends), flush=True)
+"""
+
+
+@pytest.mark.parametrize("file", ["mass_v", "long"])
+@pytest.mark.usefixtures("beams")
+def test_a_step_taken_back_and_repeated_gives_the_same_bits(folder, file):
+    stiffness = [1.0] * 3 + [0.0] * 3
+    (folder / "rollback.toml").write_text(
+        experiment("iterated", 1e-3, 1.0) + fmu("a", file) + bushing("a.tip", None, stiffness), encoding="utf-8"
+    )
+    done = python(folder, ROLLBACK, "rollback.toml")
+    lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
+    assert lines, done.stderr
+    first, other, second, _, third = json.loads(lines[-1][len(MARK) :])
+    assert first == second == third
+    assert first != other
+
+
+# Files.
+
+WRITE = """
+import sys
+from pathlib import Path
+from flexfmu.errors import FlexfmuError
+from flexfmu.master import run
+from flexfmu.progress import ConsoleReporter
+
+try:
+    run(Path(sys.argv[1]), Path(sys.argv[2]), ConsoleReporter())
+    print("RESULT done", flush=True)
+except FlexfmuError as error:
+    print("RESULT " + str(error).replace(chr(10), " | "), flush=True)
+"""
+
+
+def write(folder, text, target):
+    (folder / "coupling.toml").write_text(text, encoding="utf-8")
+    done = python(folder, WRITE, "coupling.toml", target)
+    lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
+    assert lines, done.stderr
+    return lines[-1][len(MARK) :], done.stderr
+
+
+def test_a_run_writes_its_results_and_says_how_many_iterations_it_took(folder):
+    text = experiment("iterated", 1e-3, 0.05) + pair("mass_c")
+    assert write(folder, text, "motion.csv")[0] == "done"
+    said, shown = write(folder, text, "motion.h5")
+    assert said == "done"
+    assert "iterations a step" in shown
+    header, *rows = (folder / "motion.csv").read_text(encoding="utf-8").splitlines()
+    assert header.startswith("time,a.tip.displacement.x,")
+    assert header.endswith(",master.iterations")
+    with h5py.File(folder / "motion.h5") as file:
+        assert len(file["time"]) == len(rows) == 51
+        np.testing.assert_allclose(file["time"][:], [float(row.split(",")[0]) for row in rows], rtol=1e-11)
+    assert not list(folder.glob("motion.partial*"))
+
+
+def test_a_run_that_stops_leaves_an_earlier_result_alone_and_its_own_beside_it(folder):
+    (folder / "kept.csv").write_text("what was there", encoding="utf-8")
+    (folder / "ramp.csv").write_text("time,tip.force.x\n0,0\n0.1,100\n", encoding="utf-8")
+    text = experiment("jacobi", 1e-3, 0.1) + fmu("b", "mass", mass=1.0, limit=20.5) + 'input = "ramp.csv"\n'
+    said, _ = write(folder, text, "kept.csv")
+    assert "fmu 'b' refused the step from 0.021 s" in said
+    assert "kept.partial.csv" in said
+    assert (folder / "kept.csv").read_text(encoding="utf-8") == "what was there"
+    assert len((folder / "kept.partial.csv").read_text(encoding="utf-8").splitlines()) == 23
