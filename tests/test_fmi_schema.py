@@ -1,4 +1,4 @@
-"""modelDescription.xml and archive of every kind of FMU against FMI 2.0: the XML schema, and rules that no schema holds.
+"""modelDescription.xml and archive of every kind of FMU against FMI 2.0: the XML schema, and the rules beside it.
 
 Sections are those of the FMI Specification 2.0.4. Expectations are the standard's, not the writer's: nothing here reads
 the table of variables that the description is made from.
