@@ -148,9 +148,11 @@ def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:
 
 
 def _motion(wiring: Wiring, signals: FloatArray, before: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Motion and rates of the ends, (E, 6) each; what an FMU does not offer is zero, rates are differences then."""
+    """Motion of the ends and, for dampers, their rates, (E, 6) each; what an FMU does not offer is zero."""
     # Place −1 is the zero at the end.
     now, then = np.append(signals, 0.0), np.append(before, 0.0)
-    motion, offered = now[wiring.ends.motion], now[wiring.ends.rates]
+    motion = now[wiring.ends.motion]
+    if not np.any(wiring.springs.damping):
+        return motion, np.zeros_like(motion)
     difference = backward_rates(motion, then[wiring.ends.motion], step)
-    return motion, np.where(wiring.ends.rates >= 0, offered, difference)
+    return motion, np.where(wiring.ends.rates >= 0, now[wiring.ends.rates], difference)

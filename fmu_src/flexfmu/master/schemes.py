@@ -248,6 +248,8 @@ class Iterated:
     def _settled(self, held: FloatArray, error: FloatArray, residual: FloatArray, signals: FloatArray) -> bool:
         """Whether what the inputs are off by does not count, or is round-off."""
         small = np.abs(error) <= self._settings.tolerance * self._scale(held + error)
+        if np.all(small):
+            return True
         return bool(np.all(small | (np.abs(residual) <= noise(self._stage.wiring, signals, self._stage.step))))
 
     def _remember(self, held: FloatArray, secants: Secants) -> None:

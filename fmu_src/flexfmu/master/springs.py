@@ -59,7 +59,7 @@ def relative_motion(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArra
     matrix : (..., 12, 6) float
         B: rows are force and moment on a, then on b.
     """
-    turn_a, turn_b = exponential(a[..., 3:]), exponential(b[..., 3:])
+    turn_a, turn_b = exponential(np.stack([a[..., 3:], b[..., 3:]]))
     back = np.swapaxes(turn_b, -1, -2)
     distance = a[..., :3] - b[..., :3]
     angles = rotation_vector(back @ turn_a)
