@@ -187,6 +187,7 @@ def test_the_library_lets_pass_what_the_standard_does_not(folder):
         "terminate": OK,
         "step after terminate": OK,
         "freed state is null": False,
+        "state handed in is used again": False,
     }
 
 
@@ -199,13 +200,14 @@ def test_after_a_discarded_step_the_last_successful_time_is_where_it_began_and_o
     assert set(found["calls"].values()) == {DISCARD, ERROR}
 
 
-def test_log_categories_choose_lines(folder):
-    line = [DISCARD, "logStatusDiscard"]
+def test_log_categories_choose_lines_and_those_of_the_library_have_none(folder):
+    discard, error, own = [DISCARD, "logStatusDiscard"], [ERROR, "logStatusError"], [FATAL, ""]
     assert master("log_lines", str(folder / "body.fmu")) == {
-        "all": [line],
+        "all": [discard, error, own],
         "none": [],
-        "discards": [line],
-        "errors": [],
+        "discards": [discard],
+        "errors": [error],
+        "failed instantiation, off": [],
     }
 
 

@@ -162,8 +162,8 @@ class Instance:
         status, values = self._get("String", c_char_p, references)
         return status, [value.decode() if value is not None else None for value in values]
 
-    def get_state(self):
-        state = c_void_p()
+    def get_state(self, state=None):
+        state = c_void_p() if state is None else state
         return self._call("GetFMUstate", byref(state)), state
 
     def set_state(self, state):

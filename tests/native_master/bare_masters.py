@@ -8,6 +8,7 @@ import gc
 import json
 import os
 import sys
+from ctypes import c_void_p
 from pathlib import Path
 
 from bare_fmi2 import FATAL, OK, Fmu
@@ -170,7 +171,11 @@ def liberties(path):
     }
     _, state = one.get_state()
     one.free_state(state)
-    return found | {"freed state is null": state.value is None}
+    found["freed state is null"] = state.value is None
+    _, kept = one.get_state()
+    handed_in = c_void_p(kept.value)
+    one.get_state(handed_in)
+    return found | {"state handed in is used again": handed_in.value == kept.value}
 
 
 def discarded(path):
@@ -195,7 +200,12 @@ def log_lines(path):
         one.logging(on, categories)
         fmu.log.clear()
         one.step(0.0, -1.0)
+        one.get_real([9999])
         found[name] = [line[:2] for line in fmu.log]
+    fmu.log.clear()
+    (fmu.folder / "resources" / "modal.h5").unlink()
+    assert fmu.instantiate(logging=False) is None
+    found["failed instantiation, off"] = [line[:2] for line in fmu.log]
     return found
 
 

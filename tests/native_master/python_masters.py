@@ -94,21 +94,6 @@ def run_ecospy(path, texts, loads, later, step, count, outputs):
     return rows
 
 
-def run_cofmupy(path, texts, loads, later, step, count, outputs):
-    """CoFmuPy's handler of FMUs, which is fmpy underneath."""
-    from cofmupy.wrappers import FmuHandlerFactory
-
-    handler = FmuHandlerFactory(path)()
-    handler.reset()
-    for name, value in {**texts, **loads}.items():
-        handler.set_variables({name: [value]})
-    rows = []
-    for k in range(count):
-        handler.step(k * step, step, {name: [value] for name, value in later.items()} if k == count // 2 else {})
-        rows.append([handler.get_variable(name)[0] for name in outputs])
-    return rows
-
-
 def main():
     name, arguments = sys.argv[1], json.loads(sys.argv[2])
     print(MARK + json.dumps(globals()[f"run_{name}"](*arguments)), flush=True)
