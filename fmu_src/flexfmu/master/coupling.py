@@ -11,9 +11,10 @@ from ..errors import SimulationError
 from ..progress import Reporter
 from ..targets import check_target
 from .config import CouplingFile, Scheme, read_coupling_file
+from .exchange import EnergyCount, counted
 from .layout import Wiring
 from .participants import Participant
-from .results import ITERATIONS, SUFFIXES, Result, write_result
+from .results import CREATED_ENERGY, ITERATIONS, SUFFIXES, Result, write_result
 from .schemes import Point, Stage, scheme
 from .wiring import wire
 
@@ -23,6 +24,11 @@ FloatArray = NDArray[np.float64]
 _PAUSE = 10.0
 # Answer of springs to their own loads beyond which explicit schemes are warned of.
 _STIFF = 0.1
+# Energy created by the coupling, of the most that the springs held, beyond which a run is warned of.
+_CREATED = 0.1
+# Of the work of all loads: less is round-off.
+_NOTHING = 1e-6
+_GROWN = 'the coupling itself fed the motion: take scheme = "iterated", or a shorter step'
 
 
 class CouplingStoppedError(SimulationError):
@@ -52,17 +58,17 @@ class _Recorder:
         self._times: list[float] = []
         self._rows: list[FloatArray] = []
 
-    def take(self, time: float, iterations: float) -> None:
-        row = np.empty(len(self._recorded) + 1)
+    def take(self, time: float, iterations: float, created: float) -> None:
+        row = np.empty(len(self._recorded) + 2)
         for participant, places in self._of:
             row[places] = participant.recorded([self._recorded[k] for k in places])
-        row[-1] = iterations
+        row[-2:] = iterations, created
         self._times.append(time)
         self._rows.append(row)
 
     def result(self) -> Result:
-        names = (*(variable.name for variable in self._recorded), ITERATIONS)
-        units = (*(variable.unit for variable in self._recorded), None)
+        names = (*(variable.name for variable in self._recorded), ITERATIONS, CREATED_ENERGY)
+        units = (*(variable.unit for variable in self._recorded), None, "J")
         return Result(names, units, np.array(self._times), np.array(self._rows).reshape(-1, len(names)))
 
 
@@ -108,25 +114,38 @@ def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
     """Step by step to the end."""
     settings, recorder = coupling.experiment, _Recorder(stage.wiring, list(stage.participants))
     point = stage.initial()
-    recorder.take(0.0, 0.0)
+    recorder.take(0.0, 0.0, 0.0)
     advance, said, rounds = scheme(stage, settings), clock.monotonic(), 0
+    energies = EnergyCount(0.0, 0.0, 0.0)
     try:
         while point.number < settings.steps:
             point = advance(point)
             rounds += point.iterations
+            energies = counted(energies, stage.wiring, point.signals, point.before, point.held, settings.step)
             if point.number == 1 and settings.scheme is not Scheme.ITERATED:
                 _warn_of_stiff_springs(stage, point, report)
             if point.number % coupling.output.every == 0 or point.number == settings.steps:
-                recorder.take(point.number * settings.step, point.iterations)
+                recorder.take(point.number * settings.step, point.iterations, energies.created)
             if clock.monotonic() - said > _PAUSE:
                 said = clock.monotonic()
                 report.note(f"at {point.number * settings.step:.6g} s of {settings.stop:g} s")
     except SimulationError as error:
         at = point.number * settings.step
-        raise CouplingStoppedError(f"stopped at {at:.9g} s: {error}", recorder.result()) from error
+        words = f"stopped at {at:.9g} s: {error}" + (f"\n{_GROWN}" if _grew(energies) else "")
+        raise CouplingStoppedError(words, recorder.result()) from error
+    if _grew(energies):
+        report.warning(
+            f"{_GROWN} (it created {energies.created:.3g} J, the springs held {energies.stored:.3g} J at most)"
+        )
     if settings.scheme is Scheme.ITERATED:
         report.note(f"{rounds / settings.steps:.2f} iterations a step")
     return recorder.result()
+
+
+def _grew(energies: EnergyCount) -> bool:
+    """Whether the coupling fed the motion, beyond what round-off explains."""
+    # What is no number any more has grown, too.
+    return not energies.created <= max(_CREATED * energies.stored, _NOTHING * energies.exchanged)
 
 
 def _warn_of_stiff_springs(stage: Stage, point: Point, report: Reporter) -> None:

@@ -1,13 +1,14 @@
 """What inputs the FMUs' outputs ask for: tables, connections and springs, and how the answer to inputs is known."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .acceleration import Model
 from .layout import Wiring
-from .springs import Springs, backward_rates, loads, tangent
+from .springs import Springs, backward_rates, energy, loads, losses, tangent
 
 FloatArray = NDArray[np.float64]
 
@@ -121,6 +122,59 @@ def answer(
     full = np.zeros((len(wiring.base), len(wiring.base)))
     full[np.ix_(places[there], places[there])] = share * slope[np.ix_(there, there)]
     return Model(full, known)
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyCount:
+    """Energies of springs and dampers, J.
+
+    What the loads did to the bodies, what the springs took up and what the dampers lost would be nothing together if
+    the loads followed the motion. Held over steps they do not.
+
+    Attributes
+    ----------
+    created : float
+        What came from holding the loads, so far.
+    stored : float
+        In the springs, the most so far.
+    exchanged : float
+        Work of all loads, whichever its sign, so far.
+    """
+
+    created: float
+    stored: float
+    exchanged: float
+
+
+def counted(
+    count: EnergyCount, wiring: Wiring, signals: FloatArray, before: FloatArray, held: FloatArray, step: float
+) -> EnergyCount:
+    """Add a step to the count of energies; connections to inputs that springs load count as loads of springs.
+
+    Parameters
+    ----------
+    count : EnergyCount
+    wiring : Wiring
+    signals, before : (m,) float
+        At the step's end and beginning.
+    held : (n,) float
+        Coupled inputs held over the step.
+    step : float
+        s.
+
+    Returns
+    -------
+    EnergyCount
+    """
+    springs = wiring.springs
+    if not len(springs.a):
+        return count
+    motion, motion_before = (np.append(values, 0.0)[wiring.ends.motion] for values in (signals, before))
+    work = np.append(held, 0.0)[wiring.ends.loads] * step * backward_rates(motion, motion_before, step)
+    stored, stored_before = energy(springs, motion), energy(springs, motion_before)
+    created = float(np.sum(work)) + stored - stored_before + losses(springs, motion, motion_before, step)
+    exchanged = count.exchanged + float(np.sum(np.abs(work)))
+    return EnergyCount(count.created + created, max(count.stored, stored, stored_before), exchanged)
 
 
 def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:

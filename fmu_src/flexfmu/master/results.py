@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".h5", ".hdf5")
 ITERATIONS = "master.iterations"
+CREATED_ENERGY = "master.created_energy"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +25,7 @@ class Result:
     Attributes
     ----------
     names : tuple of str
-        "fmu.variable", C of them; the last is "master.iterations".
+        "fmu.variable", C of them; the last ones are the master's own.
     units : tuple of str or None
     time : (T,) float
         s.

@@ -30,13 +30,16 @@ class Point:
     signals : (m,) float
     before : (m,) float
         A step earlier.
+    held : (n,) float
+        What the coupling fed to the inputs over the step that led here.
     iterations : int
-        Times that the step which led here was taken.
+        Times that this step was taken.
     """
 
     number: int
     signals: FloatArray
     before: FloatArray
+    held: FloatArray
     iterations: int = 0
 
 
@@ -69,7 +72,7 @@ class Stage:
         for participant in self.participants:
             participant.begin()
             signals[participant.role.signal_share] = participant.signals()
-        return Point(0, signals, signals.copy())
+        return Point(0, signals, signals.copy(), np.zeros(len(base)))
 
     def take(self, participant: Participant, number: int, inputs: FloatArray, signals: FloatArray) -> None:
         """Let an FMU step with its share of inputs; its share of signals is renewed."""
@@ -106,12 +109,12 @@ def jacobi(stage: Stage, point: Point) -> Point:
     Point
         A step later.
     """
-    inputs = base_inputs(stage.wiring, point.number * stage.step, stage.step)
-    inputs += stage.requested(point.signals, point.before)
+    base = base_inputs(stage.wiring, point.number * stage.step, stage.step)
+    held = stage.requested(point.signals, point.before)
     signals = point.signals.copy()
     for participant in stage.participants:
-        stage.take(participant, point.number, inputs, signals)
-    return Point(point.number + 1, signals, point.signals, 1)
+        stage.take(participant, point.number, base + held, signals)
+    return Point(point.number + 1, signals, point.signals, held, 1)
 
 
 def gauss_seidel(stage: Stage, point: Point) -> Point:
@@ -128,12 +131,13 @@ def gauss_seidel(stage: Stage, point: Point) -> Point:
         A step later.
     """
     base = base_inputs(stage.wiring, point.number * stage.step, stage.step)
-    signals, before = point.signals.copy(), point.before.copy()
+    signals, before, held = point.signals.copy(), point.before.copy(), np.zeros(len(base))
     for participant in stage.participants:
-        stage.take(participant, point.number, base + stage.requested(signals, before), signals)
-        share = participant.role.signal_share
-        before[share] = point.signals[share]
-    return Point(point.number + 1, signals, point.signals, 1)
+        role = participant.role
+        held[role.input_share] = stage.requested(signals, before)[role.input_share]
+        stage.take(participant, point.number, base + held, signals)
+        before[role.signal_share] = point.signals[role.signal_share]
+    return Point(point.number + 1, signals, point.signals, held, 1)
 
 
 class Iterated:
@@ -200,7 +204,7 @@ class Iterated:
                 self._remember(held, here)
                 for participant in stage.coupled:
                     participant.forget()
-                return Point(point.number + 1, signals, point.signals, iteration)
+                return Point(point.number + 1, signals, point.signals, held, iteration)
             guess = held + delta
         raise SimulationError(self._unsettled(point, held, error))
 

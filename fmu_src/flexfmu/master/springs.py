@@ -171,6 +171,27 @@ def energy(springs: Springs, motion: FloatArray) -> float:
     return 0.5 * float(np.sum(springs.stiffness * relative**2))
 
 
+def losses(springs: Springs, motion: FloatArray, before: FloatArray, step: float) -> float:
+    """Energy that the dampers take over a step in which the relative coordinates change evenly.
+
+    Parameters
+    ----------
+    springs : Springs
+    motion, before : (E, 6) float
+        Displacement (m) and rotation vector (rad) at the step's end and beginning.
+    step : float
+        s.
+
+    Returns
+    -------
+    float
+        J.
+    """
+    now, _ = relative_motion(*_ends(springs, motion))
+    then, _ = relative_motion(*_ends(springs, before))
+    return float(np.sum(springs.damping * (now - then) ** 2)) / step
+
+
 def _ends(springs: Springs, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Values (N, 6) at a and at b; the ground's are zero."""
     grounded = np.vstack([values, np.zeros((1, 6))])
