@@ -96,6 +96,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         interface_displacement=motion[:, :3],
         interface_rotation=motion[:, 3:],
         interface_frame=np.array([interface.frame for interface in interfaces]),
+        compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
         root_interface=_fixable_root(config, model),
         floating=any(domain.floating for domain in subdomains),
         frame_names=tuple(domain.name for domain in subdomains),

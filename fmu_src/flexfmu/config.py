@@ -72,6 +72,7 @@ class InterfaceTable(_Table):
     nodes: str
     point: Vector | None = None
     weights: Literal["auto", "area", "node"] = "auto"
+    compliance: bool = False
 
 
 class FrameTable(_Table):

@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 
-from .fmu.description import suggested_step
 from .progress import Reporter
 from .runtime.body import FlexibleBody
 from .runtime.errors import OptionError, RuntimeBodyError
@@ -51,7 +50,7 @@ def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
     list of Cost
     """
     costs = []
-    step = suggested_step(body)
+    step = body.suggested_step
     with report.stage(f"Time steps of {step:g} s"):
         loads = _measuring_loads(body)
         for kinematics, placement, stiffness in product(Kinematics, LoadPlacement, Stiffness):

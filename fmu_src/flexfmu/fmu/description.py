@@ -25,27 +25,13 @@ _UNITS: dict[str, dict[str, int]] = {
     "m/s2": {"m": 1, "s": -2},
     "Pa": {"kg": 1, "m": -1, "s": -2},
     "J": {"kg": 1, "m": 2, "s": -2},
+    "m/N": {"kg": -1, "s": 2},
+    "m/(N.m)": {"kg": -1, "m": -1, "s": 2},
+    "rad/N": {"kg": -1, "m": -1, "s": 2, "rad": 1},
+    "rad/(N.m)": {"kg": -1, "m": -2, "s": 2, "rad": 1},
     "s": {"s": 1},
 }
 _DEGREE = {"rad": "deg", "rad/s": "deg/s"}
-# Steps per period of the lowest mode in the suggested experiment: smooth curves without waste.
-_STEPS_PER_PERIOD = 40
-
-
-def suggested_step(body: ReducedBody) -> float:
-    """Communication step (s) that resolves the lowest elastic mode, rounded down to 1, 2 or 5 times a power of ten.
-
-    Parameters
-    ----------
-    body : ReducedBody
-
-    Returns
-    -------
-    float
-    """
-    step = 2.0 * math.pi / body.angular_frequency[body.rigid_count] / _STEPS_PER_PERIOD
-    power = 10.0 ** math.floor(math.log10(step))
-    return float(f"{max(f for f in (1, 2, 5) if f * power <= step * (1 + 1e-12)) * power:.6g}")
 
 
 def model_description(body: ReducedBody, guid: str) -> bytes:
@@ -98,7 +84,7 @@ def model_description(body: ReducedBody, guid: str) -> bytes:
     categories = SubElement(root, "LogCategories")
     for name, words in LOG_CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=words)
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize=repr(suggested_step(body)))
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize=repr(body.suggested_step))
 
     variables = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(table):

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import build_dynamics
+from .dynamics import build_dynamics, spread
 from .errors import LoadError, OptionError, StepError
 from .fixing import with_fixed_interfaces
+from .indicators import compliance, scaled_tangent, turning
 from .loads import Loads, loads_from_mapping
 from .reduced_body import Formulation, ReducedBody
 from .rotations import cross, rotation_vector
@@ -82,6 +83,7 @@ class FlexibleBody:
         damping = damping_scale * model.damping_ratio
         self._stepper = Stepper(self._dynamics, model.angular_frequency, damping, limits, use_compiled)
         self._configuration = self._stepper.configuration
+        self._turning = turning(model, self._dynamics.tree.frame_count)
 
     def loads(self, loads: Mapping[str, Sequence[float]], acceleration: Sequence[float] = (0.0, 0.0, 0.0)) -> Loads:
         """Loads from {interface: (fx, fy, fz)} or {interface: (fx, fy, fz, mx, my, mz)}, N and N m, global frame.
@@ -307,21 +309,73 @@ class FlexibleBody:
         (S,) float, or (1,) for linear kinematics
             rad.
         """
-        body = self.model
-        if self._dynamics.tree.frame_count == 0:
-            return np.array([np.max(np.linalg.norm(body.interface_rotation @ state.q, axis=1))])
-        frame = body.frame_rotation @ state.q
-        joint = body.joint_rotation @ state.q
-        largest = np.linalg.norm(joint - frame, axis=1)
-        carried = body.frame_parent >= 0
-        parent = body.frame_parent[carried]
-        np.maximum.at(largest, parent, np.linalg.norm(joint[carried] - frame[parent], axis=1))
-        held = body.interface_frame >= 0
-        on = body.interface_frame[held]
-        interface = (body.interface_rotation @ state.q)[held]
-        np.maximum.at(largest, on, np.linalg.norm(interface - frame[on], axis=1))
-        result: FloatArray = largest
-        return result
+        largest = np.zeros(self._turning.frame_count)
+        np.maximum.at(largest, self._turning.frame, self._turning.angles(state.q))
+        return largest
+
+    def largest_rotation(self, state: State) -> float:
+        """Largest rotation within any frame, rad."""
+        return float(self._turning.angles(state.q).max(initial=0.0))
+
+    def stability(self, state: State, inputs: FloatArray) -> tuple[float, FloatArray]:
+        """Smallest eigenvalue of the tangent stiffness over the unloaded one: 1 without loads, 0 at the critical load.
+
+        Parameters
+        ----------
+        state : State
+        inputs : (6I,) or (6I + 3,) float
+            Loads, as of `Loads.packed`.
+
+        Returns
+        -------
+        margin : float
+        shape : (m,) float
+            The eigenvector, zero for rigid motions.
+        """
+        values, vectors = np.linalg.eigh(self._scaled_tangent(state, inputs))
+        shape = np.zeros(self.model.mode_count)
+        shape[self.model.rigid_count :] = vectors[:, 0]
+        return float(values[0]), shape
+
+    def is_stable(self, state: State, inputs: FloatArray, margin: float) -> bool:
+        """Whether `stability` is above a margin; faster than finding it."""
+        tangent = self._scaled_tangent(state, inputs)
+        try:
+            np.linalg.cholesky(tangent - margin * np.eye(len(tangent)))
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+    def softening(self, state: State, inputs: FloatArray, shape: FloatArray) -> float:
+        """What some loads alone take off `stability` in a shape (m,) that it gave."""
+        elastic = shape[self.model.rigid_count :]
+        return float(elastic @ elastic - elastic @ self._scaled_tangent(state, inputs) @ elastic)
+
+    def compliance(self, state: State, inputs: FloatArray, step: float, interface: int) -> FloatArray:
+        """Derivative of an interface's motion at a step's end with respect to a load on it held over the step.
+
+        Parameters
+        ----------
+        state : State
+            At the step's end.
+        inputs : (6I,) or (6I + 3,) float
+        step : float
+            s.
+        interface : int
+
+        Returns
+        -------
+        (6, 6) float
+            Displacement and rotation per force and moment: m/N, m/(N m), rad/N, rad/(N m).
+        """
+        loads = spread(self._dynamics, Loads.unpacked(inputs, self.model.interface_count))
+        return compliance(
+            self._dynamics, self._stepper.propagator(step), loads, self._configuration(state.q), interface
+        )
+
+    def _scaled_tangent(self, state: State, inputs: FloatArray) -> FloatArray:
+        loads = spread(self._dynamics, Loads.unpacked(inputs, self.model.interface_count))
+        return scaled_tangent(self._dynamics, loads, self._configuration(state.q))
 
     def _as_loads(self, loads: Loads | Mapping[str, Sequence[float]]) -> Loads:
         return loads if isinstance(loads, Loads) else self.loads(loads)

@@ -99,6 +99,7 @@ class _Digest:
             body.formulation.loads.value,
             body.formulation.stiffness.value,
             str(body.velocity_outputs),
+            "\0".join(body.compliance_interfaces),
             str(body.root_interface),
             str(body.floating),
             *body.interface_names,
@@ -145,6 +146,7 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["loads"] = body.formulation.loads.value
             file.attrs["stiffness"] = body.formulation.stiffness.value
             file.attrs["velocity_outputs"] = body.velocity_outputs
+            file.attrs["compliance_interfaces"] = ",".join(body.compliance_interfaces)
             file.attrs["root_interface"] = body.root_interface
             file.attrs["floating"] = body.floating
             file.attrs["sha256"] = _Digest(body).hexdigest()
@@ -235,6 +237,7 @@ def _read(file: Any, name: str) -> ReducedBody:
             Stiffness(file.attrs["stiffness"]),
         ),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
+        compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),
         root_interface=int(file.attrs["root_interface"]),
         floating=bool(file.attrs["floating"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},

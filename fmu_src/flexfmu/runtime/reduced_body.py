@@ -1,5 +1,6 @@
 """The reduced body: what is left of the finite element model once modes, interfaces and frames are known."""
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -10,6 +11,9 @@ from .errors import ModalFileError, OptionError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+# Steps per period of the lowest mode: smooth curves without waste.
+_STEPS_PER_PERIOD = 40
 
 GROUND = -1
 """Parent of a root frame, and frame of an interface that no frame carries."""
@@ -184,6 +188,8 @@ class ReducedBody:
         The one that the body file asks for; another may be chosen at run time.
     velocity_outputs : bool
         Whether the FMU offers velocities and angular velocities.
+    compliance_interfaces : tuple of str
+        Interfaces whose compliance the FMU offers.
     root_interface : int
         Of a free body whose basis holds the constraint modes of its interfaces: the one that the tree of frames hangs
         on when it is fixed. Else `GROUND`.
@@ -214,6 +220,7 @@ class ReducedBody:
     stiffness_by_mode: FloatArray | None = None
     formulation: Formulation = field(default_factory=Formulation)
     velocity_outputs: bool = False
+    compliance_interfaces: tuple[str, ...] = ()
     root_interface: int = GROUND
     floating: bool = False
     provenance: dict[str, str] = field(default_factory=dict)
@@ -274,6 +281,10 @@ class ReducedBody:
             raise ModalFileError("angular_frequency must be ascending and not negative")
         if self.angular_frequency[-1] == 0.0:
             raise ModalFileError("the body has rigid motions only, expected at least one elastic mode")
+        if not set(self.compliance_interfaces) <= set(self.interface_names):
+            raise ModalFileError(
+                f"compliance_interfaces are {self.compliance_interfaces}, expected names of interfaces"
+            )
         if not GROUND <= self.root_interface < self.interface_count:
             raise ModalFileError("root_interface must name an interface, or be -1")
         if self.floating and not self.frame_count:
@@ -297,6 +308,13 @@ class ReducedBody:
     def rigid_count(self) -> int:
         """Number of rigid motions, which are the first modal coordinates."""
         return int(np.sum(self.angular_frequency == 0.0))
+
+    @property
+    def suggested_step(self) -> float:
+        """Communication step (s) that resolves the lowest elastic mode, rounded down to 1, 2 or 5 times 10ⁿ."""
+        step = 2.0 * math.pi / float(self.angular_frequency[self.rigid_count]) / _STEPS_PER_PERIOD
+        power = 10.0 ** math.floor(math.log10(step))
+        return float(f"{max(f for f in (1, 2, 5) if f * power <= step * (1 + 1e-12)) * power:.6g}")
 
     @property
     def frame_count(self) -> int:

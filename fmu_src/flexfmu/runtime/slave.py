@@ -4,6 +4,7 @@ pythonfmu's library calls the methods; it finds the class in a generated module 
 pythonfmu's base class. Only what follows from the standard is here: the body itself knows nothing of FMI.
 """
 
+import math
 from ctypes import py_object, pythonapi
 from pathlib import Path
 from typing import Any
@@ -12,30 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .body import FlexibleBody
-from .errors import OptionError, RuntimeBodyError
+from .errors import OptionError, RuntimeBodyError, StepError
 from .loads import Loads
 from .modal_file import read_modal_file
-from .reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
-from .stepping import State, StepLimits, Work
+from .parameters import Parameters
+from .stepping import State, Work
 from .variables import (
-    DAMPING_SCALE,
-    FIXED,
     FRAME_ROTATION,
-    INITIALIZATION,
     ITERATIONS,
-    KINEMATICS,
     KINETIC_ENERGY,
-    LOADS,
+    STABILITY,
     STATUS_CODE,
-    STEP_LIMIT,
-    STEP_TOLERANCE,
-    STIFFNESS,
+    STEP_ERROR,
     STRAIN_ENERGY,
     SUBSTEPS,
     Group,
     Initialization,
+    Interpolation,
     variable_table,
 )
+from .watch import Finding, OnLimit, OnRefusal, loads_changed, rotation_finding, stability_finding
 
 FloatArray = NDArray[np.float64]
 
@@ -43,13 +40,8 @@ MODAL_FILE = "modal.h5"
 # FMI status numbers.
 _WARNING, _DISCARD, _ERROR = 1, 2, 3
 _CATEGORY = {_WARNING: "logStatusWarning", _DISCARD: "logStatusDiscard", _ERROR: "logStatusError"}
-_NUMBERS = (DAMPING_SCALE, STEP_LIMIT, STEP_TOLERANCE)
-_CHOICES: dict[str, type[Kinematics] | type[LoadPlacement] | type[Stiffness] | type[Initialization]] = {
-    KINEMATICS: Kinematics,
-    LOADS: LoadPlacement,
-    STIFFNESS: Stiffness,
-    INITIALIZATION: Initialization,
-}
+# Values of status.code.
+_SOUND, _REFUSED, _PASSED = 0, 1, 2
 
 
 class LogMessage:
@@ -60,6 +52,10 @@ class LogMessage:
         self.category = _CATEGORY[status]
         # The library hands the text on as a printf format.
         self.msg = text.replace("%", "%%")
+
+
+class _EndOfSimulationError(Exception):
+    """A limit was passed or a step refused whose `on_limit` asks for the end of the simulation."""
 
 
 class BodySlave:
@@ -86,10 +82,18 @@ class BodySlave:
         self._rate = self._motion + groups.count(Group.MOTION)
         self._stress = self._rate + groups.count(Group.RATE)
         self._status_reference = groups.index(Group.STATUS)
+        self._compliance = groups.index(Group.COMPLIANCE) if Group.COMPLIANCE in groups else len(groups)
         self._inputs = np.zeros(groups.count(Group.INPUT))
-        self._parameters = {v.name: v.start for v in self._variables if v.group is Group.PARAMETER}
-        self._switches = [v.name for v in self._variables if v.type == "Boolean"]
-        self._status = 0
+        self._names = tuple(v.name for v in self._variables[: self._inputs.size])
+        # Inputs of the step before, and those for which stability was last looked at.
+        self._previous = self._inputs.copy()
+        self._looked_at = self._inputs.copy()
+        self._last_step = 0.0
+        # Whether the last step ended beyond the limits of rotation and of stability.
+        self._beyond = [False, False]
+        self._parameters = Parameters(self._variables)
+        self._limits, self._interpolation = self._parameters.limits, self._parameters.interpolation
+        self._status = _SOUND
         self._body: FlexibleBody | None = None
         self._state: State | None = None
         self._work = Work(0, 0, 0.0)
@@ -107,6 +111,7 @@ class BodySlave:
     def exit_initialization_mode(self) -> None:
         """Fix the parameters and the initial state."""
         self._start()
+        self._previous = self._inputs.copy()
         self._running = True
 
     def terminate(self) -> None:
@@ -115,22 +120,13 @@ class BodySlave:
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Advance by a step; False (discard) leaves the state as it was and says why in the log."""
         try:
-            if not (np.isfinite(current_time) and np.isfinite(step_size) and step_size >= 0.0):
-                return self._refuse(f"a step of {step_size} s from {current_time} s: expected a finite step ≥ 0")
-            wrong = np.flatnonzero(~np.isfinite(self._inputs))
-            if wrong.size:
-                name = self._variables[int(wrong[0])].name
-                return self._refuse(f"input {name} is {self._inputs[wrong[0]]}: expected a finite value")
-            body, state = self._start()
-            if step_size > 0.0:
-                with np.errstate(all="ignore"):
-                    self._state, self._work = body.step_packed(state, self._inputs, float(step_size))
-                self._outputs.clear()
+            return self._stepped(current_time, step_size)
+        except _EndOfSimulationError as end:
+            raise self._failure(str(end)) from end
         except RuntimeBodyError as error:
             return self._refuse(str(error))
         except Exception as error:  # an exception that got out would be fatal to the master's whole process
             return self._refuse(f"unexpected {type(error).__name__}: {error}")
-        return True
 
     # Values.
 
@@ -185,43 +181,35 @@ class BodySlave:
 
     def _get_fmu_state(self) -> bytes:
         """Everything that the future depends on, as one block of bytes."""
-        body = self._model
-        state = self._state or State(np.zeros(body.mode_count), np.zeros(body.mode_count))
+        modes = self._model.mode_count
+        state = self._state or State(np.zeros(modes), np.zeros(modes))
         # With interfaces fixed the body has fewer modes; the block keeps its length.
-        rest = np.zeros(body.mode_count - state.q.size)
-        numbers = self._numbers()
-        choices = [list(kind).index(kind(self._parameters[name])) for name, kind in _CHOICES.items()]
-        fixed = [float(bool(self._parameters[name])) for name in self._switches]
-        flags = [self._state is not None, self._running, self._status, state.substeps]
+        rest = np.zeros(modes - state.q.size)
+        flags = [self._state is not None, self._running, self._status, state.substeps, state.q.size, self._last_step]
         work = [self._work.substeps, self._work.iterations, self._work.error]
-        return np.concatenate(
-            [self._inputs, state.q, rest, state.v, rest, numbers, choices, fixed, flags, work]
-        ).tobytes()
+        inputs = self._inputs, self._previous, self._looked_at
+        numbers = np.array([*self._parameters.numbers(), *flags, *self._beyond, *work], dtype=np.float64)
+        parts = [*inputs, state.q, rest, state.v, rest, numbers]
+        return np.concatenate(parts).tobytes()
 
     def _set_fmu_state(self, block: bytes) -> None:
         """Go back to a state taken from this or another instance of the same FMU."""
-        m, inputs = self._model.mode_count, self._inputs.size
+        modes, inputs = self._model.mode_count, self._inputs.size
+        sizes = [inputs, inputs, inputs, modes, modes, len(self._parameters.numbers()), 6, 2, 3]
+        if len(block) != 8 * sum(sizes):
+            raise self._failure(f"FMU state has {len(block)} bytes, expected {8 * sum(sizes)}: of another FMU?")
         values = np.frombuffer(block, dtype=np.float64)
-        sizes = [inputs, m, m, len(_NUMBERS), len(_CHOICES), len(self._switches), 4, 3]
-        if values.size != sum(sizes):
-            raise self._failure(f"FMU state has {values.size} numbers, expected {sum(sizes)}: of another FMU?")
-        ends = np.cumsum(sizes)[:-1]
-        set_inputs, q, v, numbers, choices, switches, flags, work = np.split(values, ends)
-        self._inputs = set_inputs.copy()
-        before = dict(self._parameters)
-        self._parameters |= dict(zip(_NUMBERS, (float(x) for x in numbers), strict=True))
-        for index, (name, kind) in zip(choices, _CHOICES.items(), strict=True):
-            self._parameters[name] = list(kind)[int(index)].value
-        self._parameters |= dict(zip(self._switches, (bool(x) for x in switches), strict=True))
-        if self._parameters != before:
+        now, previous, looked_at, q, v, numbers, flags, beyond, work = np.split(values, np.cumsum(sizes)[:-1])
+        if self._parameters.restore(numbers.tolist()):
             self._body = None
-        self._outputs.clear()
-        self._state = None
-        if flags[0]:
-            m -= 6 * int(np.sum(switches))
-            self._state = State(q[:m].copy(), v[:m].copy(), int(flags[3]))
-        self._running, self._status = bool(flags[1]), int(flags[2])
+        self._inputs, self._previous, self._looked_at = now.copy(), previous.copy(), looked_at.copy()
+        known, running, status, substeps, count = (int(flag) for flag in flags[:5])
+        self._last_step = float(flags[5])
+        self._state = State(q[:count].copy(), v[:count].copy(), substeps) if known else None
+        self._running, self._status = bool(running), status
+        self._beyond = [bool(flag) for flag in beyond]
         self._work = Work(int(work[0]), int(work[1]), float(work[2]))
+        self._outputs.clear()
 
     @staticmethod
     def _fmu_state_to_bytes(state: bytes) -> bytes:
@@ -239,20 +227,16 @@ class BodySlave:
     def _start(self) -> tuple[FlexibleBody, State]:
         """Body and state, set up from parameters and inputs when first asked for."""
         if self._body is None:
+            chosen = self._parameters
             try:
-                formulation = Formulation(
-                    Kinematics(self._parameters[KINEMATICS]),
-                    LoadPlacement(self._parameters[LOADS]),
-                    Stiffness(self._parameters[STIFFNESS]),
+                self._body = FlexibleBody(
+                    self._model, chosen.formulation, chosen.damping_scale, chosen.step_limits, chosen.fixed
                 )
-                damping_scale, longest, tolerance = self._numbers()
-                limits = StepLimits(longest, tolerance)
-                fixed = [name.removesuffix(FIXED) for name in self._switches if self._parameters[name]]
-                self._body = FlexibleBody(self._model, formulation, damping_scale, limits, fixed)
             except OptionError as error:
                 raise self._failure(str(error)) from error
+            self._limits, self._interpolation = chosen.limits, chosen.interpolation
         if self._state is None:
-            if self._parameters[INITIALIZATION] == Initialization.STATIC.value:
+            if self._parameters.initialization is Initialization.STATIC:
                 try:
                     if not np.all(np.isfinite(self._inputs)):
                         raise OptionError("an input is not finite, so there is no equilibrium to start from")
@@ -263,9 +247,69 @@ class BodySlave:
                 self._state = self._body.rest()
         return self._body, self._state
 
-    def _numbers(self) -> list[float]:
-        """Values of the numeric parameters, in the order of `_NUMBERS`."""
-        return [float(self._parameters[name] or 0.0) for name in _NUMBERS]
+    def _stepped(self, current_time: float, step_size: float) -> bool:
+        """Take a step, or refuse it."""
+        if not (math.isfinite(current_time) and math.isfinite(step_size) and step_size >= 0.0):
+            return self._refuse(f"a step of {step_size} s from {current_time} s: expected a finite step ≥ 0")
+        if not np.isfinite(self._inputs).all():
+            wrong = int(np.flatnonzero(~np.isfinite(self._inputs))[0])
+            return self._refuse(f"input {self._names[wrong]} is {self._inputs[wrong]}: expected a finite value")
+        body, state = self._start()
+        if step_size == 0.0:
+            return True
+        start, end = self._over_step(float(step_size))
+        try:
+            with np.errstate(all="ignore"):
+                reached, work = body.step_packed(state, start, float(step_size), end)
+        except StepError as error:
+            if self._parameters.on_refusal is OnRefusal.TERMINATE:
+                raise _EndOfSimulationError(str(error)) from error
+            raise
+        if not self._within_limits(body, reached, start if end is None else end):
+            return False
+        self._state, self._work = reached, work
+        self._previous, self._last_step = self._inputs.copy(), float(step_size)
+        self._outputs.clear()
+        return True
+
+    def _over_step(self, step: float) -> tuple[FloatArray, FloatArray | None]:
+        """Inputs at a step's start and, where they are others, at its end."""
+        now, before = self._inputs, self._previous
+        if self._interpolation is Interpolation.CONSTANT or np.array_equal(now, before):
+            return now, None
+        if self._interpolation is Interpolation.RAMP:
+            return before, now
+        if self._last_step == 0.0:
+            return now, None
+        return now, now + (now - before) * (step / self._last_step)
+
+    def _within_limits(self, body: FlexibleBody, reached: State, inputs: FloatArray) -> bool:
+        """Look at what the body is watched for; False where the step is to be refused."""
+        stability = None
+        looked = self._limits.stability > 0.0 and loads_changed(inputs, self._looked_at)
+        if looked:
+            stability = stability_finding(body, reached, inputs, self._names, self._limits)
+        findings = [rotation_finding(body, reached, self._limits), stability]
+        for finding in findings:
+            if finding is not None and finding.action is OnLimit.TERMINATE:
+                raise _EndOfSimulationError(finding.text)
+            if finding is not None and finding.action is OnLimit.DISCARD:
+                return self._refuse(finding.text)
+        for number, finding in enumerate(findings):
+            # Stability that was not looked at is as it was.
+            if number == 1 and not looked:
+                continue
+            if finding is not None and not self._beyond[number]:
+                self._warn(finding)
+            self._beyond[number] = finding is not None
+        if looked:
+            self._looked_at = inputs.copy()
+        return True
+
+    def _warn(self, finding: Finding) -> None:
+        """Log, and remember, a limit that is passed."""
+        self._status = self._status or _PASSED
+        self._log.append(LogMessage(_WARNING, f"{self.instance_name}: {finding.text}"))
 
     def _changed(self) -> None:
         """Before the first step inputs and parameters still decide where the body starts."""
@@ -290,10 +334,16 @@ class BodySlave:
             return self._group(Group.STRESS)[vr - self._stress]
         name = self._named(vr, "Real")
         if name in self._parameters:
-            return float(self._parameters[name] or 0.0)
+            return float(self._parameters[name])
+        if vr >= self._compliance:
+            return self._group(Group.COMPLIANCE)[vr - self._compliance]
         body, state = self._start()
         if name == FRAME_ROTATION:
-            return float(np.max(body.rotation_within_frames(state), initial=0.0))
+            return body.largest_rotation(state)
+        if name == STABILITY:
+            return body.stability(state, self._inputs)[0]
+        if name == STEP_ERROR:
+            return self._work.error
         strain, kinetic = body.energies(state)
         return {STRAIN_ENERGY: strain, KINETIC_ENERGY: kinetic}[name]
 
@@ -304,6 +354,8 @@ class BodySlave:
             body, state = self._start()
             if group is Group.STRESS:
                 self._outputs[group] = body.von_mises(state).tolist()
+            elif group is Group.COMPLIANCE:
+                self._outputs[group] = self._compliances(body, state)
             elif self._model.velocity_outputs:
                 motion, rates = body.motion_and_rates(state)
                 self._outputs |= {Group.MOTION: motion.tolist(), Group.RATE: rates.tolist()}
@@ -311,6 +363,13 @@ class BodySlave:
                 self._outputs[Group.MOTION] = body.motion(state).tolist()
             values = self._outputs[group]
         return values
+
+    def _compliances(self, body: FlexibleBody, state: State) -> list[float]:
+        """Compliance of every interface that offers it, over a step as long as the last one."""
+        step = self._last_step or self._model.suggested_step
+        names = self._model.interface_names
+        offered = [names.index(name) for name in self._model.compliance_interfaces]
+        return [x for i in offered for x in body.compliance(state, self._inputs, step, i).ravel().tolist()]
 
     def _named(self, vr: int, kind: str) -> str:
         if not (0 <= vr < len(self._variables) and self._variables[vr].type == kind):
@@ -324,22 +383,21 @@ class BodySlave:
         if self._running:
             self._log.append(LogMessage(_WARNING, f"{name} is fixed once initialisation has ended; it keeps its value"))
             return
-        if name in _CHOICES:
-            offered = [choice.value for choice in _CHOICES[name]]
-            if value not in offered:
-                raise self._failure(f"{name} is {value!r}, expected one of {offered}")
-        self._parameters[name] = value
+        try:
+            self._parameters.set(name, value)
+        except OptionError as error:
+            raise self._failure(str(error)) from error
         self._body = None
 
     def _refuse(self, text: str) -> bool:
         """Log, remember and discard a step."""
-        self._status = 1
+        self._status = _REFUSED
         self._log.append(LogMessage(_DISCARD, f"{self.instance_name}: {text}"))
         return False
 
     def _failure(self, text: str) -> RuntimeBodyError:
         """Error that makes pythonfmu's library answer the call with a failure."""
-        self._status = 1
+        self._status = _REFUSED
         self._log.append(LogMessage(_ERROR, f"{self.instance_name}: {text}"))
         # The library gives up its references to these when a call raises, and once more when the instance is freed:
         # without one to spare, every later call would use freed memory and end the master's process.

@@ -155,6 +155,10 @@ class Stepper:
         self._limits = limits
         self._cache = PropagatorCache(angular_frequency, damping_ratio)
 
+    def propagator(self, step: float) -> Propagator:
+        """Propagator of a step (s)."""
+        return self._cache(step)
+
     def advance(
         self, state: State, inputs: FloatArray, step: float, end_inputs: FloatArray | None = None
     ) -> tuple[State, Work]:

@@ -1,13 +1,14 @@
 """The table of FMU variables: names, value references, units and start values of everything a master sees.
 
 The model description, the slave and docs/fmu-variables.md all follow this table. Value references count from zero in
-its order: inputs, outputs, parameters, diagnostics.
+its order: inputs, outputs, parameters, diagnostics, compliances.
 """
 
 from dataclasses import dataclass
 from enum import Enum
 
 from .reduced_body import GROUND, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from .watch import OnLimit, OnRefusal
 
 AXES = ("x", "y", "z")
 
@@ -21,6 +22,17 @@ class Initialization(Enum):
     """In equilibrium under the loads that are set before initialisation ends."""
 
 
+class Interpolation(Enum):
+    """How inputs are taken over a step, from the value set for it and that of the step before."""
+
+    CONSTANT = "constant"
+    """Held: the present value acts over the whole step."""
+    LINEAR = "linear"
+    """The present value holds at the step's start, and the growth since the step before goes on."""
+    RAMP = "ramp"
+    """The present value holds at the step's end, that of the step before at its start: for masters that iterate."""
+
+
 class Group(Enum):
     """What a variable is; the slave keeps one array or accessor for each."""
 
@@ -28,6 +40,7 @@ class Group(Enum):
     MOTION = "motion"
     RATE = "rate"
     STRESS = "stress"
+    COMPLIANCE = "compliance"
     STATUS = "status"
     PARAMETER = "parameter"
     DIAGNOSTIC = "diagnostic"
@@ -70,12 +83,31 @@ KINEMATICS = "formulation.kinematics"
 LOADS = "formulation.loads"
 STIFFNESS = "formulation.stiffness"
 INITIALIZATION = "initialization"
+INTERPOLATION = "input.interpolation"
 DAMPING_SCALE = "damping.scale"
 STEP_LIMIT = "internal_step.limit"
 STEP_TOLERANCE = "internal_step.tolerance"
 FIXED = ".fixed"
 """Ends the name of the parameter that fixes an interface of a free body."""
+ROTATION_LIMIT = "watch.rotation.limit"
+ON_ROTATION = "watch.rotation.on_limit"
+STABILITY_LIMIT = "watch.stability.limit"
+ON_STABILITY = "watch.stability.on_limit"
+ON_STEP = "watch.step.on_limit"
+CHOICES: dict[str, type[Enum]] = {
+    KINEMATICS: Kinematics,
+    LOADS: LoadPlacement,
+    STIFFNESS: Stiffness,
+    INITIALIZATION: Initialization,
+    INTERPOLATION: Interpolation,
+    ON_ROTATION: OnLimit,
+    ON_STABILITY: OnLimit,
+    ON_STEP: OnRefusal,
+}
+"""What each parameter of type String offers."""
 FRAME_ROTATION = "diagnostics.rotation_within_frame"
+STABILITY = "diagnostics.stability"
+STEP_ERROR = "diagnostics.step_error"
 STRAIN_ENERGY = "diagnostics.strain_energy"
 KINETIC_ENERGY = "diagnostics.kinetic_energy"
 ITERATIONS = "diagnostics.iterations"
@@ -93,6 +125,12 @@ _LOADS = (
     ("force", "N", "force at the reference point, fixed in direction"),
     ("moment", "N.m", "moment about the moving reference point, fixed in direction"),
 )
+# Rows and columns of an interface's compliance, and the unit of each pair of their first letters.
+_COMPLIANCE_ROWS = {f"u{axis}": f"displacement along {axis}" for axis in AXES}
+_COMPLIANCE_ROWS |= {f"r{axis}": f"rotation about {axis}" for axis in AXES}
+_COMPLIANCE_COLUMNS = {f"f{axis}": f"the force along {axis}" for axis in AXES}
+_COMPLIANCE_COLUMNS |= {f"m{axis}": f"the moment about {axis}" for axis in AXES}
+_COMPLIANCE_UNITS = {"uf": "m/N", "um": "m/(N.m)", "rf": "rad/N", "rm": "rad/(N.m)"}
 
 
 def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
@@ -159,18 +197,36 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
             )
             for axis in AXES
         ]
-    status = "0: sound; 1: a step was refused or the start failed, see the log; stays until reset"
+    status = (
+        "0: sound; 1: a step was refused or the start failed; 2: a limit was passed; see the log; stays until reset"
+    )
     table.append(Variable(STATUS_CODE, "Integer", Group.STATUS, "output", "discrete", "calculated", None, None, status))
     table += _parameters(body)
     table += _diagnostics()
+    table += [
+        Variable(
+            f"{interface}.compliance.{row}.{column}",
+            "Real",
+            Group.COMPLIANCE,
+            "local",
+            "continuous",
+            "calculated",
+            None,
+            _COMPLIANCE_UNITS[row[0] + column[0]],
+            f"{interface}: change of {words} at the end of a step with {cause} held over it",
+        )
+        for interface in body.compliance_interfaces
+        for row, words in _COMPLIANCE_ROWS.items()
+        for column, cause in _COMPLIANCE_COLUMNS.items()
+    ]
     return tuple(table)
 
 
 def _parameters(body: ReducedBody) -> list[Variable]:
-    def text(name: str, start: str, choices: type[Enum], description: str) -> Variable:
-        offered = ", ".join(f'"{choice.value}"' for choice in choices)
+    def text(name: str, start: Enum, description: str) -> Variable:
+        offered = ", ".join(f'"{choice.value}"' for choice in CHOICES[name])
         words = f"{description}: {offered}"
-        return Variable(name, "String", Group.PARAMETER, "parameter", "fixed", "exact", start, None, words)
+        return Variable(name, "String", Group.PARAMETER, "parameter", "fixed", "exact", start.value, None, words)
 
     def number(name: str, start: float, unit: str | None, description: str) -> Variable:
         return Variable(
@@ -187,18 +243,19 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         )
 
     return [
-        text(
-            KINEMATICS,
-            body.formulation.kinematics.value,
-            Kinematics,
-            "how displacements follow from the modes",
-        ),
-        text(LOADS, body.formulation.loads.value, LoadPlacement, "the configuration on which loads act"),
-        text(STIFFNESS, body.formulation.stiffness.value, Stiffness, "how stress changes stiffness"),
-        text(INITIALIZATION, Initialization.REST.value, Initialization, "how the body starts"),
+        text(KINEMATICS, body.formulation.kinematics, "how displacements follow from the modes"),
+        text(LOADS, body.formulation.loads, "the configuration on which loads act"),
+        text(STIFFNESS, body.formulation.stiffness, "how stress changes stiffness"),
+        text(INITIALIZATION, Initialization.REST, "how the body starts"),
+        text(INTERPOLATION, Interpolation.CONSTANT, "how inputs are taken over a step"),
         number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
         number(STEP_LIMIT, 0.0, "s", "longest internal step; 0 for none"),
         number(STEP_TOLERANCE, 1e-4, None, "error accepted per step, relative, in the energy norm"),
+        text(ON_STEP, OnRefusal.DISCARD, "what happens when a step does not converge"),
+        number(ROTATION_LIMIT, 0.5, "rad", "largest rotation within a frame; 0 for no limit"),
+        text(ON_ROTATION, OnLimit.WARN, "what happens beyond it"),
+        number(STABILITY_LIMIT, 0.05, None, "smallest stability, see diagnostics.stability; 0 for no limit"),
+        text(ON_STABILITY, OnLimit.WARN, "what happens below it"),
         *(
             Variable(
                 f"{interface}{FIXED}",
@@ -223,6 +280,10 @@ def _diagnostics() -> list[Variable]:
 
     return [
         local(FRAME_ROTATION, "Real", "rad", "largest rotation within a frame; trustworthy up to about 0.5 rad"),
+        local(
+            STABILITY, "Real", None, "tangent stiffness over the unloaded one: 1 without loads, 0 at the critical load"
+        ),
+        local(STEP_ERROR, "Real", None, "estimated error of the last step, as internal_step.tolerance bounds it"),
         local(STRAIN_ENERGY, "Real", "J", "strain energy"),
         local(KINETIC_ENERGY, "Real", "J", "kinetic energy"),
         local(ITERATIONS, "Integer", None, "rounds of the implicit iteration in the last step"),

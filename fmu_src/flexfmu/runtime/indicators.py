@@ -1,0 +1,120 @@
+"""How far a reduced body is to be trusted: rotation within its frames, stability of its tangent, its compliance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dynamics import Dynamics, NodeLoads, tangent_stiffness
+from .propagation import Propagator
+from .reduced_body import ReducedBody
+from .tree import Configuration, jacobians
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """Rotations of material against the frames that carry it, linear in q.
+
+    Attributes
+    ----------
+    operator : (3n, m) float
+        Rotation vectors per unit modal coordinate.
+    frame : (n,) int
+        The frame of each; 0 for a body without frames.
+    frame_count : int
+        At least one.
+    """
+
+    operator: FloatArray
+    frame: IntArray
+    frame_count: int
+
+    def angles(self, q: FloatArray) -> FloatArray:
+        """Angle (n,) of each rotation, rad, for small angles the norm of its vector."""
+        vectors = (self.operator @ q).reshape(-1, 3)
+        result: FloatArray = np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
+        return result
+
+
+def turning(body: ReducedBody, frame_count: int) -> Turning:
+    """For each frame: its own joint, the joints and the interfaces that it carries, against its averaged rotation.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    frame_count : int
+        Of the kinematics: without frames, interfaces against the ground.
+
+    Returns
+    -------
+    Turning
+    """
+    m = body.mode_count
+    if frame_count == 0:
+        none = np.zeros(body.interface_count, dtype=np.int64)
+        return Turning(body.interface_rotation.reshape(-1, m), none, 1)
+    carried = np.flatnonzero(body.frame_parent >= 0)
+    parent = body.frame_parent[carried]
+    held = np.flatnonzero(body.interface_frame >= 0)
+    on = body.interface_frame[held]
+    rotations = [
+        body.joint_rotation - body.frame_rotation,
+        body.joint_rotation[carried] - body.frame_rotation[parent],
+        body.interface_rotation[held] - body.frame_rotation[on],
+    ]
+    frame = np.concatenate([np.arange(frame_count), parent, on])
+    return Turning(np.concatenate(rotations).reshape(-1, m), frame, frame_count)
+
+
+def scaled_tangent(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> FloatArray:
+    """Tangent stiffness of the elastic coordinates over the unloaded one: the identity without loads.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+    loads : NodeLoads
+    state : Configuration
+
+    Returns
+    -------
+    (e, e) float
+        Its symmetric part: all of it, but under moments and corrective moments.
+    """
+    elastic = dynamics.stiffness > 0.0
+    tangent = tangent_stiffness(dynamics, loads, state)[np.ix_(elastic, elastic)]
+    omega = np.sqrt(dynamics.stiffness[elastic])
+    result: FloatArray = 0.5 * (tangent + tangent.T) / np.outer(omega, omega)
+    return result
+
+
+def compliance(dynamics: Dynamics, p: Propagator, loads: NodeLoads, state: Configuration, interface: int) -> FloatArray:
+    """Derivative of an interface's motion at a step's end with respect to a load on it that is held over the step.
+
+    Of the step's own linear equation q₁ = P q₀ + g_q Q̄, with Q̄ linearised about its end.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+    p : Propagator
+        Of the step.
+    loads : NodeLoads
+    state : Configuration
+        At the step's end.
+    interface : int
+
+    Returns
+    -------
+    (6, 6) float
+        Displacement and rotation (rows) per force and moment (columns); m/N, m/(N m), rad/N, rad/(N m).
+    """
+    translation, spin = jacobians(dynamics.tree, state)
+    node = dynamics.tree.frame_count + interface
+    motion = np.concatenate([translation[node], spin[node]])
+    # Half the load's stiffness acts at the step's end, half at its start.
+    half = 0.5 * (np.diag(dynamics.stiffness) - tangent_stiffness(dynamics, loads, state))
+    change = np.linalg.solve(np.eye(p.gq.size) - p.gq[:, None] * half, p.gq[:, None] * motion.T)
+    result: FloatArray = motion @ change
+    return result

@@ -1,0 +1,128 @@
+"""The FMU's parameters: values by name, checked when set, as numbers in the FMU's state."""
+
+from collections.abc import Sequence
+
+from .errors import OptionError
+from .reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
+from .stepping import StepLimits
+from .variables import (
+    CHOICES,
+    DAMPING_SCALE,
+    FIXED,
+    INITIALIZATION,
+    INTERPOLATION,
+    KINEMATICS,
+    LOADS,
+    ON_ROTATION,
+    ON_STABILITY,
+    ON_STEP,
+    ROTATION_LIMIT,
+    STABILITY_LIMIT,
+    STEP_LIMIT,
+    STEP_TOLERANCE,
+    STIFFNESS,
+    Group,
+    Initialization,
+    Interpolation,
+    Variable,
+)
+from .watch import Limits, OnLimit, OnRefusal
+
+
+class Parameters:
+    """Values of the parameters in the table of variables.
+
+    Parameters
+    ----------
+    table : sequence of Variable
+    """
+
+    def __init__(self, table: Sequence[Variable]):
+        self._values = {v.name: v.start for v in table if v.group is Group.PARAMETER}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    def __getitem__(self, name: str) -> float | int | bool | str:
+        value = self._values[name]
+        return 0.0 if value is None else value
+
+    def set(self, name: str, value: float | int | bool | str) -> None:
+        """Set a parameter.
+
+        Raises
+        ------
+        OptionError
+            A choice that is not offered.
+        """
+        if name in CHOICES:
+            offered = [choice.value for choice in CHOICES[name]]
+            if value not in offered:
+                raise OptionError(f"{name} is {value!r}, expected one of {offered}")
+        self._values[name] = value
+
+    def numbers(self) -> list[float]:
+        """All values as numbers: choices by their place, Booleans as 0 and 1."""
+        return [
+            float([choice.value for choice in CHOICES[name]].index(str(value)) if name in CHOICES else value or 0.0)
+            for name, value in self._values.items()
+        ]
+
+    def restore(self, numbers: Sequence[float]) -> bool:
+        """Take the values back from `numbers`; whether any of them changed."""
+        before = dict(self._values)
+        for (name, value), number in zip(before.items(), numbers, strict=True):
+            if name in CHOICES:
+                self._values[name] = list(CHOICES[name])[int(number)].value
+            else:
+                self._values[name] = bool(number) if isinstance(value, bool) else float(number)
+        return self._values != before
+
+    @property
+    def formulation(self) -> Formulation:
+        """The formulation chosen; a combination without meaning raises OptionError."""
+        return Formulation(
+            Kinematics(self[KINEMATICS]),
+            LoadPlacement(self[LOADS]),
+            Stiffness(self[STIFFNESS]),
+        )
+
+    @property
+    def step_limits(self) -> StepLimits:
+        """Bounds of the internal step."""
+        return StepLimits(float(self[STEP_LIMIT]), float(self[STEP_TOLERANCE]))
+
+    @property
+    def damping_scale(self) -> float:
+        """Factor on all modal damping ratios."""
+        return float(self[DAMPING_SCALE])
+
+    @property
+    def fixed(self) -> list[str]:
+        """Names of the interfaces that the scene fixes."""
+        return [name.removesuffix(FIXED) for name, value in self._values.items() if name.endswith(FIXED) and value]
+
+    @property
+    def initialization(self) -> Initialization:
+        """How the body starts."""
+        return Initialization(self[INITIALIZATION])
+
+    @property
+    def interpolation(self) -> Interpolation:
+        """How inputs are taken over a step."""
+        return Interpolation(self[INTERPOLATION])
+
+    @property
+    def limits(self) -> Limits:
+        """What the body is watched for."""
+        return Limits(
+            float(self[ROTATION_LIMIT]),
+            OnLimit(self[ON_ROTATION]),
+            float(self[STABILITY_LIMIT]),
+            OnLimit(self[ON_STABILITY]),
+        )
+
+    @property
+    def on_refusal(self) -> OnRefusal:
+        """What happens when a step has no result."""
+        return OnRefusal(self[ON_STEP])
