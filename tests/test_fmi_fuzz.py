@@ -21,12 +21,15 @@ OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 WORKERS, CASES = 4, 900
 
 # Defects that are known and still there: the random sequences steer around them, and their tests must fail.
-OPEN = {"negative reference", "partial set", "damaged state", "twin state", "huge load"}
+OPEN = {"negative reference", "partial set", "damaged state", "twin state", "huge load", "smallest step"}
+# Of the compiled step alone, which is not everywhere.
+SOMETIMES = {"smallest step"}
 
 
 def defect(name, *values, **options):
     """A case of a parametrised test that a known defect fails."""
-    marks = [pytest.mark.xfail(reason=f"known defect: {name}", strict=True)] if name in OPEN else []
+    mark = pytest.mark.xfail(reason=f"known defect: {name}", strict=name not in SOMETIMES)
+    marks = [mark] if name in OPEN else []
     return pytest.param(*values, marks=marks, **options)
 
 
@@ -145,6 +148,12 @@ def test_a_step_under_a_load_of_any_size_leaves_finite_outputs(folder, loads):
         assert step in (OK, DISCARD), (load, kinematics)
         assert status == OK, (load, kinematics)
         assert finite, (load, kinematics)
+
+
+@pytest.mark.parametrize("sizes", [[1e-3, 1e-16, 1e-100, 1e-300], defect("smallest step", [5e-324])])
+def test_a_step_of_any_length_down_to_the_smallest_number_is_taken(folder, sizes):
+    for size, step, status, finite in master("small_steps", str(folder / "body.fmu"), sizes):
+        assert (step, status, finite) == (OK, OK, True), size
 
 
 DAMAGED_FILES = {

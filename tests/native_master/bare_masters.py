@@ -99,6 +99,23 @@ def huge_loads(path, loads):
     return found
 
 
+def small_steps(path, sizes):
+    """Steps of every length under a load, after one of 10 ms: statuses, and whether outputs stay finite."""
+    fmu = Fmu(path)
+    third = fmu.references("Real", "input")[2]
+    found = []
+    for size in sizes:
+        instance = fmu.instantiate()
+        instance.start()
+        instance.set_real([third], [9.0])
+        instance.step(0.0, 1e-2)
+        step = instance.step(1e-2, size)
+        status, values = instance.get_real(fmu.references("Real", "output"))
+        found.append([size, step, status, all(abs(x) < float("inf") for x in values)])
+        instance.free()
+    return found
+
+
 def damaged_files(path, damages):
     """Instantiation from damaged modal files: [damage, refused, log lines], then from the sound one."""
     fmu = Fmu(path)
