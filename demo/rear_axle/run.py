@@ -49,14 +49,14 @@ CASES = {
     "opposite_bushings": ("body_bushings.toml", "z", "opposite vertical forces, on bushings"),
 }
 
-# Label, frames (None: the body file's two arms), formulation.
+# Label, frames (None: the body file's arms and pieces of the beam), formulation.
 DEFORMED, REFERENCE = LoadPlacement.DEFORMED, LoadPlacement.REFERENCE
 MODELS = (
     ("linear modes", None, Formulation(Kinematics.LINEAR, REFERENCE)),
     ("frames = 1", 1, Formulation(Kinematics.COROTATED, DEFORMED)),
-    ("the two arms", None, Formulation(Kinematics.COROTATED, DEFORMED)),
+    ("arms and beam", None, Formulation(Kinematics.COROTATED, DEFORMED)),
     ("frames = 4", 4, Formulation(Kinematics.COROTATED, DEFORMED)),
-    ("the two arms, by load", None, Formulation(Kinematics.COROTATED, DEFORMED, Stiffness.BY_LOAD)),
+    ("arms and beam, by load", None, Formulation(Kinematics.COROTATED, DEFORMED, Stiffness.BY_LOAD)),
 )
 
 

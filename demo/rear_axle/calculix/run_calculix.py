@@ -170,12 +170,16 @@ def run(name: str, case: Case, model: Path, folder: Path, fitted: dict[str, Whee
         iterations = len(re.findall(r"^ *iteration +\d+", done.stdout, flags=re.MULTILINE))
     columns = []
     for wheel, node_set in FLANGES.items():
-        parts, displacements = read_displacements(printed, node_set)
+        _, displacements = read_displacements(printed, node_set)
         fit = fitted[wheel]
         columns.append(fit.motion(displacements) if case.increments else fit.linear_motion(displacements))
     motion = np.hstack(columns)
+    parts = np.ones(1)
     if case.increments:
-        parts, motion = np.append(0.0, parts), np.vstack([np.zeros(12), motion])
+        if len(motion) != case.increments:
+            raise RuntimeError(f"{name}: {len(motion)} increments printed, {case.increments} expected")
+        motion = np.vstack([np.zeros(motion.shape[1]), motion])
+        parts = np.arange(case.increments + 1) / case.increments
     _write(folder / f"{name}.csv", case, parts[:: case.keep], motion[:: case.keep], seconds, iterations)
 
 
@@ -188,7 +192,8 @@ def _write(path: Path, case: Case, parts: np.ndarray, motion: np.ndarray, second
     names = [
         f"{wheel}_f{axis}_N" for wheel, force in case.forces.items() for axis, f in zip("xyz", force, strict=True) if f
     ]
-    loads = np.outer(parts, [f for force in case.forces.values() for f in force if f])
+    # Adding zero makes a negative zero positive.
+    loads = np.outer(parts, [f for force in case.forces.values() for f in force if f]) + 0.0
     names = ["force_N"] if len(names) == 1 else names
     names += [f"{wheel}_{column}" for wheel in FLANGES for column in MOTION_COLUMNS]
     rotation = "finite, by polar decomposition" if case.increments else "small, by the linear fit"
