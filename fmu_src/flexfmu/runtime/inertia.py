@@ -1,13 +1,13 @@
 """Mass of the deformed body, M(q) = Jᵀ M_FE J, from constant integrals of each frame (docs/theory.md, section 9).
 
 What frame s carries goes to x' = x_s + R_s y with y = r + Σ e_j q_j, r = X − X_s, e_j the remainder of mode j in the
-frame. All its nodes move as the modes' coordinates ask for by
+frame. Per unit of q_j all of it moves by
 
     Rᵀ ∂x'/∂q_j = t_j + w_j × y + e_j,
 
-t_j and w_j being the frame's own motion, so that the kinetic energy knows of them only ∫ρ, ∫ρ y and ∫ρ y⊗e_j: moments
-of r and e_j with each other, which are constants of the finite element model. The derivatives of M are those of t_j, w_j
-and y, exactly. Source: A. A. Shabana, Dynamics of Multibody Systems, 4th ed., chapter 5 (inertia shape integrals).
+t_j and w_j being the frame's own motion. So the kinetic energy knows of the finite element model only the moments of
+r and e_j: ∫ρ, ∫ρ y_a and ∫ρ y_a ⊗ y_b, which are constants. The derivatives of M follow from those of t_j, w_j and y,
+exactly. Source: A. A. Shabana, Dynamics of Multibody Systems, 4th ed., chapter 5 (inertia shape integrals).
 """
 
 from dataclasses import dataclass, field
@@ -138,7 +138,7 @@ def _motion_rates(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives of `translation` and `spin`, each (S, n, 3, m), in n directions (n, m)."""
     count = tree.frame_count
-    d, c = tree.operator.reshape(2, len(tree.parent), 3, -1)[:, :count]
+    c = tree.operator.reshape(2, len(tree.parent), 3, -1)[1, :count]
     path, rotation = tree.path[:count, :count], state.parent_rotation[:count, None]
     change = _jacobian_rate(state.relative[:count, None], along @ c.swapaxes(1, 2))
     parent_rate = along @ motion.parent_spin.swapaxes(1, 2)
@@ -175,8 +175,12 @@ def _jacobian_rate(vector: FloatArray, rate: FloatArray) -> FloatArray:
         gamma_slope = np.where(large, (beta - 3.0 * gamma) / square, gamma_slope)
     hat, hat_rate = skew(vector), skew(rate)
     along = (vector * rate).sum(axis=-1)[..., None, None]
-    result: FloatArray = beta * hat_rate + gamma * (hat_rate @ hat + hat @ hat_rate)
-    return result + along * (beta_slope * hat + gamma_slope * (hat @ hat))
+    result: FloatArray = (
+        beta * hat_rate
+        + gamma * (hat_rate @ hat + hat @ hat_rate)
+        + along * (beta_slope * hat + gamma_slope * (hat @ hat))
+    )
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,29 +267,40 @@ def mass_gradient(
     (n, m) float
     """
     n = len(left)
-    both = np.concatenate([left, right])
-    other = np.roll(np.arange(2 * n), n)
+    found = _momentum_change(tree, inertia, state, np.concatenate([left, right]), np.roll(np.arange(2 * n), n))
+    return found[:n] + found[n:]
+
+
+def kinetic_gradient(tree: Tree, inertia: InertiaIntegrals, state: Configuration, rate: FloatArray) -> FloatArray:
+    """Derivative of ½ q̇ᵀ M(q) q̇ with respect to q, (m,), at a fixed q̇ (m,); see `mass_gradient`."""
+    return _momentum_change(tree, inertia, state, rate[None], np.zeros(1, dtype=np.int64))[0]
+
+
+def _momentum_change(
+    tree: Tree, inertia: InertiaIntegrals, state: Configuration, along: FloatArray, other: IntArray
+) -> FloatArray:
+    """(∂J/∂q a)ᵀ M_FE J b, (n, m), for vectors a = `along` (n, m) and b = `along[other]`."""
     motion = _motion(tree, state)
     moments = _moments(inertia, state, motion)
     translation, spin = (
-        moments.back[:, None] @ rate[inertia.frame] for rate in _motion_rates(tree, state, motion, both)
+        moments.back[:, None] @ rate[inertia.frame] for rate in _motion_rates(tree, state, motion, along)
     )
-    rate = both @ moments.twist.swapaxes(1, 2)
+    rate = along @ moments.twist.swapaxes(1, 2)
     hat = skew(rate[:, :, 3:])
-    # Momentum of the motion `both`, and its moments: ∫ρ ẋ, ∫ρ ẋ ⊗ y_b, ∫ρ ẋ ⊗ y.
-    momentum = inertia.mass[:, None, None] * rate[:, :, :3] + both @ inertia.first[:, 1:]
+    # Momentum of the motion: ∫ρ ẋ, ∫ρ ẋ ⊗ y_b, ∫ρ ẋ ⊗ y.
+    momentum = inertia.mass[:, None, None] * rate[:, :, :3] + along @ inertia.first[:, 1:]
     momentum += cross(rate[:, :, 3:], moments.first[:, None])
-    moment = hat[:, :, None] @ moments.mixed[:, None] + _elastic_moments(inertia, both)
+    moment = hat[:, :, None] @ moments.mixed[:, None] + _elastic_moments(inertia, along)
     moment += rate[:, :, None, :3, None] * inertia.first[:, None, :, None, :]
     whole = _weighted(moments.shape, moment)
-    # (∂J/∂q · right)ᵀ of the momentum of left, and the other way round.
-    momentum, moment, whole = momentum[:, other], moment[:, other], whole[:, other]
-    turned = whole @ hat.swapaxes(2, 3) + _weighted(both, moment[:, :, 1:])
+    if len(other) > 1:
+        momentum, moment, whole = momentum[:, other], moment[:, other], whole[:, other]
+    turned = whole @ hat.swapaxes(2, 3) + _weighted(along, moment[:, :, 1:])
     result = momentum[:, :, None] @ translation - _axial(whole)[:, :, None] @ spin
     result -= _axial(turned)[:, :, None] @ moments.twist[:, None, 3:]
     found = result[:, :, 0] - (_axial(moment[:, :, 1:]) @ rate[:, :, 3:, None])[:, :, :, 0]
     total: FloatArray = found.sum(axis=0)
-    return total[:n] + total[n:]
+    return total
 
 
 def convective_force(tree: Tree, inertia: InertiaIntegrals, state: Configuration, rate: FloatArray) -> FloatArray:
@@ -321,6 +336,47 @@ def convective_force(tree: Tree, inertia: InertiaIntegrals, state: Configuration
     result: FloatArray = wrench.ravel() @ moments.twist.reshape(wrench.size, -1)
     trace: FloatArray = moment[:, 1:, [0, 1, 2], [0, 1, 2]].sum(axis=(0, 2))
     return result + trace
+
+
+def without_frames(inertia: InertiaIntegrals, turn: FloatArray, motions: FloatArray, gone: int) -> InertiaIntegrals:
+    """Integrals of the same body in another basis, the first frames taken away.
+
+    Parameters
+    ----------
+    inertia : InertiaIntegrals
+    turn : (m, k) float
+        New modes as combinations of the old ones.
+    motions : (S, 6, m) float
+        Displacement and rotation of every frame's joint, per unit of the old coordinates.
+    gone : int
+        Number of frames that are taken away. What they carry moves linearly from then on.
+
+    Returns
+    -------
+    InertiaIntegrals
+    """
+    parts, count = inertia.first.shape[:2]
+    change = np.eye(count, 1 + turn.shape[1])
+    change[1:, 1:], change[1:, :1] = turn, 0.0
+    lost = inertia.frame < gone
+    # φ = u(X_s) + θ_s × r + e: the mass of the undeformed part.
+    twist, moments = motions[inertia.frame], inertia.second.reshape(parts, count, count, 9)
+    arm = inertia.first[:, 0]
+    rigid = np.zeros((parts, 6, 6))
+    rigid[:, :3, :3] = inertia.mass[:, None, None] * np.eye(3)
+    rigid[:, 3:, :3], rigid[:, :3, 3:] = skew(arm), -skew(arm)
+    square = inertia.second[:, 0, 0]
+    rigid[:, 3:, 3:] = np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3) - square
+    coupling = np.concatenate([inertia.first[:, 1:], moments[:, 0, 1:] @ _AXIAL], axis=2).swapaxes(1, 2)
+    half = twist.swapaxes(1, 2) @ (0.5 * (rigid @ twist) + coupling)
+    whole = half + half.swapaxes(1, 2) + np.einsum("pabii->pab", inertia.second[:, 1:, 1:])
+    return InertiaIntegrals(
+        inertia.frame[~lost] - gone,
+        inertia.mass[~lost],
+        np.einsum("pai,ab->pbi", inertia.first[~lost], change),
+        np.einsum("pabij,ac,bd->pcdij", inertia.second[~lost], change, change, optimize=True),
+        turn.T @ (inertia.ground + whole[lost].sum(axis=0)) @ turn,
+    )
 
 
 def _elastic_moments(inertia: InertiaIntegrals, along: FloatArray) -> FloatArray:

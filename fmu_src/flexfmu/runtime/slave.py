@@ -89,7 +89,7 @@ class BodySlave:
         self._previous = self._inputs.copy()
         self._looked_at = self._inputs.copy()
         self._last_step = 0.0
-        # Whether the last step ended beyond the limits of rotation and of stability.
+        # Whether a step ended beyond the limits of rotation and of stability.
         self._beyond = [False, False]
         self._parameters = Parameters(self._variables)
         self._limits, self._interpolation = self._parameters.limits, self._parameters.interpolation
@@ -296,12 +296,10 @@ class BodySlave:
             if finding is not None and finding.action is OnLimit.DISCARD:
                 return self._refuse(finding.text)
         for number, finding in enumerate(findings):
-            # Stability that was not looked at is as it was.
-            if number == 1 and not looked:
-                continue
+            # Once a run: a body that swings would say so twice a period.
             if finding is not None and not self._beyond[number]:
+                self._beyond[number] = True
                 self._warn(finding)
-            self._beyond[number] = finding is not None
         if looked:
             self._looked_at = inputs.copy()
         return True

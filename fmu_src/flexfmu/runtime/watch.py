@@ -24,7 +24,7 @@ class OnLimit(Enum):
     """What happens when a limit is passed."""
 
     WARN = "warn"
-    """A line in the log when it is passed, and a status code; the step counts."""
+    """A line in the log the first time it is passed, and a status code; the step counts."""
     DISCARD = "discard"
     """The step is refused; the state stays as it was."""
     TERMINATE = "terminate"
