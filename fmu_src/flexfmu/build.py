@@ -18,6 +18,7 @@ from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, IntArray, Mesh
 from .progress import Reporter
 from .reduction.division import divide
+from .reduction.inertia import inertia_integrals
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.masses import sub_masses
 from .reduction.model import Model, assemble_model, element_set, node_set
@@ -33,7 +34,7 @@ from .reduction.subdomains import (
 )
 from .reduction.supported import Supported, supported
 from .reduction.surface import body_surface
-from .runtime.reduced_body import GROUND, ReducedBody, Stiffness, StressSet
+from .runtime.reduced_body import GROUND, Mass, ReducedBody, Stiffness, StressSet
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
@@ -106,6 +107,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         joint_rotation=frames.joint_rotation,
         frame_rotation=frames.frame_rotation,
         masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
+        inertia=inertia_integrals(mesh, volumes, modes.shapes, subdomains, frames) if _heavy(config) else None,
         stress_sets=_stress_sets(config, mesh, modes.shapes),
         stiffness_by_load=by_load,
         stiffness_by_mode=by_mode,
@@ -144,6 +146,12 @@ def _basis(
             "in one direction than in the other; take one mode more or less"
         )
     return modes
+
+
+def _heavy(config: BodyFile) -> bool:
+    """Whether the data of the deformed body's mass goes aboard: as asked, or where the formulation needs it."""
+    wanted = config.reduction.inertia
+    return config.formulation.mass is Mass.CONFIGURATION if wanted is None else wanted
 
 
 def _damping(ratio: float | list[float], count: int) -> FloatArray:

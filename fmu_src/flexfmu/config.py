@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from .errors import BodyFileError
 from .mesh.units import UnitSystem
 from .runtime.errors import OptionError
-from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
+from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 # What pydantic adds to the place of an error to tell the types that a key may have.
@@ -118,6 +118,7 @@ class ReductionTable(_Table):
     modes: int = Field(default=10, ge=1)
     residual_flexibility: bool = False
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
+    inertia: bool | None = None
 
 
 class DampingTable(_Table):
@@ -139,11 +140,12 @@ class FormulationTable(_Table):
     kinematics: Kinematics = Field(default=Kinematics.COROTATED, strict=False)
     loads: LoadPlacement = Field(default=LoadPlacement.DEFORMED, strict=False)
     stiffness: Stiffness = Field(default=Stiffness.CONSTANT, strict=False)
+    mass: Mass = Field(default=Mass.CONSTANT, strict=False)
 
     @property
     def formulation(self) -> Formulation:
         """The formulation itself; a combination without meaning raises OptionError."""
-        return Formulation(self.kinematics, self.loads, self.stiffness)
+        return Formulation(self.kinematics, self.loads, self.stiffness, self.mass)
 
     @model_validator(mode="after")
     def _meaningful(self) -> "FormulationTable":
@@ -216,6 +218,8 @@ class BodyFile(_Table):
             raise ValueError(
                 f'formulation.stiffness is "{wanted.value}", but reduction.geometric_stiffness lists {aboard}: add it'
             )
+        if self.formulation.mass is Mass.CONFIGURATION and self.reduction.inertia is False:
+            raise ValueError('formulation.mass is "configuration", but reduction.inertia is false: take that out')
         ratio = self.damping.ratio
         plain = self.reduction.basis is Basis.NORMAL and not self.reduction.residual_flexibility
         if plain and isinstance(ratio, list) and len(ratio) != self.reduction.modes:

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import OptionError
+from .inertia import InertiaIntegrals
 from .loads import Loads
-from .reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from .reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 from .rotations import cross, skew
 from .tree import Configuration, Tree, build_tree, configuration, generalised_force, jacobians, load_stiffness
 
@@ -39,6 +40,8 @@ class Dynamics:
         Geometric stiffness of each unit modal coordinate.
     nonlinear : bool
         Whether modal forces depend on q.
+    inertia : InertiaIntegrals or None
+        What the mass of the deformed body is made of; None where it is that of the undeformed one.
     """
 
     stiffness: FloatArray
@@ -51,6 +54,7 @@ class Dynamics:
     by_load: FloatArray | None
     by_mode: FloatArray | None
     nonlinear: bool
+    inertia: InertiaIntegrals | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +122,31 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
     elif formulation.stiffness is Stiffness.BY_MODE:
         by_mode = _aboard(body.stiffness_by_mode, formulation)
     nonlinear = placement is not LoadPlacement.REFERENCE or by_load is not None or by_mode is not None
-    return Dynamics(omega**2, weight, tree, placement, operator, mass, inertia, by_load, by_mode, nonlinear)
+    return Dynamics(
+        omega**2,
+        weight,
+        tree,
+        placement,
+        operator,
+        mass,
+        inertia,
+        by_load,
+        by_mode,
+        nonlinear,
+        _integrals(body, formulation),
+    )
+
+
+def _integrals(body: ReducedBody, formulation: Formulation) -> InertiaIntegrals | None:
+    # Without frames the kinematics are linear, and the mass is constant.
+    if formulation.mass is Mass.CONSTANT or not body.frame_count:
+        return None
+    if body.inertia is None:
+        raise OptionError(
+            'mass "configuration" needs data that this body was built without: build it with inertia = true in '
+            "[reduction]"
+        )
+    return body.inertia
 
 
 def _aboard(data: FloatArray | None, formulation: Formulation) -> FloatArray:

@@ -273,7 +273,8 @@ def mass_gradient(
 
 def kinetic_gradient(tree: Tree, inertia: InertiaIntegrals, state: Configuration, rate: FloatArray) -> FloatArray:
     """Derivative of ½ q̇ᵀ M(q) q̇ with respect to q, (m,), at a fixed q̇ (m,); see `mass_gradient`."""
-    return _momentum_change(tree, inertia, state, rate[None], np.zeros(1, dtype=np.int64))[0]
+    gradient: FloatArray = _momentum_change(tree, inertia, state, rate[None], np.zeros(1, dtype=np.int64))[0]
+    return gradient
 
 
 def _momentum_change(
@@ -389,7 +390,8 @@ def _elastic_moments(inertia: InertiaIntegrals, along: FloatArray) -> FloatArray
 def _weighted(weight: FloatArray, tensor: FloatArray) -> FloatArray:
     """Sum of tensors (..., k, 3, 3) with weights (..., k)."""
     flat = tensor.reshape(*tensor.shape[:-2], 9)
-    return (weight[..., None, :] @ flat).reshape(*flat.shape[:-2], 3, 3)
+    result: FloatArray = (weight[..., None, :] @ flat).reshape(*flat.shape[:-2], 3, 3)
+    return result
 
 
 def _axial(tensor: FloatArray) -> FloatArray:

@@ -11,7 +11,18 @@ import h5py
 import numpy as np
 
 from .errors import ModalFileError
-from .reduced_body import Formulation, Kinematics, LoadPlacement, Masses, ReducedBody, Stiffness, StressSet, Surface
+from .inertia import InertiaIntegrals
+from .reduced_body import (
+    Formulation,
+    Kinematics,
+    LoadPlacement,
+    Mass,
+    Masses,
+    ReducedBody,
+    Stiffness,
+    StressSet,
+    Surface,
+)
 
 FORMAT = "flexfmu modal file"
 SCHEMA_VERSION = 2
@@ -72,6 +83,14 @@ STRESS: dict[str, Entry] = {
         "stress", "N/m^2/(kg^0.5 m)", "(P, 6, m) xx, yy, zz, xy, yz, zx per mode, turning with the material"
     ),
 }
+# Index 0 of y_a stands for X - X_s, index j for the remainder of mode j in the frame.
+INERTIA: dict[str, Entry] = {
+    "frame": Entry("inertia/frame", "1", "(P,) frame that carries each part"),
+    "mass": Entry("inertia/mass", "kg", "(P,) mass of each part"),
+    "first": Entry("inertia/first", "kg m, kg^0.5", "(P, 1 + m, 3) integral of rho y_a"),
+    "second": Entry("inertia/second", "kg m^2, kg^0.5 m, 1", "(P, 1 + m, 1 + m, 3, 3) integral of rho y_a y_b"),
+    "ground": Entry("inertia/ground", "1", "(m, m) modal mass of what lies on no frame"),
+}
 SURFACE: dict[str, Entry] = {
     "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),
     "faces": Entry("surface/faces", "1", "(f, 4) rows of points; a triangle repeats its last corner"),
@@ -98,6 +117,7 @@ class _Digest:
             body.formulation.kinematics.value,
             body.formulation.loads.value,
             body.formulation.stiffness.value,
+            body.formulation.mass.value,
             str(body.velocity_outputs),
             "\0".join(body.compliance_interfaces),
             str(body.root_interface),
@@ -110,6 +130,8 @@ class _Digest:
         arrays += [value for name in OPTIONAL if (value := getattr(body, name)) is not None]
         if body.masses is not None:
             arrays += [getattr(body.masses, name) for name in MASSES]
+        if body.inertia is not None:
+            arrays += [getattr(body.inertia, name) for name in INERTIA]
         for part in body.stress_sets:
             texts.append(part.name)
             arrays += [part.point, part.stress]
@@ -145,6 +167,7 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["kinematics"] = body.formulation.kinematics.value
             file.attrs["loads"] = body.formulation.loads.value
             file.attrs["stiffness"] = body.formulation.stiffness.value
+            file.attrs["mass"] = body.formulation.mass.value
             file.attrs["velocity_outputs"] = body.velocity_outputs
             file.attrs["compliance_interfaces"] = ",".join(body.compliance_interfaces)
             file.attrs["root_interface"] = body.root_interface
@@ -161,6 +184,9 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             if body.masses is not None:
                 for field, entry in MASSES.items():
                     _write(file, entry, getattr(body.masses, field))
+            if body.inertia is not None:
+                for field, entry in INERTIA.items():
+                    _write(file, entry, getattr(body.inertia, field))
             for number, stresses in enumerate(body.stress_sets):
                 for field, entry in STRESS.items():
                     place = f"stress/{number:03d}_{stresses.name}/{entry.path}"
@@ -218,9 +244,11 @@ def _read(file: Any, name: str) -> ReducedBody:
         raise ModalFileError(
             f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
         )
-    masses = surface = None
+    masses = surface = inertia = None
     if "masses" in file:
         masses = Masses(**{field: file[entry.path][()] for field, entry in MASSES.items()})
+    if "inertia" in file:
+        inertia = InertiaIntegrals(**{field: file[entry.path][()] for field, entry in INERTIA.items()})
     if "surface" in file:
         surface = Surface(**{field: file[entry.path][()] for field, entry in SURFACE.items()})
     contents: dict[str, Any] = {
@@ -235,6 +263,7 @@ def _read(file: Any, name: str) -> ReducedBody:
             Kinematics(file.attrs["kinematics"]),
             LoadPlacement(file.attrs["loads"]),
             Stiffness(file.attrs["stiffness"]),
+            Mass(file.attrs["mass"]),
         ),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),
@@ -242,6 +271,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         floating=bool(file.attrs["floating"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         masses=masses,
+        inertia=inertia,
         stress_sets=tuple(
             StressSet(key.partition("_")[2], *(group[entry.path][()] for entry in STRESS.values()))
             for key, group in sorted(file.get("stress", {}).items())

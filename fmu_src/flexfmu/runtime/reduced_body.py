@@ -3,11 +3,15 @@
 import math
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ModalFileError, OptionError
+
+if TYPE_CHECKING:
+    from .inertia import InertiaIntegrals
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -54,15 +58,25 @@ class Stiffness(Enum):
     """Geometric stiffness of the stress of the modal coordinates, Σ q_j K_j."""
 
 
+class Mass(Enum):
+    """Whose inertia the body has."""
+
+    CONSTANT = "constant"
+    """That of the undeformed body: ΦᵀMΦ = I."""
+    CONFIGURATION = "configuration"
+    """That of the deformed body, M(q) = JᵀMJ with J the kinematics' derivative."""
+
+
 @dataclass(frozen=True, slots=True)
 class Formulation:
-    """The choice of kinematics, of where loads act, and of how stress stiffens.
+    """The choice of kinematics, of where loads act, of how stress stiffens, and of the mass.
 
     Attributes
     ----------
     kinematics : Kinematics
     loads : LoadPlacement
     stiffness : Stiffness
+    mass : Mass
 
     Raises
     ------
@@ -73,6 +87,7 @@ class Formulation:
     kinematics: Kinematics = Kinematics.COROTATED
     loads: LoadPlacement = LoadPlacement.DEFORMED
     stiffness: Stiffness = Stiffness.CONSTANT
+    mass: Mass = Mass.CONSTANT
 
     def __post_init__(self) -> None:
         """Refuse what would count one effect twice."""
@@ -80,6 +95,11 @@ class Formulation:
             raise OptionError(
                 f'stiffness "by_mode" with loads "{self.loads.value}" counts the same load effect twice: the stress of '
                 'the modal coordinates already carries it; take loads "reference", or stiffness "by_load"'
+            )
+        if self.mass is Mass.CONFIGURATION and self.kinematics is not Kinematics.COROTATED:
+            raise OptionError(
+                f'mass "configuration" has no meaning with kinematics "{self.kinematics.value}": only the tree of '
+                'corotated frames moves every point of the body; take kinematics "corotated", or mass "constant"'
             )
 
 
@@ -198,6 +218,8 @@ class ReducedBody:
     provenance : dict of str to str
         Where the body comes from: input hashes and versions.
     surface : Surface or None
+    inertia : InertiaIntegrals or None
+        What the mass of the deformed body is made of.
     """
 
     name: str
@@ -225,6 +247,7 @@ class ReducedBody:
     floating: bool = False
     provenance: dict[str, str] = field(default_factory=dict)
     surface: Surface | None = None
+    inertia: "InertiaIntegrals | None" = None
 
     def __post_init__(self) -> None:
         """Bring the arrays into their types and check shapes and physics.
@@ -258,6 +281,10 @@ class ReducedBody:
             count = len(part.point)
             if part.point.shape != (count, 3) or part.stress.shape != (count, 6, modes) or not count:
                 raise ModalFileError(f"stress set {part.name!r} has shapes {part.point.shape}, {part.stress.shape}")
+        if self.inertia is not None and (
+            self.inertia.mode_count != modes or np.any((self.inertia.frame < 0) | (self.inertia.frame >= frames))
+        ):
+            raise ModalFileError(f"inertia is that of another body, expected {modes} modes and {frames} frames")
         if self.stiffness_by_load is not None:
             shapes["stiffness_by_load"] = (6 * interfaces + (3 if self.masses is not None else 0), modes, modes)
         if self.stiffness_by_mode is not None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, spread, tangent_stiffness
 from .errors import StepError
+from .inertial_stepping import inertial_substeps
 from .kernel import compiled
 from .loads import Loads
 from .propagation import Propagator, propagator
@@ -149,7 +150,7 @@ class Stepper:
         limits: StepLimits,
         use_compiled: bool = True,
     ):
-        self.kernel = compiled(dynamics) if use_compiled else None
+        self.kernel = compiled(dynamics) if use_compiled and dynamics.inertia is None else None
         self.configuration = ConfigurationMemo(dynamics)
         self._dynamics = dynamics
         self._limits = limits
@@ -214,7 +215,7 @@ class Stepper:
         if self.kernel is not None:
             return self.kernel.linear_step(p, inputs, end_inputs, state.q, state.v)
         start, end = self._spread(inputs, end_inputs)
-        if start.active or (end is not None and end.active):
+        if self._dynamics.inertia is not None or start.active or (end is not None and end.active):
             return None
         force = (start if end is None else between(start, end, 0.5)).constant
         q = p.p11 * state.q + p.p12 * state.v + p.gq * force
@@ -255,6 +256,10 @@ def _substeps(
     tolerance: float,
 ) -> tuple[tuple[FloatArray, FloatArray, Configuration] | None, int, float]:
     """Equal sub-steps, each by fixed point, then by Newton; None for the state where one fails or errs too much."""
+    if dynamics.inertia is not None:
+        return inertial_substeps(
+            dynamics, dynamics.inertia, p, loads, end_loads, state.q, state.v, here, substeps, tolerance
+        )
     omega = np.sqrt(dynamics.stiffness)
     q, v = state.q, state.v
     mean = loads
