@@ -34,7 +34,7 @@ from flexfmu.runtime.reduced_body import ReducedBody
 from flexfmu.runtime.rotations import rotation_vector
 from flexfmu.runtime.tree import jacobians
 
-TOLERANCE = 1e-10  # m and rad, of a Newton step
+TOLERANCE = 1e-9  # of the weld's gap, m and rad, and of a Newton step, kg^1/2 m
 MAX_ITERATIONS = 60
 
 # Interfaces of a half, in this order.
@@ -128,7 +128,7 @@ class Weld:
                 step = np.linalg.solve(matrix, -np.concatenate([*rows, gap]))
                 q = [q[0] + step[:first], q[1] + step[first:size]]
                 weld = weld + step[size:]
-                if np.abs(jacobian[:, :first] @ step[:first]).max() < TOLERANCE and np.abs(gap).max() < TOLERANCE:
+                if np.linalg.norm(step[:size]) <= TOLERANCE and np.abs(gap).max() <= TOLERANCE:
                     break
             else:
                 raise RuntimeError("the weld does not converge")
