@@ -118,6 +118,21 @@ def simulate(
     _run(job)
 
 
+@app.command()
+def couple(
+    file: Annotated[Path, typer.Argument(help="Coupling file (TOML): FMUs, connections, springs, scheme.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Results to write (CSV or HDF5).")],
+) -> None:
+    """Run several FMUs together, linked by connections and by springs between interfaces."""
+    from .master import run
+
+    def job() -> None:
+        run(file, output, ConsoleReporter())
+        typer.echo(f"{output}")
+
+    _run(job)
+
+
 def main() -> None:
     """Entry point of the console command."""
     app(prog_name="flexfmu")
