@@ -21,7 +21,15 @@ OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 WORKERS, CASES = 4, 900
 
 # Defects that are known and still there: the random sequences steer around them, and their tests must fail.
-OPEN = {"negative reference", "partial set", "damaged state", "twin state", "huge load", "smallest step"}
+OPEN = {
+    "negative reference",
+    "partial set",
+    "damaged state",
+    "twin state",
+    "huge load",
+    "smallest step",
+    "stability of extreme inputs",
+}
 # Of the compiled step alone, which is not everywhere.
 SOMETIMES = {"smallest step"}
 
@@ -122,7 +130,8 @@ def test_setting_what_is_not_there_fails_changes_nothing_and_the_instance_goes_o
         "empty",
         "short",
         "long",
-        *[defect("damaged state", kind, id=kind) for kind in ("odd", "not a number", "zeros", "bit")],
+        "odd",
+        *[defect("damaged state", kind, id=kind) for kind in ("not a number", "zeros", "bit")],
     ],
 )
 def test_bytes_that_are_no_state_are_refused_and_change_nothing(folder, damage):
@@ -154,6 +163,14 @@ def test_a_step_under_a_load_of_any_size_leaves_finite_outputs(folder, loads):
 def test_a_step_of_any_length_down_to_the_smallest_number_is_taken(folder, sizes):
     for size, step, status, finite in master("small_steps", str(folder / "body.fmu"), sizes):
         assert (step, status, finite) == (OK, OK, True), size
+
+
+@pytest.mark.parametrize(
+    "loads",
+    [[1e3, 1e6, 1e200], *(defect("stability of extreme inputs", [load], id=load) for load in ("nan", "inf"))],
+)
+def test_asking_for_the_stability_under_any_load_leaves_a_sound_instance(folder, loads):
+    assert all(master("stability_under", str(folder / "body.fmu"), loads))
 
 
 DAMAGED_FILES = {

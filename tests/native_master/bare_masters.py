@@ -116,6 +116,20 @@ def small_steps(path, sizes):
     return found
 
 
+def stability_under(path, loads):
+    """Asking for the stability under loads of every size: whether the instance goes on after it."""
+    fmu = Fmu(path)
+    first, *_ = fmu.references("Real", "input")
+    found = []
+    for load in loads:
+        instance = moving(fmu)
+        instance.set_real([first], [float(load)])
+        instance.get_real([fmu.reference["diagnostics.stability"]])
+        instance.set_real([first], [1.0])
+        found.append(sound(instance))
+    return found
+
+
 def damaged_files(path, damages):
     """Instantiation from damaged modal files: [damage, refused, log lines], then from the sound one."""
     fmu = Fmu(path)

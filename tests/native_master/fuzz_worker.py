@@ -11,6 +11,7 @@ that are named as open are steered around.
 import faulthandler
 import math
 import os
+import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -25,14 +26,11 @@ HUGE = [1e6, -1e60, 1e160, 1e300, -1.7976931348623157e308]
 WRONG = [math.nan, math.inf, -math.inf]
 NO_REFERENCES = [9999, 2**31 - 1]
 BEYOND_INT = [2**31, 2**32 - 1000, 2**32 - 1]
-CHOICES = {
-    "formulation.kinematics": ["linear", "literal", "secant", "corotated"],
-    "formulation.loads": ["reference", "corrective_moment", "deformed"],
-    "formulation.stiffness": ["constant", "by_load", "by_mode"],
-    "initialization": ["rest", "static"],
-}
-NUMBERS = {"damping.scale": 1.0, "internal_step.limit": 0.0, "internal_step.tolerance": 1e-4}
 OPEN = set()
+# The one value that is found from the inputs, too.
+STABILITY = "diagnostics.stability"
+# Values of status.code besides that of a refused call, 1.
+SOUND, LIMIT_PASSED = 0, 2
 COUNTS = Counter()
 CASES_PER_INSTANCE = 20
 
@@ -43,7 +41,7 @@ class Prediction:
     def __init__(self, fmu):
         self.inputs = dict.fromkeys(fmu.references("Real", "input"), 0.0)
         self.parameters = {fmu.reference[name]: value for name, value in NUMBERS.items()}
-        self.texts = {fmu.reference[name]: start for name, start in START_TEXTS.items()}
+        self.texts = {fmu.reference[name]: value for name, value in TEXTS.items()}
         self.running = self.started = False
         self.code = 0
         # No load or step beyond reason so far: steps must succeed.
@@ -57,13 +55,22 @@ class Prediction:
     def start(self, fmu):
         """Statuses with which the start can end: of FMI calls but steps."""
         values = {name: self.parameters[fmu.reference[name]] for name in NUMBERS}
-        texts = {name: self.texts[fmu.reference[name]] for name in CHOICES}
-        sound = all(math.isfinite(v) and v >= 0.0 for v in values.values()) and values["internal_step.tolerance"] > 0.0
-        if not sound or texts["formulation.stiffness"] != "constant":  # there are no data for the others
+        texts = {name: self.texts[fmu.reference[name]] for name in TEXTS}
+        sound = {name: math.isfinite(value) and value >= 0.0 for name, value in values.items()}
+        sound["internal_step.tolerance"] &= values["internal_step.tolerance"] > 0.0
+        if not all(sound[name] for name in ("damping.scale", "internal_step.limit", "internal_step.tolerance")):
             return {FATAL}
-        if self.started or texts["initialization"] == "rest":
+        if texts["formulation.stiffness"] != "constant":  # there are no data for the others
+            return {FATAL}
+        if self.started:
             return {OK}
-        return {OK, FATAL} if all(math.isfinite(v) for v in self.inputs.values()) else {FATAL}
+        known = ("formulation.kinematics", "formulation.loads", "formulation.stiffness")
+        if any(texts[n] != TEXTS[n] for n in TEXTS if n.startswith("formulation.") and n not in known):
+            return {OK, FATAL}
+        if texts["initialization"] != "rest":
+            return {OK, FATAL} if all(math.isfinite(v) for v in self.inputs.values()) else {FATAL}
+        # What is watched for may be refused from the start or not.
+        return {OK} if all(sound.values()) else {OK, FATAL}
 
     def step(self, fmu, time, size):
         """Statuses with which a step can end."""
@@ -76,7 +83,11 @@ class Prediction:
             return {DISCARD}
         if size == 0.0 and start == {OK}:
             return {OK}
-        return {OK} if self.moderate(fmu, size) and start == {OK} else {OK, DISCARD}
+        watched = {n: v for n, v in self.texts.items() if n in {fmu.reference[w] for w in TEXTS if ".on_" in w}}
+        if "terminate" in watched.values():
+            return {OK, DISCARD, FATAL}
+        sure = self.moderate(fmu, size) and start == {OK} and "discard" not in watched.values()
+        return {OK} if sure else {OK, DISCARD}
 
     def moderate(self, fmu, size):
         limit = self.parameters[fmu.reference["internal_step.limit"]]
@@ -136,6 +147,8 @@ class Player:
         own = [line for line in lines if line[0] >= DISCARD]
         assert bool(own) == (status >= DISCARD and self.logging[self.which]), (name, status, lines)
         code, values = instance.get_integer([BODY.reference["status.code"]])
+        if name == "step" and status == OK and prediction.code == SOUND and values == [LIMIT_PASSED]:
+            prediction.code = LIMIT_PASSED
         assert (code, values) == (OK, [prediction.code]), (name, status, values)
         finite_outputs(instance, prediction)
         references = [*prediction.inputs, *prediction.parameters]
@@ -215,7 +228,7 @@ class Player:
 
     def text(self, name, value):
         reference = BODY.reference[name]
-        fine = value in CHOICES[name] or self.prediction.running
+        fine = value in OFFERED[name] or self.prediction.running
         status = expect({OK if fine else FATAL}, self.instance.set_string([reference], [value]))
         if fine and not self.prediction.running:
             self.prediction.texts[reference] = value
@@ -319,6 +332,13 @@ def finite_outputs(instance, prediction):
         assert all(map(math.isfinite, values)), values
     else:
         prediction.code = 1
+    if "stability of extreme inputs" not in OPEN:
+        # Of loads beyond reason there may be none to be told.
+        status, (value,) = instance.get_real([BODY.reference[STABILITY]])
+        reasonable = all(abs(v) <= MODERATE_LOAD for v in prediction.inputs.values())
+        assert status in start or not reasonable, status
+        assert math.isfinite(value) or not reasonable or status != OK, value
+        prediction.code = 1 if status >= DISCARD else prediction.code
     del BODY.log[lines:]
 
 
@@ -329,7 +349,10 @@ def same_state(instance, before):
         return
     # A call may have made the body start before it was refused: then both go on alike.
     assert SPARE.set_bytes(before) == OK
-    pair = [(one.get_real(EVERYTHING), one.get_string(TEXTS), strip(one.bytes())) for one in (SPARE, instance)]
+    pair = [
+        (one.get_real(EVERYTHING), one.get_string(BODY.references("String")), strip(one.bytes()))
+        for one in (SPARE, instance)
+    ]
     assert repr(pair[0]) == repr(pair[1]), "a refused call changed the state"
 
 
@@ -379,7 +402,7 @@ def operations():
     if "negative reference" not in OPEN:
         references = st.one_of(references, st.sampled_from(BEYOND_INT))
     inputs, parameters = BODY.references("Real", "input"), [BODY.reference[n] for n in NUMBERS]
-    settable = {*inputs, *parameters, *(BODY.reference[n] for n in CHOICES)}
+    settable = {*inputs, *parameters, *BODY.references("String")}
     kinds = st.sampled_from(["Real", "Integer", "Boolean", "String"])
     types = {int(v.get("valueReference")): v[0].tag for v in BODY.variables}
     wrong_sets = st.tuples(
@@ -398,9 +421,9 @@ def operations():
         return st.tuples(st.just(name), st.integers(0, 1), *strategies)
 
     def choice(name):
-        return st.tuples(st.just(name), st.sampled_from([*CHOICES[name], "", "magic", "100% sure", "ä" * 50]))
+        return st.tuples(st.just(name), st.sampled_from([*OFFERED[name], "", "magic", "100% sure", "ä" * 50]))
 
-    choices = st.sampled_from(list(CHOICES)).flatmap(choice)
+    choices = st.sampled_from(list(OFFERED)).flatmap(choice)
     offered = {
         "setup": (1, op("setup", time, st.none() | time, st.none() | number)),
         "enter": (1, op("enter")),
@@ -433,7 +456,7 @@ def operations():
     weighted = [name for name, (weight, _) in offered.items() for _ in range(weight)]
     call = st.sampled_from(weighted).flatmap(lambda name: offered[name][1])
     # Half of the cases begin as the standard wants it.
-    regular = st.sampled_from(CHOICES["formulation.kinematics"]).map(
+    regular = st.sampled_from(OFFERED["formulation.kinematics"]).map(
         lambda kinematics: [
             ("text", 0, "formulation.kinematics", kinematics),
             ("setup", 0, 0.0, None, None),
@@ -456,15 +479,21 @@ def run(case):
 
 
 def main():
-    global BODY, START_TEXTS, OUTPUTS, EVERYTHING, TEXTS, FRESH, SPARE, STATUS_SLOT, TWIN_BLOCK, OTHER_BLOCK
+    global BODY, NUMBERS, TEXTS, OFFERED, OUTPUTS, EVERYTHING, FRESH, SPARE, STATUS_SLOT, TWIN_BLOCK, OTHER_BLOCK
     faulthandler.enable()
     folder = Path(sys.argv[1])
     BODY = Fmu(folder / "body.fmu")
     OUTPUTS = BODY.references("Real", "output") + BODY.references("Real", "local")
-    TEXTS = BODY.references("String")
-    EVERYTHING = BODY.references("Real")
+    OUTPUTS.remove(BODY.reference[STABILITY])
+    EVERYTHING = [reference for reference in BODY.references("Real") if reference != BODY.reference[STABILITY]]
     SPARE = BODY.instantiate("spare")
-    START_TEXTS = dict(zip(CHOICES, SPARE.get_string([BODY.reference[n] for n in CHOICES])[1], strict=True))
+    parameters = [v for v in BODY.variables if v.get("causality") == "parameter"]
+    NUMBERS = {v.get("name"): float(v[0].get("start")) for v in parameters if v[0].tag == "Real"}
+    TEXTS = {v.get("name"): v[0].get("start") for v in parameters if v[0].tag == "String"}
+    # The description ends with what is offered.
+    OFFERED = {
+        v.get("name"): re.findall(r'"([^"]*)"', v.get("description")) for v in parameters if v[0].tag == "String"
+    }
     FRESH = SPARE.bytes()
     STATUS_SLOT = status_slot()
     OTHER_BLOCK, TWIN_BLOCK = block_of(folder / "other.fmu"), block_of(folder / "twin.fmu")
