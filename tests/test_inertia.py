@@ -1,0 +1,359 @@
+"""Mass of the deformed body: against the finite element model's own, closed forms, conservation laws and CalculiX."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bodies import beam_body
+from flexfmu import build
+from flexfmu.config import Basis, BodyFile, InputTable, InterfaceTable
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.errors import ModalFileError, OptionError
+from flexfmu.runtime.inertia import (
+    convective_force,
+    kinetic_gradient,
+    mass_gradient,
+    mass_matrix,
+    without_frames,
+)
+from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
+from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass
+from flexfmu.runtime.stepping import State, StepLimits
+from flexfmu.runtime.tree import build_tree, configuration
+from references import BEAM, L_FRAME, calculix, displacement, relative
+
+HEAVY = Formulation(mass=Mass.CONFIGURATION)
+# Whatever the error, the step is taken in one.
+ONE_STEP = StepLimits(0.0, 1e300)
+LENGTH, SIDE, DENSITY, YOUNG = 1.0, 0.03, 7850.0, 2.0e11
+ROOT_AND_TIP = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
+
+
+@pytest.fixture(scope="module")
+def beam(bodies):
+    """The clamped beam with inertia integrals aboard, undamped."""
+
+    def make(frames, modes=10, limits=None, mass=Mass.CONFIGURATION):
+        reduction = bodies.config(BEAM).reduction.model_copy(update={"modes": modes, "inertia": True})
+        model = bodies.beam(frames=frames, reduction=reduction).model
+        return FlexibleBody(model, Formulation(mass=mass), damping_scale=0.0, limits=limits)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def floating(bodies):
+    """The beam that nothing holds."""
+
+    def make(frames=4, modes=8, **options):
+        changes = {"basis": Basis.CRAIG_BAMPTON, "modes": modes, "inertia": True}
+        reduction = bodies.config(BEAM).reduction.model_copy(update=changes)
+        body = bodies.beam(
+            free=True,
+            support=[],
+            reduction=reduction,
+            frames=frames,
+            interface=ROOT_AND_TIP,
+            input=InputTable(acceleration=True),
+        )
+        return FlexibleBody(body.model, HEAVY, **options)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def whole(bodies):
+    """The L-frame with four frames, and the finite element model that it was made of."""
+    known = {}
+    original = build.inertia_integrals
+
+    def watched(mesh, volumes, shapes, subdomains, frames):
+        known.update(mesh=mesh, volumes=volumes, shapes=shapes, subdomains=subdomains)
+        return original(mesh, volumes, shapes, subdomains, frames)
+
+    config = bodies.config(L_FRAME)
+    reduction = config.reduction.model_copy(update={"modes": 6, "inertia": True})
+    build.inertia_integrals = watched
+    try:
+        model = build.reduce_body(config.model_copy(update={"frames": 4, "reduction": reduction}), Reporter())
+    finally:
+        build.inertia_integrals = original
+    return model, known
+
+
+def mass_at(model, q):
+    tree = build_tree(model, Kinematics.COROTATED)
+    return mass_matrix(tree, model.inertia, configuration(tree, q))
+
+
+def kinetic(body, state):
+    return 0.5 * float(state.v @ mass_at(body.model, state.q) @ state.v)
+
+
+def bent(model, random, size=30.0):
+    """Modal coordinates that turn frames by tenths of a radian against each other."""
+    return size * random.standard_normal(model.mode_count) / model.angular_frequency
+
+
+def element_places(model, finite, q):
+    """Nodes (elements, nodes, 3) of each block's elements, moved by the frames that own the elements."""
+    mesh, shapes = finite["mesh"], finite["shapes"]
+    tree = build_tree(model, Kinematics.COROTATED)
+    state = configuration(tree, q)
+    owner = np.full(mesh.element_count, -1)
+    for s, domain in enumerate(finite["subdomains"]):
+        owner[domain.elements] = s
+    assert np.all(owner >= 0)
+    u = (shapes @ q).reshape(-1, 3)
+    result, first = [], 0
+    for block in mesh.blocks:
+        s = owner[first : first + len(block.labels)]
+        arm = mesh.points[block.connectivity] - model.joint_point[s][:, None]
+        turn = np.cross((model.frame_rotation @ q)[s][:, None], arm)
+        local = arm + u[block.connectivity] - (model.joint_displacement @ q)[s][:, None] - turn
+        result.append(state.position[s][:, None] + np.einsum("eij,eaj->eai", state.rotation[s], local))
+        first += len(block.labels)
+    return result
+
+
+def test_the_mass_is_that_of_all_finite_element_nodes_as_the_tree_moves_them(whole, random):
+    model, finite = whole
+    q, step = bent(model, random), 1e-5
+    expected = np.zeros((model.mode_count, model.mode_count))
+    density = finite["mesh"].materials[0].density
+    slopes = []
+    for unit in np.eye(model.mode_count):
+        ends = (element_places(model, finite, q + sign * step * unit) for sign in (1.0, -1.0))
+        slopes.append([(a - b) / (2.0 * step) for a, b in zip(*ends, strict=True)])
+    for number, volumes in enumerate(finite["volumes"]):
+        jacobian = np.array([slope[number] for slope in slopes])
+        expected += density * np.einsum("meai,eab,nebi->mn", jacobian, volumes, jacobian, optimize=True)
+    found = mass_at(model, q)
+    assert np.max(np.abs(expected - np.eye(model.mode_count))) > 0.1
+    np.testing.assert_allclose(found, expected, atol=1e-8)
+
+
+def test_the_undeformed_body_has_unit_modal_mass(whole, beam, floating):
+    for model in (whole[0], beam(8).model, floating().model):
+        np.testing.assert_allclose(mass_at(model, np.zeros(model.mode_count)), np.eye(model.mode_count), atol=1e-9)
+
+
+def test_what_lies_on_no_frame_keeps_its_mass(bodies):
+    # Without frames of its own the free body lies on its floating frame alone; taken away, all of it moves linearly.
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"inertia": True})
+    model = bodies.beam(free=True, support=[], reduction=reduction, frames=0).model
+    motions = np.concatenate([model.joint_displacement, model.frame_rotation], axis=1)
+    gone = without_frames(model.inertia, np.eye(model.mode_count), motions, 1)
+    assert gone.mass.size == 0
+    np.testing.assert_allclose(gone.elastic, np.eye(model.mode_count), atol=1e-9)
+
+
+def test_integrals_in_another_basis_are_those_of_the_turned_modes(whole, random):
+    model, _ = whole
+    turn = np.linalg.qr(random.standard_normal((model.mode_count, 4)))[0]
+    motions = np.concatenate([model.joint_displacement, model.frame_rotation], axis=1)
+    z = 0.1 * random.standard_normal(4)
+    turned = replace(
+        model,
+        angular_frequency=np.arange(1.0, 5.0),
+        damping_ratio=np.zeros(4),
+        inertia=without_frames(model.inertia, turn, motions, 0),
+        **{
+            name: getattr(model, name) @ turn
+            for name in (
+                "interface_displacement",
+                "interface_rotation",
+                "joint_displacement",
+                "joint_rotation",
+                "frame_rotation",
+            )
+        },
+    )
+    np.testing.assert_allclose(mass_at(turned, z), turn.T @ mass_at(model, turn @ z) @ turn, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.1, 30.0, 300.0])
+def test_derivatives_of_the_mass_are_those_of_finite_differences(whole, random, size):
+    model, _ = whole
+    tree, m = build_tree(model, Kinematics.COROTATED), model.mode_count
+    q, step = bent(model, random, size), 1e-6
+    at_q = configuration(tree, q)
+    left, right = random.standard_normal((2, 3, m))
+    difference = np.array([mass_at(model, q + step * e) - mass_at(model, q - step * e) for e in np.eye(m)]) / step / 2.0
+    expected = np.einsum("ni,kij,nj->nk", left, difference, right)
+    scale = np.max(np.abs(expected))
+    np.testing.assert_allclose(mass_gradient(tree, model.inertia, at_q, left, right), expected, atol=1e-7 * scale)
+    v = left[0]
+    half = 0.5 * np.einsum("i,kij,j->k", v, difference, v)
+    np.testing.assert_allclose(kinetic_gradient(tree, model.inertia, at_q, v), half, atol=1e-7 * scale)
+    rate = np.einsum("k,kij,j->i", v, difference, v)
+    np.testing.assert_allclose(convective_force(tree, model.inertia, at_q, v), rate - half, atol=1e-7 * scale)
+
+
+def rigid_rotation(model, rate):
+    """Modal velocities (m,) of a spin about the centre of mass."""
+    v = np.zeros(model.mode_count)
+    motions = np.concatenate([model.joint_displacement[0], model.frame_rotation[0]])[:, :6]
+    v[:6] = np.linalg.solve(motions, [0.0, 0.0, 0.0, *rate])
+    return v
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, 3.0])
+def test_a_rigid_spin_has_the_kinetic_energy_of_a_block_however_far_it_has_turned(floating, angle):
+    body = floating()
+    direction = rigid_rotation(body.model, [0.0, 0.0, 1.0])
+    mass = DENSITY * LENGTH * SIDE**2
+    inertia = mass * (LENGTH**2 + SIDE**2) / 12.0
+    assert kinetic(body, State(angle * direction, 7.0 * direction)) == pytest.approx(0.5 * inertia * 49.0, rel=1e-9)
+
+
+def momenta(body, state):
+    """Linear momentum and angular momentum about the centre of the floating frame, from the rigid motions' momenta."""
+    model = body.model
+    tree = build_tree(model, Kinematics.COROTATED)
+    nodes = configuration(tree, state.q)
+    momentum = (mass_at(model, state.q) @ state.v)[:6]
+    # δx₀ = D δq, δω = T C δq: virtual rigid motions of the whole.
+    motions = np.concatenate([model.joint_displacement[0], nodes.jacobian[0] @ model.frame_rotation[0]])[:, :6]
+    return np.split(np.linalg.solve(motions.T, momentum), 2)
+
+
+def test_a_free_body_that_bends_while_it_spins_keeps_its_momenta_to_second_order(floating, random):
+    body = floating(damping_scale=0.0, limits=ONE_STEP)
+    model = body.model
+    v = rigid_rotation(model, [15.0, 5.0, 30.0])
+    # Bending in both planes, some 5 cm of it.
+    v[6:10] = 10.0 * random.standard_normal(4)
+    drifts = []
+    for step in (2e-4, 1e-4):
+        state = State(np.zeros_like(v), v)
+        linear, angular = momenta(body, state)
+        np.testing.assert_allclose(linear, 0.0, atol=1e-9)
+        energy, drift = kinetic(body, state), 0.0
+        for _ in range(round(0.04 / step)):
+            state = body.step(state, {}, step)
+            now = momenta(body, state)
+            drift = max(drift, np.linalg.norm(now[0]) / np.sqrt(energy), np.linalg.norm(now[1] - angular))
+        strain = 0.5 * float(np.sum((model.angular_frequency * state.q) ** 2))
+        assert strain + kinetic(body, state) == pytest.approx(energy, rel=1e-9)
+        drifts.append(drift / np.linalg.norm(angular))
+    assert drifts[1] < 2e-3
+    assert drifts[0] / drifts[1] == pytest.approx(4.0, rel=0.25)
+
+
+def test_a_spinning_rod_stretches_under_centrifugal_force(floating):
+    """u(L/2) = ρ ω² L³/(24 E) at each end, from E u″ = −ρ ω² x with free ends."""
+    body = floating(damping_scale=70.0)
+    rate = 60.0
+    state = State(np.zeros(body.model.mode_count), rigid_rotation(body.model, [0.0, 0.0, rate]))
+    for _ in range(20):
+        state = body.step(state, {}, 5e-4)
+    ends = body.model.interface_point + body.response(state).displacement
+    stretch = np.linalg.norm(ends[1] - ends[0]) - LENGTH
+    assert np.linalg.norm(body.response(state).rotation[1]) == pytest.approx(0.6, rel=1e-3)
+    assert 0.5 * stretch == pytest.approx(DENSITY * rate**2 * LENGTH**3 / (24.0 * YOUNG), rel=5e-3)
+
+
+@pytest.mark.parametrize("step", [2e-4, 1e-3])
+def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(beam, step):
+    # The tenth mode's period is 0.8 ms.
+    body = beam(4, limits=ONE_STEP)
+    state, force, largest, worst = body.rest(), np.array([0.0, 5e3, 1e3]), 0.0, 0.0
+    for _ in range(100):
+        state = body.step(state, {"tip": force}, step)
+        total = kinetic(body, state) + 0.5 * float(np.sum((body.model.angular_frequency * state.q) ** 2))
+        largest = max(largest, total)
+        worst = max(worst, abs(total - force @ body.response(state).displacement[0]))
+    assert largest > 500.0
+    assert worst < 1e-11 * largest
+
+
+def test_the_step_is_of_second_order_and_reversible(beam):
+    body = beam(2, modes=5, limits=ONE_STEP)
+    loads, end = {"tip": [0.0, 10e3, 2e3, 0.0, 0.0, 100.0]}, 0.016
+
+    def run(count, state, sign=1.0):
+        for _ in range(count):
+            state = body.step(state, loads, end / count)
+        return np.concatenate([body.model.angular_frequency * state.q, sign * state.v]), state
+
+    fine, _ = run(1024, body.rest())
+    errors = np.array([np.linalg.norm(run(n, body.rest())[0] - fine) for n in (32, 64, 128)]) / np.linalg.norm(fine)
+    np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 2.0, atol=0.15)
+    _, there = run(64, body.rest())
+    back, _ = run(64, State(there.q, -there.v))
+    # Twice as far from round-off as the iteration's tolerance allows in 128 steps.
+    assert np.linalg.norm(back) < 1e-8 * np.linalg.norm(fine)
+
+
+def test_the_step_is_divided_until_the_tolerance_holds(beam):
+    loads, end = {"tip": [0.0, 10e3, 0.0]}, 8e-3
+    fine = beam(2, modes=5, limits=StepLimits(0.0, 1e-8))
+    rough = beam(2, modes=5)
+    exact = fine.step(fine.rest(), loads, end)
+    found, work = rough.step_with_work(rough.rest(), loads, end)
+    assert work.error <= 1e-4
+    assert work.substeps > 4
+    omega = fine.model.angular_frequency
+    difference = np.concatenate([omega * (found.q - exact.q), found.v - exact.v])
+    assert np.linalg.norm(difference) < 1e-4 * work.substeps * np.linalg.norm([*(omega * exact.q), *exact.v])
+
+
+def test_static_equilibria_know_nothing_of_mass(beam):
+    loads = {"tip": [0.0, 10e3, 0.0]}
+    both = [body.static(loads).q for body in (beam(4), beam(4, mass=Mass.CONSTANT))]
+    np.testing.assert_array_equal(*both)
+
+
+def test_the_sudden_load_follows_the_nonlinear_transient_much_closer_than_with_constant_mass(beam):
+    table = calculix(BEAM / "calculix" / "sudden_load.csv")
+    expected = displacement(table)
+    errors = {}
+    for mass in Mass:
+        body = beam(4, mass=mass)
+        state, found = body.rest(), [np.zeros(3)]
+        for step in np.diff(table["time_s"]):
+            state = body.step(state, {"tip": [0.0, 5e3, 0.0]}, step)
+            found.append(body.response(state).displacement[0])
+        errors[mass] = relative(found, expected)
+    assert errors[Mass.CONSTANT] == pytest.approx(0.018, abs=0.001)
+    assert errors[Mass.CONFIGURATION] < 0.004
+
+
+def test_a_body_with_its_integrals_comes_back_from_its_file(whole, tmp_path):
+    model = replace(whole[0], formulation=HEAVY)
+    write_modal_file(model, tmp_path / "body.h5")
+    back = read_modal_file(tmp_path / "body.h5")
+    assert back.formulation == HEAVY
+    for name in ("frame", "mass", "first", "second", "ground", "elastic"):
+        np.testing.assert_array_equal(getattr(back.inertia, name), getattr(model.inertia, name))
+
+
+@pytest.mark.parametrize("kinematics", [k for k in Kinematics if k is not Kinematics.COROTATED])
+def test_other_kinematics_are_refused_with_the_reason(kinematics):
+    with pytest.raises(OptionError, match=f'no meaning with kinematics "{kinematics.value}"'):
+        Formulation(kinematics, LoadPlacement.REFERENCE, mass=Mass.CONFIGURATION)
+
+
+def test_a_body_built_without_its_integrals_is_refused():
+    with pytest.raises(OptionError, match=r"inertia = true in \[reduction\]"):
+        FlexibleBody(beam_body(2), HEAVY)
+    # Without frames there is nothing that could turn.
+    FlexibleBody(beam_body(0), HEAVY)
+
+
+def test_integrals_of_another_body_are_refused(whole):
+    with pytest.raises(ModalFileError, match="inertia is that of another body, expected 12 modes and 2 frames"):
+        beam_body(2, inertia=whole[0].inertia)
+
+
+def test_the_body_file_takes_integrals_aboard_where_the_formulation_asks_for_them(bodies):
+    config = bodies.config(BEAM).model_dump(exclude_unset=True)
+    config["formulation"] |= {"mass": "configuration"}
+    assert build._heavy(BodyFile.model_validate(config))
+    config["reduction"] |= {"inertia": False}
+    with pytest.raises(ValueError, match=r"reduction\.inertia is false"):
+        BodyFile.model_validate(config)
+    assert not build._heavy(bodies.config(BEAM))
