@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -522,10 +523,11 @@ def bushing(a, b=None, stiffness=BUSHING):
 
 @pytest.fixture(scope="module")
 def beams(folder):
-    """Two cantilevers of different modes, and their bodies."""
+    """Two cantilevers of different modes, also with their compliance, and their bodies."""
     bodies = beam_body(3, modes=3, damping=0.01), beam_body(2, modes=2, damping=0.02)
     for name, body in zip(("long", "short"), bodies, strict=True):
         package_fmu(body, folder / f"{name}.fmu")
+        package_fmu(replace(body, compliance_interfaces=("tip",)), folder / f"{name}_c.fmu")
     return tuple(FlexibleBody(body) for body in bodies)
 
 
@@ -603,6 +605,38 @@ def test_a_stiff_bushing_holds_bodies_together_where_explicit_coupling_grows_wit
     explicit = run(beam_pair(scheme="jacobi").replace(str(BUSHING), str(stiff)))
     refused = explicit.error is not None and "refused the step" in explicit.error
     assert refused or np.max(np.abs(vectors(explicit, "force"))) > 100.0 * np.max(np.abs(vectors(found, "force")))
+
+
+def told(text):
+    """The same with the compliance of both beams."""
+    return text.replace("long.fmu", "long_c.fmu").replace("short.fmu", "short_c.fmu")
+
+
+@pytest.mark.usefixtures("beams")
+@pytest.mark.parametrize("held", ["end", "mean"])
+def test_with_compliance_bodies_need_fewer_iterations_for_the_same_motion(run, held):
+    stiff = beam_pair(held).replace(str(BUSHING), str([1e9] * 3 + [1e7] * 3))
+    plain, fewer = run(stiff), run(told(stiff))
+    assert np.mean(fewer.iterations) < 0.7 * np.mean(plain.iterations)
+    size = np.max(np.abs(vectors(plain, "displacement")))
+    np.testing.assert_allclose(vectors(fewer, "displacement"), vectors(plain, "displacement"), atol=1e-5 * size)
+
+
+@pytest.mark.usefixtures("beams")
+def test_with_compliance_bodies_settle_at_the_second_iteration_where_a_step_is_nearly_linear(run):
+    found = run(told(beam_pair(size=0.1 * BEAM_STEP, stop=2 * BEAM_STEP)))
+    assert np.mean(found.iterations) < 2.2
+    assert np.max(found.iterations) <= 3
+
+
+@pytest.mark.usefixtures("beams")
+def test_a_status_that_is_no_failure_is_told_once_and_the_run_goes_on(run):
+    text = beam_pair().replace('"tip.moment.x"', '"watch.rotation.limit" = 1e-4, "tip.moment.x"')
+    found = run(text)
+    assert found.error is None
+    (status,) = (said for said in found.said if "status.code" in said)
+    assert status.startswith("a: status.code is 2 from 0.0005 s on")
+    assert any("rotation" in said for said in found.said)
 
 
 @pytest.mark.usefixtures("beams")

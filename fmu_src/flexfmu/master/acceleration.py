@@ -48,10 +48,13 @@ class Model:
         ∂g/∂x, zero where unknown.
     known : (n,) bool
         Inputs of whose g the slope is known.
+    whole : bool
+        Whether nothing is missing: no input, and no effect of one on another.
     """
 
     slope: FloatArray
     known: BoolArray
+    whole: bool = False
 
 
 def no_secants(size: int) -> Secants:

@@ -116,11 +116,12 @@ def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
     point = stage.initial()
     recorder.take(0.0, 0.0, 0.0)
     advance, said, rounds = scheme(stage, settings), clock.monotonic(), 0
-    energies = EnergyCount(0.0, 0.0, 0.0)
+    energies, odd = EnergyCount(0.0, 0.0, 0.0), set[str]()
     try:
         while point.number < settings.steps:
             point = advance(point)
             rounds += point.iterations
+            _watch(stage, point, odd, report)
             energies = counted(energies, stage.wiring, point.signals, point.before, point.held, settings.step)
             if point.number == 1 and settings.scheme is not Scheme.ITERATED:
                 _warn_of_stiff_springs(stage, point, report)
@@ -140,6 +141,15 @@ def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
     if settings.scheme is Scheme.ITERATED:
         report.note(f"{rounds / settings.steps:.2f} iterations a step")
     return recorder.result()
+
+
+def _watch(stage: Stage, point: Point, odd: set[str], report: Reporter) -> None:
+    """Say once of each FMU that its status is no longer sound."""
+    for participant in stage.participants:
+        if participant.status() and participant.name not in odd:
+            odd.add(participant.name)
+            at = point.number * stage.step
+            report.warning(f"{participant.name}: status.code is {participant.status()} from {at:.6g} s on")
 
 
 def _grew(energies: EnergyCount) -> bool:

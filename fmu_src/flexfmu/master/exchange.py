@@ -121,7 +121,9 @@ def answer(
     there = places >= 0
     full = np.zeros((len(wiring.base), len(wiring.base)))
     full[np.ix_(places[there], places[there])] = share * slope[np.ix_(there, there)]
-    return Model(full, known)
+    # An interface's compliance does not tell how it moves another one of the same FMU.
+    alone = len(set(ends.role.tolist())) == len(ends.role)
+    return Model(full, known, alone and bool(np.all(known[wiring.coupled])) and not np.any(wiring.matrix))
 
 
 @dataclass(frozen=True, slots=True)

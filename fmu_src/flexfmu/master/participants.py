@@ -28,7 +28,8 @@ from .layout import Recorded, Role
 
 FloatArray = NDArray[np.float64]
 
-STATUS_CODE = "status.code"
+# Of flexfmu's bodies: what tells masters that overlook a discarded step, and its value then.
+STATUS_CODE, _FAILED = "status.code", 1
 # FMI 2.0 statuses: a call that was not honoured, and one after which nothing may be called.
 _DISCARD, _FATAL = 2, 4
 # Log lines of an FMU that a message quotes, and warnings that are handed on.
@@ -242,7 +243,7 @@ class Participant:
         StepRefusedError
             The FMU discards the step.
         SimulationError
-            The FMU fails the call, or its status.code tells of a failure.
+            The FMU fails the call.
         """
         # A step that may be repeated must leave what lies before it within reach.
         final = self._state is None
@@ -256,13 +257,26 @@ class Participant:
                     f"fmu {self.name!r} refused the step from {time:.9g} s by {size:g} s: {words}"
                 ) from error
             raise self._failure(f"failed the step from {time:.9g} s by {size:g} s", error) from error
-        status = self.role.description.variables.get(STATUS_CODE)
-        if status is not None and status.type == "Integer":
-            (code,) = self._values("Integer", [int(status.valueReference)])
-            if code:
-                raise SimulationError(
-                    f"fmu {self.name!r}: status.code is {code} after the step from {time:.9g} s: {self._quoted()}"
-                )
+
+    def status(self) -> int:
+        """What the FMU's own status.code tells: 0, sound, also where it has none.
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call, or the code tells of a failure.
+        """
+        variable = self.role.description.variables.get(STATUS_CODE)
+        if variable is None or variable.type != "Integer":
+            return 0
+        code = int(self._values("Integer", [int(variable.valueReference)])[0])
+        if code == _FAILED:
+            raise SimulationError(f"fmu {self.name!r}: status.code is {code}, a failure: {self._quoted() or 'no log'}")
+        return code
 
     def save(self) -> None:
         """Keep the state of now, to come back to.
@@ -299,7 +313,7 @@ class Participant:
                 self._slave.freeFMUstate(state)
 
     def warnings(self) -> list[str]:
-        """What the FMU warned of so far, each once.
+        """What the FMU warned of so far, each once, also in steps that were taken back.
 
         Returns
         -------

@@ -197,7 +197,8 @@ class Iterated:
                 here = joined(Secants(*differences), here)
             past = held, residual
             secants = here
-            for older in self._kept:
+            # What earlier steps tell is older than a model that tells all.
+            for older in [] if model is not None and model.whole else self._kept:
                 secants = joined(secants, older)
             delta, error = change(residual, secants, self._scale(asked), settings.relaxation, model)
             if self._settled(held, error, residual, signals):
