@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .dynamics import build_dynamics, spread
 from .errors import LoadError, OptionError, StepError
 from .fixing import with_fixed_interfaces
-from .indicators import compliance, scaled_tangent, turning
+from .indicators import compliance, elastic_part, scaled_tangent, turning
 from .loads import Loads, loads_from_mapping
 from .reduced_body import Formulation, ReducedBody
 from .rotations import cross, rotation_vector
@@ -81,9 +81,11 @@ class FlexibleBody:
         self.limits = limits
         self._dynamics = build_dynamics(model, self.formulation)
         damping = damping_scale * model.damping_ratio
-        self._stepper = Stepper(self._dynamics, model.angular_frequency, damping, limits, use_compiled)
-        self._configuration = self._stepper.configuration
         self._turning = turning(model, self._dynamics.tree.frame_count)
+        self._stepper = Stepper(
+            self._dynamics, model.angular_frequency, damping, limits, self._turning.operator, use_compiled
+        )
+        self._configuration = self._stepper.configuration
 
     def loads(self, loads: Mapping[str, Sequence[float]], acceleration: Sequence[float] = (0.0, 0.0, 0.0)) -> Loads:
         """Loads from {interface: (fx, fy, fz)} or {interface: (fx, fy, fz, mx, my, mz)}, N and N m, global frame.
@@ -315,6 +317,8 @@ class FlexibleBody:
 
     def largest_rotation(self, state: State) -> float:
         """Largest rotation within any frame, rad."""
+        if self._stepper.kernel is not None:
+            return self._stepper.kernel.largest_rotation(state.q)
         return float(self._turning.angles(state.q).max(initial=0.0))
 
     def stability(self, state: State, inputs: FloatArray) -> tuple[float, FloatArray]:
@@ -338,8 +342,13 @@ class FlexibleBody:
         return float(values[0]), shape
 
     def is_stable(self, state: State, inputs: FloatArray, margin: float) -> bool:
-        """Whether `stability` is above a margin; faster than finding it."""
-        tangent = self._scaled_tangent(state, inputs)
+        """Whether `stability` is above a margin, to some six digits; faster than finding it."""
+        kernel = self._stepper.kernel
+        if kernel is None:
+            tangent = self._scaled_tangent(state, inputs)
+        else:
+            change = kernel.force_derivative(inputs, state.q)
+            tangent = elastic_part(self._dynamics, np.diag(self._dynamics.stiffness) - change)
         try:
             np.linalg.cholesky(tangent - margin * np.eye(len(tangent)))
         except np.linalg.LinAlgError:

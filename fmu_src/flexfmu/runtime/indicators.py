@@ -83,10 +83,15 @@ def scaled_tangent(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -
     (e, e) float
         Its symmetric part: all of it, but under moments and corrective moments.
     """
-    elastic = dynamics.stiffness > 0.0
-    tangent = tangent_stiffness(dynamics, loads, state)[np.ix_(elastic, elastic)]
-    omega = np.sqrt(dynamics.stiffness[elastic])
-    result: FloatArray = 0.5 * (tangent + tangent.T) / np.outer(omega, omega)
+    return elastic_part(dynamics, tangent_stiffness(dynamics, loads, state))
+
+
+def elastic_part(dynamics: Dynamics, tangent: FloatArray) -> FloatArray:
+    """Symmetric part (e, e) of a tangent stiffness (m, m) over the unloaded one, without rigid motions."""
+    rigid = int(np.sum(dynamics.stiffness == 0.0))
+    elastic = tangent[rigid:, rigid:]
+    omega = np.sqrt(dynamics.stiffness[rigid:])
+    result: FloatArray = 0.5 * (elastic + elastic.T) / (omega[:, None] * omega)
     return result
 
 

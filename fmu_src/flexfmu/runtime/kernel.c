@@ -14,7 +14,7 @@
 #endif
 
 /* Raised whenever the struct or a signature changes; kernel.py asks for it. */
-#define KERNEL_VERSION 2
+#define KERNEL_VERSION 3
 
 enum { REFERENCE = 0, CORRECTIVE_MOMENT = 1, DEFORMED = 2 };
 enum { DONE = 0, UNSETTLED = 1, INACCURATE = 2 };
@@ -24,7 +24,7 @@ static const double TOLERANCE = 1e-12, SETTLED = 1e-5, ROUND_OFF = 64.0 * 2.2204
 enum { ROUNDS = 6 };
 
 typedef struct {
-    int64_t modes, nodes, frames, interfaces, masses, placement, nonlinear;
+    int64_t modes, nodes, frames, interfaces, masses, placement, nonlinear, turnings;
     const int64_t *parent;                                /* (K), -1 for the ground */
     const double *offset, *base, *point;                  /* (K, 3) */
     const double *operator_;                              /* (6K, m): D of all nodes, then C of all nodes */
@@ -34,6 +34,7 @@ typedef struct {
     const double *by_load;                                /* (6I or 6I + 3, m, m), or null */
     const double *by_mode;                                /* (m, m, m), or null */
     const double *omega, *weight;                         /* (m) */
+    const double *turning;                                /* (3T, m): rotations within frames */
     double *work;                                         /* see kernel_work_size */
 } Body;
 
@@ -63,10 +64,14 @@ static void cross(const double *a, const double *b, double *out) {
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
+/* Four sums at a time: a single one would wait for itself. */
 static double dot(const double *a, const double *b, int64_t n) {
-    double sum = 0.0;
-    for (int64_t i = 0; i < n; i++) sum += a[i] * b[i];
-    return sum;
+    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int k = 0; k < 4; k++) sum[k] += a[i + k] * b[i + k];
+    for (; i < n; i++) sum[0] += a[i] * b[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 /* out = M x and out = Mᵀ x, M (3, 3). */
@@ -431,6 +436,45 @@ EXPORT int64_t kernel_linear_step(const Body *body, const Propagator *p, const d
         v[j] = p->p21[j] * start + p->p22[j] * v[j] + p->gv[j] * mean[j] + p->ramp_rate[j] * growth[j];
     }
     return 0;
+}
+
+/* Largest rotation within a frame, rad: Turning of indicators.py. */
+EXPORT double kernel_largest_rotation(const Body *body, const double *q) {
+    double largest = 0.0;
+    for (int64_t i = 0; i < body->turnings; i++) {
+        double square = 0.0;
+        for (int c = 0; c < 3; c++) {
+            const double x = dot(body->turning + (3 * i + c) * body->modes, q, body->modes);
+            square += x * x;
+        }
+        if (!(square <= largest)) largest = square;
+    }
+    return sqrt(largest);
+}
+
+/* ∂Q/∂q (m, m) by central differences with the steps `change` (m); row j is the derivative with respect to q_j. */
+EXPORT void kernel_force_derivative(const Body *body, const double *inputs, const double *q, const double *change,
+                                    double *out) {
+    const int64_t m = body->modes;
+    double *free = body->work;
+    Configuration at;
+    Loads loads;
+    take_configuration(body, &free, &at);
+    take_loads(body, &free, &loads);
+    double *scratch = take(&free, 12 * body->nodes + m * m);
+    double *moved = take(&free, m), *ahead = take(&free, m), *behind = take(&free, m);
+    spread(body, inputs, &loads);
+    memcpy(moved, q, m * sizeof(double));
+    for (int64_t j = 0; j < m; j++) {
+        moved[j] = q[j] + change[j];
+        configure(body, moved, &at);
+        modal_force(body, &loads, 1, &at, scratch, ahead);
+        moved[j] = q[j] - change[j];
+        configure(body, moved, &at);
+        modal_force(body, &loads, 1, &at, scratch, behind);
+        moved[j] = q[j];
+        for (int64_t i = 0; i < m; i++) out[j * m + i] = 0.5 * (ahead[i] - behind[i]) / change[j];
+    }
 }
 
 /* Rotation vector of a rotation matrix by its unit quaternion, as rotations.py. */

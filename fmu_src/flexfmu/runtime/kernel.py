@@ -19,8 +19,10 @@ FloatArray = NDArray[np.float64]
 
 PATTERN = "_kernel.*"
 """File names of the library, which end in what the platform asks for."""
-_VERSION = 2
+_VERSION = 3
 _PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
+# Rotation, rad, and displacement relative to the body's size, over which forces are differenced.
+_DIFFERENCE = 1e-5
 # What kernel_substeps answers.
 _DONE, _UNSETTLED = 0, 1
 # As many as the cache of propagators holds.
@@ -34,9 +36,9 @@ class _Body(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("modes", "nodes", "frames", "interfaces", "masses")),
-        *((name, ctypes.c_int64) for name in ("placement", "nonlinear")),
+        *((name, ctypes.c_int64) for name in ("placement", "nonlinear", "turnings")),
         *((name, _POINTER) for name in ("parent", "offset", "base", "point", "operator", "load_operator", "mass")),
-        *((name, _POINTER) for name in ("inertia", "by_load", "by_mode", "omega", "weight", "work")),
+        *((name, _POINTER) for name in ("inertia", "by_load", "by_mode", "omega", "weight", "turning", "work")),
     ]
 
 
@@ -64,25 +66,31 @@ def _library() -> ctypes.CDLL | None:
         library.kernel_substeps.argtypes = [*[place] * 6, integer, number, place, place]
         library.kernel_linear_step.restype = integer
         library.kernel_linear_step.argtypes = [place] * 6
+        library.kernel_largest_rotation.restype = number
+        library.kernel_largest_rotation.argtypes = [place] * 2
+        library.kernel_force_derivative.restype = None
+        library.kernel_force_derivative.argtypes = [place] * 5
         library.kernel_motion.restype = None
         library.kernel_motion.argtypes = [place] * 5
         return library
     return None
 
 
-def compiled(dynamics: Dynamics) -> "Kernel | None":
+def compiled(dynamics: Dynamics, turning: FloatArray) -> "Kernel | None":
     """The compiled step of a body under a formulation; None where there is none.
 
     Parameters
     ----------
     dynamics : Dynamics
+    turning : (3n, m) float
+        Rotations within frames, as of `indicators.Turning`.
 
     Returns
     -------
     Kernel or None
     """
     library = _library()
-    return None if library is None else Kernel(library, dynamics)
+    return None if library is None else Kernel(library, dynamics, turning)
 
 
 class Kernel:
@@ -92,9 +100,10 @@ class Kernel:
     ----------
     library : ctypes.CDLL
     dynamics : Dynamics
+    turning : (3n, m) float
     """
 
-    def __init__(self, library: ctypes.CDLL, dynamics: Dynamics):
+    def __init__(self, library: ctypes.CDLL, dynamics: Dynamics, turning: FloatArray):
         tree = dynamics.tree
         modes, nodes, masses = dynamics.stiffness.size, len(tree.parent), dynamics.mass.size
         self._library = library
@@ -111,6 +120,7 @@ class Kernel:
             "by_mode": dynamics.by_mode,
             "omega": np.sqrt(dynamics.stiffness),
             "weight": dynamics.weight,
+            "turning": turning,
         }
         owned = {k: np.ascontiguousarray(a, dtype=np.float64) for k, a in arrays.items() if a is not None}
         parent = np.ascontiguousarray(tree.parent, dtype=np.int64)
@@ -122,12 +132,18 @@ class Kernel:
             masses=masses,
             placement=_PLACEMENT[dynamics.placement],
             nonlinear=int(dynamics.nonlinear),
+            turnings=len(turning) // 3,
             parent=parent.ctypes.data,
             work=work.ctypes.data,
             **{name: array.ctypes.data for name, array in owned.items()},
         )
         # What the struct points to must live as long as it does.
         self._owned = (*owned.values(), parent, work)
+        # Small against every rotation and displacement that matters, large against round-off.
+        d, c = np.abs(tree.operator).reshape(2, -1, modes).max(axis=1)
+        size = float(np.abs(tree.point - tree.point[0]).max()) or 1.0
+        self._change = _DIFFERENCE / np.maximum(np.maximum(c, d / size), np.finfo(float).tiny)
+        self._derivative = np.zeros((modes, modes))
         self._q, self._v = np.zeros(modes), np.zeros(modes)
         self._inputs, self._end = (np.zeros(6 * tree.interface_count + (3 if masses else 0)) for _ in range(2))
         self._motion, self._rate = (np.zeros(6 * tree.interface_count) for _ in range(2))
@@ -211,6 +227,20 @@ class Kernel:
         self._q[:], self._v[:] = q, v
         self._library.kernel_motion(self._at, *self._places[2:], *self._results)
         return self._motion.copy(), self._rate.copy()
+
+    def largest_rotation(self, q: FloatArray) -> float:
+        """Largest rotation within a frame, rad."""
+        self._q[:] = q
+        found: float = self._library.kernel_largest_rotation(self._at, self._places[2])
+        return found
+
+    def force_derivative(self, inputs: FloatArray, q: FloatArray) -> FloatArray:
+        """∂Q/∂q (m, m) by central differences: to six digits or more."""
+        self._inputs[:], self._q[:] = inputs, q
+        at_start, _, at_q, _ = self._places
+        change, out = self._change.ctypes.data, self._derivative.ctypes.data
+        self._library.kernel_force_derivative(self._at, at_start, at_q, change, out)
+        return self._derivative.T.copy()
 
     def _load(
         self, inputs: FloatArray, end_inputs: FloatArray | None, q: FloatArray, v: FloatArray, at_end: int

@@ -40,6 +40,8 @@ MODAL_FILE = "modal.h5"
 # FMI status numbers.
 _WARNING, _DISCARD, _ERROR = 1, 2, 3
 _CATEGORY = {_WARNING: "logStatusWarning", _DISCARD: "logStatusDiscard", _ERROR: "logStatusError"}
+# Key of motions and rates together among the known outputs.
+_MOVING = "moving"
 # Values of status.code.
 _SOUND, _REFUSED, _PASSED = 0, 1, 2
 
@@ -84,6 +86,7 @@ class BodySlave:
         self._status_reference = groups.index(Group.STATUS)
         self._compliance = groups.index(Group.COMPLIANCE) if Group.COMPLIANCE in groups else len(groups)
         self._inputs = np.zeros(groups.count(Group.INPUT))
+        self._every_input = list(range(self._inputs.size))
         self._names = tuple(v.name for v in self._variables[: self._inputs.size])
         # Inputs of the step before, and those for which stability was last looked at.
         self._previous = self._inputs.copy()
@@ -98,7 +101,7 @@ class BodySlave:
         self._state: State | None = None
         self._work = Work(0, 0, 0.0)
         self._running = False
-        self._outputs: dict[Group, list[float]] = {}
+        self._outputs: dict[Group | str, list[float]] = {}
 
     # Life cycle.
 
@@ -132,10 +135,24 @@ class BodySlave:
 
     def get_real(self, vrs: list[int]) -> list[float]:
         """Values of real variables."""
+        # Most masters ask for motions alone, all at once.
+        if vrs and min(vrs) >= self._motion and max(vrs) < self._stress:
+            known = self._outputs.get(_MOVING)
+            if known is None:
+                known = self._group(Group.MOTION)
+                if self._model.velocity_outputs:
+                    known = known + self._group(Group.RATE)
+                self._outputs[_MOVING] = known
+            first = self._motion
+            return [known[vr - first] for vr in vrs]
         return [self._real(vr) for vr in vrs]
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         """Set inputs, and parameters before initialisation ends."""
+        if vrs == self._every_input:
+            self._inputs[:] = values
+            self._changed()
+            return
         for vr, value in zip(vrs, values, strict=True):
             if vr < self._inputs.size:
                 self._inputs[vr] = value
@@ -259,8 +276,7 @@ class BodySlave:
             return True
         start, end = self._over_step(float(step_size))
         try:
-            with np.errstate(all="ignore"):
-                reached, work = body.step_packed(state, start, float(step_size), end)
+            reached, work = body.step_packed(state, start, float(step_size), end)
         except StepError as error:
             if self._parameters.on_refusal is OnRefusal.TERMINATE:
                 raise _EndOfSimulationError(str(error)) from error

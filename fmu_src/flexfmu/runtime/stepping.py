@@ -138,6 +138,8 @@ class Stepper:
     dynamics : Dynamics
     angular_frequency, damping_ratio : (m,) float
     limits : StepLimits
+    turning : (3n, m) float
+        Rotations within frames, for the compiled code.
     use_compiled : bool
         Whether compiled code is used where there is some; the results are the same to round-off.
     """
@@ -148,9 +150,10 @@ class Stepper:
         angular_frequency: FloatArray,
         damping_ratio: FloatArray,
         limits: StepLimits,
+        turning: FloatArray,
         use_compiled: bool = True,
     ):
-        self.kernel = compiled(dynamics) if use_compiled and dynamics.inertia is None else None
+        self.kernel = compiled(dynamics, turning) if use_compiled and dynamics.inertia is None else None
         self.configuration = ConfigurationMemo(dynamics)
         self._dynamics = dynamics
         self._limits = limits
@@ -186,9 +189,11 @@ class Stepper:
         StepError
             No sub-step within reason converges: the load is beyond what the body can bear.
         """
-        exact = self._exact(state, inputs, step, end_inputs)
-        if exact is not None:
-            return State(*exact, state.substeps), Work(1, 0, 0.0)
+        # By mode, loads of zero depend on q as well: the exact step finds out.
+        if not self._dynamics.nonlinear or not (inputs.any() or (end_inputs is not None and end_inputs.any())):
+            exact = self._exact(state, inputs, step, end_inputs)
+            if exact is not None:
+                return State(*exact, state.substeps), Work(1, 0, 0.0)
         tolerance, longest = self._limits.tolerance, self._limits.longest
         fewest = 1 if longest <= 0.0 else math.ceil(step / longest * (1.0 - 1e-9))
         substeps = max(fewest, state.substeps)
@@ -233,7 +238,8 @@ class Stepper:
                 return found
         start, end = self._spread(inputs, end_inputs)
         here = self.configuration(state.q)
-        state_there, rounds, error = _substeps(self._dynamics, p, start, end, state, here, substeps, tolerance)
+        with np.errstate(all="ignore"):
+            state_there, rounds, error = _substeps(self._dynamics, p, start, end, state, here, substeps, tolerance)
         if state_there is None:
             return None, rounds, error
         self.configuration.remember(state_there[0], state_there[2])

@@ -16,7 +16,7 @@ from .stepping import State
 
 FloatArray = NDArray[np.float64]
 
-# Share of the largest load so far by which loads must have changed for stability to be looked at again.
+# Share of the loads' norm by which loads must have changed for stability to be looked at again.
 _CHANGED = 0.05
 
 
@@ -104,8 +104,8 @@ def rotation_finding(body: FlexibleBody, state: State, limits: Limits) -> Findin
 
 def loads_changed(inputs: FloatArray, before: FloatArray) -> bool:
     """Whether loads have changed enough since `before` for stability to be looked at again."""
-    difference = float(np.abs(inputs - before).max(initial=0.0))
-    return difference > _CHANGED * max(float(np.abs(inputs).max(initial=0.0)), float(np.abs(before).max(initial=0.0)))
+    difference = inputs - before
+    return float(difference @ difference) > _CHANGED**2 * max(float(inputs @ inputs), float(before @ before))
 
 
 def stability_finding(
