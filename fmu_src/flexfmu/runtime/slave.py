@@ -114,7 +114,7 @@ class BodySlave:
     def exit_initialization_mode(self) -> None:
         """Fix the parameters and the initial state."""
         self._start()
-        self._previous = self._inputs.copy()
+        self._previous = np.where(np.isfinite(self._inputs), self._inputs, 0.0)
         self._running = True
 
     def terminate(self) -> None:
@@ -355,7 +355,8 @@ class BodySlave:
         if name == FRAME_ROTATION:
             return body.largest_rotation(state)
         if name == STABILITY:
-            return body.stability(state, self._inputs)[0]
+            # Inputs set since the last step have not acted yet, and need not be finite.
+            return body.stability(state, self._previous)[0]
         if name == STEP_ERROR:
             return self._work.error
         strain, kinetic = body.energies(state)
@@ -383,7 +384,7 @@ class BodySlave:
         step = self._last_step or self._model.suggested_step
         names = self._model.interface_names
         offered = [names.index(name) for name in self._model.compliance_interfaces]
-        return [x for i in offered for x in body.compliance(state, self._inputs, step, i).ravel().tolist()]
+        return [x for i in offered for x in body.compliance(state, self._previous, step, i).ravel().tolist()]
 
     def _named(self, vr: int, kind: str) -> str:
         if not (0 <= vr < len(self._variables) and self._variables[vr].type == kind):
