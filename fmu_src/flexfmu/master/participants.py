@@ -79,6 +79,7 @@ class Participant:
         self.name = role.description.name
         self._usable = True
         self._state: Any = None
+        self._warned: dict[str, None] = {}
         self._slave: Any = None
         _refusals[self.name] = deque(maxlen=_QUOTED)
         _warnings[self.name] = {}
@@ -289,6 +290,7 @@ class Participant:
         self.forget()
         try:
             self._state = self._slave.getFMUstate()
+            self._warned = dict(_warnings[self.name])
         except FMICallException as error:
             raise self._failure("failed to save its state", error) from error
 
@@ -302,6 +304,8 @@ class Participant:
         """
         try:
             self._slave.setFMUstate(self._state)
+            # What a step taken back warned of did not happen; repeated, it warns again.
+            _warnings[self.name] = dict(self._warned)
         except FMICallException as error:
             raise self._failure("failed to go back to its state", error) from error
 
@@ -313,7 +317,7 @@ class Participant:
                 self._slave.freeFMUstate(state)
 
     def warnings(self) -> list[str]:
-        """What the FMU warned of so far, each once, also in steps that were taken back.
+        """What the FMU warned of so far, each once.
 
         Returns
         -------
