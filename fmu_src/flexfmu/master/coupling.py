@@ -103,7 +103,9 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
             stack.callback(participants[-1].close)
         for participant in participants:
             participant.initialize(settings.stop)
-        result = _march(coupling, Stage(wiring, participants, settings.step), report)
+        # What grows without bound is told of in words.
+        with np.errstate(all="ignore"):
+            result = _march(coupling, Stage(wiring, participants, settings.step), report)
         for participant in participants:
             for text in participant.warnings():
                 report.warning(f"{participant.name}: {text}")

@@ -2,7 +2,6 @@
 
 import shutil
 import tempfile
-from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from ctypes import byref
@@ -17,7 +16,6 @@ from fmpy.fmi2 import (
     fmi2CallbackAllocateMemoryTYPE,
     fmi2CallbackFreeMemoryTYPE,
     fmi2CallbackFunctions,
-    fmi2CallbackLoggerTYPE,
     free,
 )
 from fmpy.logging import addLoggerProxy
@@ -25,6 +23,7 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from .layout import Recorded, Role
+from .log import LOGGER, forget_refusals, open_log, quoted, take_back_warnings, warnings_of
 
 FloatArray = NDArray[np.float64]
 
@@ -32,29 +31,6 @@ FloatArray = NDArray[np.float64]
 STATUS_CODE, _FAILED = "status.code", 1
 # FMI 2.0 statuses: a call that was not honoured, and one after which nothing may be called.
 _DISCARD, _FATAL = 2, 4
-# Log lines of an FMU that a message quotes, and warnings that are handed on.
-_QUOTED, _WARNINGS = 3, 20
-
-_refusals: dict[str, deque[str]] = {}
-_warnings: dict[str, dict[str, None]] = {}
-
-
-def _log(_environment: object, instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
-    # Lines without a category are the library's own, and say only which call failed.
-    if not category or not text or not instance:
-        return
-    name, words = (
-        instance.decode(errors="replace"),
-        text.decode(errors="replace").removeprefix(f"{instance.decode()}: "),
-    )
-    if status >= _DISCARD and name in _refusals:
-        _refusals[name].append(words)
-    elif status == 1 and name in _warnings and len(_warnings[name]) < _WARNINGS:
-        _warnings[name][words] = None
-
-
-# fmpy's proxy knows one logger in a process: this one tells by the instance's name whose line it is.
-_LOGGER = fmi2CallbackLoggerTYPE(_log)
 
 
 class StepRefusedError(SimulationError):
@@ -81,13 +57,12 @@ class Participant:
         self._state: Any = None
         self._warned: dict[str, None] = {}
         self._slave: Any = None
-        _refusals[self.name] = deque(maxlen=_QUOTED)
-        _warnings[self.name] = {}
+        open_log(self.name)
         self._folder = tempfile.mkdtemp(prefix="flexfmu-")
         try:
             fmpy.extract(str(role.description.file), self._folder)
             self._callbacks = fmi2CallbackFunctions()
-            self._callbacks.logger = _LOGGER
+            self._callbacks.logger = LOGGER
             self._callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
             self._callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
             addLoggerProxy(byref(self._callbacks))
@@ -102,7 +77,7 @@ class Participant:
         except Exception as error:  # fmpy raises bare exceptions
             self.close()
             raise SimulationError(
-                f"fmu {self.name!r} ({role.description.file}) cannot be loaded: {self._quoted() or error}"
+                f"fmu {self.name!r} ({role.description.file}) cannot be loaded: {quoted(self.name) or error}"
             ) from error
 
     def initialize(self, stop: float) -> None:
@@ -248,12 +223,12 @@ class Participant:
         """
         # A step that may be repeated must leave what lies before it within reach.
         final = self._state is None
-        _refusals[self.name].clear()
+        forget_refusals(self.name)
         try:
             self._slave.doStep(time, size, final)
         except FMICallException as error:
             if error.status == _DISCARD:
-                words = self._quoted() or "without a reason in its log"
+                words = quoted(self.name) or "without a reason in its log"
                 raise StepRefusedError(
                     f"fmu {self.name!r} refused the step from {time:.9g} s by {size:g} s: {words}"
                 ) from error
@@ -276,7 +251,9 @@ class Participant:
             return 0
         code = int(self._values("Integer", [int(variable.valueReference)])[0])
         if code == _FAILED:
-            raise SimulationError(f"fmu {self.name!r}: status.code is {code}, a failure: {self._quoted() or 'no log'}")
+            raise SimulationError(
+                f"fmu {self.name!r}: status.code is {code}, a failure: {quoted(self.name) or 'no log'}"
+            )
         return code
 
     def save(self) -> None:
@@ -290,7 +267,7 @@ class Participant:
         self.forget()
         try:
             self._state = self._slave.getFMUstate()
-            self._warned = dict(_warnings[self.name])
+            self._warned = warnings_of(self.name)
         except FMICallException as error:
             raise self._failure("failed to save its state", error) from error
 
@@ -304,8 +281,7 @@ class Participant:
         """
         try:
             self._slave.setFMUstate(self._state)
-            # What a step taken back warned of did not happen; repeated, it warns again.
-            _warnings[self.name] = dict(self._warned)
+            take_back_warnings(self.name, self._warned)
         except FMICallException as error:
             raise self._failure("failed to go back to its state", error) from error
 
@@ -323,7 +299,7 @@ class Participant:
         -------
         list of str
         """
-        return list(_warnings[self.name])
+        return list(warnings_of(self.name))
 
     def close(self) -> None:
         """End and free the instance and remove what was unpacked."""
@@ -348,7 +324,4 @@ class Participant:
     def _failure(self, what: str, error: FMICallException) -> SimulationError:
         """Error for a call that was not honoured."""
         self._usable = error.status < _FATAL
-        return SimulationError(f"fmu {self.name!r} {what}: {self._quoted() or error}")
-
-    def _quoted(self) -> str:
-        return "; ".join(dict.fromkeys(_refusals[self.name]))
+        return SimulationError(f"fmu {self.name!r} {what}: {quoted(self.name) or error}")

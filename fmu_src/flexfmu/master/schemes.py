@@ -260,7 +260,7 @@ class Iterated:
     def _remember(self, held: FloatArray, secants: Secants) -> None:
         np.maximum.at(self._largest, self._stage.wiring.kind, np.abs(held))
         self._held = [*self._held[-1:], held]
-        if self._settings.reuse:
+        if self._settings.reuse and secants.inputs.size:
             self._kept = [secants, *self._kept][: self._settings.reuse]
 
     def _unsettled(self, point: Point, held: FloatArray, error: FloatArray) -> str:

@@ -8,37 +8,15 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..fmu.simulation import read_table
-from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, SpringTable, StartValue
+from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, StartValue
 from .descriptions import Description, nearest, read_description, split, units_differ
+from .ends import Shares, end_names, lay_ends, lay_springs
 from .layout import Ends, Recorded, Role, Table, Wiring
-from .springs import Springs
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-AXES = ("x", "y", "z")
-ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")
-COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
 _SETTABLE = ("input", "parameter")
-_UNITS = {"displacement": "m", "rotation": "rad", "force": "N", "moment": "N.m"}
-_JOINTS = str.maketrans("", "", ". *·")
-
-
-class _Shares:
-    """Variables of all FMUs, collected as they are asked for, then put into the order of the FMUs."""
-
-    def __init__(self, descriptions: Mapping[str, Description]):
-        self._asked: dict[str, dict[str, None]] = {name: {} for name in descriptions}
-
-    def ask(self, fmu: str, variable: str) -> None:
-        self._asked[fmu][variable] = None
-
-    def of(self, fmu: str) -> tuple[str, ...]:
-        return tuple(self._asked[fmu])
-
-    def places(self) -> dict[tuple[str, str], int]:
-        pairs = [(fmu, variable) for fmu, variables in self._asked.items() for variable in variables]
-        return {pair: place for place, pair in enumerate(pairs)}
 
 
 def wire(coupling: CouplingFile) -> Wiring:
@@ -58,7 +36,7 @@ def wire(coupling: CouplingFile) -> Wiring:
         A name, type or unit that does not fit, an input fed twice, or an FMU that cannot do what the scheme needs.
     """
     descriptions = {fmu.name: read_description(fmu.name, fmu.file) for fmu in coupling.fmu}
-    inputs, signals = _Shares(descriptions), _Shares(descriptions)
+    inputs, signals = Shares(descriptions), Shares(descriptions)
     starts = {fmu.name: _start_values(descriptions[fmu.name], fmu.start) for fmu in coupling.fmu}
     tables = {fmu.name: _table(descriptions[fmu.name], fmu, inputs) for fmu in coupling.fmu if fmu.input is not None}
     links = [_link(number, link, descriptions) for number, link in enumerate(coupling.connection, start=1)]
@@ -71,7 +49,7 @@ def wire(coupling: CouplingFile) -> Wiring:
             )
         signals.ask(source.name, output)
         inputs.ask(target.name, name)
-    ends = _end_names(coupling.spring, descriptions, inputs, signals)
+    ends = end_names(coupling.spring, descriptions, inputs, signals)
     input_place, signal_place = inputs.places(), signals.places()
 
     if coupling.experiment.scheme is Scheme.ITERATED:
@@ -86,7 +64,7 @@ def wire(coupling: CouplingFile) -> Wiring:
     for link, (source, output, target, name) in zip(coupling.connection, links, strict=True):
         factor = 1.0 if link.factor is None else link.factor
         matrix[input_place[target.name, name], signal_place[source.name, output]] += factor
-    laid_ends = _lay_ends(ends, descriptions, input_place, signal_place)
+    laid_ends = lay_ends(ends, descriptions, input_place, signal_place)
     base = np.array([_base(descriptions[fmu], name, starts[fmu]) for fmu, name in input_place])
     for _, _, target, name in links:
         base[input_place[target.name, name]] = 0.0
@@ -105,7 +83,7 @@ def wire(coupling: CouplingFile) -> Wiring:
             Table(rows[:, 0], rows[:, 1:], np.array([input_place[fmu, name] for name in names], dtype=np.int64))
             for fmu, (names, rows) in tables.items()
         ),
-        springs=_springs(coupling.spring, ends),
+        springs=lay_springs(coupling.spring, ends),
         ends=laid_ends,
         recorded=_recorded(coupling.output.variables, descriptions),
     )
@@ -114,8 +92,8 @@ def wire(coupling: CouplingFile) -> Wiring:
 def _roles(
     descriptions: Mapping[str, Description],
     starts: Mapping[str, Mapping[str, StartValue]],
-    inputs: _Shares,
-    signals: _Shares,
+    inputs: Shares,
+    signals: Shares,
 ) -> list[Role]:
     roles: list[Role] = []
     first_input = first_signal = 0
@@ -153,7 +131,7 @@ def _start_values(description: Description, start: Mapping[str, StartValue]) -> 
     return result
 
 
-def _table(description: Description, fmu: FmuTable, inputs: _Shares) -> tuple[list[str], FloatArray]:
+def _table(description: Description, fmu: FmuTable, inputs: Shares) -> tuple[list[str], FloatArray]:
     """Names and rows of an FMU's table of inputs."""
     assert fmu.input is not None
     names, rows = read_table(Path(fmu.input))
@@ -188,108 +166,6 @@ def _link(
             "variables of one unit, or give the factor that turns the one into the other"
         )
     return source, output, target, name
-
-
-def _end_names(
-    springs: list[SpringTable], descriptions: Mapping[str, Description], inputs: _Shares, signals: _Shares
-) -> tuple[str, ...]:
-    """Interfaces that springs hold, in the order found; their variables are asked for."""
-    ends: dict[str, None] = {}
-    for number, spring in enumerate(springs, start=1):
-        for side, text in (("a", spring.a), ("b", spring.b)):
-            if text is None:
-                continue
-            key = f"spring {number}, {side}"
-            description, interface = split(text, descriptions, key)
-            for quantity in ("displacement", "force"):
-                _check_vector(description, interface, quantity, key)
-            turns = _group(description, f"{interface}.rotation") and _group(description, f"{interface}.moment")
-            if turns:
-                for quantity in ("rotation", "moment"):
-                    _check_vector(description, interface, quantity, key)
-            elif any(spring.stiffness[3:] + spring.damping[3:]):
-                raise SimulationError(
-                    f"{key}: {text} has no rotation and moment ({interface}.rotation.x …, {interface}.moment.x …): set "
-                    "the last three numbers of stiffness and damping to zero"
-                )
-            ends[text] = None
-    for text in ends:
-        fmu, _, interface = text.partition(".")
-        for quantity in ("displacement", "rotation", "velocity", "angular_velocity", "force", "moment"):
-            if _group(descriptions[fmu], f"{interface}.{quantity}"):
-                for axis in AXES:
-                    shares = inputs if quantity in ("force", "moment") else signals
-                    shares.ask(fmu, f"{interface}.{quantity}.{axis}")
-    return tuple(ends)
-
-
-def _check_vector(description: Description, interface: str, quantity: str, key: str) -> None:
-    """Whether the three components of a vector of an interface are there, and are what a spring needs."""
-    wanted = "input" if quantity in ("force", "moment") else "output"
-    expected = _UNITS[quantity]
-    for axis in AXES:
-        name = f"{interface}.{quantity}.{axis}"
-        variable = description.variable(name, key)
-        if variable.causality != wanted or variable.type != "Real":
-            raise SimulationError(
-                f"{key}: {description.name}.{name} is of causality {variable.causality} and type {variable.type}, "
-                f"expected a Real {wanted}"
-            )
-        unit = description.unit(name)
-        # "N.m", "N m", "N*m" and "Nm" are all in use.
-        if unit is not None and unit.translate(_JOINTS) != expected.translate(_JOINTS):
-            raise SimulationError(f"{key}: {description.name}.{name} is in {unit}, expected {expected}")
-
-
-def _group(description: Description, name: str) -> bool:
-    """Whether all three components of a vector are there."""
-    return all(f"{name}.{axis}" in description.variables for axis in AXES)
-
-
-def _lay_ends(
-    ends: tuple[str, ...],
-    descriptions: Mapping[str, Description],
-    input_place: Mapping[tuple[str, str], int],
-    signal_place: Mapping[tuple[str, str], int],
-) -> Ends:
-    """Places of the ends' variables."""
-    order = list(descriptions)
-
-    def places(place: Mapping[tuple[str, str], int], *quantities: str) -> IntArray:
-        rows = [
-            [
-                place.get((text.partition(".")[0], f"{text.partition('.')[2]}.{quantity}.{axis}"), -1)
-                for quantity in quantities
-                for axis in AXES
-            ]
-            for text in ends
-        ]
-        return np.array(rows, dtype=np.int64).reshape(len(ends), 6)
-
-    compliance = []
-    for text in ends:
-        fmu, _, interface = text.partition(".")
-        names = [f"{interface}.compliance.{row}.{column}" for row in ROWS for column in COLUMNS]
-        there = descriptions[fmu].variables
-        complete = all(name in there and there[name].type == "Real" for name in names)
-        compliance.append(tuple(int(there[name].valueReference) for name in names) if complete else ())
-    return Ends(
-        ends,
-        np.array([order.index(text.partition(".")[0]) for text in ends], dtype=np.int64),
-        places(signal_place, "displacement", "rotation"),
-        places(signal_place, "velocity", "angular_velocity"),
-        places(input_place, "force", "moment"),
-        tuple(compliance),
-    )
-
-
-def _springs(springs: list[SpringTable], ends: tuple[str, ...]) -> Springs:
-    return Springs(
-        np.array([ends.index(spring.a) for spring in springs], dtype=np.int64),
-        np.array([len(ends) if spring.b is None else ends.index(spring.b) for spring in springs], dtype=np.int64),
-        np.array([spring.stiffness for spring in springs], dtype=np.float64).reshape(-1, 6),
-        np.array([spring.damping for spring in springs], dtype=np.float64).reshape(-1, 6),
-    )
 
 
 def _base(description: Description, name: str, start: Mapping[str, StartValue]) -> float:

@@ -1,0 +1,185 @@
+"""Interfaces that springs hold: their variables, checked, and the places of these in a layout."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SimulationError
+from .config import SpringTable
+from .descriptions import Description, split
+from .layout import Ends
+from .springs import Springs
+
+IntArray = NDArray[np.int64]
+
+AXES = ("x", "y", "z")
+ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")
+COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
+_UNITS = {"displacement": "m", "rotation": "rad", "force": "N", "moment": "N.m"}
+# "N.m", "N m", "N*m" and "Nm" are all in use.
+_JOINTS = str.maketrans("", "", ". *·")
+
+
+class Shares:
+    """Variables of all FMUs, collected as they are asked for, then put into the order of the FMUs."""
+
+    def __init__(self, descriptions: Mapping[str, Description]):
+        self._asked: dict[str, dict[str, None]] = {name: {} for name in descriptions}
+
+    def ask(self, fmu: str, variable: str) -> None:
+        """Ask for a variable of an FMU; once is enough."""
+        self._asked[fmu][variable] = None
+
+    def of(self, fmu: str) -> tuple[str, ...]:
+        """What was asked of an FMU, in the order of asking."""
+        return tuple(self._asked[fmu])
+
+    def places(self) -> dict[tuple[str, str], int]:
+        """Place of each variable by FMU and name, when all have been asked for."""
+        pairs = [(fmu, variable) for fmu, variables in self._asked.items() for variable in variables]
+        return {pair: place for place, pair in enumerate(pairs)}
+
+
+def end_names(
+    springs: list[SpringTable], descriptions: Mapping[str, Description], inputs: Shares, signals: Shares
+) -> tuple[str, ...]:
+    """Interfaces that springs hold, in the order found; their variables are asked for.
+
+    Parameters
+    ----------
+    springs : list of SpringTable
+    descriptions : mapping of str to Description
+    inputs, signals : Shares
+        Are asked.
+
+    Returns
+    -------
+    tuple of str
+        "fmu.interface".
+
+    Raises
+    ------
+    SimulationError
+        An end that is not there, or lacks what the spring needs.
+    """
+    ends: dict[str, None] = {}
+    for number, spring in enumerate(springs, start=1):
+        for side, text in (("a", spring.a), ("b", spring.b)):
+            if text is None:
+                continue
+            key = f"spring {number}, {side}"
+            description, interface = split(text, descriptions, key)
+            for quantity in ("displacement", "force"):
+                _check_vector(description, interface, quantity, key)
+            turns = _group(description, f"{interface}.rotation") and _group(description, f"{interface}.moment")
+            if turns:
+                for quantity in ("rotation", "moment"):
+                    _check_vector(description, interface, quantity, key)
+            elif any(spring.stiffness[3:] + spring.damping[3:]):
+                raise SimulationError(
+                    f"{key}: {text} has no rotation and moment ({interface}.rotation.x …, {interface}.moment.x …): set "
+                    "the last three numbers of stiffness and damping to zero"
+                )
+            ends[text] = None
+    for text in ends:
+        fmu, _, interface = text.partition(".")
+        for quantity in ("displacement", "rotation", "velocity", "angular_velocity", "force", "moment"):
+            if _group(descriptions[fmu], f"{interface}.{quantity}"):
+                for axis in AXES:
+                    shares = inputs if quantity in ("force", "moment") else signals
+                    shares.ask(fmu, f"{interface}.{quantity}.{axis}")
+    return tuple(ends)
+
+
+def _check_vector(description: Description, interface: str, quantity: str, key: str) -> None:
+    """Whether the three components of a vector of an interface are there, and are what a spring needs."""
+    wanted = "input" if quantity in ("force", "moment") else "output"
+    expected = _UNITS[quantity]
+    for axis in AXES:
+        name = f"{interface}.{quantity}.{axis}"
+        variable = description.variable(name, key)
+        if variable.causality != wanted or variable.type != "Real":
+            raise SimulationError(
+                f"{key}: {description.name}.{name} is of causality {variable.causality} and type {variable.type}, "
+                f"expected a Real {wanted}"
+            )
+        unit = description.unit(name)
+        if unit is not None and unit.translate(_JOINTS) != expected.translate(_JOINTS):
+            raise SimulationError(f"{key}: {description.name}.{name} is in {unit}, expected {expected}")
+
+
+def _group(description: Description, name: str) -> bool:
+    """Whether all three components of a vector are there."""
+    return all(f"{name}.{axis}" in description.variables for axis in AXES)
+
+
+def lay_ends(
+    ends: tuple[str, ...],
+    descriptions: Mapping[str, Description],
+    input_place: Mapping[tuple[str, str], int],
+    signal_place: Mapping[tuple[str, str], int],
+) -> Ends:
+    """Places of the ends' variables.
+
+    Parameters
+    ----------
+    ends : tuple of str
+        "fmu.interface".
+    descriptions : mapping of str to Description
+    input_place, signal_place : mapping of (str, str) to int
+        Places of FMUs' variables.
+
+    Returns
+    -------
+    Ends
+    """
+    order = list(descriptions)
+
+    def places(place: Mapping[tuple[str, str], int], *quantities: str) -> IntArray:
+        rows = [
+            [
+                place.get((text.partition(".")[0], f"{text.partition('.')[2]}.{quantity}.{axis}"), -1)
+                for quantity in quantities
+                for axis in AXES
+            ]
+            for text in ends
+        ]
+        return np.array(rows, dtype=np.int64).reshape(len(ends), 6)
+
+    compliance = []
+    for text in ends:
+        fmu, _, interface = text.partition(".")
+        names = [f"{interface}.compliance.{row}.{column}" for row in ROWS for column in COLUMNS]
+        there = descriptions[fmu].variables
+        complete = all(name in there and there[name].type == "Real" for name in names)
+        compliance.append(tuple(int(there[name].valueReference) for name in names) if complete else ())
+    return Ends(
+        ends,
+        np.array([order.index(text.partition(".")[0]) for text in ends], dtype=np.int64),
+        places(signal_place, "displacement", "rotation"),
+        places(signal_place, "velocity", "angular_velocity"),
+        places(input_place, "force", "moment"),
+        tuple(compliance),
+    )
+
+
+def lay_springs(springs: list[SpringTable], ends: tuple[str, ...]) -> Springs:
+    """Springs between the ends.
+
+    Parameters
+    ----------
+    springs : list of SpringTable
+    ends : tuple of str
+        "fmu.interface".
+
+    Returns
+    -------
+    Springs
+    """
+    return Springs(
+        np.array([ends.index(spring.a) for spring in springs], dtype=np.int64),
+        np.array([len(ends) if spring.b is None else ends.index(spring.b) for spring in springs], dtype=np.int64),
+        np.array([spring.stiffness for spring in springs], dtype=np.float64).reshape(-1, 6),
+        np.array([spring.damping for spring in springs], dtype=np.float64).reshape(-1, 6),
+    )
