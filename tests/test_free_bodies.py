@@ -11,7 +11,7 @@ from flexfmu.errors import ModelError
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.errors import EquilibriumError, OptionError
 from flexfmu.runtime.loads import Loads
-from flexfmu.runtime.reduced_body import Formulation, Kinematics
+from flexfmu.runtime.reduced_body import Formulation, Kinematics, Mass
 from flexfmu.runtime.stepping import State
 from references import BEAM, relative
 
@@ -69,6 +69,21 @@ def test_fixed_by_the_scene_the_free_body_is_the_supported_one(bodies, floating,
     np.testing.assert_allclose(found[0].rotation[0], 0.0, atol=1e-12)
     # A distributing coupling holds the section's mean, a support each node.
     assert relative(found[0].displacement[1], found[1].displacement[0]) < 5e-3
+
+
+def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies):
+    reduction = {"basis": Basis.CRAIG_BAMPTON, "modes": 8, "inertia": True}
+    reduction = bodies.config(BEAM).reduction.model_copy(update=reduction)
+    free = bodies.beam(free=True, support=[], interface=ROOT_AND_TIP, reduction=reduction, frames=4).model
+    heavy = Formulation(mass=Mass.CONFIGURATION)
+    fixed = FlexibleBody(free, heavy, fixed=["root"])
+    supported = FlexibleBody(bodies.beam(reduction=reduction, frames=4).model, heavy)
+    states = [body.rest() for body in (fixed, supported)]
+    for _ in range(10):
+        states = [b.step(s, {"tip": [0.0, 5e3, 0.0]}, 2e-3) for b, s in zip((fixed, supported), states, strict=True)]
+    moved = [b.response(s).displacement[-1] for b, s in zip((fixed, supported), states, strict=True)]
+    assert np.linalg.norm(moved[1]) > 0.1
+    assert relative(moved[0], moved[1]) < 1e-2
 
 
 def test_a_free_body_falls_as_one(floating):

@@ -160,6 +160,7 @@ def test_integrals_in_another_basis_are_those_of_the_turned_modes(whole, random)
         angular_frequency=np.arange(1.0, 5.0),
         damping_ratio=np.zeros(4),
         inertia=without_frames(model.inertia, turn, motions, 0),
+        whole=None,
         **{
             name: getattr(model, name) @ turn
             for name in (

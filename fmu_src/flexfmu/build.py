@@ -31,10 +31,12 @@ from .reduction.subdomains import (
     frame_operators,
     on_floating_frame,
     requested_subdomains,
+    section,
+    volume_weighted,
 )
 from .reduction.supported import Supported, supported
 from .reduction.surface import body_surface
-from .runtime.reduced_body import GROUND, Mass, ReducedBody, Stiffness, StressSet
+from .runtime.reduced_body import GROUND, Mass, ReducedBody, Stiffness, StressSet, WholeFrame
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
@@ -106,6 +108,7 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         joint_displacement=frames.joint_displacement,
         joint_rotation=frames.joint_rotation,
         frame_rotation=frames.frame_rotation,
+        whole=_whole(model, volumes, faces, modes.shapes, config) if _several(subdomains) else None,
         masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
         inertia=inertia_integrals(mesh, volumes, modes.shapes, subdomains, frames) if _heavy(config) else None,
         stress_sets=_stress_sets(config, mesh, modes.shapes),
@@ -186,10 +189,8 @@ def _subdomains(
     """
     mesh = model.mesh
     floats = model.rigid.shape[1] == _RIGID_MOTIONS
-    anchored, held = model.anchored, model.held
-    if floats:
-        root = config.interface[_root(config)]
-        anchored = held = np.sort(node_set(mesh, root.nodes, f"interface {root.name!r}, nodes"))
+    anchored = _hanging(model, config)
+    held = anchored if floats else model.held
     top = [floating_frame(mesh, volumes)] if floats else []
     if not config.frame:
         levels = 1 if config.frames is None else config.frames
@@ -210,6 +211,32 @@ def _subdomains(
         requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
     subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
     return top + on_floating_frame(subdomains, len(top)), division_warnings(mesh, subdomains)
+
+
+def _several(subdomains: list[Subdomain]) -> bool:
+    """Whether there is more than one frame beside a floating one."""
+    return sum(not domain.floating for domain in subdomains) > 1
+
+
+def _whole(
+    model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], shapes: FloatArray, config: BodyFile
+) -> WholeFrame:
+    """A frame for the whole body about its supports, to be compared with the tree."""
+    mesh = model.mesh
+    body = volume_weighted(mesh, volumes, np.arange(mesh.element_count))
+    joint = section(mesh.points, faces, _hanging(model, config))
+    domain = Subdomain("whole", GROUND, np.arange(mesh.element_count), body, joint, joint.centre(mesh.points))
+    found = frame_operators(mesh.points, shapes, [domain])
+    operators = found.joint_displacement[0], found.joint_rotation[0], found.frame_rotation[0]
+    return WholeFrame(domain.joint_point, *operators)
+
+
+def _hanging(model: Model, config: BodyFile) -> IntArray:
+    """Nodes from which frames are counted: the best supports, or a free body's root interface."""
+    if model.rigid.shape[1] < _RIGID_MOTIONS:
+        return model.anchored
+    root = config.interface[_root(config)]
+    return np.sort(node_set(model.mesh, root.nodes, f"interface {root.name!r}, nodes"))
 
 
 def _root(config: BodyFile) -> int:

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from .errors import BodyFileError
 from .mesh.units import UnitSystem
 from .runtime.errors import OptionError
-from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from .runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 # What pydantic adds to the place of an error to tell the types that a key may have.
@@ -141,11 +141,12 @@ class FormulationTable(_Table):
     loads: LoadPlacement = Field(default=LoadPlacement.DEFORMED, strict=False)
     stiffness: Stiffness = Field(default=Stiffness.CONSTANT, strict=False)
     mass: Mass = Field(default=Mass.CONSTANT, strict=False)
+    division: Division = Field(default=Division.TREE, strict=False)
 
     @property
     def formulation(self) -> Formulation:
         """The formulation itself; a combination without meaning raises OptionError."""
-        return Formulation(self.kinematics, self.loads, self.stiffness, self.mass)
+        return Formulation(self.kinematics, self.loads, self.stiffness, self.mass, self.division)
 
     @model_validator(mode="after")
     def _meaningful(self) -> "FormulationTable":

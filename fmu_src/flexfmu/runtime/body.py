@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .division import divided
 from .dynamics import build_dynamics, spread
 from .errors import LoadError, OptionError, StepError
 from .fixing import with_fixed_interfaces
 from .indicators import compliance, elastic_part, scaled_tangent, turning
+from .inertia import mass_matrix
 from .loads import Loads, loads_from_mapping
 from .reduced_body import Formulation, ReducedBody
 from .rotations import cross, rotation_vector
@@ -77,7 +79,8 @@ class FlexibleBody:
         if not (np.isfinite(limits.tolerance) and limits.tolerance > 0.0):
             raise OptionError(f"internal step tolerance is {limits.tolerance}, expected a positive number")
         self.formulation = formulation or model.formulation
-        self.model = model = with_fixed_interfaces(model, fixed, self.formulation.kinematics)
+        model = with_fixed_interfaces(model, fixed, self.formulation.kinematics)
+        self.model = model = divided(model, self.formulation.division, self.formulation.mass)
         self.limits = limits
         self._dynamics = build_dynamics(model, self.formulation)
         damping = damping_scale * model.damping_ratio
@@ -294,7 +297,10 @@ class FlexibleBody:
         strain, kinetic : float
         """
         strain = 0.5 * float(np.vdot(self._dynamics.stiffness * state.q, state.q))
-        return strain, 0.5 * float(np.vdot(state.v, state.v))
+        momentum, inertia = state.v, self._dynamics.inertia
+        if inertia is not None:
+            momentum = mass_matrix(self._dynamics.tree, inertia, self._configuration(state.q)) @ state.v
+        return strain, 0.5 * float(state.v @ momentum)
 
     def rotation_within_frames(self, state: State) -> FloatArray:
         """How far the material turns within each frame, the measure of trust in it (good to about 0.5 rad).

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import OptionError
-from .reduced_body import GROUND, Kinematics, ReducedBody
+from .inertia import without_frames
+from .reduced_body import GROUND, Kinematics, ReducedBody, WholeFrame
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +67,10 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics:
     share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
     gone = int(body.floating)
     frames = slice(gone, None)
-    masses, surface = body.masses, body.surface
+    masses, surface, whole = body.masses, body.surface, body.whole
+    if whole is not None:
+        operators = whole.joint_displacement, whole.joint_rotation, whole.frame_rotation
+        whole = WholeFrame(whole.joint_point, *(operator @ turn for operator in operators))
     if masses is not None:
         masses = replace(masses, displacement=masses.displacement @ turn, frame=np.maximum(masses.frame - gone, GROUND))
     if surface is not None:
@@ -74,6 +78,10 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics:
     by_mode = body.stiffness_by_mode
     if by_mode is not None:
         by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
+    inertia = body.inertia
+    if inertia is not None:
+        motions = np.concatenate([body.joint_displacement, body.frame_rotation], axis=1)
+        inertia = without_frames(inertia, turn, motions, gone)
     return replace(
         body,
         angular_frequency=np.sqrt(squares),
@@ -87,10 +95,12 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics:
         joint_displacement=body.joint_displacement[frames] @ turn,
         joint_rotation=body.joint_rotation[frames] @ turn,
         frame_rotation=body.frame_rotation[frames] @ turn,
+        whole=whole,
         masses=masses,
         stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
         stiffness_by_mode=by_mode,
         surface=surface,
+        inertia=inertia,
         root_interface=GROUND,
         floating=False,
     )

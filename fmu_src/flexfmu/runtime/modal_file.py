@@ -13,6 +13,7 @@ import numpy as np
 from .errors import ModalFileError
 from .inertia import InertiaIntegrals
 from .reduced_body import (
+    Division,
     Formulation,
     Kinematics,
     LoadPlacement,
@@ -22,6 +23,7 @@ from .reduced_body import (
     Stiffness,
     StressSet,
     Surface,
+    WholeFrame,
 )
 
 FORMAT = "flexfmu modal file"
@@ -69,6 +71,12 @@ OPTIONAL: dict[str, Entry] = {
         "(6I or 6I + 3, m, m) per unit load: forces, moments (/(N m)), accelerations (/(m/s^2))",
     ),
     "stiffness_by_mode": Entry("stiffness/by_mode", "s^-2/(kg^0.5 m)", "(m, m, m) per unit modal coordinate"),
+}
+WHOLE: dict[str, Entry] = {
+    "joint_point": Entry("whole/joint_point", "m", "(3,) centre of the supports"),
+    "joint_displacement": Entry("whole/joint_displacement", "kg^-0.5", "(3, m) displacement per mode"),
+    "joint_rotation": Entry("whole/joint_rotation", "rad/(kg^0.5 m)", "(3, m) rotation per mode"),
+    "frame_rotation": Entry("whole/rotation", "rad/(kg^0.5 m)", "(3, m) averaged rotation of the whole body per mode"),
 }
 MASSES: dict[str, Entry] = {
     "mass": Entry("masses/mass", "kg", "(P,) mass of each sub-domain"),
@@ -118,6 +126,7 @@ class _Digest:
             body.formulation.loads.value,
             body.formulation.stiffness.value,
             body.formulation.mass.value,
+            body.formulation.division.value,
             str(body.velocity_outputs),
             "\0".join(body.compliance_interfaces),
             str(body.root_interface),
@@ -128,6 +137,8 @@ class _Digest:
         ]
         arrays = [getattr(body, name) for name in ARRAYS]
         arrays += [value for name in OPTIONAL if (value := getattr(body, name)) is not None]
+        if body.whole is not None:
+            arrays += [getattr(body.whole, name) for name in WHOLE]
         if body.masses is not None:
             arrays += [getattr(body.masses, name) for name in MASSES]
         if body.inertia is not None:
@@ -168,6 +179,7 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["loads"] = body.formulation.loads.value
             file.attrs["stiffness"] = body.formulation.stiffness.value
             file.attrs["mass"] = body.formulation.mass.value
+            file.attrs["division"] = body.formulation.division.value
             file.attrs["velocity_outputs"] = body.velocity_outputs
             file.attrs["compliance_interfaces"] = ",".join(body.compliance_interfaces)
             file.attrs["root_interface"] = body.root_interface
@@ -181,6 +193,9 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             for field, entry in OPTIONAL.items():
                 if (value := getattr(body, field)) is not None:
                     _write(file, entry, value)
+            if body.whole is not None:
+                for field, entry in WHOLE.items():
+                    _write(file, entry, getattr(body.whole, field))
             if body.masses is not None:
                 for field, entry in MASSES.items():
                     _write(file, entry, getattr(body.masses, field))
@@ -245,6 +260,9 @@ def _read(file: Any, name: str) -> ReducedBody:
             f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
         )
     masses = surface = inertia = None
+    whole = None
+    if "whole" in file:
+        whole = WholeFrame(**{field: file[entry.path][()] for field, entry in WHOLE.items()})
     if "masses" in file:
         masses = Masses(**{field: file[entry.path][()] for field, entry in MASSES.items()})
     if "inertia" in file:
@@ -264,12 +282,14 @@ def _read(file: Any, name: str) -> ReducedBody:
             LoadPlacement(file.attrs["loads"]),
             Stiffness(file.attrs["stiffness"]),
             Mass(file.attrs["mass"]),
+            Division(file.attrs["division"]),
         ),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),
         root_interface=int(file.attrs["root_interface"]),
         floating=bool(file.attrs["floating"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
+        whole=whole,
         masses=masses,
         inertia=inertia,
         stress_sets=tuple(

@@ -3,16 +3,18 @@
 from collections.abc import Sequence
 
 from .errors import OptionError
-from .reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
+from .reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from .stepping import StepLimits
 from .variables import (
     CHOICES,
     DAMPING_SCALE,
+    DIVISION,
     FIXED,
     INITIALIZATION,
     INTERPOLATION,
     KINEMATICS,
     LOADS,
+    MASS,
     ON_ROTATION,
     ON_STABILITY,
     ON_STEP,
@@ -85,6 +87,8 @@ class Parameters:
             Kinematics(self[KINEMATICS]),
             LoadPlacement(self[LOADS]),
             Stiffness(self[STIFFNESS]),
+            Mass(self[MASS]),
+            Division(self[DIVISION]),
         )
 
     @property

@@ -67,9 +67,20 @@ class Mass(Enum):
     """That of the deformed body, M(q) = JᵀMJ with J the kinematics' derivative."""
 
 
+class Division(Enum):
+    """How the frames of a body hang together."""
+
+    TREE = "tree"
+    """Each on its parent, roots on the ground."""
+    SEPARATE = "separate"
+    """Each by itself, about the linear displacement of its joint."""
+    ONE = "one"
+    """One for the whole body."""
+
+
 @dataclass(frozen=True, slots=True)
 class Formulation:
-    """The choice of kinematics, of where loads act, of how stress stiffens, and of the mass.
+    """The choice of kinematics, of where loads act, of how stress stiffens, of the mass, and of the frames.
 
     Attributes
     ----------
@@ -77,6 +88,7 @@ class Formulation:
     loads : LoadPlacement
     stiffness : Stiffness
     mass : Mass
+    division : Division
 
     Raises
     ------
@@ -88,6 +100,7 @@ class Formulation:
     loads: LoadPlacement = LoadPlacement.DEFORMED
     stiffness: Stiffness = Stiffness.CONSTANT
     mass: Mass = Mass.CONSTANT
+    division: Division = Division.TREE
 
     def __post_init__(self) -> None:
         """Refuse what would count one effect twice."""
@@ -123,6 +136,24 @@ class Surface:
     faces: IntArray
     modes: FloatArray
     frame: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class WholeFrame:
+    """A frame for the whole body, to be compared with the tree.
+
+    Attributes
+    ----------
+    joint_point : (3,) float
+        Centre of the supports, m.
+    joint_displacement, joint_rotation, frame_rotation : (3, m) float
+        As of the frames of the tree.
+    """
+
+    joint_point: FloatArray
+    joint_displacement: FloatArray
+    joint_rotation: FloatArray
+    frame_rotation: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +227,8 @@ class ReducedBody:
         Rotation of the joint's section; used only to tell how much a frame's own material turns in it.
     frame_rotation : (S, 3, m) float
         Averaged rotation Θ_s of the sub-domain.
+    whole : WholeFrame or None
+        Aboard where there are several frames.
     masses : Masses or None
         Where the body's mass is, for accelerations of its supports.
     stress_sets : tuple of StressSet
@@ -236,6 +269,7 @@ class ReducedBody:
     joint_displacement: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     joint_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     frame_rotation: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    whole: WholeFrame | None = None
     masses: Masses | None = None
     stress_sets: tuple[StressSet, ...] = ()
     stiffness_by_load: FloatArray | None = None
@@ -272,6 +306,10 @@ class ReducedBody:
             "joint_rotation": (frames, 3, modes),
             "frame_rotation": (frames, 3, modes),
         }
+        if self.whole is not None:
+            found = [np.shape(getattr(self.whole, name)) for name in self.whole.__slots__]
+            if found != [(3,), (3, modes), (3, modes), (3, modes)]:
+                raise ModalFileError(f"the whole body's frame has shapes {found}, expected those of {modes} modes")
         if self.masses is not None:
             count = np.size(self.masses.mass)
             found = [np.shape(getattr(self.masses, name)) for name in ("point", "displacement", "frame")]

@@ -7,7 +7,7 @@ its order: inputs, outputs, parameters, diagnostics, compliances.
 from dataclasses import dataclass
 from enum import Enum
 
-from .reduced_body import GROUND, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from .reduced_body import GROUND, Division, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 from .watch import OnLimit, OnRefusal
 
 AXES = ("x", "y", "z")
@@ -82,6 +82,8 @@ STATUS_CODE = "status.code"
 KINEMATICS = "formulation.kinematics"
 LOADS = "formulation.loads"
 STIFFNESS = "formulation.stiffness"
+MASS = "formulation.mass"
+DIVISION = "formulation.division"
 INITIALIZATION = "initialization"
 INTERPOLATION = "input.interpolation"
 DAMPING_SCALE = "damping.scale"
@@ -98,6 +100,8 @@ CHOICES: dict[str, type[Enum]] = {
     KINEMATICS: Kinematics,
     LOADS: LoadPlacement,
     STIFFNESS: Stiffness,
+    MASS: Mass,
+    DIVISION: Division,
     INITIALIZATION: Initialization,
     INTERPOLATION: Interpolation,
     ON_ROTATION: OnLimit,
@@ -246,6 +250,8 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         text(KINEMATICS, body.formulation.kinematics, "how displacements follow from the modes"),
         text(LOADS, body.formulation.loads, "the configuration on which loads act"),
         text(STIFFNESS, body.formulation.stiffness, "how stress changes stiffness"),
+        text(MASS, body.formulation.mass, "whose inertia the body has"),
+        text(DIVISION, body.formulation.division, "how the frames hang together"),
         text(INITIALIZATION, Initialization.REST, "how the body starts"),
         text(INTERPOLATION, Interpolation.CONSTANT, "how inputs are taken over a step"),
         number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
