@@ -9,12 +9,15 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from bodies import beam_body
+from flexfmu.config import Basis, InterfaceTable
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import springs as master_springs
 from flexfmu.runtime.body import FlexibleBody
+from references import BEAM
 
 MARK = "RESULT "
 
@@ -662,6 +665,57 @@ def test_the_same_coupling_gives_the_same_bits(run):
     first, second = run(beam_pair()), run(beam_pair())
     for name, values in first.columns.items():
         np.testing.assert_array_equal(second[name], values)
+
+
+# Free bodies.
+
+HINGE, SOFTER_HINGE, WELD = [1e8] * 3 + [1e6, 1e6, 0.0], [1e6] * 3 + [1e4, 1e4, 0.0], [1e6] * 3 + [1e5] * 3
+
+
+@pytest.fixture(scope="module")
+def rods(folder, bodies):
+    """The clamped beam without its clamp, with and without the compliance of its ends; its mass (kg) and length (m)."""
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"basis": Basis.CRAIG_BAMPTON, "modes": 8})
+    ends = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
+    model = bodies.beam(free=True, support=[], interface=ends, reduction=reduction, frames=4).model
+    package_fmu(model, folder / "rod.fmu")
+    package_fmu(replace(model, compliance_interfaces=("root", "tip")), folder / "rod_c.fmu")
+    return 7850.0 * 0.03**2, 1.0
+
+
+def swing(force, mass, length, stop):
+    """Angle (rad) of a rigid rod on a hinge at one end, under a force of fixed direction at the other."""
+    inertia = mass * length**2 / 3.0
+    found = solve_ivp(lambda _, y: [y[1], force * length * np.cos(y[0]) / inertia], (0.0, stop), [0.0, 0.0], rtol=1e-9)
+    return found.y[0, -1]
+
+
+@pytest.mark.parametrize(("file", "most"), [("rod", 20), ("rod_c", 3)], ids=["quasi-Newton", "compliance"])
+def test_a_free_rod_on_a_hinge_of_springs_swings_like_a_rigid_one(run, rods, file, most):
+    rod = fmu("a", file, **{"tip.force.y": 100.0}) + bushing("a.root", None, HINGE)
+    found = run(experiment("iterated", 2e-3, 0.3, held="mean") + rod)
+    assert found.error is None
+    expected = swing(100.0, *rods, 0.3)
+    assert expected > 1.5
+    x, y = (found[f"a.tip.displacement.{axis}"][-1] for axis in "xy")
+    assert np.arctan2(y, rods[1] + x) == pytest.approx(expected, rel=1e-3)
+    assert np.max(found.iterations) <= most
+
+
+@pytest.mark.parametrize("file", ["rod", "rod_c"], ids=["quasi-Newton", "compliance"])
+def test_two_rods_joined_by_springs_swing_far_as_one_of_twice_the_length(run, rods, file):
+    # The joint's axes turn with the first rod, by more than a radian.
+    pair_of_rods = fmu("a", file) + fmu("b", file, **{"tip.force.y": 200.0})
+    joints = bushing("a.root", None, SOFTER_HINGE) + bushing("b.root", "a.tip", WELD)
+    found = run(experiment("iterated", 1e-3, 0.36, held="mean") + pair_of_rods + joints)
+    assert found.error is None
+    mass, length = rods
+    expected = swing(200.0, 2.0 * mass, 2.0 * length, 0.36)
+    assert expected > 1.0
+    x, y = (found[f"b.tip.displacement.{axis}"][-1] for axis in "xy")
+    assert np.arctan2(y, 2.0 * length + x) == pytest.approx(expected, rel=1e-2)
+    gap = [found[f"a.tip.displacement.{axis}"] - found[f"b.root.displacement.{axis}"] for axis in "xyz"]
+    assert np.max(np.abs(gap)) < 2e-3
 
 
 ROLLBACK = """
