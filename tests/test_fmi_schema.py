@@ -100,6 +100,8 @@ def synthetic(kind):
         changes["stress_sets"] = tuple(StressSet(*part) for part in stresses)
     if kind == "geometric stiffness":
         changes["stiffness_by_load"] = np.zeros((18, 4, 4))
+    if kind == "everything":
+        changes["compliance_interfaces"] = ("port_0", "port_2")
     if kind in ("geometric stiffness", "everything"):
         changes["stiffness_by_mode"] = np.zeros((4, 4, 4))
         changes["formulation"] = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE)

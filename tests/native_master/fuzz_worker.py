@@ -391,7 +391,7 @@ def operations():
     loads, position = st.tuples(load, load, load), st.integers(0, 20)
     categories = st.sampled_from([(), ("logStatusDiscard",), ("nonsense", "logStatusError")])
     smallest = 1e-300 if "smallest step" in OPEN else 5e-324
-    size = st.sampled_from([1e-3, 1e-3, 1e-2, 0.1, 1e-4, 0.0, 1e-12, smallest, -1e-3, 1e3, 1e300, *WRONG])
+    size = st.sampled_from([1e-3, 1e-3, 1e-2, 0.1, 1e-4, 0.0, 1e-12, smallest, -1e-3, 1.0, 1e300, *WRONG])
     time = st.sampled_from([0.0, 0.0, 0.5, -1.0, 1e300, *WRONG])
     number = st.sampled_from([1.0, 0.0, 0.5, 1e-3, 1e-6, 1e-9, 5e-324, 3.0, -1.0, 1e300, *WRONG])
     damage_kinds = ["cut", "longer", "filled", "flipped"]
