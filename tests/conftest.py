@@ -1,5 +1,7 @@
 """Fixtures shared by the tests."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,9 @@ from flexfmu.config import read_body_file
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
 from references import BEAM, L_FRAME
+
+# Builds in tests find everything anew, and leave nothing in the user's folders.
+os.environ["FLEXFMU_CACHE"] = ""
 
 
 class Bodies:

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import flexfmu.build
 import flexfmu.pipeline
+import flexfmu.reduction.basis
 from flexfmu.build import reduce_body
 from flexfmu.cli import app
 from flexfmu.errors import BodyFileError, FlexfmuError, MeshError, ModelError
@@ -94,7 +94,7 @@ def no_factorisation(monkeypatch):
     def refuse(*_):
         raise AssertionError("the expensive work has begun")
 
-    monkeypatch.setattr(flexfmu.build, "stiffness", refuse)
+    monkeypatch.setattr(flexfmu.reduction.basis, "stiffness", refuse)
 
 
 def refused(mesh, folder, error, **changes):

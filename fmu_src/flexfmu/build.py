@@ -4,25 +4,24 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 
 from . import __version__
-from .config import Basis, BodyFile, ReductionTable
+from .config import Basis, BodyFile
 from .errors import BodyFileError
-from .fe.assembly import mass, stiffness, volume_matrices
+from .fe.assembly import volume_matrices
 from .fe.faces import FaceBlock, element_faces
-from .fe.geometric import geometric_stiffness
 from .fe.stress import point_stress
 from .mesh.checks import checked
 from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, IntArray, Mesh
 from .progress import Reporter
+from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.division import divide
 from .reduction.inertia import inertia_integrals
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.masses import sub_masses
 from .reduction.model import Model, assemble_model, element_set, node_set
-from .reduction.modes import Modes, craig_bampton, normal_modes, with_residual_flexibility
+from .reduction.modes import Modes
 from .reduction.subdomains import (
     FrameRequest,
     Subdomain,
@@ -34,9 +33,9 @@ from .reduction.subdomains import (
     section,
     volume_weighted,
 )
-from .reduction.supported import Supported, supported
 from .reduction.surface import body_surface
 from .runtime.reduced_body import GROUND, Mass, ReducedBody, Stiffness, StressSet, WholeFrame
+from .store import Store
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
@@ -44,7 +43,7 @@ _SPREAD = 0.1
 _RIGID_MOTIONS = 6
 
 
-def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
+def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) -> ReducedBody:
     """Reduce a finite element body.
 
     Parameters
@@ -52,6 +51,8 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     config : BodyFile
         With the mesh's path resolved.
     report : Reporter
+    store : Store, optional
+        Where modes and the like are kept from build to build; default: nowhere.
 
     Returns
     -------
@@ -71,10 +72,8 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     for text in mesh.notes:
         report.note(text)
 
-    with report.stage("Assemble stiffness and mass"):
-        volumes = volume_matrices(mesh)
-        k, m = stiffness(mesh) + sp.diags_array(model.spring.ravel()), mass(mesh, volumes)
     with report.stage("Divide into frames and fit interfaces"):
+        volumes = volume_matrices(mesh)
         faces = element_faces(mesh)
         subdomains, cuts = _subdomains(config, model, volumes, faces)
         interfaces = _interfaces(config, model, faces, subdomains, report)
@@ -82,12 +81,21 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
         report.warning(text)
     report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
 
-    with report.stage("Factorise the stiffness"):
-        matrices = supported(k, m, model.free, model.rigid)
-    modes = _basis(config.reduction, matrices, interfaces, len(mesh.points), report)
+    store = store or Store()
+    matrices = Matrices(model, volumes, report)
+    nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
+    # Forces of all interfaces, then moments.
+    loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
+    modes, key = modal_basis(config.reduction, matrices, loads, store, report)
+    _tell(modes, config.reduction.modes, report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
-    by_load, by_mode = _geometric(config, mesh, m, matrices, modes.shapes, interfaces, report)
+    wanted = _geometric(config)
+    by_load = by_mode = None
+    if "by_load" in wanted:
+        by_load = stiffness_by_load(matrices, modes, key, loads, config.input.acceleration, store, report)
+    if "by_mode" in wanted:
+        by_mode = stiffness_by_mode(matrices, modes, key, store, report)
 
     count = modes.angular_frequency.size
     return ReducedBody(
@@ -121,21 +129,8 @@ def reduce_body(config: BodyFile, report: Reporter) -> ReducedBody:
     )
 
 
-def _basis(
-    table: ReductionTable, matrices: Supported, interfaces: list[Interface], node_count: int, report: Reporter
-) -> Modes:
-    """Modes of the basis that the body file asks for."""
-    loads = np.concatenate([interface.nodal_loads(node_count) for interface in interfaces], axis=1)
-    if table.basis is Basis.CRAIG_BAMPTON:
-        with report.stage(f"Find {loads.shape[1]} constraint modes and {table.modes} fixed-interface normal modes"):
-            modes = craig_bampton(matrices, table.modes, loads)
-        if table.residual_flexibility:
-            report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
-    else:
-        with report.stage(f"Find {table.modes} normal modes"):
-            modes = normal_modes(matrices, table.modes)
-            if table.residual_flexibility:
-                modes = with_residual_flexibility(matrices, modes, loads)
+def _tell(modes: Modes, count: int, report: Reporter) -> None:
+    """Say what modes there are."""
     hertz = modes.angular_frequency[modes.angular_frequency > 0.0] / (2.0 * np.pi)
     rigid = modes.angular_frequency.size - hertz.size
     report.note(
@@ -145,10 +140,9 @@ def _basis(
     )
     if modes.splits_pair:
         report.warning(
-            f"mode {table.modes + 1} has the frequency of mode {table.modes} and is left out: the body will be softer "
+            f"mode {count + 1} has the frequency of mode {count} and is left out: the body will be softer "
             "in one direction than in the other; take one mode more or less"
         )
-    return modes
 
 
 def _heavy(config: BodyFile) -> bool:
@@ -280,35 +274,12 @@ def _interfaces(
     return interfaces
 
 
-def _geometric(
-    config: BodyFile,
-    mesh: Mesh,
-    mass_matrix: sp.csr_array,
-    matrices: Supported,
-    shapes: FloatArray,
-    interfaces: list[Interface],
-    report: Reporter,
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """Geometric stiffness by load and by mode, each only where it is wanted."""
-    wanted = config.reduction.geometric_stiffness
+def _geometric(config: BodyFile) -> list[str]:
+    """Which geometric stiffness goes aboard: as asked, or what the formulation needs."""
+    wanted: list[str] | None = config.reduction.geometric_stiffness  # type: ignore[assignment]
     if wanted is None:
-        wanted = [] if config.formulation.stiffness is Stiffness.CONSTANT else [config.formulation.stiffness.value]
-    by_load = by_mode = None
-    if "by_load" in wanted:
-        inertia = []
-        if config.input.acceleration:
-            # What the mass of the body does under a unit acceleration of its supports.
-            inertia = [-(mass_matrix @ np.tile(np.eye(3), (len(mesh.points), 1)))]
-        with report.stage(f"Geometric stiffness of {6 * len(interfaces) + 3 * len(inertia)} unit loads"):
-            nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
-            # Forces of all interfaces, then moments, then accelerations.
-            loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal] + inertia, axis=1)
-            fields = matrices.whole(matrices.static(loads[matrices.free]))
-            by_load = geometric_stiffness(mesh, fields, shapes)
-    if "by_mode" in wanted:
-        with report.stage(f"Geometric stiffness of {shapes.shape[1]} modes"):
-            by_mode = geometric_stiffness(mesh, shapes, shapes)
-    return by_load, by_mode
+        return [] if config.formulation.stiffness is Stiffness.CONSTANT else [config.formulation.stiffness.value]
+    return wanted
 
 
 def _stress_sets(config: BodyFile, mesh: Mesh, shapes: FloatArray) -> tuple[StressSet, ...]:

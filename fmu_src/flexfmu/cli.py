@@ -49,14 +49,16 @@ def build(
     body: Annotated[Path, typer.Argument(help="Body file (TOML).")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="FMU to write; default: NAME.fmu here.")] = None,
     modal_file: Annotated[Path | None, typer.Option(help="Keep the modal file (.h5) here as well.")] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Find everything anew, and keep nothing.")] = False,
 ) -> None:
-    """Reduce a finite element body and write its FMU."""
+    """Reduce a finite element body and write its FMU; modes are kept for the next build of the same mesh."""
     from .config import read_body_file
     from .pipeline import build_fmu
+    from .store import Store, default_folder
 
     def job() -> None:
         target = output or Path(f"{read_body_file(body).name}.fmu")
-        build_fmu(body, target, modal_file, ConsoleReporter())
+        build_fmu(body, target, modal_file, ConsoleReporter(), Store(None if fresh else default_folder()))
         typer.echo(f"{target} ({target.stat().st_size / 1024:.0f} KiB)")
 
     _run(job)

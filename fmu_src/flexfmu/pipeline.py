@@ -8,11 +8,16 @@ from .fmu.package import package_fmu
 from .progress import Reporter
 from .runtime.modal_file import write_modal_file
 from .runtime.reduced_body import ReducedBody
+from .store import Store
 from .targets import check_target, whole_file
 
 
 def build_fmu(
-    body_file: Path, output: Path, modal_file: Path | None = None, report: Reporter | None = None
+    body_file: Path,
+    output: Path,
+    modal_file: Path | None = None,
+    report: Reporter | None = None,
+    store: Store | None = None,
 ) -> ReducedBody:
     """Reduce a body and write its FMU; nothing is written unless all of it succeeds.
 
@@ -26,6 +31,8 @@ def build_fmu(
         Where to keep the modal file as well.
     report : Reporter, optional
         Default: silent.
+    store : Store, optional
+        Where modes and the like are kept from build to build; default: nowhere.
 
     Returns
     -------
@@ -40,7 +47,7 @@ def build_fmu(
     check_target(output, (".fmu",))
     if modal_file is not None:
         check_target(modal_file, (".h5",))
-    body = reduce_body(read_body_file(body_file), report)
+    body = reduce_body(read_body_file(body_file), report, store)
     with report.stage(f"Write {output}"):
         if modal_file is None:
             package_fmu(body, output)

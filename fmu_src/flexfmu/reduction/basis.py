@@ -1,0 +1,173 @@
+"""The basis that a body file asks for and its geometric stiffness, found once and kept by content."""
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..config import Basis, ReductionTable
+from ..fe.assembly import mass, stiffness
+from ..fe.geometric import geometric_stiffness
+from ..mesh.model import FloatArray
+from ..progress import Reporter
+from ..store import Store, content_key
+from .model import Model
+from .modes import Modes, craig_bampton, normal_modes, with_residual_flexibility
+from .supported import Supported, supported
+
+
+class Matrices:
+    """Stiffness and mass of a model, assembled and factorised once, when first needed.
+
+    Parameters
+    ----------
+    model : Model
+    volumes : tuple of (n_elements, node_count, node_count) float
+        From `fe.assembly.volume_matrices`.
+    report : Reporter
+    """
+
+    def __init__(self, model: Model, volumes: tuple[FloatArray, ...], report: Reporter):
+        self.model = model
+        self._volumes = volumes
+        self._report = report
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of all that the matrices depend on."""
+        model, mesh = self.model, self.model.mesh
+        blocks = [part for b in mesh.blocks for part in (b.type.value, b.connectivity, b.material)]
+        materials = [(m.youngs_modulus, m.poissons_ratio, m.density) for m in mesh.materials]
+        return content_key(mesh.points, *blocks, *materials, model.fixed, model.spring, model.rigid.shape)
+
+    @cached_property
+    def mass(self) -> sp.csr_array:
+        """Consistent mass (3n, 3n), kg."""
+        return mass(self.model.mesh, self._volumes)
+
+    @cached_property
+    def supported(self) -> Supported:
+        """Both without the supports, factorised."""
+        model = self.model
+        with self._report.stage("Assemble stiffness and mass"):
+            k = stiffness(model.mesh) + sp.diags_array(model.spring.ravel())
+            m = self.mass
+        with self._report.stage("Factorise the stiffness"):
+            return supported(k, m, model.free, model.rigid)
+
+
+def modal_basis(
+    table: ReductionTable, matrices: Matrices, loads: FloatArray, store: Store, report: Reporter
+) -> tuple[Modes, str]:
+    """Modes of the basis that the body file asks for.
+
+    Parameters
+    ----------
+    table : ReductionTable
+    matrices : Matrices
+    loads : (3n, 6I) float
+        Nodal forces of the interfaces' unit loads; normal modes alone do not depend on them.
+    store : Store
+    report : Reporter
+
+    Returns
+    -------
+    modes : Modes
+    key : str
+        Hash of all that they depend on.
+    """
+    count = table.modes
+
+    def constrained() -> Modes:
+        words = f"Find {loads.shape[1]} constraint modes and {count} fixed-interface normal modes"
+        model = matrices.supported
+        with report.stage(words):
+            return craig_bampton(model, count, loads)
+
+    def normal() -> Modes:
+        model = matrices.supported
+        with report.stage(f"Find {count} normal modes"):
+            return normal_modes(model, count)
+
+    def completed() -> Modes:
+        model = matrices.supported
+        with report.stage(f"Add the static response to {loads.shape[1]} unit loads"):
+            return with_residual_flexibility(model, modes, loads)
+
+    if table.basis is Basis.CRAIG_BAMPTON:
+        key = content_key("craig-bampton", matrices.key, count, loads)
+        modes = _modes(store.arrays(key, "modes", report, lambda: _arrays(constrained())))
+        if table.residual_flexibility:
+            report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
+        return modes, key
+    key = content_key("normal", matrices.key, count)
+    modes = _modes(store.arrays(key, "normal modes", report, lambda: _arrays(normal())))
+    if table.residual_flexibility:
+        key = content_key("residual", key, loads)
+        modes = _modes(store.arrays(key, "static response", report, lambda: _arrays(completed())))
+    return modes, key
+
+
+def _arrays(modes: Modes) -> dict[str, FloatArray]:
+    checks = np.array([modes.orthonormality_error, modes.residual, float(modes.splits_pair)])
+    return {"angular_frequency": modes.angular_frequency, "shapes": modes.shapes, "checks": checks}
+
+
+def _modes(arrays: Mapping[str, FloatArray]) -> Modes:
+    orthonormality, residual, splits = arrays["checks"]
+    return Modes(arrays["angular_frequency"], arrays["shapes"], float(orthonormality), float(residual), bool(splits))
+
+
+def stiffness_by_load(
+    matrices: Matrices,
+    modes: Modes,
+    modes_key: str,
+    loads: FloatArray,
+    acceleration: bool,
+    store: Store,
+    report: Reporter,
+) -> FloatArray:
+    """Geometric stiffness of unit loads.
+
+    Parameters
+    ----------
+    matrices : Matrices
+    modes : Modes
+    modes_key : str
+        As of `modal_basis`.
+    loads : (3n, 6I) float
+        Forces of all interfaces, then moments.
+    acceleration : bool
+        Whether unit accelerations of the supports come after them.
+    store : Store
+    report : Reporter
+
+    Returns
+    -------
+    (6I, m, m) or (6I + 3, m, m) float
+    """
+
+    def make() -> dict[str, FloatArray]:
+        model, mesh = matrices.supported, matrices.model.mesh
+        every = loads
+        if acceleration:
+            # What the mass of the body does under a unit acceleration of its supports.
+            inertia = -(matrices.mass @ np.tile(np.eye(3), (len(mesh.points), 1)))
+            every = np.hstack([loads, inertia])
+        with report.stage(f"Geometric stiffness of {every.shape[1]} unit loads"):
+            fields = model.whole(model.static(every[model.free]))
+            return {"by_load": geometric_stiffness(mesh, fields, modes.shapes)}
+
+    key = content_key("by load", modes_key, loads, acceleration)
+    return store.arrays(key, "geometric stiffness by load", report, make)["by_load"]
+
+
+def stiffness_by_mode(matrices: Matrices, modes: Modes, modes_key: str, store: Store, report: Reporter) -> FloatArray:
+    """Geometric stiffness (m, m, m) of unit modal coordinates; parameters as of `stiffness_by_load`."""
+
+    def make() -> dict[str, FloatArray]:
+        with report.stage(f"Geometric stiffness of {modes.shapes.shape[1]} modes"):
+            return {"by_mode": geometric_stiffness(matrices.model.mesh, modes.shapes, modes.shapes)}
+
+    return store.arrays(content_key("by mode", modes_key), "geometric stiffness by mode", report, make)["by_mode"]

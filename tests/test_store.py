@@ -1,0 +1,124 @@
+"""Results of expensive stages kept from build to build, by content."""
+
+import numpy as np
+import pytest
+
+from flexfmu.build import reduce_body
+from flexfmu.config import Basis, InterfaceTable, SupportTable, read_body_file
+from flexfmu.progress import Reporter
+from flexfmu.store import Store, content_key, default_folder
+from references import BEAM
+
+
+class Listening(Reporter):
+    """Remembers what was said."""
+
+    def __init__(self):
+        self.said = []
+
+    def note(self, text):
+        self.said.append(text)
+
+    @property
+    def reused(self):
+        return [text.split(":")[0] for text in self.said if "earlier build" in text]
+
+
+def build(store, residual=False, **changes):
+    """The clamped beam, and what of it came from the store."""
+    config = read_body_file(BEAM / "body.toml")
+    reduction = {"residual_flexibility": residual} | changes.pop("reduction", {})
+    changes["reduction"] = config.reduction.model_copy(update=reduction)
+    listening = Listening()
+    return reduce_body(config.model_copy(update=changes), listening, store), listening.reused
+
+
+def same(first, second):
+    return all(
+        np.array_equal(getattr(first, name), getattr(second, name))
+        for name in ("angular_frequency", "interface_displacement", "frame_rotation")
+    )
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "kept")
+
+
+def test_a_second_build_takes_the_modes_and_gives_the_same_body(store):
+    first, reused = build(store)
+    assert reused == []
+    second, reused = build(store)
+    assert reused == ["normal modes"]
+    assert same(first, second)
+
+
+def test_other_interfaces_frames_and_formulations_take_the_same_modes(store):
+    build(store)
+    middle = InterfaceTable(name="middle", nodes="SEG4")
+    for changes in ({"interface": [middle]}, {"frames": 3}):
+        body, reused = build(store, **changes)
+        assert reused == ["normal modes"]
+        fresh, _ = build(Store(), **changes)
+        assert same(body, fresh)
+
+
+def test_what_depends_on_the_interfaces_is_found_again_when_they_change(store):
+    build(store, residual=True)
+    assert build(store, residual=True)[1] == ["normal modes", "static response"]
+    tip = InterfaceTable(name="tip", nodes="TIP", point=[1.0, 0.0, 0.02])
+    assert build(store, residual=True, interface=[tip])[1] == ["normal modes"]
+
+
+def test_another_support_material_or_number_of_modes_takes_nothing(store):
+    build(store)
+    hinge = SupportTable(nodes="ROOT", stiffness=[1e9, 1e9, 1e9])
+    for changes in ({"support": [hinge]}, {"reduction": {"modes": 9}}, {"reduction": {"basis": Basis.CRAIG_BAMPTON}}):
+        assert build(store, **changes)[1] == []
+    mesh = read_body_file(BEAM / "body.toml").mesh
+    softer = (BEAM / "beam.inp").read_text(encoding="utf-8").replace("7850", "7851")
+    path = store._folder / "softer.inp"
+    path.write_text(softer, encoding="utf-8")
+    assert build(store, mesh=mesh.model_copy(update={"file": path}))[1] == []
+
+
+def test_geometric_stiffness_is_kept_with_its_modes_and_loads(store):
+    wanted = {"reduction": {"geometric_stiffness": ["by_load", "by_mode"]}}
+    first, _ = build(store, **wanted)
+    second, reused = build(store, **wanted)
+    assert reused == ["normal modes", "geometric stiffness by load", "geometric stiffness by mode"]
+    np.testing.assert_array_equal(first.stiffness_by_load, second.stiffness_by_load)
+
+
+def test_a_damaged_entry_counts_as_none(store):
+    first, _ = build(store)
+    (entry,) = store._folder.glob("*.npz")
+    entry.write_bytes(entry.read_bytes()[:1000])
+    second, reused = build(store)
+    assert reused == []
+    assert same(first, second)
+    assert build(store)[1] == ["normal modes"]
+
+
+def test_a_folder_that_cannot_be_written_is_no_reason_to_fail(tmp_path):
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    body, reused = build(Store(tmp_path / "file" / "below"))
+    assert body.mode_count == 10
+    assert reused == []
+
+
+def test_the_longest_unused_entries_make_room(tmp_path, monkeypatch):
+    monkeypatch.setattr("flexfmu.store._LARGEST", 25_000)
+    store = Store(tmp_path)
+    for number in range(5):
+        store.arrays(content_key(number), "numbers", Reporter(), lambda: {"x": np.zeros(1000)})
+    assert len(list(tmp_path.glob("*.npz"))) == 3
+
+
+def test_the_environment_names_the_folder_or_turns_it_off(monkeypatch, tmp_path):
+    monkeypatch.setenv("FLEXFMU_CACHE", str(tmp_path))
+    assert default_folder() == tmp_path
+    monkeypatch.setenv("FLEXFMU_CACHE", "")
+    assert default_folder() is None
+    monkeypatch.delenv("FLEXFMU_CACHE")
+    assert default_folder().name == "flexfmu"
