@@ -15,6 +15,10 @@ from .runtime.reduced_body import Division, Formulation, Kinematics, LoadPlaceme
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 # What pydantic adds to the place of an error to tell the types that a key may have.
 _ALTERNATIVES = ("float", "list[float]", "str")
+_C_KEYWORDS = """
+    auto break case char const continue default do double else enum extern float for goto if inline int long register
+    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+"""
 # Names become parts of FMU variable names and HDF5 paths.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
@@ -188,6 +192,13 @@ class BodyFile(_Table):
     formulation: FormulationTable = FormulationTable()
     input: InputTable = InputTable()
     output: OutputTable = OutputTable()
+
+    @field_validator("name")
+    @classmethod
+    def _identifier(cls, value: str) -> str:
+        if value in _C_KEYWORDS.split():
+            raise ValueError(f"{value!r} is a word of the C language, which an FMU's model identifier may not be")
+        return value
 
     @model_validator(mode="after")
     def _consistent(self) -> "BodyFile":

@@ -33,6 +33,8 @@ STABILITY = "diagnostics.stability"
 SOUND, LIMIT_PASSED = 0, 2
 COUNTS = Counter()
 CASES_PER_INSTANCE = 20
+# Mark, owner and checksum before a state's numbers, bytes.
+HEADER = 48
 
 
 class Prediction:
@@ -357,8 +359,8 @@ def same_state(instance, before):
 
 
 def strip(block):
-    """A state without its status code."""
-    return block[:STATUS_SLOT] + block[STATUS_SLOT + 8 :]
+    """A state without its status code, and without the checksum before the numbers."""
+    return block[HEADER:STATUS_SLOT] + block[STATUS_SLOT + 8 :]
 
 
 def status_slot():
@@ -368,7 +370,7 @@ def status_slot():
     instance.get_boolean([0])
     after = instance.bytes()
     instance.free()
-    places = [k for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
+    places = [k for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b and k >= HEADER]
     return places[0] // 8 * 8
 
 

@@ -22,6 +22,9 @@ from .tree import jacobians
 
 FloatArray = NDArray[np.float64]
 
+# Square of coordinates and rates beyond which arithmetic overflows: far beyond anything that a body bears.
+_LARGEST_SQUARE = 1e200
+
 
 @dataclass(frozen=True, slots=True)
 class Response:
@@ -184,8 +187,8 @@ class FlexibleBody:
         if not (math.isfinite(step) and step > 0.0):
             raise StepError(f"step is {step} s, expected a positive number")
         end, work = self._stepper.advance(state, inputs, step, end_inputs)
-        # A sum is finite if and only if its terms are, or so large that they should be refused as well.
-        if not math.isfinite(float(end.q @ end.q + end.v @ end.v)):
+        # Not a number compares as false. What is larger would overflow on its way to the outputs.
+        if not end.q @ end.q + end.v @ end.v < _LARGEST_SQUARE:
             raise StepError("the step ends in values that are not finite: the loads are too large for the arithmetic")
         return end, work
 

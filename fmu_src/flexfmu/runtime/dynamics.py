@@ -10,6 +10,7 @@ from .inertia import InertiaIntegrals
 from .loads import Loads
 from .reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 from .rotations import cross, skew
+from .ties import TieForces, energy, gap_derivative, moment_stiffness, nodal_loads, tension, tie_forces
 from .tree import Configuration, Tree, build_tree, configuration, generalised_force, jacobians, load_stiffness
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +43,8 @@ class Dynamics:
         Whether modal forces depend on q.
     inertia : InertiaIntegrals or None
         What the mass of the deformed body is made of; None where it is that of the undeformed one.
+    ties : TieForces or None
+        What joins the parts of a body that was cut.
     """
 
     stiffness: FloatArray
@@ -55,6 +58,7 @@ class Dynamics:
     by_mode: FloatArray | None
     nonlinear: bool
     inertia: InertiaIntegrals | None = None
+    ties: TieForces | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +125,10 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
         by_load = data + _own_stiffness(bare, body.interface_count, len(data))
     elif formulation.stiffness is Stiffness.BY_MODE:
         by_mode = _aboard(body.stiffness_by_mode, formulation)
-    nonlinear = placement is not LoadPlacement.REFERENCE or by_load is not None or by_mode is not None
+    ties = tie_forces(body, tree)
+    nonlinear = (
+        placement is not LoadPlacement.REFERENCE or by_load is not None or by_mode is not None or ties is not None
+    )
     return Dynamics(
         omega**2,
         weight,
@@ -134,6 +141,7 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
         by_mode,
         nonlinear,
         _integrals(body, formulation),
+        ties,
     )
 
 
@@ -146,6 +154,8 @@ def _integrals(body: ReducedBody, formulation: Formulation) -> InertiaIntegrals 
             'mass "configuration" needs data that this body was built without: build it with inertia = true in '
             "[reduction]"
         )
+    if body.ties is not None:
+        raise OptionError('mass "configuration" does not know bodies that were cut; take mass "constant"')
     return body.inertia
 
 
@@ -194,7 +204,7 @@ def spread(dynamics: Dynamics, loads: Loads) -> NodeLoads:
     moment = np.zeros_like(force)
     force[interfaces], moment[interfaces] = loads.force, loads.moment
     # d'Alembert: in the supports' frame each mass feels the acceleration as a force against it.
-    force[interfaces.stop :] = -dynamics.mass[:, None] * loads.acceleration
+    force[interfaces.stop : interfaces.stop + dynamics.mass.size] = -dynamics.mass[:, None] * loads.acceleration
     components = np.concatenate([loads.force.ravel(), loads.moment.ravel()])
     constant = components @ dynamics.load_operator + loads.acceleration @ dynamics.inertia_operator
     geometric = None
@@ -204,7 +214,8 @@ def spread(dynamics: Dynamics, loads: Loads) -> NodeLoads:
     forces_only = None
     if dynamics.nonlinear and np.any(loads.moment):
         forces_only = spread(dynamics, Loads(loads.force, np.zeros_like(loads.moment), loads.acceleration))
-    active = dynamics.by_mode is not None or (dynamics.nonlinear and bool(np.any(components) or np.any(force)))
+    active = dynamics.by_mode is not None or dynamics.ties is not None
+    active = active or (dynamics.nonlinear and bool(np.any(components) or np.any(force)))
     return NodeLoads(force, moment, constant, geometric, forces_only, active)
 
 
@@ -244,7 +255,11 @@ def modal_force(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> F
     -------
     (m,) float
     """
+    ties = dynamics.ties
+    own = None if ties is None else nodal_loads(ties, state, tension(ties, state))
     match dynamics.placement:
+        case LoadPlacement.DEFORMED if own is not None:
+            force = generalised_force(dynamics.tree, state, loads.force + own[0], loads.moment + own[1])
         case LoadPlacement.DEFORMED:
             force = generalised_force(dynamics.tree, state, loads.force, loads.moment)
         case LoadPlacement.CORRECTIVE_MOMENT:
@@ -254,6 +269,10 @@ def modal_force(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> F
             force = loads.constant + moment.ravel() @ dynamics.load_operator[moment.size :]
         case LoadPlacement.REFERENCE:
             force = loads.constant
+    if ties is not None and own is not None:
+        if dynamics.placement is not LoadPlacement.DEFORMED:
+            force = force + generalised_force(dynamics.tree, state, *own)
+        force = force + ties.initial @ state.q
     if loads.geometric is not None:
         force = force - loads.geometric @ state.q
     if dynamics.by_mode is not None:
@@ -288,6 +307,8 @@ def force_work(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> fl
     geometric = loads.geometric if loads.forces_only is None else loads.forces_only.geometric
     if geometric is not None:
         work -= 0.5 * float(q @ geometric @ q)
+    if dynamics.ties is not None:
+        work -= energy(dynamics.ties, state)
     return work
 
 
@@ -307,7 +328,22 @@ def _displacement_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configu
             return np.zeros((state.q.size, state.q.size))
 
 
-def tangent_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> FloatArray:
+def _tie_stiffness(
+    dynamics: Dynamics, ties: TieForces, state: Configuration, tense: FloatArray | None
+) -> FloatArray:
+    """What ties add to Λ, (m, m)."""
+    tense = tension(ties, state) if tense is None else tense
+    translation, spin = jacobians(dynamics.tree, state)
+    change = gap_derivative(ties, state, translation, spin)
+    flat = change.reshape(-1, change.shape[-1])
+    result: FloatArray = flat.T @ (ties.stiffness[..., None] * change).reshape(flat.shape) - ties.initial
+    result = result - load_stiffness(dynamics.tree, state, *nodal_loads(ties, state, tense))
+    return result - moment_stiffness(ties, state, tense, spin)
+
+
+def tangent_stiffness(
+    dynamics: Dynamics, loads: NodeLoads, state: Configuration, tense: FloatArray | None = None
+) -> FloatArray:
     """Λ − ∂Q/∂q, (m, m): positive definite where the equilibrium is stable.
 
     Parameters
@@ -315,6 +351,9 @@ def tangent_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configuration
     dynamics : Dynamics
     loads : NodeLoads
     state : Configuration
+    tense : (T, 4, 3) float, optional
+        Tension of the ties where it is to be another than that at q: Newton's method finds its way with the one that
+        its last step foresaw, where the one at hand is that of stiff springs which do not quite fit yet.
 
     Returns
     -------
@@ -325,6 +364,8 @@ def tangent_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configuration
     if not loads.active:
         return result
     result = result - _displacement_stiffness(dynamics, loads, state)
+    if dynamics.ties is not None:
+        result = result + _tie_stiffness(dynamics, dynamics.ties, state, tense)
     if loads.geometric is not None:
         result = result + loads.geometric
     if dynamics.by_mode is not None:

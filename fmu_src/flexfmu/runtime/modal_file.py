@@ -23,6 +23,7 @@ from .reduced_body import (
     Stiffness,
     StressSet,
     Surface,
+    Ties,
     WholeFrame,
 )
 
@@ -99,6 +100,14 @@ INERTIA: dict[str, Entry] = {
     "second": Entry("inertia/second", "kg m^2, kg^0.5 m, 1", "(P, 1 + m, 1 + m, 3, 3) integral of rho y_a y_b"),
     "ground": Entry("inertia/ground", "1", "(m, m) modal mass of what lies on no frame"),
 }
+TIES: dict[str, Entry] = {
+    "frame": Entry("ties/frame", "1", "(T, 2) frames that carry the ends, -1 for the ground"),
+    "point": Entry("ties/point", "m", "(T, 2, 3) centres of the sections"),
+    "displacement": Entry("ties/displacement", "kg^-0.5", "(T, 2, 3, m) displacement per mode"),
+    "rotation": Entry("ties/rotation", "rad/(kg^0.5 m)", "(T, 2, 3, m) rotation per mode"),
+    "stiffness": Entry("ties/stiffness", "N/m", "(T, 3) along the global axes"),
+    "lever": Entry("ties/lever", "m", "(T, 3, 3) in columns, points of the springs that resist tilting"),
+}
 SURFACE: dict[str, Entry] = {
     "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),
     "faces": Entry("surface/faces", "1", "(f, 4) rows of points; a triangle repeats its last corner"),
@@ -143,6 +152,8 @@ class _Digest:
             arrays += [getattr(body.masses, name) for name in MASSES]
         if body.inertia is not None:
             arrays += [getattr(body.inertia, name) for name in INERTIA]
+        if body.ties is not None:
+            arrays += [getattr(body.ties, name) for name in TIES]
         for part in body.stress_sets:
             texts.append(part.name)
             arrays += [part.point, part.stress]
@@ -202,6 +213,9 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             if body.inertia is not None:
                 for field, entry in INERTIA.items():
                     _write(file, entry, getattr(body.inertia, field))
+            if body.ties is not None:
+                for field, entry in TIES.items():
+                    _write(file, entry, getattr(body.ties, field))
             for number, stresses in enumerate(body.stress_sets):
                 for field, entry in STRESS.items():
                     place = f"stress/{number:03d}_{stresses.name}/{entry.path}"
@@ -259,7 +273,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         raise ModalFileError(
             f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
         )
-    masses = surface = inertia = None
+    masses = surface = inertia = ties = None
     whole = None
     if "whole" in file:
         whole = WholeFrame(**{field: file[entry.path][()] for field, entry in WHOLE.items()})
@@ -267,6 +281,8 @@ def _read(file: Any, name: str) -> ReducedBody:
         masses = Masses(**{field: file[entry.path][()] for field, entry in MASSES.items()})
     if "inertia" in file:
         inertia = InertiaIntegrals(**{field: file[entry.path][()] for field, entry in INERTIA.items()})
+    if "ties" in file:
+        ties = Ties(**{field: file[entry.path][()] for field, entry in TIES.items()})
     if "surface" in file:
         surface = Surface(**{field: file[entry.path][()] for field, entry in SURFACE.items()})
     contents: dict[str, Any] = {
@@ -297,6 +313,7 @@ def _read(file: Any, name: str) -> ReducedBody:
             for key, group in sorted(file.get("stress", {}).items())
         ),
         surface=surface,
+        ties=ties,
     )
     if _Digest(body).hexdigest() != file.attrs["sha256"]:
         raise ModalFileError(f"{name}: contents do not match their checksum: the file was altered; build it again")

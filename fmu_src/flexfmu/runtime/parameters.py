@@ -49,18 +49,17 @@ class Parameters:
         value = self._values[name]
         return 0.0 if value is None else value
 
-    def set(self, name: str, value: float | int | bool | str) -> None:
-        """Set a parameter.
-
-        Raises
-        ------
-        OptionError
-            A choice that is not offered.
-        """
+    @staticmethod
+    def check(name: str, value: float | int | bool | str) -> None:
+        """Refuse a choice that is not offered with OptionError."""
         if name in CHOICES:
             offered = [choice.value for choice in CHOICES[name]]
             if value not in offered:
                 raise OptionError(f"{name} is {value!r}, expected one of {offered}")
+
+    def set(self, name: str, value: float | int | bool | str) -> None:
+        """Set a parameter; OptionError for a choice that is not offered."""
+        self.check(name, value)
         self._values[name] = value
 
     def numbers(self) -> list[float]:

@@ -179,6 +179,34 @@ class Masses:
 
 
 @dataclass(frozen=True, slots=True)
+class Ties:
+    """Springs that join two sections of the body, or one to the ground, wherever frames carry them.
+
+    The modes hold them linearly.
+
+    Attributes
+    ----------
+    frame : (T, 2) int
+        The frames that carry the ends; `GROUND` for an end that does not move.
+    point : (T, 2, 3) float
+        Centres of the sections, m.
+    displacement, rotation : (T, 2, 3, m) float
+        The rigid fits of the sections; zero on the ground.
+    stiffness : (T, 3) float
+        Along the global axes, N/m; the same along all between two sections that both turn.
+    lever : (T, 3, 3) float
+        In its columns three points about the centre at which springs of this stiffness resist tilting, m.
+    """
+
+    frame: IntArray
+    point: FloatArray
+    displacement: FloatArray
+    rotation: FloatArray
+    stiffness: FloatArray
+    lever: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class StressSet:
     """Modal stress at points of a named part of the body.
 
@@ -253,6 +281,8 @@ class ReducedBody:
     surface : Surface or None
     inertia : InertiaIntegrals or None
         What the mass of the deformed body is made of.
+    ties : Ties or None
+        What joins the parts of a body that was cut.
     """
 
     name: str
@@ -282,6 +312,7 @@ class ReducedBody:
     provenance: dict[str, str] = field(default_factory=dict)
     surface: Surface | None = None
     inertia: "InertiaIntegrals | None" = None
+    ties: Ties | None = None
 
     def __post_init__(self) -> None:
         """Bring the arrays into their types and check shapes and physics.
@@ -315,6 +346,14 @@ class ReducedBody:
             found = [np.shape(getattr(self.masses, name)) for name in ("point", "displacement", "frame")]
             if found != [(count, 3), (count, 3, modes), (count,)]:
                 raise ModalFileError(f"masses have shapes {found}, expected {count} points and {modes} modes")
+        if self.ties is not None:
+            count = len(self.ties.stiffness)
+            found = [np.shape(getattr(self.ties, name)) for name in self.ties.__slots__]
+            ends = [(count, 2), (count, 2, 3), (count, 2, 3, modes), (count, 2, 3, modes), (count, 3), (count, 3, 3)]
+            if found != ends:
+                raise ModalFileError(f"ties have shapes {found}, expected {ends}")
+            if np.any(self.ties.frame >= frames) or np.any(self.ties.frame < GROUND) or np.any(self.ties.stiffness < 0):
+                raise ModalFileError("ties must name frames, or -1, and have a stiffness that is not negative")
         for part in self.stress_sets:
             count = len(part.point)
             if part.point.shape != (count, 3) or part.stress.shape != (count, 6, modes) or not count:

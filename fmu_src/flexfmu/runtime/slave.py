@@ -5,9 +5,11 @@ pythonfmu's base class. Only what follows from the standard is here: the body it
 """
 
 import math
+from collections.abc import Callable, Sequence
 from ctypes import py_object, pythonapi
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from .errors import OptionError, RuntimeBodyError, StepError
 from .loads import Loads
 from .modal_file import read_modal_file
 from .parameters import Parameters
+from .state_block import identity, seal, unseal
 from .stepping import State, Work
 from .variables import (
     FRAME_ROTATION,
@@ -56,8 +59,32 @@ class LogMessage:
         self.msg = text.replace("%", "%%")
 
 
+class _ToldError(OptionError):
+    """A failure that is in the log already."""
+
+
 class _EndOfSimulationError(Exception):
     """A limit was passed or a step refused whose `on_limit` asks for the end of the simulation."""
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _guarded(call: Callable[P, R]) -> Callable[P, R]:
+    """Let no exception out that the library has not been made ready for: a second one would end the process."""
+
+    @wraps(call)
+    def guarded(*arguments: P.args, **named: P.kwargs) -> R:
+        try:
+            return call(*arguments, **named)
+        except _ToldError:
+            raise
+        except Exception as error:
+            words = str(error) if isinstance(error, RuntimeBodyError) else f"unexpected {type(error).__name__}: {error}"
+            raise cast("BodySlave", arguments[0])._failure(words) from error
+
+    return guarded
 
 
 class BodySlave:
@@ -77,7 +104,9 @@ class BodySlave:
     def __init__(self, **kwargs: Any):
         self.instance_name = str(kwargs["instance_name"])
         self._log: list[LogMessage] = []
-        self._model = read_modal_file(Path(str(kwargs["resources"])) / MODAL_FILE)
+        path = Path(str(kwargs["resources"])) / MODAL_FILE
+        self._model = read_modal_file(path)
+        self._identity = identity(path.read_bytes())
         self._variables = variable_table(self._model)
         groups = [variable.group for variable in self._variables]
         self._motion = groups.index(Group.MOTION)
@@ -111,6 +140,7 @@ class BodySlave:
     def enter_initialization_mode(self) -> None:
         """Nothing to do: initial values are found when first asked for."""
 
+    @_guarded
     def exit_initialization_mode(self) -> None:
         """Fix the parameters and the initial state."""
         self._start()
@@ -133,6 +163,7 @@ class BodySlave:
 
     # Values.
 
+    @_guarded
     def get_real(self, vrs: list[int]) -> list[float]:
         """Values of real variables."""
         # Most masters ask for motions alone, all at once.
@@ -147,19 +178,22 @@ class BodySlave:
             return [known[vr - first] for vr in vrs]
         return [self._real(vr) for vr in vrs]
 
+    @_guarded
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         """Set inputs, and parameters before initialisation ends."""
         if vrs == self._every_input:
             self._inputs[:] = values
-            self._changed()
-            return
-        for vr, value in zip(vrs, values, strict=True):
-            if vr < self._inputs.size:
-                self._inputs[vr] = value
-            else:
-                self._set_parameter(vr, "Real", value)
+        else:
+            count = self._inputs.size
+            self._check_settable([vr for vr in vrs if not 0 <= vr < count], "Real")
+            for vr, value in zip(vrs, values, strict=True):
+                if vr < count:
+                    self._inputs[vr] = value
+                else:
+                    self._set_parameter(vr, value)
         self._changed()
 
+    @_guarded
     def get_integer(self, vrs: list[int]) -> list[int]:
         """Values of integer variables."""
         integers = {
@@ -169,33 +203,43 @@ class BodySlave:
         }
         return [integers[self._named(vr, "Integer")] for vr in vrs]
 
-    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+    @_guarded
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:  # noqa: ARG002
         """No integer can be set."""
-        for vr, value in zip(vrs, values, strict=True):
-            self._set_parameter(vr, "Integer", value)
+        self._check_settable(vrs, "Integer")
 
+    @_guarded
     def get_boolean(self, vrs: list[int]) -> list[bool]:
         """Values of Boolean parameters."""
         return [bool(self._parameters[self._named(vr, "Boolean")]) for vr in vrs]
 
+    @_guarded
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
         """Set Boolean parameters before initialisation ends."""
+        self._check_settable(vrs, "Boolean")
         for vr, value in zip(vrs, values, strict=True):
-            self._set_parameter(vr, "Boolean", value)
+            self._set_parameter(vr, value)
         self._changed()
 
+    @_guarded
     def get_string(self, vrs: list[int]) -> list[str]:
         """Values of string parameters."""
         return [str(self._parameters[self._named(vr, "String")]) for vr in vrs]
 
+    @_guarded
     def set_string(self, vrs: list[int], values: list[str]) -> None:
         """Set string parameters before initialisation ends."""
+        self._check_settable(vrs, "String")
+        if not self._running:
+            for vr, value in zip(vrs, values, strict=True):
+                self._parameters.check(self._variables[vr].name, value)
         for vr, value in zip(vrs, values, strict=True):
-            self._set_parameter(vr, "String", value)
+            self._set_parameter(vr, value)
         self._changed()
 
     # State.
 
+    @_guarded
     def _get_fmu_state(self) -> bytes:
         """Everything that the future depends on, as one block of bytes."""
         modes = self._model.mode_count
@@ -207,15 +251,14 @@ class BodySlave:
         inputs = self._inputs, self._previous, self._looked_at
         numbers = np.array([*self._parameters.numbers(), *flags, *self._beyond, *work], dtype=np.float64)
         parts = [*inputs, state.q, rest, state.v, rest, numbers]
-        return np.concatenate(parts).tobytes()
+        return seal(np.concatenate(parts).tobytes(), self._identity)
 
+    @_guarded
     def _set_fmu_state(self, block: bytes) -> None:
         """Go back to a state taken from this or another instance of the same FMU."""
         modes, inputs = self._model.mode_count, self._inputs.size
         sizes = [inputs, inputs, inputs, modes, modes, len(self._parameters.numbers()), 6, 2, 3]
-        if len(block) != 8 * sum(sizes):
-            raise self._failure(f"FMU state has {len(block)} bytes, expected {8 * sum(sizes)}: of another FMU?")
-        values = np.frombuffer(block, dtype=np.float64)
+        values = np.frombuffer(unseal(block, self._identity, 8 * sum(sizes)), dtype=np.float64)
         now, previous, looked_at, q, v, numbers, flags, beyond, work = np.split(values, np.cumsum(sizes)[:-1])
         if self._parameters.restore(numbers.tolist()):
             self._body = None
@@ -391,17 +434,18 @@ class BodySlave:
             raise self._failure(f"value reference {vr} is no {kind} variable of this FMU")
         return self._variables[vr].name
 
-    def _set_parameter(self, vr: int, kind: str, value: float | int | bool | str) -> None:
-        name = self._named(vr, kind)
-        if name not in self._parameters:
-            raise self._failure(f"{name} cannot be set")
+    def _check_settable(self, vrs: Sequence[int], kind: str) -> None:
+        """Refuse references of which one is no parameter of a type, before any is set."""
+        for vr in vrs:
+            if (name := self._named(vr, kind)) not in self._parameters:
+                raise self._failure(f"{name} cannot be set")
+
+    def _set_parameter(self, vr: int, value: float | bool | str) -> None:
+        name = self._variables[vr].name
         if self._running:
             self._log.append(LogMessage(_WARNING, f"{name} is fixed once initialisation has ended; it keeps its value"))
             return
-        try:
-            self._parameters.set(name, value)
-        except OptionError as error:
-            raise self._failure(str(error)) from error
+        self._parameters.set(name, value)
         self._body = None
 
     def _refuse(self, text: str) -> bool:
@@ -418,4 +462,4 @@ class BodySlave:
         # without one to spare, every later call would use freed memory and end the master's process.
         for held in (self, type(self), self._log):
             pythonapi.Py_IncRef(py_object(held))
-        return OptionError(text)
+        return _ToldError(text)

@@ -35,6 +35,8 @@ _FIXED_POINT_ROUNDS = 6
 _NEWTON_ROUNDS = 12
 # The discrete gradient's bracket is skipped where it is round-off: it is cubic in Δq, and would be divided by |Δq|.
 _ROUND_OFF = 64.0 * np.finfo(np.float64).eps
+# Steps (s) below this would vanish when divided.
+_INDIVISIBLE = 1e-300
 # Sub-steps per step at the most; a step that wants more is refused.
 MAX_SUBSTEPS = 2**14
 
@@ -104,7 +106,9 @@ class PropagatorCache:
         if found is None:
             if len(self._known) >= self._size:
                 self._known.clear()
-            found = self._known[step] = propagator(*self._modes, step)
+            # Steps of any length are asked for; what overflows or vanishes on the way is not used.
+            with np.errstate(all="ignore"):
+                found = self._known[step] = propagator(*self._modes, step)
         return found
 
 
@@ -196,7 +200,8 @@ class Stepper:
                 return State(*exact, state.substeps), Work(1, 0, 0.0)
         tolerance, longest = self._limits.tolerance, self._limits.longest
         fewest = 1 if longest <= 0.0 else math.ceil(step / longest * (1.0 - 1e-9))
-        substeps = max(fewest, state.substeps)
+        # The shortest of numbers cannot be divided.
+        substeps = max(fewest, state.substeps) if step > _INDIVISIBLE else 1
         iterations = 0
         while substeps <= MAX_SUBSTEPS:
             end, rounds, error = self._try(state, inputs, end_inputs, step, substeps)

@@ -33,7 +33,7 @@ _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """Constant data of the tree: S frames first, then I interfaces, then P centres of mass; K = S + I + P nodes.
+    """Constant data of the tree: S frames, I interfaces, P centres of mass, 2 T ends of ties; K nodes in all.
 
     Attributes
     ----------
@@ -53,6 +53,8 @@ class Tree:
         path[k, a] = 1 where a is k or one of its ancestors.
     parent_path : (K, K) float
         The same for the parent of k: zero where a is k itself.
+    tie_count : int
+        T; the ends a of all ties, then the ends b.
     """
 
     parent: IntArray
@@ -64,6 +66,7 @@ class Tree:
     base: FloatArray
     path: FloatArray
     parent_path: FloatArray
+    tie_count: int = 0
 
     @property
     def interfaces(self) -> slice:
@@ -130,6 +133,15 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
         displacement = np.concatenate([displacement, body.masses.displacement])
         # A centre of mass has no rotation of its own: nothing reads it, and no moment acts on it.
         rotation = np.concatenate([rotation, np.zeros_like(body.masses.displacement)])
+    ties = 0
+    if body.ties is not None and kinematics is not Kinematics.LINEAR:
+        # Linear kinematics stretch the springs linearly, which the modes hold already.
+        ties = len(body.ties.stiffness)
+        parent = np.concatenate([parent, body.ties.frame.T.ravel()])
+        point = np.concatenate([point, np.swapaxes(body.ties.point, 0, 1).reshape(-1, 3)])
+        both = [np.swapaxes(x, 0, 1).reshape(2 * ties, 3, -1) for x in (body.ties.displacement, body.ties.rotation)]
+        displacement = np.concatenate([displacement, both[0]])
+        rotation = np.concatenate([rotation, both[1]])
 
     offset, d, c = point.copy(), displacement.copy(), rotation.copy()
     hung = np.flatnonzero(parent >= 0)
@@ -153,7 +165,8 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
         if frame >= 0:
             path[k] += path[frame]
     operator = np.concatenate([d.reshape(-1, body.mode_count), c.reshape(-1, body.mode_count)])
-    return Tree(parent, frames, body.interface_count, point, offset, operator, base, path, path - np.eye(len(parent)))
+    parent_path = path - np.eye(len(parent))
+    return Tree(parent, frames, body.interface_count, point, offset, operator, base, path, parent_path, ties)
 
 
 def configuration(tree: Tree, q: FloatArray) -> Configuration:

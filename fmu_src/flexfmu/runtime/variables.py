@@ -232,7 +232,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         words = f"{description}: {offered}"
         return Variable(name, "String", Group.PARAMETER, "parameter", "fixed", "exact", start.value, None, words)
 
-    def number(name: str, start: float, unit: str | None, description: str) -> Variable:
+    def number(name: str, start: float, unit: str | None, description: str, minimum: float = 0.0) -> Variable:
         return Variable(
             name,
             "Real",
@@ -243,7 +243,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
             start,
             unit,
             description,
-            minimum=0.0,
+            minimum=minimum,
         )
 
     return [
@@ -256,7 +256,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         text(INTERPOLATION, Interpolation.CONSTANT, "how inputs are taken over a step"),
         number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
         number(STEP_LIMIT, 0.0, "s", "longest internal step; 0 for none"),
-        number(STEP_TOLERANCE, 1e-4, None, "error accepted per step, relative, in the energy norm"),
+        number(STEP_TOLERANCE, 1e-4, None, "error accepted per step, relative, in the energy norm", 1e-14),
         text(ON_STEP, OnRefusal.DISCARD, "what happens when a step does not converge"),
         number(ROTATION_LIMIT, 0.5, "rad", "largest rotation within a frame; 0 for no limit"),
         text(ON_ROTATION, OnLimit.WARN, "what happens beyond it"),

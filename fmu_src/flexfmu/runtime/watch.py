@@ -96,8 +96,8 @@ def rotation_finding(body: FlexibleBody, state: State, limits: Limits) -> Findin
     names = body.model.frame_names
     where = f"frame {names[worst]!r}" if len(turned) == len(names) and names else "the body, which has no frames,"
     return Finding(
-        f"material turns by {np.degrees(turned[worst]):.1f}° within {where}, beyond the limit of "
-        f"{np.degrees(limits.rotation):.1f}°: displacements there are less accurate; build with more frames",
+        f"material turns by {np.degrees(turned[worst]):.3g}° within {where}, beyond the limit of "
+        f"{np.degrees(limits.rotation):.3g}°: displacements there are less accurate; build with more frames",
         limits.on_rotation,
     )
 
