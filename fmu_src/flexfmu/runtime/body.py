@@ -18,6 +18,7 @@ from .reduced_body import Formulation, ReducedBody
 from .rotations import cross, rotation_vector
 from .statics import equilibrium
 from .stepping import State, StepLimits, Stepper, Work
+from .ties import energy as tie_energy
 from .tree import jacobians
 
 FloatArray = NDArray[np.float64]
@@ -300,6 +301,8 @@ class FlexibleBody:
         strain, kinetic : float
         """
         strain = 0.5 * float(np.vdot(self._dynamics.stiffness * state.q, state.q))
+        if self._dynamics.ties is not None:
+            strain += tie_energy(self._dynamics.ties, self._configuration(state.q))
         momentum, inertia = state.v, self._dynamics.inertia
         if inertia is not None:
             momentum = mass_matrix(self._dynamics.tree, inertia, self._configuration(state.q)) @ state.v
@@ -387,6 +390,8 @@ class FlexibleBody:
             Displacement and rotation per force and moment: m/N, m/(N m), rad/N, rad/(N m).
         """
         loads = spread(self._dynamics, Loads.unpacked(inputs, self.model.interface_count))
+        if self._stepper.tied is not None:
+            return self._stepper.tied.compliance(step, loads, self._configuration(state.q), interface)
         return compliance(
             self._dynamics, self._stepper.propagator(step), loads, self._configuration(state.q), interface
         )

@@ -38,6 +38,10 @@ def divided(body: ReducedBody, division: Division, mass: Mass) -> ReducedBody:
         raise OptionError(
             f'mass "{mass.value}" follows the tree of frames; take division "tree", or mass "{Mass.CONSTANT.value}"'
         )
+    if division is Division.ONE and body.ties is not None:
+        raise OptionError(
+            'division "one" has no meaning for a body that was cut: each part turns by itself; take division "tree"'
+        )
     if division is Division.SEPARATE:
         # Of a free body all frames hang on the floating one.
         parent = np.full(body.frame_count, 0 if body.floating else GROUND)

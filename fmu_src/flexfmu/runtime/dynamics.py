@@ -328,9 +328,7 @@ def _displacement_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configu
             return np.zeros((state.q.size, state.q.size))
 
 
-def _tie_stiffness(
-    dynamics: Dynamics, ties: TieForces, state: Configuration, tense: FloatArray | None
-) -> FloatArray:
+def _tie_stiffness(dynamics: Dynamics, ties: TieForces, state: Configuration, tense: FloatArray | None) -> FloatArray:
     """What ties add to Λ, (m, m)."""
     tense = tension(ties, state) if tense is None else tense
     translation, spin = jacobians(dynamics.tree, state)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .dynamics import Dynamics, NodeLoads, tangent_stiffness
 from .propagation import Propagator
 from .reduced_body import ReducedBody
+from .ties import gap_derivative
 from .tree import Configuration, jacobians
 
 FloatArray = NDArray[np.float64]
@@ -83,7 +84,18 @@ def scaled_tangent(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -
     (e, e) float
         Its symmetric part: all of it, but under moments and corrective moments.
     """
-    return elastic_part(dynamics, tangent_stiffness(dynamics, loads, state))
+    tangent = tangent_stiffness(dynamics, loads, state)
+    if dynamics.ties is None:
+        return elastic_part(dynamics, tangent)
+    # Turned frames stretch the modes' linear springs without any cause: the material's own stiffness and that of the
+    # ties where they are now is what the tangent has to be compared with.
+    ties = dynamics.ties
+    change = gap_derivative(ties, state, *jacobians(dynamics.tree, state)).reshape(-1, len(tangent))
+    pull = np.repeat(ties.stiffness, 4, axis=1).reshape(-1, 1)
+    unloaded = np.diag(dynamics.stiffness) - ties.initial + change.T @ (pull * change)
+    lower = np.linalg.cholesky(0.5 * (unloaded + unloaded.T))
+    scaled = np.linalg.solve(lower, np.linalg.solve(lower, 0.5 * (tangent + tangent.T)).T)
+    return 0.5 * (scaled + scaled.T)
 
 
 def elastic_part(dynamics: Dynamics, tangent: FloatArray) -> FloatArray:

@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 from .dynamics import Dynamics, configuration_at, modal_force, spread, tangent_stiffness
 from .errors import EquilibriumError
 from .loads import Loads
+from .ties import foreseen_tension
+from .tree import jacobians
 
 FloatArray = NDArray[np.float64]
 
@@ -75,15 +77,17 @@ def _newton(dynamics: Dynamics, loads: Loads, start: FloatArray) -> tuple[FloatA
     at_nodes = spread(dynamics, loads)
     omega = np.sqrt(dynamics.stiffness)
     # Scaled by Ω the tangent is I minus something small, and errors are measured in energy.
-    q = start
+    q, tense = start, None
     for iteration in range(1, _MAX_ITERATIONS + 1):
         state = configuration_at(dynamics, q)
         residual = dynamics.stiffness * q - modal_force(dynamics, at_nodes, state)
-        tangent = tangent_stiffness(dynamics, at_nodes, state) / np.outer(omega, omega)
+        tangent = tangent_stiffness(dynamics, at_nodes, state, tense) / np.outer(omega, omega)
         if not _stable(tangent):
             return None, iteration
         change = np.linalg.solve(tangent, residual / omega)
         q = q - change / omega
+        if dynamics.ties is not None:
+            tense = foreseen_tension(dynamics.ties, state, *jacobians(dynamics.tree, state), -change / omega)
         size = float(np.linalg.norm(change))
         if not np.isfinite(size):
             return None, iteration

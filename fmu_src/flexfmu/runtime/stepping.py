@@ -22,6 +22,7 @@ from .inertial_stepping import inertial_substeps
 from .kernel import compiled
 from .loads import Loads
 from .propagation import Propagator, propagator
+from .tied_stepping import TiedSteps
 from .tree import Configuration
 
 FloatArray = NDArray[np.float64]
@@ -157,7 +158,10 @@ class Stepper:
         turning: FloatArray,
         use_compiled: bool = True,
     ):
-        self.kernel = compiled(dynamics, turning) if use_compiled and dynamics.inertia is None else None
+        self.kernel = None
+        if use_compiled and dynamics.inertia is None and dynamics.ties is None:
+            self.kernel = compiled(dynamics, turning)
+        self.tied = None if dynamics.ties is None else TiedSteps(dynamics, dynamics.ties, damping_ratio)
         self.configuration = ConfigurationMemo(dynamics)
         self._dynamics = dynamics
         self._limits = limits
@@ -244,7 +248,12 @@ class Stepper:
         start, end = self._spread(inputs, end_inputs)
         here = self.configuration(state.q)
         with np.errstate(all="ignore"):
-            state_there, rounds, error = _substeps(self._dynamics, p, start, end, state, here, substeps, tolerance)
+            if self.tied is not None:
+                q, v = state.q, state.v
+                result = self.tied.substeps(p.step, start, end, q, v, here, substeps, tolerance)
+            else:
+                result = _substeps(self._dynamics, p, start, end, state, here, substeps, tolerance)
+        state_there, rounds, error = result
         if state_there is None:
             return None, rounds, error
         self.configuration.remember(state_there[0], state_there[2])
