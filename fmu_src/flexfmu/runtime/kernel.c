@@ -452,7 +452,7 @@ EXPORT double kernel_largest_rotation(const Body *body, const double *q) {
     return sqrt(largest);
 }
 
-/* ∂Q/∂q (m, m) by central differences with the steps `change` (m); row j is the derivative with respect to q_j. */
+/* ∂Q/∂q (m, m) by differences with the steps `change` (m); row j is the derivative with respect to q_j. */
 EXPORT void kernel_force_derivative(const Body *body, const double *inputs, const double *q, const double *change,
                                     double *out) {
     const int64_t m = body->modes;
@@ -462,18 +462,17 @@ EXPORT void kernel_force_derivative(const Body *body, const double *inputs, cons
     take_configuration(body, &free, &at);
     take_loads(body, &free, &loads);
     double *scratch = take(&free, 12 * body->nodes + m * m);
-    double *moved = take(&free, m), *ahead = take(&free, m), *behind = take(&free, m);
+    double *moved = take(&free, m), *here = take(&free, m), *ahead = take(&free, m);
     spread(body, inputs, &loads);
     memcpy(moved, q, m * sizeof(double));
+    configure(body, moved, &at);
+    modal_force(body, &loads, 1, &at, scratch, here);
     for (int64_t j = 0; j < m; j++) {
         moved[j] = q[j] + change[j];
         configure(body, moved, &at);
         modal_force(body, &loads, 1, &at, scratch, ahead);
-        moved[j] = q[j] - change[j];
-        configure(body, moved, &at);
-        modal_force(body, &loads, 1, &at, scratch, behind);
         moved[j] = q[j];
-        for (int64_t i = 0; i < m; i++) out[j * m + i] = 0.5 * (ahead[i] - behind[i]) / change[j];
+        for (int64_t i = 0; i < m; i++) out[j * m + i] = (ahead[i] - here[i]) / change[j];
     }
 }
 

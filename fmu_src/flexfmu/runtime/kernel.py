@@ -22,7 +22,7 @@ PATTERN = "_kernel.*"
 _VERSION = 3
 _PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
 # Rotation, rad, and displacement relative to the body's size, over which forces are differenced.
-_DIFFERENCE = 1e-5
+_DIFFERENCE = 1e-6
 # What kernel_substeps answers.
 _DONE, _UNSETTLED = 0, 1
 # As many as the cache of propagators holds.
@@ -235,7 +235,7 @@ class Kernel:
         return found
 
     def force_derivative(self, inputs: FloatArray, q: FloatArray) -> FloatArray:
-        """∂Q/∂q (m, m) by central differences: to six digits or more."""
+        """∂Q/∂q (m, m) by differences, to some six digits."""
         self._inputs[:], self._q[:] = inputs, q
         at_start, _, at_q, _ = self._places
         change, out = self._change.ctypes.data, self._derivative.ctypes.data

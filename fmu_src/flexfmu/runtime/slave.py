@@ -43,8 +43,6 @@ MODAL_FILE = "modal.h5"
 # FMI status numbers.
 _WARNING, _DISCARD, _ERROR = 1, 2, 3
 _CATEGORY = {_WARNING: "logStatusWarning", _DISCARD: "logStatusDiscard", _ERROR: "logStatusError"}
-# Key of motions and rates together among the known outputs.
-_MOVING = "moving"
 # Values of status.code.
 _SOUND, _REFUSED, _PASSED = 0, 1, 2
 
@@ -120,6 +118,8 @@ class BodySlave:
         # Inputs of the step before, and those for which stability was last looked at.
         self._previous = self._inputs.copy()
         self._looked_at = self._inputs.copy()
+        # Square of the largest loads so far.
+        self._largest = 0.0
         self._last_step = 0.0
         # Whether a step ended beyond the limits of rotation and of stability.
         self._beyond = [False, False]
@@ -130,7 +130,7 @@ class BodySlave:
         self._state: State | None = None
         self._work = Work(0, 0, 0.0)
         self._running = False
-        self._outputs: dict[Group | str, list[float]] = {}
+        self._outputs: dict[str, list[float]] = {}
 
     # Life cycle.
 
@@ -167,15 +167,10 @@ class BodySlave:
     def get_real(self, vrs: list[int]) -> list[float]:
         """Values of real variables."""
         # Most masters ask for motions alone, all at once.
-        if vrs and min(vrs) >= self._motion and max(vrs) < self._stress:
-            known = self._outputs.get(_MOVING)
-            if known is None:
-                known = self._group(Group.MOTION)
-                if self._model.velocity_outputs:
-                    known = known + self._group(Group.RATE)
-                self._outputs[_MOVING] = known
-            first = self._motion
-            return [known[vr - first] for vr in vrs]
+        first = self._motion
+        if vrs and min(vrs) >= first and max(vrs) < self._stress:
+            moving = self._moving()
+            return [moving[vr - first] for vr in vrs]
         return [self._real(vr) for vr in vrs]
 
     @_guarded
@@ -246,7 +241,8 @@ class BodySlave:
         state = self._state or State(np.zeros(modes), np.zeros(modes))
         # With interfaces fixed the body has fewer modes; the block keeps its length.
         rest = np.zeros(modes - state.q.size)
-        flags = [self._state is not None, self._running, self._status, state.substeps, state.q.size, self._last_step]
+        flags: list[float] = [self._state is not None, self._running, self._status, state.substeps, state.q.size]
+        flags += [self._last_step, self._largest]
         work = [self._work.substeps, self._work.iterations, self._work.error]
         inputs = self._inputs, self._previous, self._looked_at
         numbers = np.array([*self._parameters.numbers(), *flags, *self._beyond, *work], dtype=np.float64)
@@ -257,14 +253,14 @@ class BodySlave:
     def _set_fmu_state(self, block: bytes) -> None:
         """Go back to a state taken from this or another instance of the same FMU."""
         modes, inputs = self._model.mode_count, self._inputs.size
-        sizes = [inputs, inputs, inputs, modes, modes, len(self._parameters.numbers()), 6, 2, 3]
+        sizes = [inputs, inputs, inputs, modes, modes, len(self._parameters.numbers()), 7, 2, 3]
         values = np.frombuffer(unseal(block, self._identity, 8 * sum(sizes)), dtype=np.float64)
         now, previous, looked_at, q, v, numbers, flags, beyond, work = np.split(values, np.cumsum(sizes)[:-1])
         if self._parameters.restore(numbers.tolist()):
             self._body = None
         self._inputs, self._previous, self._looked_at = now.copy(), previous.copy(), looked_at.copy()
         known, running, status, substeps, count = (int(flag) for flag in flags[:5])
-        self._last_step = float(flags[5])
+        self._last_step, self._largest = float(flags[5]), float(flags[6])
         self._state = State(q[:count].copy(), v[:count].copy(), substeps) if known else None
         self._running, self._status = bool(running), status
         self._beyond = [bool(flag) for flag in beyond]
@@ -311,7 +307,9 @@ class BodySlave:
         """Take a step, or refuse it."""
         if not (math.isfinite(current_time) and math.isfinite(step_size) and step_size >= 0.0):
             return self._refuse(f"a step of {step_size} s from {current_time} s: expected a finite step ≥ 0")
-        if not np.isfinite(self._inputs).all():
+        square = float(self._inputs @ self._inputs)
+        # Finite numbers may have a square that is not.
+        if not math.isfinite(square) and not np.isfinite(self._inputs).all():
             wrong = int(np.flatnonzero(~np.isfinite(self._inputs))[0])
             return self._refuse(f"input {self._names[wrong]} is {self._inputs[wrong]}: expected a finite value")
         body, state = self._start()
@@ -345,7 +343,8 @@ class BodySlave:
     def _within_limits(self, body: FlexibleBody, reached: State, inputs: FloatArray) -> bool:
         """Look at what the body is watched for; False where the step is to be refused."""
         stability = None
-        looked = self._limits.stability > 0.0 and loads_changed(inputs, self._looked_at)
+        self._largest = max(self._largest, float(inputs @ inputs))
+        looked = self._limits.stability > 0.0 and loads_changed(inputs, self._looked_at, self._largest)
         if looked:
             stability = stability_finding(body, reached, inputs, self._names, self._limits)
         findings = [rotation_finding(body, reached, self._limits), stability]
@@ -383,17 +382,15 @@ class BodySlave:
     def _real(self, vr: int) -> float:
         if 0 <= vr < self._inputs.size:
             return float(self._inputs[vr])
-        if self._motion <= vr < self._rate:
-            return self._group(Group.MOTION)[vr - self._motion]
-        if self._rate <= vr < self._stress:
-            return self._group(Group.RATE)[vr - self._rate]
+        if self._motion <= vr < self._stress:
+            return self._moving()[vr - self._motion]
         if self._stress <= vr < self._status_reference:
-            return self._group(Group.STRESS)[vr - self._stress]
+            return self._found("stress", self._stresses)[vr - self._stress]
         name = self._named(vr, "Real")
         if name in self._parameters:
             return float(self._parameters[name])
         if vr >= self._compliance:
-            return self._group(Group.COMPLIANCE)[vr - self._compliance]
+            return self._found("compliance", self._compliances)[vr - self._compliance]
         body, state = self._start()
         if name == FRAME_ROTATION:
             return body.largest_rotation(state)
@@ -405,22 +402,26 @@ class BodySlave:
         strain, kinetic = body.energies(state)
         return {STRAIN_ENERGY: strain, KINETIC_ENERGY: kinetic}[name]
 
-    def _group(self, group: Group) -> list[float]:
-        """Outputs of a group, found once per step and only when asked for."""
-        values = self._outputs.get(group)
+    def _moving(self) -> list[float]:
+        """Motion, then rates if there are any, in the order of their references."""
+        return self._found("moving", self._motions)
+
+    def _found(self, name: str, find: Callable[[FlexibleBody, State], list[float]]) -> list[float]:
+        """Values found once per step, and only when asked for."""
+        values = self._outputs.get(name)
         if values is None:
-            body, state = self._start()
-            if group is Group.STRESS:
-                self._outputs[group] = body.von_mises(state).tolist()
-            elif group is Group.COMPLIANCE:
-                self._outputs[group] = self._compliances(body, state)
-            elif self._model.velocity_outputs:
-                motion, rates = body.motion_and_rates(state)
-                self._outputs |= {Group.MOTION: motion.tolist(), Group.RATE: rates.tolist()}
-            else:
-                self._outputs[Group.MOTION] = body.motion(state).tolist()
-            values = self._outputs[group]
+            values = self._outputs[name] = find(*self._start())
         return values
+
+    def _motions(self, body: FlexibleBody, state: State) -> list[float]:
+        if not self._model.velocity_outputs:
+            return list(body.motion(state).tolist())
+        motion, rates = body.motion_and_rates(state)
+        return [*motion.tolist(), *rates.tolist()]
+
+    @staticmethod
+    def _stresses(body: FlexibleBody, state: State) -> list[float]:
+        return list(body.von_mises(state).tolist())
 
     def _compliances(self, body: FlexibleBody, state: State) -> list[float]:
         """Compliance of every interface that offers it, over a step as long as the last one."""

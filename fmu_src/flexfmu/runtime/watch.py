@@ -16,7 +16,7 @@ from .stepping import State
 
 FloatArray = NDArray[np.float64]
 
-# Share of the loads' norm by which loads must have changed for stability to be looked at again.
+# Share of the largest loads' norm by which loads must have changed for stability to be looked at again.
 _CHANGED = 0.05
 
 
@@ -102,10 +102,10 @@ def rotation_finding(body: FlexibleBody, state: State, limits: Limits) -> Findin
     )
 
 
-def loads_changed(inputs: FloatArray, before: FloatArray) -> bool:
-    """Whether loads have changed enough since `before` for stability to be looked at again."""
+def loads_changed(inputs: FloatArray, before: FloatArray, largest_square: float) -> bool:
+    """Whether loads have changed enough since `before`, against the largest so far, for stability to be looked at."""
     difference = inputs - before
-    return float(difference @ difference) > _CHANGED**2 * max(float(inputs @ inputs), float(before @ before))
+    return float(difference @ difference) > _CHANGED**2 * largest_square
 
 
 def stability_finding(
