@@ -113,6 +113,7 @@ class BodySlave:
         self._status_reference = groups.index(Group.STATUS)
         self._compliance = groups.index(Group.COMPLIANCE) if Group.COMPLIANCE in groups else len(groups)
         self._inputs = np.zeros(groups.count(Group.INPUT))
+        self._every_motion = list(range(self._motion, self._stress))
         self._every_input = list(range(self._inputs.size))
         self._names = tuple(v.name for v in self._variables[: self._inputs.size])
         # Inputs of the step before, and those for which stability was last looked at.
@@ -166,7 +167,9 @@ class BodySlave:
     @_guarded
     def get_real(self, vrs: list[int]) -> list[float]:
         """Values of real variables."""
-        # Most masters ask for motions alone, all at once.
+        # Most masters ask for motions alone, many for all at once.
+        if vrs == self._every_motion:
+            return self._moving()
         first = self._motion
         if vrs and min(vrs) >= first and max(vrs) < self._stress:
             moving = self._moving()
