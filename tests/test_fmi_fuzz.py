@@ -249,10 +249,15 @@ def test_a_thousand_instances_one_after_another_cost_what_the_library_loses_and_
 
 @linux
 @pytest.mark.slow
-@pytest.mark.parametrize(("kinematics", "count"), [("linear", 100_000), ("corotated", 20_000)])
+@pytest.mark.parametrize(("kinematics", "count"), [("linear", 100_000), ("corotated", 1_000_000)])
 def test_many_steps_of_one_instance_keep_memory_flat(folder, kinematics, count):
-    # Every hundredth step is refused and a state goes to bytes and back; the library loses the text of each log line.
-    assert master("many_steps", str(folder / "body.fmu"), kinematics, count, 2000)["growth"] < 2.0
+    if FlexibleBody(fuzzed_body(1))._stepper.kernel is None:
+        # In NumPy alone a million steps would take a quarter of an hour.
+        count //= 50
+    # A thousand steps are refused and states go to bytes and back; the library loses the text of each log line.
+    found = master("many_steps", str(folder / "body.fmu"), kinematics, count, 2000)
+    print(f"{count} steps: {found['growth']:.2f} MB more")
+    assert found["growth"] < 2.0
 
 
 @linux

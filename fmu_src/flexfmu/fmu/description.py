@@ -113,6 +113,8 @@ def _scalar_variable(reference: int, variable: Variable) -> Element:
             value.set("displayUnit", _DEGREE[variable.unit])
     if variable.minimum is not None:
         value.set("min", repr(variable.minimum))
+    if variable.nominal is not None:
+        value.set("nominal", repr(variable.nominal))
     if variable.start is not None:
         start = variable.start
         value.set("start", str(start).lower() if isinstance(start, bool) else str(start))

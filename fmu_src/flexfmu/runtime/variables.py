@@ -7,10 +7,14 @@ its order: inputs, outputs, parameters, diagnostics, compliances.
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from .reduced_body import GROUND, Division, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 from .watch import OnLimit, OnRefusal
 
 AXES = ("x", "y", "z")
+# Orders of magnitude of metals under load, and of gravity.
+_NOMINAL_STRESS, _NOMINAL_ACCELERATION = 1e8, 10.0
 
 
 class Initialization(Enum):
@@ -63,6 +67,8 @@ class Variable:
     unit : str or None
     description : str
     minimum : float or None
+    nominal : float or None
+        Order of magnitude where it is known.
     """
 
     name: str
@@ -75,6 +81,7 @@ class Variable:
     unit: str | None
     description: str
     minimum: float | None = None
+    nominal: float | None = None
 
 
 ACCELERATION = "body.acceleration"
@@ -137,6 +144,28 @@ _COMPLIANCE_COLUMNS |= {f"m{axis}": f"the moment about {axis}" for axis in AXES}
 _COMPLIANCE_UNITS = {"uf": "m/N", "um": "m/(N.m)", "rf": "rad/N", "rm": "rad/(N.m)"}
 
 
+def _nominal_values(body: ReducedBody) -> dict[str, float]:
+    """Orders of magnitude: a hundredth of the body's size, of a radian, and what brings them about."""
+    points = np.concatenate([body.interface_point, body.joint_point])
+    size = float(np.max(np.ptp(points, axis=0))) or 1.0
+    elastic = slice(body.rigid_count, None)
+    frequency = body.angular_frequency[elastic]
+    displacement, rotation = 1e-2 * size, 1e-2
+    compliance = [
+        float(np.max(np.sum((operator[..., elastic] / frequency) ** 2, axis=2), initial=0.0))
+        for operator in (body.interface_displacement, body.interface_rotation)
+    ]
+    values = {
+        "displacement": displacement,
+        "rotation": rotation,
+        "velocity": displacement * float(frequency[0]),
+        "angular_velocity": rotation * float(frequency[0]),
+        "force": displacement / compliance[0] if compliance[0] > 0.0 else 1.0,
+        "moment": rotation / compliance[1] if compliance[1] > 0.0 else 1.0,
+    }
+    return {name: float(f"{value:.0e}") for name, value in values.items()}
+
+
 def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
     """All variables of a body's FMU.
 
@@ -149,6 +178,7 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
     tuple of Variable
     """
     table: list[Variable] = []
+    nominal = _nominal_values(body)
     for quantities, group, causality in (
         (_LOADS, Group.INPUT, "input"),
         (_MOTIONS, Group.MOTION, "output"),
@@ -165,6 +195,7 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
                 0.0 if group is Group.INPUT else None,
                 unit,
                 f"{interface}: {words}, along the global {axis} axis",
+                nominal=nominal[quantity],
             )
             for interface in body.interface_names
             for quantity, unit, words in quantities
@@ -181,6 +212,7 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
             None,
             "Pa",
             f"{part.name}: largest von Mises stress at {len(part.point)} points",
+            nominal=_NOMINAL_STRESS,
         )
         for part in body.stress_sets
     ]
@@ -198,6 +230,7 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
                 0.0,
                 "m/s2",
                 words.format(axis),
+                nominal=_NOMINAL_ACCELERATION,
             )
             for axis in AXES
         ]
