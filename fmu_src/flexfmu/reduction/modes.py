@@ -3,6 +3,7 @@
 Sources: R. R. Craig, M. C. C. Bampton, AIAA J. 6 (1968) 1313; for residual modes S. Rubin, AIAA J. 13 (1975) 995.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -188,7 +189,8 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     orthonormality = _checked_orthonormality(m, vectors)
     # In displacements: in forces, round-off of a stiff mesh would drown a soft mode's own.
     astray = vectors - squares * np.column_stack([inverse(column) for column in (m @ vectors).T])
-    residual = float(np.sqrt(np.einsum("ij,ij->j", astray, m @ astray)).max())
+    # Round-off of zero may be negative.
+    residual = math.sqrt(max(float(np.einsum("ij,ij->j", astray, m @ astray).max()), 0.0))
     if residual > _RESIDUAL_LIMIT:
         raise AccuracyError(
             f"modes are not good enough: residual {residual:.1e} (limit {_RESIDUAL_LIMIT:.0e}); check the mesh for "
