@@ -49,8 +49,8 @@ HEADING = [
     "Node sets: BUSH_L/R (nodes on the bushing's lateral axis, x = z = 0), PIVOT_L/R (the middle one of them),",
     "EYE_L/R (the bushing's eye), FLANGE_L/R (outboard face of the wheel flange), SEAT_L/R (spring seat), ARM_L/R",
     "(all of an arm), BEAM (the cross-beam), BEAM_L1 ... BEAM_L4 and BEAM_R1 ... (its pieces from the arm to the",
-    "middle). Neighbours share the nodes of their common section. Element sets: EALL, ARM_L/R, BEAM, BEAM_L1 ...",
-    "The body is ARM_L, ARM_R and BEAM.",
+    "middle), MID (the section in its middle). Neighbours share the nodes of their common section. Element sets: EALL,",
+    "ARM_L/R, BEAM, BEAM_L1 ... The body is ARM_L, ARM_R and BEAM.",
 ]
 
 # Corners joined to each corner of a brick, in an order that makes a right-handed triad.
@@ -315,6 +315,7 @@ def _face_sets(mesh: BrickMesh, axle: Axle) -> dict[str, np.ndarray]:
             f"FLANGE_{side}": mesh.nodes_where(y == axle.flange_y[1]),
             f"SEAT_{side}": mesh.nodes_where(in_tray & np.isclose(z, axle.tray_z[1])),
         }
+    sets["MID"] = mesh.nodes_where(mesh.points[:, 1] == 0.0)
     return sets
 
 

@@ -1,6 +1,8 @@
 """The pipeline: mesh → model → modes → interfaces and frames → reduced body."""
 
 import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +18,19 @@ from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, IntArray, Mesh
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
-from .reduction.division import divide
+from .reduction.cut import SIDES, Spring, cut_parts, part_configs, side_set
+from .reduction.division import divide, open_loops
 from .reduction.inertia import inertia_integrals
 from .reduction.interfaces import Interface, fit_interface
+from .reduction.joining import Weld, joined
 from .reduction.masses import sub_masses
 from .reduction.model import Model, assemble_model, element_set, node_set
 from .reduction.modes import Modes
+from .reduction.rigid_fit import by_node, modal_fit
 from .reduction.subdomains import (
     FrameRequest,
     Subdomain,
+    carrying_frame,
     division_warnings,
     floating_frame,
     frame_operators,
@@ -34,7 +40,7 @@ from .reduction.subdomains import (
     volume_weighted,
 )
 from .reduction.surface import body_surface
-from .runtime.reduced_body import GROUND, Mass, ReducedBody, Stiffness, StressSet, WholeFrame
+from .runtime.reduced_body import GROUND, Mass, ReducedBody, Stiffness, StressSet, Ties, WholeFrame
 from .store import Store
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
@@ -71,7 +77,23 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in mesh.notes:
         report.note(text)
+    store = store or Store()
+    body = _cut_body(config, model, report, store) if config.cut else _reduced(config, model, report, store)
+    return replace(
+        body,
+        damping_ratio=_damping(config.damping.ratio, body.mode_count),
+        compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
+        formulation=config.formulation.formulation,
+        velocity_outputs=config.output.velocities,
+        provenance=_provenance(config, mesh),
+    )
 
+
+def _reduced(
+    config: BodyFile, model: Model, report: Reporter, store: Store, springs: Sequence[Spring] = ()
+) -> ReducedBody:
+    """Reduce a model in one piece, or a part of a cut one; damping and names are left to be set."""
+    mesh = model.mesh
     with report.stage("Divide into frames and fit interfaces"):
         volumes = volume_matrices(mesh)
         faces = element_faces(mesh)
@@ -81,7 +103,6 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
         report.warning(text)
     report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
 
-    store = store or Store()
     matrices = Matrices(model, volumes, report)
     nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
     # Forces of all interfaces, then moments.
@@ -97,17 +118,15 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
     if "by_mode" in wanted:
         by_mode = stiffness_by_mode(matrices, modes, key, store, report)
 
-    count = modes.angular_frequency.size
     return ReducedBody(
         name=config.name,
         angular_frequency=modes.angular_frequency,
-        damping_ratio=_damping(config.damping.ratio, count),
+        damping_ratio=np.zeros(modes.angular_frequency.size),
         interface_names=tuple(interface.name for interface in interfaces),
         interface_point=np.array([interface.point for interface in interfaces]),
         interface_displacement=motion[:, :3],
         interface_rotation=motion[:, 3:],
         interface_frame=np.array([interface.frame for interface in interfaces]),
-        compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
         root_interface=_fixable_root(config, model),
         floating=any(domain.floating for domain in subdomains),
         frame_names=tuple(domain.name for domain in subdomains),
@@ -122,11 +141,76 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
         stress_sets=_stress_sets(config, mesh, modes.shapes),
         stiffness_by_load=by_load,
         stiffness_by_mode=by_mode,
-        formulation=config.formulation.formulation,
-        velocity_outputs=config.output.velocities,
-        provenance=_provenance(config, mesh),
         surface=body_surface(mesh, modes.shapes, faces, subdomains) if config.output.surface else None,
+        ties=_springs(springs, mesh, modes.shapes, subdomains, frames.frame_rotation),
     )
+
+
+def _cut_body(config: BodyFile, model: Model, report: Reporter, store: Store) -> ReducedBody:
+    """Reduce the parts of a body each by itself and join them again."""
+    names = [table.nodes for table in config.cut]
+    with report.stage("Cut into parts"):
+        opened, parts = cut_parts(model, names, config.support)
+        configs = part_configs(config, opened, parts)
+    bodies = []
+    for number, (part, own) in enumerate(zip(parts, configs, strict=True), start=1):
+        report.note(
+            f"part {number} of {len(parts)}: {part.elements.size} elements, interfaces "
+            f"{', '.join(table.name for table in own.interface)}"
+        )
+        body = _reduced(own, part.model, report, store, part.springs)
+        for name in part.sections:
+            if body.interface_frame[body.interface_names.index(name)] < 0:
+                raise BodyFileError(f"[[cut]] {name}: no [[frame]] holds nodes of the section, expected one")
+        if not own.frame and len(parts) > 1:
+            body = replace(body, frame_names=tuple(f"part_{number}_{name}" for name in body.frame_names))
+        bodies.append(body)
+    ends = [
+        {name: (p, body.interface_names.index(name)) for name in parts[p].sections} for p, body in enumerate(bodies)
+    ]
+    place = {name: end for part in ends for name, end in part.items()}
+    loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
+    welds = [Weld(*(place[side_set(name, side)] for side in SIDES)) for name in names]
+    with report.stage(f"Join {len(parts)} parts"):
+        body, note = joined(bodies, welds, loose, [table.name for table in config.interface])
+    hertz = body.angular_frequency / (2.0 * np.pi)
+    report.note(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
+    return body
+
+
+def _springs(
+    springs: Sequence[Spring],
+    mesh: Mesh,
+    shapes: FloatArray,
+    subdomains: list[Subdomain],
+    frame_rotation: FloatArray,
+) -> Ties | None:
+    """Springs to the ground of a part of a cut body: they pull along the axes wherever the part turns."""
+    found = []
+    for spring in springs:
+        nodes = spring.nodes
+        weighted = by_node(nodes)
+        centre = weighted.centre(mesh.points)
+        displacement, rotation, rank = modal_fit(mesh.points, shapes, weighted, centre)
+        frame = carrying_frame(subdomains, nodes)
+        if rank < 6 and frame >= 0:
+            # A line or a point tells no rotation of its own.
+            rotation = frame_rotation[frame]
+        arm = mesh.points[nodes] - centre
+        values, axes = np.linalg.eigh(arm.T @ arm / nodes.size)
+        lever = axes * np.sqrt(np.maximum(values, 0.0))
+        zero = np.zeros_like(displacement)
+        found.append(
+            (
+                np.array([frame, GROUND]),
+                np.array([centre, centre]),
+                np.array([displacement, zero]),
+                np.array([rotation, zero]),
+                spring.stiffness,
+                lever,
+            )
+        )
+    return Ties(*(np.array(values) for values in zip(*found, strict=True))) if found else None
 
 
 def _tell(modes: Modes, count: int, report: Reporter) -> None:
@@ -162,6 +246,8 @@ def _damping(ratio: float | list[float], count: int) -> FloatArray:
 
 def _check_sets(config: BodyFile, mesh: Mesh) -> None:
     """Find every set that will be asked for before the expensive work begins."""
+    for cut in config.cut:
+        node_set(mesh, cut.nodes, "[[cut]] nodes")
     for interface in config.interface:
         node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")
     for stress in config.stress:
@@ -191,7 +277,7 @@ def _subdomains(
         if levels == 0:
             return top, ()
         division = divide(mesh, volumes, faces, anchored, levels)
-        return top + on_floating_frame(division.subdomains, len(top)), division.cuts
+        return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
     requests = []
     for table in config.frame:
         joint: IntArray | FloatArray | None = None
@@ -204,7 +290,17 @@ def _subdomains(
         points = tuple(node_set(mesh, name, key) for name in table.rotation_points or ())
         requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
     subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
-    return top + on_floating_frame(subdomains, len(top)), division_warnings(mesh, subdomains)
+    warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
+    return top + on_floating_frame(subdomains, len(top)), warnings
+
+
+def _advised(loops: Sequence[str]) -> tuple[str, ...]:
+    """Say what to do about loops that the tree cuts."""
+    return tuple(
+        f"{loop}: the tree does not know that the body hangs together there, its modes do so linearly; where it turns "
+        "far, add a [[cut]] table with the nodes of a section of the loop"
+        for loop in loops
+    )
 
 
 def _several(subdomains: list[Subdomain]) -> bool:

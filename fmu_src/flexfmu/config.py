@@ -99,6 +99,12 @@ class FrameTable(_Table):
         return value
 
 
+class CutTable(_Table):
+    """`[[cut]]`: a section across the body at which it is cut into parts, joined again by stiff springs."""
+
+    nodes: str
+
+
 class Basis(Enum):
     """Modal basis."""
 
@@ -186,6 +192,7 @@ class BodyFile(_Table):
     interface: list[InterfaceTable] = Field(min_length=1)
     frames: int | None = Field(default=None, ge=0)
     frame: list[FrameTable] = []
+    cut: list[CutTable] = []
     stress: list[StressTable] = []
     reduction: ReductionTable = ReductionTable()
     damping: DampingTable = DampingTable()
@@ -221,6 +228,8 @@ class BodyFile(_Table):
                 'stiffness "by_load" needs the stress of each load by itself, and a free body has none: what balances '
                 'the load is not known before; take "by_mode" or "constant"'
             )
+        if self.cut:
+            self._check_cut()
         known = {f.name for f in self.frame}
         for f in self.frame:
             if f.parent is not None and f.parent not in known:
@@ -237,6 +246,23 @@ class BodyFile(_Table):
         if plain and isinstance(ratio, list) and len(ratio) != self.reduction.modes:
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {self.reduction.modes} modes")
         return self
+
+    def _check_cut(self) -> None:
+        """Refuse what is made for bodies in one piece."""
+        names = [c.nodes for c in self.cut]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two [[cut]] tables have the nodes {name!r}, expected different sections")
+        if self.frames == 0:
+            raise ValueError("[[cut]] is for the frames' sake: it does not go with frames = 0")
+        if self.free:
+            raise ValueError("[[cut]] needs supports from which the frames of each part hang: it goes without free")
+        if self.formulation.stiffness is not Stiffness.CONSTANT or self.reduction.geometric_stiffness:
+            raise ValueError('[[cut]] goes with stiffness "constant" only: the other kinds know bodies in one piece')
+        if self.formulation.mass is not Mass.CONSTANT or self.reduction.inertia:
+            raise ValueError('[[cut]] goes with mass "constant" only, without reduction.inertia')
+        if self.formulation.division is Division.ONE:
+            raise ValueError('[[cut]] gives each part frames of its own: it does not go with division "one"')
 
 
 def read_body_file(path: Path) -> BodyFile:

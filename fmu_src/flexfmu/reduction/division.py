@@ -5,6 +5,7 @@ sub-domains, so that a branch of the body becomes a branch of the tree. A piece'
 support with which it shares most; its joint is their common section. Where pieces close a loop, one connection is cut.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,7 +109,7 @@ def divide(
     middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
     depth = float(distance.max()) / levels
     level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
-    link = _neighbours(mesh.points, faces, mesh.element_count)
+    link = neighbours(mesh.points, faces, mesh.element_count)
     same = link.multiply(_equal(link, level))
     _, piece = connected_components(same, directed=False)
     reach = np.concatenate(
@@ -122,8 +123,8 @@ def divide(
     return _tree(mesh, volumes, faces, supported, piece, middle, link)
 
 
-def _neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:
-    """Elements that share a face, (e, e) with the area between its corners."""
+def neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:
+    """Elements that share a face which is not an outer one, (e, e) with the area between its corners."""
     rows, columns, areas = [], [], []
     for kind in (3, 4):
         blocks = [b for b in faces if b.corner_count == kind]
@@ -237,10 +238,39 @@ def _tree(
         elements = np.flatnonzero(piece == p)
         subdomains.append(Subdomain(names[p], index, elements, bodies[p], joint, joint.centre(mesh.points)))
 
-    cuts = []
-    open_pairs = {(p, q) for p, q in zip(*np.nonzero(shared), strict=True) if parent[p] != q and parent[q] != p}
-    for p, q in sorted(open_pairs, key=lambda pair: (position[pair[0]], position[pair[1]])):
-        if position[p] < position[q]:
-            x, y, z = mesh.points[np.intersect1d(bodies[p].nodes, bodies[q].nodes)].mean(axis=0)
-            cuts.append(f"closed loop cut between frames {names[p]} and {names[q]} at ({x:.4g}, {y:.4g}, {z:.4g}) m")
-    return Division(tuple(subdomains), tuple(cuts))
+    return Division(tuple(subdomains), _open_loops(mesh, subdomains, shared[np.ix_(order, order)]))
+
+
+def open_loops(mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: Sequence[Subdomain]) -> tuple[str, ...]:
+    """Where sub-domains given by hand share a section without hanging on each other, in words.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    faces : tuple of FaceBlock
+    subdomains : sequence of Subdomain
+
+    Returns
+    -------
+    tuple of str
+    """
+    count = len(subdomains)
+    # What lies in no frame is a piece more, of which nothing is said.
+    piece = np.full(mesh.element_count, count)
+    for s in reversed(range(count)):
+        piece[subdomains[s].elements] = s
+    shared = _shared(piece, neighbours(mesh.points, faces, mesh.element_count), count + 1)
+    return _open_loops(mesh, subdomains, shared[:count, :count])
+
+
+def _open_loops(mesh: Mesh, subdomains: Sequence[Subdomain], shared: FloatArray) -> tuple[str, ...]:
+    """Pairs of sub-domains with a common section (S, S), in m², neither of which hangs on the other."""
+    found = []
+    for p, q in zip(*np.nonzero(np.triu(shared)), strict=True):
+        first, second = subdomains[p], subdomains[q]
+        if first.parent == q or second.parent == p:
+            continue
+        common = np.intersect1d(first.body.nodes, second.body.nodes)
+        x, y, z = mesh.points[common].mean(axis=0)
+        found.append(f"closed loop cut between frames {first.name} and {second.name} at ({x:.4g}, {y:.4g}, {z:.4g}) m")
+    return tuple(found)

@@ -146,6 +146,23 @@ def _with_material(mesh: Mesh, table: MaterialTable | None) -> Mesh:
     return replace(mesh, blocks=blocks, materials=(*mesh.materials, material))
 
 
+def free_motions(points: FloatArray, held: NDArray[np.bool_]) -> FloatArray:
+    """Rigid motions (3n, r) of points (n, 3) that move no held translation (n, 3)."""
+    arm = points - points.mean(axis=0)
+    size = max(float(np.abs(arm).max()), 1e-300)
+    motions = np.zeros((len(points), 3, 6))
+    motions[:, :, :3] = np.eye(3)
+    for axis in range(3):
+        motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm / size)
+    rows = motions[held]
+    _, values, turn = np.linalg.svd(np.concatenate([rows, np.zeros((6, 6))]))
+    # Without any support the plain translations and rotations are clearer than the axes of a decomposition.
+    free = np.eye(6) if not rows.size else turn[values <= _FREE * values.max()].T
+    found: FloatArray = motions.reshape(-1, 6) @ free
+    found[held.ravel()] = 0.0
+    return found
+
+
 def _free_motions(mesh: Mesh, held: NDArray[np.bool_], may_float: bool) -> FloatArray:
     """Rigid motions (3n, r) that move no held translation (n, 3); refused where the body file does not expect them."""
     part = connected_parts(mesh)
@@ -153,27 +170,17 @@ def _free_motions(mesh: Mesh, held: NDArray[np.bool_], may_float: bool) -> Float
     found = np.zeros((3 * len(mesh.points), 0))
     for number in range(parts):
         nodes = np.flatnonzero(part == number)
-        arm = mesh.points[nodes] - mesh.points[nodes].mean(axis=0)
-        size = max(float(np.abs(arm).max()), 1e-300)
-        motions = np.zeros((nodes.size, 3, 6))
-        motions[:, :, :3] = np.eye(3)
-        for axis in range(3):
-            motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm / size)
-        rows = motions[held[nodes]]
-        _, values, turn = np.linalg.svd(np.concatenate([rows, np.zeros((6, 6))]))
-        # Without any support the plain translations and rotations are clearer than the axes of a decomposition.
-        free = np.eye(6) if not rows.size else turn[values <= _FREE * values.max()].T
-        if not free.shape[1]:
+        motions = free_motions(mesh.points[nodes], held[nodes])
+        if not motions.shape[1]:
             continue
         if parts > 1 or not may_float:
             which = "the body" if parts == 1 else f"the part of the mesh with node {mesh.labels[nodes[0]]}"
             floating = ", or let it float with free = true" if parts == 1 else ", or join the parts to share nodes"
             raise ModelError(
-                f"{which} is free to move in {free.shape[1]} rigid motions: the supports hold {len(rows)} of its "
-                f"translations; add a [[support]]{floating}"
+                f"{which} is free to move in {motions.shape[1]} rigid motions: the supports hold "
+                f"{held[nodes].sum()} of its translations; add a [[support]]{floating}"
             )
-        found = motions.reshape(-1, 6) @ free
-        found[held.ravel()] = 0.0
+        found = motions
     if may_float and not found.shape[1]:
         raise ModelError("free = true, but the supports hold the body: take out the key, or the supports")
     return found

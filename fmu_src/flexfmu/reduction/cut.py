@@ -1,0 +1,322 @@
+"""Bodies cut at sections: the mesh opened there, and the parts that it falls into (docs/theory.md, section 10).
+
+Elements on one side of a section keep its nodes, those on the other get copies of them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from ..config import Basis, BodyFile, InterfaceTable, SupportTable
+from ..errors import BodyFileError
+from ..fe.faces import element_faces
+from ..mesh.checks import connected_parts
+from ..mesh.model import FloatArray, IntArray, Mesh
+from .division import neighbours
+from .model import Model, free_motions, node_set
+from .rigid_fit import by_node, rigid_fit
+from .subdomains import elements_within
+
+SIDES = ("a", "b")
+_RIGID_MOTIONS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """Springs of a support, as they hold a part.
+
+    Attributes
+    ----------
+    nodes : (k,) int
+        Of the part.
+    stiffness : (3,) float
+        Of all of them together, N/m.
+    interface : str or None
+        The node set at which they are a force; None where they are in the part's stiffness.
+    """
+
+    nodes: IntArray
+    stiffness: FloatArray
+    interface: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a cut body.
+
+    Attributes
+    ----------
+    model : Model
+        With the node sets and element sets that are in it, renumbered.
+    nodes, elements : (k,) int
+        Where they are in the opened mesh.
+    sections : tuple of str
+        Node sets of the cuts' sides that it has, as of `side_set`.
+    springs : tuple of Spring
+    """
+
+    model: Model
+    nodes: IntArray
+    elements: IntArray
+    sections: tuple[str, ...]
+    springs: tuple[Spring, ...]
+
+
+def side_set(cut: str, side: str) -> str:
+    """Name of the node set of one side, "a" or "b", of a cut through a node set."""
+    return f"{cut}, side {side}"
+
+
+def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable]) -> tuple[Mesh, list[Part]]:
+    """Open a body at sections.
+
+    Parameters
+    ----------
+    model : Model
+        In one piece.
+    cuts : sequence of str
+        Node sets of the sections.
+    supports : sequence of SupportTable
+
+    Returns
+    -------
+    mesh : Mesh
+        The opened mesh, with the node sets of both sides of each cut.
+    parts : list of Part
+        In the order of their first nodes.
+
+    Raises
+    ------
+    BodyFileError
+        A section that is missing, that is no section across the body, or that leaves a part without any support.
+    """
+    mesh, fixed, spring = model.mesh, model.fixed, model.spring
+    for cut in cuts:
+        mesh, origin = _opened(mesh, cut)
+        copied = origin[len(fixed) :]
+        if fixed[copied].any() or spring[copied].any():
+            raise BodyFileError(
+                f"[[cut]] nodes = {cut!r}: a support holds nodes of the section; cut away from supports"
+            )
+        fixed, spring = fixed[origin], spring[origin]
+    part = connected_parts(mesh)
+    names = [side_set(cut, side) for cut in cuts for side in SIDES]
+    parts = []
+    for number in range(int(part.max()) + 1):
+        nodes = np.flatnonzero(part == number)
+        inside, elements = _sub_mesh(mesh, nodes)
+        motions = free_motions(inside.points, (fixed | (spring > 0.0))[nodes])
+        if motions.shape[1] == _RIGID_MOTIONS:
+            x, y, z = inside.points.mean(axis=0)
+            raise BodyFileError(
+                f"[[cut]] leaves a part of {len(elements)} elements about ({x:.4g}, {y:.4g}, {z:.4g}) m that no "
+                "support holds: frames have nothing there to hang from; cut so that each part has a support"
+            )
+        sections = tuple(name for name in names if name in inside.node_sets)
+        part_model, springs = _springs(Model(inside, fixed[nodes], spring[nodes], motions), supports)
+        parts.append(Part(part_model, nodes, elements, sections, springs))
+    return mesh, parts
+
+
+def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
+    """The mesh with the nodes of a section doubled, and the node (n',) of `mesh` that each one was."""
+    key = f"[[cut]] nodes = {cut!r}"
+    nodes = node_set(mesh, cut, key)
+    member = np.zeros(len(mesh.points), dtype=bool)
+    member[nodes] = True
+    faces = element_faces(mesh)
+    across = [np.all(member[block.nodes], axis=1) & ~block.outer for block in faces]
+    if not any(chosen.any() for chosen in across):
+        raise BodyFileError(
+            f"{key}: its {nodes.size} nodes make up no face between two elements; take all nodes of a section along "
+            "element faces, across the whole body"
+        )
+    shared = [block.nodes[chosen] for block, chosen in zip(faces, across, strict=True)]
+    loose = nodes.size - np.unique(np.concatenate([block.ravel() for block in shared])).size
+    if loose:
+        raise BodyFileError(
+            f"{key}: {loose} of its {nodes.size} nodes lie on no face between two elements that the set holds; "
+            "take just the nodes of the section"
+        )
+    closed = tuple(replace(b, outer=b.outer | chosen) for b, chosen in zip(faces, across, strict=True))
+    touching = np.flatnonzero(np.concatenate([np.any(member[b.connectivity], axis=1) for b in mesh.blocks]))
+    link = sp.csr_array(neighbours(mesh.points, closed, mesh.element_count))[touching][:, touching]
+    count, side = connected_components(link, directed=False)
+    if count != 2:
+        raise BodyFileError(
+            f"{key}: the elements at this section make up {count} connected piece{'s'[: count > 1]}, expected two, one "
+            "on either side: a cut goes through the whole of one section of the body"
+        )
+    # Side b begins where the numbering of the mesh is higher.
+    second = np.zeros(mesh.element_count, dtype=bool)
+    second[touching[side != side[0]]] = True
+    copy = np.arange(len(mesh.points))
+    copy[nodes] = len(mesh.points) + np.arange(nodes.size)
+    origin = np.concatenate([np.arange(len(mesh.points)), nodes])
+    blocks, first = [], 0
+    for block in mesh.blocks:
+        here = second[first : first + len(block.labels)]
+        first += len(block.labels)
+        blocks.append(
+            replace(block, connectivity=np.where(here[:, None], copy[block.connectivity], block.connectivity))
+        )
+    opened = replace(mesh, points=mesh.points[origin], labels=mesh.labels[origin], blocks=tuple(blocks))
+    opened = replace(opened, fixed=mesh.fixed[origin])
+    sets = {name: _on_its_side(mesh, opened, members, copy) for name, members in mesh.node_sets.items()}
+    sets |= {side_set(cut, "a"): nodes, side_set(cut, "b"): copy[nodes]}
+    return replace(opened, node_sets=sets), origin
+
+
+def _on_its_side(before: Mesh, after: Mesh, members: IntArray, copy: IntArray) -> IntArray:
+    """Nodes of a set in the opened mesh: on the side where whole elements of it are, or on both."""
+    doubled = members[copy[members] != members]
+    if not doubled.size:
+        return members
+    member = np.zeros(len(before.points), dtype=bool)
+    member[members] = True
+    used = np.zeros(len(after.points), dtype=bool)
+    for old, new in zip(before.blocks, after.blocks, strict=True):
+        used[new.connectivity[np.all(member[old.connectivity], axis=1)]] = True
+    either = used[doubled] | used[copy[doubled]]
+    single = members[copy[members] == members]
+    kept = [single, doubled[used[doubled] | ~either], copy[doubled][used[copy[doubled]] | ~either]]
+    return np.unique(np.concatenate(kept))
+
+
+def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
+    """The connected part of a mesh that has these nodes, and its elements (k,) in the whole."""
+    place = np.full(len(mesh.points), -1)
+    place[nodes] = np.arange(nodes.size)
+    inside = np.concatenate([place[block.connectivity[:, 0]] >= 0 for block in mesh.blocks])
+    number = np.where(inside, np.cumsum(inside) - 1, -1)
+    blocks, first = [], 0
+    for block in mesh.blocks:
+        here = inside[first : first + len(block.labels)]
+        first += len(block.labels)
+        if here.any():
+            connectivity = place[block.connectivity[here]]
+            blocks.append(type(block)(block.type, block.labels[here], connectivity, block.material[here]))
+
+    def kept(sets: dict[str, IntArray], places: IntArray) -> dict[str, IntArray]:
+        found = {name: places[members][places[members] >= 0] for name, members in sets.items()}
+        return {name: members for name, members in found.items() if members.size}
+
+    part = replace(
+        mesh,
+        points=mesh.points[nodes],
+        labels=mesh.labels[nodes],
+        blocks=tuple(blocks),
+        node_sets=kept(dict(mesh.node_sets), place),
+        element_sets=kept(dict(mesh.element_sets), number),
+        fixed=mesh.fixed[nodes],
+        notes=(),
+    )
+    return part, np.flatnonzero(inside)
+
+
+def part_configs(config: BodyFile, opened: Mesh, parts: Sequence[Part]) -> list[BodyFile]:
+    """Body files of the parts: each with its own interfaces, the sides of the cuts after them, frames and stress sets.
+
+    Parameters
+    ----------
+    config : BodyFile
+        Of the whole body.
+    opened : Mesh
+    parts : sequence of Part
+
+    Returns
+    -------
+    list of BodyFile
+
+    Raises
+    ------
+    BodyFileError
+        An interface in several parts, or a frame whose parent is in another one.
+    """
+    owner = np.zeros(len(opened.points), dtype=np.int64)
+    part_of_element = np.zeros(opened.element_count, dtype=np.int64)
+    for number, part in enumerate(parts):
+        owner[part.nodes] = number
+        part_of_element[part.elements] = number
+    interfaces: list[list[InterfaceTable]] = [[] for _ in parts]
+    for table in config.interface:
+        found = np.unique(owner[node_set(opened, table.nodes, f"interface {table.name!r}, nodes")])
+        if found.size > 1:
+            raise BodyFileError(
+                f"interface {table.name!r}: its nodes are in {found.size} of the parts that [[cut]] makes, expected "
+                "one; take a smaller set, or cut elsewhere"
+            )
+        interfaces[found[0]].append(table)
+    for own, part in zip(interfaces, parts, strict=True):
+        # Names that no body file can have.
+        own += [InterfaceTable.model_construct(name=name, nodes=name) for name in part.sections]
+        loose = [spring.interface for spring in part.springs if spring.interface is not None]
+        own += [InterfaceTable.model_construct(name=name, nodes=name, weights="node") for name in loose]
+    home: dict[str, int] = {}
+    for frame in config.frame:
+        nodes = node_set(opened, frame.nodes, f"frame {frame.name!r}, nodes")
+        elements = elements_within(opened, nodes)
+        held = part_of_element[elements] if elements.size else owner[nodes]
+        home[frame.name] = int(np.argmax(np.bincount(held, minlength=len(parts))))
+    for frame in config.frame:
+        if frame.parent is not None and home[frame.parent] != home[frame.name]:
+            raise BodyFileError(
+                f"frame {frame.name!r} hangs on {frame.parent!r} beyond a [[cut]]: each part's frames hang on each "
+                "other and on its own supports"
+            )
+    basis = config.reduction
+    if basis.basis is Basis.NORMAL:
+        # Normal modes alone would leave the sections too stiff against each other.
+        basis = basis.model_copy(update={"residual_flexibility": True})
+    return [
+        config.model_copy(
+            update={
+                "interface": interfaces[number],
+                "frame": [frame for frame in config.frame if home[frame.name] == number],
+                "stress": [table for table in config.stress if _has(part.model.mesh.element_sets, table.elements)],
+                "reduction": basis,
+            }
+        )
+        for number, part in enumerate(parts)
+    ]
+
+
+def _has(sets: Mapping[str, IntArray], name: str) -> bool:
+    """Whether a set is there, in upper or lower case."""
+    return any(known.lower() == name.lower() for known in sets)
+
+
+def spring_set(nodes: str, number: int) -> str:
+    """Name of the node set of a support's springs."""
+    return f"springs of support[{number}] at {nodes}"
+
+
+def _springs(model: Model, supports: Sequence[SupportTable]) -> tuple[Model, tuple[Spring, ...]]:
+    """Springs of a part, and the model without those that its frames do not hang on.
+
+    Stiff meshes on soft springs make poor matrices, and nothing is lost: a spring is an internal interface then.
+    """
+    mesh, done = model.mesh, np.zeros(len(model.mesh.points), dtype=bool)
+    sets, stays, found = dict(mesh.node_sets), model.spring.copy(), []
+    for number, table in enumerate(supports, start=1):
+        if table.stiffness is None or not _has(sets, table.nodes):
+            continue
+        members = node_set(mesh, table.nodes, f"support[{number}].nodes")
+        # No node twice: what several supports put on it is all with the first.
+        nodes = members[~done[members] & (model.spring[members] > 0.0).any(axis=1)]
+        done[nodes] = True
+        if not nodes.size:
+            continue
+        fitted = by_node(nodes)
+        _, rank = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
+        loose = rank == _RIGID_MOTIONS and not np.intersect1d(nodes, model.held).size
+        name = spring_set(table.nodes, number) if loose else None
+        if name is not None:
+            sets[name] = nodes
+            stays[nodes] = 0.0
+        found.append(Spring(nodes, model.spring[nodes].sum(axis=0), name))
+    motions = free_motions(mesh.points, model.fixed | (stays > 0.0))
+    return Model(replace(mesh, node_sets=sets), model.fixed, stays, motions), tuple(found)

@@ -1,0 +1,235 @@
+"""Parts of a cut body, each reduced by itself, joined to one reduced body (docs/theory.md, section 10)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from ..errors import ModelError
+from ..mesh.model import FloatArray, IntArray
+from ..runtime.reduced_body import GROUND, Masses, ReducedBody, StressSet, Surface, Ties
+from ..runtime.rotations import skew
+
+# Springs of the joints take up this share of an interface's displacement under a load on it, all together. Stiffer ones
+# would only make equations worse.
+_SHARE = 5e-5
+# Compliance of an interface below this share of the largest: it lies on a support.
+_HELD = 1e-9
+# As in `modes`.
+_NEARLY_LARGEST = 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class Weld:
+    """A joint between two sections.
+
+    Attributes
+    ----------
+    first, second : (part, interface)
+        The sections, as interfaces of their parts.
+    """
+
+    first: tuple[int, int]
+    second: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class _Stack:
+    """Coordinates of all parts, laid end to end."""
+
+    first: IntArray
+    size: int
+
+    def widened(self, part: int, operator: FloatArray) -> FloatArray:
+        """Operator (..., m_p) of a part's coordinates on those of all parts (..., m)."""
+        result = np.zeros((*operator.shape[:-1], self.size))
+        result[..., self.first[part] : self.first[part] + operator.shape[-1]] = operator
+        return result
+
+
+def joined(
+    parts: Sequence[ReducedBody], welds: Sequence[Weld], loose: Sequence[NDArray[np.bool_]], interfaces: Sequence[str]
+) -> tuple[ReducedBody, str]:
+    """Join parts by stiff springs between their sections, and take the modes of the whole.
+
+    Parameters
+    ----------
+    parts : sequence of ReducedBody
+        With springs to the ground as ties.
+    welds : sequence of Weld
+    loose : sequence of (T,) bool
+        For each part, which of its ties its modes do not hold yet.
+    interfaces : sequence of str
+        Names of those to keep, in their order.
+
+    Returns
+    -------
+    body : ReducedBody
+        Damping and other things of the whole body file are left to be set.
+    note : str
+        How stiff the joints are.
+
+    Raises
+    ------
+    ModelError
+        Parts that can move although they are joined.
+    """
+    counts = [part.mode_count for part in parts]
+    stack = _Stack(np.concatenate([[0], np.cumsum(counts)[:-1]]), sum(counts))
+    frames = np.concatenate([[0], np.cumsum([part.frame_count for part in parts])[:-1]]).astype(np.int64)
+
+    def on(part: int, frame: IntArray) -> IntArray:
+        return np.where(frame >= 0, frame + frames[part], GROUND)
+
+    def motion(part: int, interface: int) -> FloatArray:
+        body = parts[part]
+        own = np.concatenate([body.interface_displacement[interface], body.interface_rotation[interface]])
+        return stack.widened(part, own)
+
+    places = [
+        next((p, b.interface_names.index(n)) for p, b in enumerate(parts) if n in b.interface_names) for n in interfaces
+    ]
+    moved = np.array([motion(*place) for place in places])
+    gap = np.array([motion(*weld.first) - motion(*weld.second) for weld in welds])
+    squares = np.concatenate([part.angular_frequency for part in parts]) ** 2
+    stiffness = np.diag(squares)
+    for p, part in enumerate(parts):
+        if part.ties is not None:
+            rows = stack.widened(p, _stretch(part.ties, loose[p]))
+            stiffness = stiffness + rows.T @ rows
+    pull, turn = _stiffness(stiffness, gap, moved.reshape(-1, stack.size))
+    rows = (gap * np.sqrt(np.repeat([pull, turn], 3))[:, None]).reshape(-1, stack.size)
+    values, modes = np.linalg.eigh(stiffness + rows.T @ rows)
+    if values[0] <= 0.0:
+        raise ModelError(f"the lowest eigenvalue of the joined parts is {values[0]:.3e} 1/s²: they are free to move")
+    large = np.argmax(np.abs(modes) >= _NEARLY_LARGEST * np.abs(modes).max(axis=0), axis=0)
+    modes = modes * np.sign(modes[large, np.arange(stack.size)])
+
+    def every(name: str) -> FloatArray:
+        wide = np.concatenate([stack.widened(p, getattr(part, name)) for p, part in enumerate(parts)])
+        result: FloatArray = wide @ modes
+        return result
+
+    ends = [
+        Ties(
+            on(p, t.frame),
+            t.point,
+            stack.widened(p, t.displacement),
+            stack.widened(p, t.rotation),
+            t.stiffness,
+            t.lever,
+        )
+        for p, part in enumerate(parts)
+        if (t := part.ties) is not None
+    ]
+    sections = np.array([[motion(*weld.first), motion(*weld.second)] for weld in welds])
+    ends.append(
+        Ties(
+            np.array([[on(p, parts[p].interface_frame)[i] for p, i in (w.first, w.second)] for w in welds]),
+            np.array([[parts[p].interface_point[i] for p, i in (w.first, w.second)] for w in welds]),
+            sections[:, :, :3],
+            sections[:, :, 3:],
+            np.full((len(welds), 3), pull),
+            # Springs of stiffness k at e_x s, e_y s, e_z s resist turning by 2 k s².
+            np.tile(np.sqrt(0.5 * turn / pull) * np.eye(3), (len(welds), 1, 1)),
+        )
+    )
+    ties = Ties(*(np.concatenate([getattr(end, name) for end in ends]) for name in Ties.__slots__))
+    ties = replace(ties, displacement=ties.displacement @ modes, rotation=ties.rotation @ modes)
+    body = ReducedBody(
+        name=parts[0].name,
+        angular_frequency=np.sqrt(values),
+        damping_ratio=np.zeros(stack.size),
+        interface_names=tuple(interfaces),
+        interface_point=np.array([parts[p].interface_point[i] for p, i in places]),
+        interface_displacement=moved[:, :3] @ modes,
+        interface_rotation=moved[:, 3:] @ modes,
+        interface_frame=np.array([on(p, parts[p].interface_frame)[i] for p, i in places]),
+        frame_names=tuple(name for part in parts for name in part.frame_names),
+        frame_parent=np.concatenate([on(p, part.frame_parent) for p, part in enumerate(parts)]),
+        joint_point=np.concatenate([part.joint_point for part in parts]),
+        joint_displacement=every("joint_displacement"),
+        joint_rotation=every("joint_rotation"),
+        frame_rotation=every("frame_rotation"),
+        masses=_masses(parts, stack, on, modes),
+        stress_sets=_stress_sets(parts, stack, modes),
+        surface=_surface(parts, stack, on, modes),
+        ties=ties,
+    )
+    return body, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
+
+
+def _stretch(ties: Ties, chosen: NDArray[np.bool_]) -> FloatArray:
+    """Stretch of springs to the ground per unit coordinate, times the root of their stiffness, (12 T, m)."""
+    turned = skew(np.swapaxes(ties.lever, 1, 2)) @ ties.rotation[:, :1]
+    rows = np.concatenate([ties.displacement[:, :1], -turned], axis=1) * np.sqrt(ties.stiffness)[:, None, :, None]
+    result: FloatArray = rows[chosen].reshape(-1, rows.shape[-1])
+    return result
+
+
+def _stiffness(stiffness: FloatArray, gap: FloatArray, loads: FloatArray) -> tuple[float, float]:
+    """Stiffness (N/m, N m) of the joints' springs that all but keeps their gaps (W, 6, m) shut under loads (l, m)."""
+    count, size = 6 * len(gap), len(stiffness)
+    rows = gap.reshape(count, size)
+    # With the gaps shut: Λq + Cᵀλ = F, Cq = 0. Rigid motions of a part have no stiffness of their own.
+    own = np.diag(stiffness)
+    scale = 1.0 / np.sqrt(np.where(own > 0.0, own, own[own > 0.0].min()))
+    length = np.linalg.norm(rows * scale, axis=1)
+    matrix = np.zeros((size + count, size + count))
+    matrix[:size, :size] = stiffness * np.outer(scale, scale)
+    matrix[size:, :size] = rows * scale / length[:, None]
+    matrix[:size, size:] = matrix[size:, :size].T
+    right = np.zeros((size + count, len(loads)))
+    right[:size] = (loads * scale).T
+    try:
+        solution = scipy.linalg.solve(matrix, right, assume_a="sym")
+    except np.linalg.LinAlgError as error:
+        raise ModelError(f"the parts do not make up a body that their supports hold ({error})") from error
+    compliance = np.einsum("lm,ml->l", loads * scale, solution[:size])
+    forces = (solution[size:] / length[:, None]).reshape(len(gap), 2, 3, -1)
+    felt = np.sqrt((forces**2).sum(axis=(0, 2)))
+    free = compliance > _HELD * compliance.max()
+    pull, turn = (felt[:, free] ** 2 / compliance[free]).max(axis=1) * 2.0 / _SHARE
+    return float(pull), float(turn)
+
+
+def _masses(
+    parts: Sequence[ReducedBody], stack: _Stack, on: Callable[[int, IntArray], IntArray], modes: FloatArray
+) -> Masses | None:
+    found = [(p, part.masses) for p, part in enumerate(parts) if part.masses is not None]
+    if not found:
+        return None
+    return Masses(
+        np.concatenate([m.mass for _, m in found]),
+        np.concatenate([m.point for _, m in found]),
+        np.concatenate([stack.widened(p, m.displacement) for p, m in found]) @ modes,
+        np.concatenate([on(p, m.frame) for p, m in found]),
+    )
+
+
+def _stress_sets(parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray) -> tuple[StressSet, ...]:
+    """Stress sets, put together where several parts have a share."""
+    names = dict.fromkeys(own.name for part in parts for own in part.stress_sets)
+    result = []
+    for name in names:
+        found = [(p, own) for p, part in enumerate(parts) for own in part.stress_sets if own.name == name]
+        stress = np.concatenate([stack.widened(p, own.stress) for p, own in found]) @ modes
+        result.append(StressSet(name, np.concatenate([own.point for _, own in found]), stress))
+    return tuple(result)
+
+
+def _surface(
+    parts: Sequence[ReducedBody], stack: _Stack, on: Callable[[int, IntArray], IntArray], modes: FloatArray
+) -> Surface | None:
+    found = [(p, part.surface) for p, part in enumerate(parts) if part.surface is not None]
+    if not found:
+        return None
+    first = np.concatenate([[0], np.cumsum([len(s.points) for _, s in found])[:-1]])
+    return Surface(
+        np.concatenate([s.points for _, s in found]),
+        np.concatenate([s.faces + start for (_, s), start in zip(found, first, strict=True)]),
+        np.concatenate([stack.widened(p, s.modes) for p, s in found]) @ modes,
+        np.concatenate([on(p, s.frame) for p, s in found]),
+    )
