@@ -21,7 +21,7 @@ from flexfmu.config import BodyFile, read_body_file
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.errors import EquilibriumError, OptionError
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
 
 HERE = Path(__file__).parent
 FloatArray = NDArray[np.float64]
@@ -75,6 +75,8 @@ METHODS: tuple[tuple[int, Formulation], ...] = (
     (1, Formulation(Kinematics.COROTATED, LoadPlacement.CORRECTIVE_MOMENT)),
     (1, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
     (4, Formulation(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT)),
+    (4, Formulation(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT, division=Division.SEPARATE)),
+    (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, division=Division.SEPARATE)),
     (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
     (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD)),
     (8, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
@@ -90,6 +92,8 @@ def label(frames: int, formulation: Formulation) -> str:
         parts.append(formulation.loads.value.replace("_", " "))
     if formulation.stiffness is not Stiffness.CONSTANT:
         parts.append(formulation.stiffness.value.replace("_", " "))
+    if formulation.division is not Division.TREE:
+        parts.append(f"frames {formulation.division.value}")
     return ", ".join(parts)
 
 

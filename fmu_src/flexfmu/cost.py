@@ -11,7 +11,7 @@ from .progress import Reporter
 from .runtime.body import FlexibleBody
 from .runtime.errors import OptionError, RuntimeBodyError
 from .runtime.loads import Loads
-from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 
 _BLOCKS, _STEPS = 5, 20
 # Tip motion, relative to the body's size, that the measuring load brings about: bent enough to need its iterations.
@@ -53,9 +53,9 @@ def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
     step = body.suggested_step
     with report.stage(f"Time steps of {step:g} s"):
         loads = _measuring_loads(body)
-        for kinematics, placement, stiffness in product(Kinematics, LoadPlacement, Stiffness):
+        for kinematics, placement, stiffness, mass in product(Kinematics, LoadPlacement, Stiffness, Mass):
             try:
-                model = FlexibleBody(body, Formulation(kinematics, placement, stiffness))
+                model = FlexibleBody(body, Formulation(kinematics, placement, stiffness, mass))
                 costs.append(_time(model, loads, step))
             except (OptionError, RuntimeBodyError):
                 # Without meaning, without data, or not stable under this load: nothing to time.

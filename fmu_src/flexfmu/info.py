@@ -42,11 +42,11 @@ def cost_table(costs: Sequence[Cost]) -> Table:
     rich.table.Table
     """
     table = Table(
-        "kinematics", "loads", "stiffness", "median / µs", "fastest / µs", "iterations", title="Cost of a step"
+        "kinematics", "loads", "stiffness", "mass", "median / µs", "fastest / µs", "iterations", title="Cost of a step"
     )
     for cost in costs:
         choice = cost.formulation
-        names = choice.kinematics.value, choice.loads.value, choice.stiffness.value
+        names = choice.kinematics.value, choice.loads.value, choice.stiffness.value, choice.mass.value
         table.add_row(*names, f"{1e6 * cost.median:.0f}", f"{1e6 * cost.fastest:.0f}", f"{cost.iterations:.1f}")
     return table
 
