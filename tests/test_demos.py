@@ -55,7 +55,7 @@ def test_tree_is_right_where_bodies_hang_on_one_support(table, case):
 @pytest.mark.parametrize("case", ["beam clamped at both ends", "plate, twisted"])
 def test_no_method_knows_membrane_stiffening(table, case):
     methods = {method for method, _ in table}
-    assert len(methods) == 13
+    assert len(methods) == 15
     assert all(table[method, case] > 0.7 for method in methods)
 
 
@@ -68,3 +68,9 @@ def test_bent_plate_is_beam_like_to_two_percent(table):
     assert table["4 × corotated, deformed", "plate, bent"] < 0.02
     # Not for want of frames: twice as many gain little.
     assert table["8 × corotated, deformed", "plate, bent"] > 0.8 * table["4 × corotated, deformed", "plate, bent"]
+
+
+def test_frames_that_do_not_carry_each_other_lose_what_the_tree_gains(table):
+    separate, tree = "4 × corotated, deformed, frames separate", "4 × corotated, deformed"
+    assert table[separate, "clamped beam"] > 2.0 * table["corotated, deformed", "clamped beam"]
+    assert table[tree, "clamped beam"] < 0.1 * table["corotated, deformed", "clamped beam"]
