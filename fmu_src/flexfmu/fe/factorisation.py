@@ -49,6 +49,8 @@ class Factorisation:
     matrix : (n, n) sparse
     node : (n,) int
         Node to which each unknown belongs, ascending.
+    order : (n,) int, optional
+        Order of elimination, where it is known from a matrix of the same pattern.
 
     Raises
     ------
@@ -56,8 +58,8 @@ class Factorisation:
         The matrix is singular.
     """
 
-    def __init__(self, matrix: sp.csr_array, node: IntArray):
-        self._order = dissection_order(matrix, node)
+    def __init__(self, matrix: sp.csr_array, node: IntArray, order: IntArray | None = None):
+        self._order = dissection_order(matrix, node) if order is None else order
         permuted = sp.csc_matrix(matrix[self._order][:, self._order])
         try:
             self._factor = spla.splu(
@@ -68,6 +70,11 @@ class Factorisation:
                 f"the stiffness matrix is singular ({error}): a part of the body is free to move; check supports and "
                 "that all parts share nodes"
             ) from error
+
+    @property
+    def positive_definite(self) -> bool:
+        """Whether the symmetric matrix is: no pivot of the elimination, whose order is the diagonal's, is negative."""
+        return bool(np.all(self._factor.U.diagonal() > 0.0))
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve for one or several right-hand sides.
