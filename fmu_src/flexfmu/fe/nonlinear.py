@@ -26,6 +26,8 @@ _ITERATIONS = 12
 _EASY = 6
 # The first part of the load: one increment for all of it might land beyond a limit load on the far side.
 _FIRST = 0.25
+# Displacement of an increment over what the tangent at its start foresees; near a limit load it grows without bound.
+_JUMP = 3.0
 # The smallest part of the load that an increment may be.
 _SMALLEST = 1e-4
 
@@ -178,17 +180,22 @@ def _newton(
     body: _Body, free: IntArray, order: IntArray, start: FloatArray, load: FloatArray, size: float
 ) -> tuple[FloatArray | None, int]:
     """Newton's method from `start`; None where it fails, or leaves the stable path that leads from there."""
-    u = start.copy()
+    u, foreseen = start.copy(), 0.0
     residual = load[free] - body.forces(u)[free]
     for iteration in range(1, _ITERATIONS + 1):
         tangent = Factorisation(body.tangent(u)[free][:, free], free // 3, order)
         if not tangent.positive_definite:
             return None, iteration
-        u[free] += tangent.solve(residual)
+        change = tangent.solve(residual)
+        if iteration == 1:
+            foreseen = float(np.linalg.norm(change))
+        u[free] += change
         residual = load[free] - body.forces(u)[free]
         error = float(np.linalg.norm(residual))
         if not np.isfinite(error):
             return None, iteration
         if error <= _TOLERANCE * size:
-            return u, iteration
+            # Much farther than the tangent foresaw: a jump to another branch.
+            jumped = float(np.linalg.norm(u - start)) > _JUMP * foreseen
+            return (None if jumped else u), iteration
     return None, _ITERATIONS
