@@ -241,7 +241,9 @@ def between(start: NodeLoads, end: NodeLoads, share: float) -> NodeLoads:
     )
 
 
-def modal_force(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> FloatArray:
+def modal_force(
+    dynamics: Dynamics, loads: NodeLoads, state: Configuration, tense: FloatArray | None = None
+) -> FloatArray:
     """Modal force Q(q) of the loads, geometric stiffness included.
 
     Parameters
@@ -250,13 +252,15 @@ def modal_force(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> F
     loads : NodeLoads
     state : Configuration
         The configuration at q.
+    tense : (T, 4, 3) float, optional
+        Tension of the ties where it is to be another than that at q.
 
     Returns
     -------
     (m,) float
     """
     ties = dynamics.ties
-    own = None if ties is None else nodal_loads(ties, state, tension(ties, state))
+    own = None if ties is None else nodal_loads(ties, state, tension(ties, state) if tense is None else tense)
     match dynamics.placement:
         case LoadPlacement.DEFORMED if own is not None:
             force = generalised_force(dynamics.tree, state, loads.force + own[0], loads.moment + own[1])

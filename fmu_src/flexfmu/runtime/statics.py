@@ -91,7 +91,8 @@ def _newton(dynamics: Dynamics, loads: Loads, start: FloatArray) -> tuple[FloatA
         size = float(np.linalg.norm(change))
         if not np.isfinite(size):
             return None, iteration
-        if size <= _TOLERANCE * float(np.linalg.norm(omega * q)):
+        noise = 0.0 if dynamics.ties is None else dynamics.ties.noise
+        if size <= max(_TOLERANCE * float(np.linalg.norm(omega * q)), noise):
             return q, iteration
     return None, _MAX_ITERATIONS
 

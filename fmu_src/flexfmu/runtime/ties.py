@@ -21,6 +21,8 @@ from .tree import Configuration, Tree, configuration, jacobians
 
 FloatArray = NDArray[np.float64]
 
+_ROUND_OFF = 64.0 * np.finfo(np.float64).eps
+
 
 @dataclass(frozen=True, slots=True)
 class TieForces:
@@ -42,6 +44,8 @@ class TieForces:
         H, 1/s²: what the modes hold of it.
     welded : (m, m) float
         The part of H that is due to ties between two sections, without those to the ground.
+    noise : float
+        What the round-off of places makes of the springs' strain: no change of Ωq below it means anything, J^1/2.
     """
 
     first: slice
@@ -51,6 +55,7 @@ class TieForces:
     apart: FloatArray
     initial: FloatArray
     welded: FloatArray
+    noise: float
 
 
 def tie_forces(body: ReducedBody, tree: Tree) -> TieForces | None:
@@ -71,13 +76,15 @@ def tie_forces(body: ReducedBody, tree: Tree) -> TieForces | None:
     first, second = slice(stop - 2 * count, stop - count), slice(stop - count, stop)
     apart = tree.point[first] - tree.point[second]
     none = np.zeros((body.mode_count, body.mode_count))
-    bare = TieForces(first, second, body.ties.stiffness[:, None, :], body.ties.lever, apart, none, none)
+    bare = TieForces(first, second, body.ties.stiffness[:, None, :], body.ties.lever, apart, none, none, 0.0)
     here = configuration(tree, np.zeros(body.mode_count))
     change = gap_derivative(bare, here, *jacobians(tree, here))
     weighed = bare.stiffness[..., None] * change
     each = np.einsum("tcim,tcin->tmn", weighed, change, optimize=True)
     welded = np.asarray(body.ties.frame[:, 1] >= 0)
-    return TieForces(first, second, bare.stiffness, bare.lever, apart, each.sum(axis=0), each[welded].sum(axis=0))
+    noise = _ROUND_OFF * float(np.abs(tree.point).max() * np.sqrt(body.ties.stiffness.max()))
+    initial = each.sum(axis=0)
+    return TieForces(first, second, bare.stiffness, bare.lever, apart, initial, each[welded].sum(axis=0), noise)
 
 
 def _levers(ties: TieForces, state: Configuration) -> tuple[FloatArray, FloatArray]:
