@@ -51,8 +51,7 @@ def halves(tmp_path_factory):
     def reduced(name, length, interfaces, frames, **tables):
         mesh = box(ElementType.C3D20R, (round(20 * length), 1, 1), (length, SIDE, SIDE))
         common = {"reduction": BASIS, "damping": DAMPING, "frames": frames}
-        config = body_file(mesh, folder, interface=interfaces, name=name, **(common | tables))
-        return config
+        return body_file(mesh, folder, interface=interfaces, name=name, **(common | tables))
 
     whole = FlexibleBody(reduce_body(reduced("whole", LENGTH, ["TIP"], 8), Reporter()))
     first = reduce_body(reduced("first", LENGTH / 2, ["TIP"], 4), Reporter())

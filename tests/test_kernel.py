@@ -89,7 +89,7 @@ def test_compiled_rotation_vectors_are_right_for_any_angle(size, random):
     np.testing.assert_allclose(both[0].motion(state), both[1].motion(state), rtol=0.0, atol=1e-11)
 
 
-def test_where_a_fixed_point_does_not_settle_newton_takes_over(random):
+def test_where_a_fixed_point_does_not_settle_newton_takes_over():
     beam = Beam()
     bodies = pair(beam_body(3, modes=3, planes="y"), Formulation(), StepLimits(0.0, 1e300))
     # A compressed beam bent far, in steps much longer than its period.

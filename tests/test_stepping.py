@@ -50,7 +50,7 @@ def fine():
 
 
 def energy_drift(steps, step, every=1):
-    """Largest |strain + kinetic − work of the force| relative to the largest energy, looked at `every` so many steps."""
+    """Largest |strain + kinetic − work of the force| relative to the largest energy, seen at `every` so many steps."""
     flexible = swinging_beam(ONE_STEP)
     inputs = flexible.loads({"tip": HEAVY}).packed(False)
     state, worst, energy, deflection = flexible.rest(), 0.0, 0.0, 0.0
