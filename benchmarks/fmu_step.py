@@ -45,6 +45,8 @@ class Record:
         s per step, of blocks of steps.
     iterations : float
         Rounds of the implicit iteration per step.
+    ratio : float
+        Median over that of the empty slave, measured just before and just after.
     """
 
     kinematics: str
@@ -54,6 +56,7 @@ class Record:
     median: float
     fastest: float
     iterations: float
+    ratio: float
 
 
 def build_body(folder: Path) -> tuple[Path, Path]:
@@ -158,6 +161,14 @@ def in_process(fmu: Path, choices: dict[str, str]) -> dict[str, float] | None:
     return json.loads(lines[-1].removeprefix("RESULT ")) if lines else None
 
 
+def empty_slave(fmu: Path) -> dict[str, float]:
+    """Result of `drive` for the empty slave."""
+    found = in_process(fmu, {})
+    if found is None:
+        raise SystemExit("the empty slave does not run")
+    return found
+
+
 def measure(output: Path) -> list[Record]:
     """Build everything, time everything, write the records."""
     import fmpy
@@ -173,10 +184,8 @@ def measure(output: Path) -> list[Record]:
         outputs = [v.name for v in variables if v.causality == "output" and v.type == "Real"]
         empty = build_empty(folder, inputs, outputs)
         print(f"{len(inputs)} inputs, {len(outputs)} outputs, {MODES} modes, {FRAMES} frames, steps of {STEP} s\n")
-        base = in_process(empty, {})
-        if base is None:
-            raise SystemExit("the empty slave does not run")
-        records.append(Record("", "", "", False, base["median"], base["fastest"], 0.0))
+        base = empty_slave(empty)
+        records.append(Record("", "", "", False, base["median"], base["fastest"], 0.0, 1.0))
         print("| kinematics | loads | stiffness | compiled | µs | of the empty slave | rounds |")
         print("|---|---|---|---|---|---|---|")
         print(f"| empty slave | | | | {1e6 * base['median']:.0f} | 1.0 | |")
@@ -187,8 +196,9 @@ def measure(output: Path) -> list[Record]:
                 found = in_process(fmu, dict(zip(names, words, strict=True)))
                 if found is None:
                     continue
-                records.append(Record(*words, compiled, found["median"], found["fastest"], found["iterations"]))
-                ratio = found["median"] / base["median"]
+                before, base = base, empty_slave(empty)
+                ratio = 2.0 * found["median"] / (before["median"] + base["median"])
+                records.append(Record(*words, compiled, found["median"], found["fastest"], found["iterations"], ratio))
                 print(
                     f"| {' | '.join(words)} | {'yes' if compiled else 'no'} | {1e6 * found['median']:.0f} "
                     f"| {ratio:.1f} | {found['iterations']:.1f} |",
