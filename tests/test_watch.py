@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bodies import Beam, beam_body
+from bodies import Beam, beam_body, random_body
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.errors import RuntimeBodyError
 from flexfmu.runtime.modal_file import write_modal_file
@@ -227,4 +227,29 @@ def test_compliance_is_the_change_of_motion_by_a_load_held_over_the_step(tmp_pat
         # Of the tip's rotation vector, which the tip's spin follows while rotations are small.
         np.testing.assert_allclose(found[:3, column], expected[:3], atol=2e-2 * np.abs(found[:3]).max())
     assert found[1, 1] > 0.0
+    assert driven.model.compliance_interfaces == ("tip",)
     np.testing.assert_allclose(found, found.T, atol=2e-2 * np.abs(found).max())
+
+
+def test_compliance_of_two_interfaces_tells_how_each_moves_the_other(tmp_path):
+    model = replace(random_body(), compliance_interfaces=("port_0", "port_2"))
+    driven = Driven(tmp_path, model)
+    driven.set(**{"port_0.force.x": 50.0, "port_2.force.z": -40.0})
+    for _ in range(3):
+        driven.step()
+    kept = driven.slave._get_fmu_state()
+    driven.step()
+    rows = [f"{k}{axis}" for k in "ur" for axis in "xyz"]
+    found = np.array(driven.get(*(f"port_0.compliance.port_2.{row}.fy" for row in rows)))
+    back = np.array(driven.get(*(f"port_2.compliance.port_0.uy.f{axis}" for axis in "xyz")))
+
+    def end(force):
+        driven.slave._set_fmu_state(kept)
+        driven.set(**{"port_2.force.y": force})
+        driven.step()
+        return np.array(driven.get(*(f"port_0.displacement.{axis}" for axis in "xyz")))
+
+    expected = (end(0.01) - end(-0.01)) / 0.02
+    np.testing.assert_allclose(found[:3], expected, atol=2e-2 * np.abs(expected).max())
+    # Maxwell and Betti: what one does to the other, the other does to it.
+    np.testing.assert_allclose(back, found[:3], atol=1e-2 * np.abs(found[:3]).max())

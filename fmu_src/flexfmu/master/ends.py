@@ -147,20 +147,25 @@ def lay_ends(
         ]
         return np.array(rows, dtype=np.int64).reshape(len(ends), 6)
 
-    compliance = []
-    for text in ends:
-        fmu, _, interface = text.partition(".")
-        names = [f"{interface}.compliance.{row}.{column}" for row in ROWS for column in COLUMNS]
-        there = descriptions[fmu].variables
-        complete = all(name in there and there[name].type == "Real" for name in names)
-        compliance.append(tuple(int(there[name].valueReference) for name in names) if complete else ())
+    compliance = {}
+    for a, moved in enumerate(ends):
+        for b, loaded in enumerate(ends):
+            fmu, _, interface = moved.partition(".")
+            other_fmu, _, other = loaded.partition(".")
+            if fmu != other_fmu:
+                continue
+            middle = "" if other == interface else f"{other}."
+            names = [f"{interface}.compliance.{middle}{row}.{column}" for row in ROWS for column in COLUMNS]
+            there = descriptions[fmu].variables
+            if all(name in there and there[name].type == "Real" for name in names):
+                compliance[a, b] = tuple(int(there[name].valueReference) for name in names)
     return Ends(
         ends,
         np.array([order.index(text.partition(".")[0]) for text in ends], dtype=np.int64),
         places(signal_place, "displacement", "rotation"),
         places(signal_place, "velocity", "angular_velocity"),
         places(input_place, "force", "moment"),
-        tuple(compliance),
+        compliance,
     )
 
 

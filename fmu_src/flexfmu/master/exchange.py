@@ -1,6 +1,6 @@
 """What inputs the FMUs' outputs ask for: tables, connections and springs, and how the answer to inputs is known."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +76,7 @@ def answer(
     signals: FloatArray,
     before: FloatArray,
     step: float,
-    compliance: Sequence[FloatArray | None],
+    compliance: Mapping[tuple[int, int], FloatArray],
     share: float = 1.0,
 ) -> Model | None:
     """Derivative of the coupled inputs with respect to themselves, held over a step, from the ends' compliance.
@@ -90,8 +90,9 @@ def answer(
         At the step's end and beginning.
     step : float
         s.
-    compliance : sequence of (6, 6) float or None
-        Of each end: displacement and rotation at the step's end by force and moment held over it.
+    compliance : mapping of (int, int) to (6, 6) float
+        Of pairs of ends of the same FMU: displacement and rotation of the first at the step's end by force and moment
+        on the second held over it.
     share : float, optional
         Part that the step's end has in what is held.
 
@@ -102,7 +103,9 @@ def answer(
     """
     ends, springs = wiring.ends, wiring.springs
     # The ground does not give way.
-    offered = np.array([c is not None and bool(np.all(np.isfinite(c))) for c in compliance] + [True])
+    sound = {pair: block for pair, block in compliance.items() if np.all(np.isfinite(block))}
+    count = len(ends.names)
+    offered = np.array([(end, end) in sound for end in range(count)] + [True])
     told = offered[springs.a] & offered[springs.b]
     if not np.any(told):
         return None
@@ -111,9 +114,10 @@ def answer(
     # A load held over the step changes the velocity at its end twice as much as the motion suggests.
     by_motion = np.where(ends.rates[:, 0] >= 0, 2.0, 1.0) / step
     slope = tangent(known_springs, motion, by_motion)
-    for end, block in enumerate(compliance):
-        columns = slice(6 * end, 6 * end + 6)
-        slope[:, columns] = slope[:, columns] @ (np.zeros((6, 6)) if block is None or not offered[end] else block)
+    whole = np.zeros((6 * count, 6 * count))
+    for (a, b), block in sound.items():
+        whole[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] = block
+    slope = slope @ whole
     known = np.zeros(len(wiring.base), dtype=bool)
     for end in {*known_springs.a.tolist(), *known_springs.b.tolist()} - {len(ends.names)}:
         known[ends.loads[end][ends.loads[end] >= 0]] = True
@@ -121,9 +125,10 @@ def answer(
     there = places >= 0
     full = np.zeros((len(wiring.base), len(wiring.base)))
     full[np.ix_(places[there], places[there])] = share * slope[np.ix_(there, there)]
-    # An interface's compliance does not tell how it moves another one of the same FMU.
-    alone = len(set(ends.role.tolist())) == len(ends.role)
-    return Model(full, known, alone and bool(np.all(known[wiring.coupled])) and not np.any(wiring.matrix))
+    # Nothing is missing where every pair of ends of an FMU is told of.
+    role = ends.role.tolist()
+    complete = all((a, b) in sound for a in range(count) for b in range(count) if role[a] == role[b])
+    return Model(full, known, complete and bool(np.all(known[wiring.coupled])) and not np.any(wiring.matrix))
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,8 +82,8 @@ class Ends:
         Signals: displacement and rotation, velocity and angular velocity.
     loads : (E, 6) int
         Driven inputs: force and moment.
-    compliance : tuple of tuple of int
-        36 value references row by row, or none.
+    compliance : dict of (int, int) to tuple of int
+        36 value references, row by row, of an end's motion by the loads on an end of the same FMU, where offered.
     """
 
     names: tuple[str, ...]
@@ -91,7 +91,7 @@ class Ends:
     motion: IntArray
     rates: IntArray
     loads: IntArray
-    compliance: tuple[tuple[int, ...], ...]
+    compliance: dict[tuple[int, int], tuple[int, ...]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,12 +87,12 @@ class Stage:
     def answer(self, signals: FloatArray, before: FloatArray, share: float = 1.0) -> Model | None:
         """What the ends' compliance, of the step just taken, tells beforehand."""
         ends = self.wiring.ends
-        if not any(ends.compliance):
+        if not ends.compliance:
             return None
-        compliance = [
-            self.participants[role].reals(references).reshape(6, 6) if references else None
-            for role, references in zip(ends.role, ends.compliance, strict=True)
-        ]
+        compliance = {
+            pair: self.participants[ends.role[pair[0]]].reals(references).reshape(6, 6)
+            for pair, references in ends.compliance.items()
+        }
         return answer(self.wiring, signals, before, self.step, compliance, share)
 
 

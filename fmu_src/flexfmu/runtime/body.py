@@ -372,8 +372,8 @@ class FlexibleBody:
         elastic = shape[self.model.rigid_count :]
         return float(elastic @ elastic - elastic @ self._scaled_tangent(state, inputs) @ elastic)
 
-    def compliance(self, state: State, inputs: FloatArray, step: float, interface: int) -> FloatArray:
-        """Derivative of an interface's motion at a step's end with respect to a load on it held over the step.
+    def compliance(self, state: State, inputs: FloatArray, step: float, interfaces: Sequence[int]) -> FloatArray:
+        """Derivative of interfaces' motion at a step's end with respect to loads on them held over the step.
 
         Parameters
         ----------
@@ -382,18 +382,18 @@ class FlexibleBody:
         inputs : (6I,) or (6I + 3,) float
         step : float
             s.
-        interface : int
+        interfaces : sequence of int
 
         Returns
         -------
-        (6, 6) float
-            Displacement and rotation per force and moment: m/N, m/(N m), rad/N, rad/(N m).
+        (6n, 6n) float
+            Displacement and rotation of each in turn per force and moment on each: m/N, m/(N m), rad/N, rad/(N m).
         """
         loads = spread(self._dynamics, Loads.unpacked(inputs, self.model.interface_count))
         if self._stepper.tied is not None:
-            return self._stepper.tied.compliance(step, loads, self._configuration(state.q), interface)
+            return self._stepper.tied.compliance(step, loads, self._configuration(state.q), interfaces)
         return compliance(
-            self._dynamics, self._stepper.propagator(step), loads, self._configuration(state.q), interface
+            self._dynamics, self._stepper.propagator(step), loads, self._configuration(state.q), interfaces
         )
 
     def _scaled_tangent(self, state: State, inputs: FloatArray) -> FloatArray:

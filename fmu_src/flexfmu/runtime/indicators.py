@@ -1,5 +1,6 @@
 """How far a reduced body is to be trusted: rotation within its frames, stability of its tangent, its compliance."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,8 +108,18 @@ def elastic_part(dynamics: Dynamics, tangent: FloatArray) -> FloatArray:
     return result
 
 
-def compliance(dynamics: Dynamics, p: Propagator, loads: NodeLoads, state: Configuration, interface: int) -> FloatArray:
-    """Derivative of an interface's motion at a step's end with respect to a load on it that is held over the step.
+def interface_jacobian(dynamics: Dynamics, state: Configuration, interfaces: Sequence[int]) -> FloatArray:
+    """Displacement and spin of each of some interfaces in turn per rate of the modal coordinates, (6n, m)."""
+    translation, spin = jacobians(dynamics.tree, state)
+    nodes = dynamics.tree.frame_count + np.asarray(interfaces, dtype=np.int64)
+    result: FloatArray = np.concatenate([translation[nodes], spin[nodes]], axis=1).reshape(6 * nodes.size, -1)
+    return result
+
+
+def compliance(
+    dynamics: Dynamics, p: Propagator, loads: NodeLoads, state: Configuration, interfaces: Sequence[int]
+) -> FloatArray:
+    """Derivative of interfaces' motion at a step's end with respect to loads on them that are held over the step.
 
     Of the step's own linear equation q₁ = P q₀ + g_q Q̄, with Q̄ linearised about its end.
 
@@ -120,16 +131,15 @@ def compliance(dynamics: Dynamics, p: Propagator, loads: NodeLoads, state: Confi
     loads : NodeLoads
     state : Configuration
         At the step's end.
-    interface : int
+    interfaces : sequence of int
 
     Returns
     -------
-    (6, 6) float
-        Displacement and rotation (rows) per force and moment (columns); m/N, m/(N m), rad/N, rad/(N m).
+    (6n, 6n) float
+        Displacement and rotation of each interface in turn (rows) per force and moment on each (columns); m/N,
+        m/(N m), rad/N, rad/(N m).
     """
-    translation, spin = jacobians(dynamics.tree, state)
-    node = dynamics.tree.frame_count + interface
-    motion = np.concatenate([translation[node], spin[node]])
+    motion = interface_jacobian(dynamics, state, interfaces)
     # Half the load's stiffness acts at the step's end, half at its start.
     half = 0.5 * (np.diag(dynamics.stiffness) - tangent_stiffness(dynamics, loads, state))
     change = np.linalg.solve(np.eye(p.gq.size) - p.gq[:, None] * half, p.gq[:, None] * motion.T)

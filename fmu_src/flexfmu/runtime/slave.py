@@ -431,7 +431,10 @@ class BodySlave:
         step = self._last_step or self._model.suggested_step
         names = self._model.interface_names
         offered = [names.index(name) for name in self._model.compliance_interfaces]
-        return [x for i in offered for x in body.compliance(state, self._previous, step, i).ravel().tolist()]
+        found = body.compliance(state, self._previous, step, offered)
+        # By pairs of interfaces: of the first by loads on the second, row by row.
+        count = len(offered)
+        return list(found.reshape(count, 6, count, 6).swapaxes(1, 2).ravel().tolist())
 
     def _named(self, vr: int, kind: str) -> str:
         if not (0 <= vr < len(self._variables) and self._variables[vr].type == kind):

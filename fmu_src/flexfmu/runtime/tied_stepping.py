@@ -13,15 +13,17 @@ of second order. Source of (17): J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, tangent_stiffness
+from .indicators import interface_jacobian
 from .propagation import Propagator, propagator
 from .ties import TieForces, energy, tension
-from .tree import Configuration, jacobians
+from .tree import Configuration
 
 FloatArray = NDArray[np.float64]
 
@@ -236,11 +238,9 @@ class TiedSteps:
         size = abs(strain) + float(v @ v)
         return math.sqrt(float(local.square @ off**2) / size) if size > 0.0 else 0.0
 
-    def compliance(self, step: float, loads: NodeLoads, state: Configuration, interface: int) -> FloatArray:
+    def compliance(self, step: float, loads: NodeLoads, state: Configuration, interfaces: Sequence[int]) -> FloatArray:
         """As `indicators.compliance`, of this rule."""
-        translation, spin = jacobians(self._dynamics.tree, state)
-        node = self._dynamics.tree.frame_count + interface
-        motion = np.concatenate([translation[node], spin[node]])
+        motion = interface_jacobian(self._dynamics, state, interfaces)
         tangent = tangent_stiffness(self._dynamics, loads, state)
         matrix = 2.0 / step**2 * np.eye(len(tangent)) + self._damping / step + 0.5 * tangent
         result: FloatArray = motion @ np.linalg.solve(matrix, motion.T)

@@ -242,7 +242,7 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
     table += _diagnostics()
     table += [
         Variable(
-            f"{interface}.compliance.{row}.{column}",
+            f"{interface}.compliance.{'' if other == interface else f'{other}.'}{row}.{column}",
             "Real",
             Group.COMPLIANCE,
             "local",
@@ -250,9 +250,11 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
             "calculated",
             None,
             _COMPLIANCE_UNITS[row[0] + column[0]],
-            f"{interface}: change of {words} at the end of a step with {cause} held over it",
+            f"{interface}: change of {words} at the end of a step with {cause}"
+            f"{'' if other == interface else f' on {other}'} held over it",
         )
         for interface in body.compliance_interfaces
+        for other in body.compliance_interfaces
         for row, words in _COMPLIANCE_ROWS.items()
         for column, cause in _COMPLIANCE_COLUMNS.items()
     ]
