@@ -702,6 +702,15 @@ def test_a_free_rod_on_a_hinge_of_springs_swings_like_a_rigid_one(run, rods, fil
     assert np.max(found.iterations) <= most
 
 
+def test_compliance_between_interfaces_settles_stiff_joints_and_long_steps(run, rods):  # noqa: ARG001
+    stiff, turning = 1e8, [1e7] * 3
+    pair_of_rods = fmu("a", "rod_c") + fmu("b", "rod_c", **{"tip.force.y": 200.0})
+    joints = bushing("a.root", None, HINGE) + bushing("b.root", "a.tip", [stiff] * 3 + turning)
+    found = run(experiment("iterated", 2e-3, 0.1, held="mean") + pair_of_rods + joints)
+    assert found.error is None
+    assert np.max(found.iterations) <= 5
+
+
 @pytest.mark.parametrize("file", ["rod", "rod_c"], ids=["quasi-Newton", "compliance"])
 def test_two_rods_joined_by_springs_swing_far_as_one_of_twice_the_length(run, rods, file):
     # The joint's axes turn with the first rod, by more than a radian.
