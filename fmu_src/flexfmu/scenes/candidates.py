@@ -1,0 +1,196 @@
+"""Models of a body that may do for a scene: basis, modes, frames and formulation."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from ..config import Basis, BodyFile, FormulationTable
+from ..mesh.model import IntArray
+from ..runtime.errors import OptionError
+from ..runtime.reduced_body import (
+    Formulation,
+    Kinematics,
+    LoadPlacement,
+    Mass,
+    ReducedBody,
+    Stiffness,
+)
+from .config import BasisChoice
+from .scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """What one reduction of the body serves.
+
+    Attributes
+    ----------
+    basis : BasisChoice
+    modes : int
+        Normal modes; interface modes come on top.
+    frames : int
+        0: none.
+    """
+
+    basis: BasisChoice
+    modes: int
+    frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A reduction under a formulation."""
+
+    reduction: Reduction
+    formulation: Formulation
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells it from others, in the order of the records' columns."""
+        r, f = self.reduction, self.formulation
+        words = f.kinematics.value, f.loads.value, f.stiffness.value, f.mass.value
+        return (r.basis.value, str(r.modes), str(r.frames), *words)
+
+
+def candidates(scene: Scene) -> list[Candidate]:
+    """Every combination that `[sweep]` asks for and that has a meaning for the body, each once, fewest frames first.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of Candidate
+    """
+    sweep = scene.file.sweep
+    found: dict[Candidate, None] = {}
+    formulations = product(sweep.kinematics, sweep.loads, sweep.stiffness, sweep.mass)
+    for kinematics, loads, stiffness, mass in formulations:
+        linear = kinematics is Kinematics.LINEAR
+        if linear and loads is LoadPlacement.DEFORMED:
+            # The same as on the undeformed body.
+            loads = LoadPlacement.REFERENCE
+        try:
+            formulation = Formulation(kinematics, loads, stiffness, mass)
+        except OptionError:
+            continue
+        # Linear kinematics know nothing of frames.
+        frames = [0] if linear else list(sweep.frames)
+        for basis, modes, count in product(sweep.basis, sweep.modes, frames):
+            candidate = Candidate(Reduction(basis, modes, count), formulation)
+            if has_meaning(scene.config, candidate):
+                found[candidate] = None
+    order = {candidate: place for place, candidate in enumerate(found)}
+    return sorted(found, key=lambda c: (_reduction_key(c.reduction), order[c]))
+
+
+def _reduction_key(reduction: Reduction) -> tuple[int, int, str]:
+    return reduction.frames, reduction.modes, reduction.basis.value
+
+
+def has_meaning(config: BodyFile, candidate: Candidate) -> bool:
+    """Whether the body file would take a combination."""
+    formulation, frames = candidate.formulation, candidate.reduction.frames
+    if config.free and formulation.stiffness is Stiffness.BY_LOAD:
+        return False
+    plain = formulation.stiffness is Stiffness.CONSTANT and formulation.mass is Mass.CONSTANT
+    return not (config.cut and (not plain or frames == 0))
+
+
+def reduction_config(config: BodyFile, reduction: Reduction, formulations: list[Formulation]) -> BodyFile:
+    """Body file of a reduction, with what some formulations need aboard.
+
+    Parameters
+    ----------
+    config : BodyFile
+    reduction : Reduction
+    formulations : list of Formulation
+        The first is the one that the body starts with.
+
+    Returns
+    -------
+    BodyFile
+    """
+    needed = sorted({f.stiffness.value for f in formulations if f.stiffness is not Stiffness.CONSTANT})
+    table = config.reduction.model_copy(
+        update={
+            "basis": Basis.CRAIG_BAMPTON if reduction.basis is BasisChoice.CRAIG_BAMPTON else Basis.NORMAL,
+            "modes": reduction.modes,
+            "residual_flexibility": reduction.basis is BasisChoice.RESIDUAL,
+            "geometric_stiffness": needed,
+            "inertia": any(f.mass is Mass.CONFIGURATION for f in formulations),
+        }
+    )
+    first = formulations[0]
+    start = FormulationTable(kinematics=first.kinematics, loads=first.loads, stiffness=first.stiffness, mass=first.mass)
+    return config.model_copy(update={"frames": reduction.frames, "frame": [], "reduction": table, "formulation": start})
+
+
+def lean(body: ReducedBody, formulation: Formulation) -> ReducedBody:
+    """The body with nothing aboard that a formulation does not need."""
+    return replace(
+        body,
+        formulation=formulation,
+        stiffness_by_load=body.stiffness_by_load if formulation.stiffness is Stiffness.BY_LOAD else None,
+        stiffness_by_mode=body.stiffness_by_mode if formulation.stiffness is Stiffness.BY_MODE else None,
+        inertia=body.inertia if formulation.mass is Mass.CONFIGURATION else None,
+    )
+
+
+def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
+    """The body with some of its modes only.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    kept : (k,) int
+        Ascending.
+
+    Returns
+    -------
+    ReducedBody
+    """
+    square = np.ix_(kept, kept)
+    whole, masses, surface, inertia, ties = body.whole, body.masses, body.surface, body.inertia, body.ties
+    if whole is not None:
+        names = ("joint_displacement", "joint_rotation", "frame_rotation")
+        whole = replace(whole, **{name: getattr(whole, name)[..., kept] for name in names})
+    if masses is not None:
+        masses = replace(masses, displacement=masses.displacement[..., kept])
+    if surface is not None:
+        surface = replace(surface, modes=surface.modes[..., kept])
+    if ties is not None:
+        ties = replace(ties, displacement=ties.displacement[..., kept], rotation=ties.rotation[..., kept])
+    if inertia is not None:
+        moments = np.concatenate([[0], kept + 1])
+        inertia = replace(
+            inertia,
+            first=inertia.first[:, moments],
+            second=inertia.second[:, moments][:, :, moments],
+            ground=inertia.ground[square],
+        )
+    by_load, by_mode = body.stiffness_by_load, body.stiffness_by_mode
+    linear = ("interface_displacement", "interface_rotation", "joint_displacement", "joint_rotation", "frame_rotation")
+    return replace(
+        body,
+        angular_frequency=body.angular_frequency[kept],
+        damping_ratio=body.damping_ratio[kept],
+        whole=whole,
+        masses=masses,
+        surface=surface,
+        inertia=inertia,
+        ties=ties,
+        stress_sets=tuple(replace(part, stress=part.stress[..., kept]) for part in body.stress_sets),
+        stiffness_by_load=None if by_load is None else by_load[:, kept][:, :, kept],
+        stiffness_by_mode=None if by_mode is None else by_mode[np.ix_(kept, kept, kept)],
+        **{name: getattr(body, name)[..., kept] for name in linear},
+    )
+
+
+def grouped(found: list[Candidate]) -> Iterator[tuple[Reduction, list[Candidate]]]:
+    """Candidates by the reduction that serves them."""
+    for reduction in dict.fromkeys(candidate.reduction for candidate in found):
+        yield reduction, [candidate for candidate in found if candidate.reduction == reduction]

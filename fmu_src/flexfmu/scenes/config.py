@@ -1,0 +1,237 @@
+"""The scene file (TOML): its keys, checked, with errors that name the key; docs/scenes.md describes it."""
+
+import difflib
+import tomllib
+from enum import Enum
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from ..config import Name
+from ..runtime.reduced_body import Kinematics, LoadPlacement, Mass, Stiffness
+from .errors import SceneError
+
+Positive = Annotated[float, Field(gt=0.0)]
+_KNOWN = "docs/scenes.md lists the known ones"
+# What pydantic adds to the place of an error to tell the types that a key may have.
+_ALTERNATIVES = ("str", "dict[str,float]")
+
+
+class BasisChoice(Enum):
+    """Modal basis, with what completes it."""
+
+    NORMAL = "normal"
+    """Eigenmodes with the supports in place."""
+    RESIDUAL = "residual"
+    """Eigenmodes and residual flexibility of the interfaces."""
+    CRAIG_BAMPTON = "craig_bampton"
+    """Constraint modes of the interfaces and fixed-interface normal modes."""
+
+
+class _Table(BaseModel):
+    # Strict: no number from text, none from true or false.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class StaticTable(_Table):
+    """`[[static]]`: loads that hold still."""
+
+    name: Name
+    loads: dict[str, float] = Field(min_length=1)
+    factors: list[Positive] = Field(default=[0.5, 1.0], min_length=1)
+    results: Path | None = Field(default=None, strict=False)
+
+    @field_validator("factors")
+    @classmethod
+    def _ascending(cls, value: list[float]) -> list[float]:
+        if any(b <= a for a, b in pairwise(value)):
+            raise ValueError(f"is {value}, expected ascending parts of the loads, such as [0.25, 0.5, 1.0]")
+        return value
+
+    @field_validator("loads")
+    @classmethod
+    def _some_load(cls, value: dict[str, float]) -> dict[str, float]:
+        if not any(value.values()):
+            raise ValueError("all loads are zero, expected at least one that is not")
+        return value
+
+
+class TransientTable(_Table):
+    """`[[transient]]`: motion from rest under loads over time."""
+
+    name: Name
+    loads: dict[str, float] | str
+    duration: Positive | None = None
+    step: Positive
+    frequencies: list[float] | None = None
+    results: Path | None = Field(default=None, strict=False)
+
+    @field_validator("frequencies")
+    @classmethod
+    def _band(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and (len(value) != 2 or value[0] < 0.0 or value[1] <= value[0]):
+            raise ValueError(f"is {value}, expected [lowest, highest] in Hz; the lowest may be 0")
+        return value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "TransientTable":
+        if isinstance(self.loads, dict):
+            if not any(self.loads.values()):
+                raise ValueError("all loads are zero, expected at least one that is not")
+            if self.duration is None:
+                raise ValueError("a sudden load needs a duration (s); only a table of loads has an end of its own")
+        if self.duration is not None and self.duration < 2.0 * self.step:
+            raise ValueError(f"a duration of {self.duration} s has no two steps of {self.step} s")
+        if self.frequencies is not None and self.frequencies[1] > 0.4 / self.step:
+            raise ValueError(
+                f"frequencies up to {self.frequencies[1]} Hz are not seen at steps of {self.step} s; take steps of "
+                f"{0.4 / self.frequencies[1]:.3g} s or less"
+            )
+        return self
+
+
+class AcceptedTable(_Table):
+    """`[tolerance.static]`, `[tolerance.transient]`: what error is accepted."""
+
+    displacement: Positive
+    displacement_absolute: float = Field(default=0.0, ge=0.0)
+    rotation: Positive | None = None
+    rotation_absolute: float = Field(default=0.0, ge=0.0)
+
+
+class ToleranceTable(_Table):
+    """`[tolerance]`."""
+
+    static: AcceptedTable = AcceptedTable(displacement=0.01)
+    transient: AcceptedTable = AcceptedTable(displacement=0.03)
+
+
+class ReferenceTable(_Table):
+    """`[reference]`: the model that transients are compared with."""
+
+    modes: int = Field(default=20, ge=1)
+    frames: int = Field(default=12, ge=0)
+    mass: Mass = Field(default=Mass.CONFIGURATION, strict=False)
+    tolerance: float = Field(default=1e-4, gt=0.0, lt=1.0)
+
+
+class SweepTable(_Table):
+    """`[sweep]`: what is combined with what."""
+
+    basis: list[Annotated[BasisChoice, Field(strict=False)]] = Field(default=list(BasisChoice), min_length=1)
+    modes: list[Annotated[int, Field(ge=1)]] = Field(default=[3, 6, 10, 20], min_length=1)
+    frames: list[Annotated[int, Field(ge=1)]] = Field(default=[1, 2, 4, 8], min_length=1)
+    kinematics: list[Annotated[Kinematics, Field(strict=False)]] = Field(
+        default=[Kinematics.LINEAR, Kinematics.COROTATED], min_length=1
+    )
+    loads: list[Annotated[LoadPlacement, Field(strict=False)]] = Field(
+        default=[LoadPlacement.REFERENCE, LoadPlacement.DEFORMED], min_length=1
+    )
+    stiffness: list[Annotated[Stiffness, Field(strict=False)]] = Field(
+        default=[Stiffness.CONSTANT, Stiffness.BY_LOAD], min_length=1
+    )
+    mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=[Mass.CONSTANT], min_length=1)
+
+
+class SceneFile(_Table):
+    """A whole scene file."""
+
+    body: Path = Field(default=Path("body.toml"), strict=False)
+    loaded: list[Name] | None = None
+    read: list[Name] | None = Field(default=None, min_length=1)
+    static: list[StaticTable] = []
+    transient: list[TransientTable] = []
+    tolerance: ToleranceTable = ToleranceTable()
+    reference: ReferenceTable = ReferenceTable()
+    sweep: SweepTable = SweepTable()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "SceneFile":
+        names = [*(case.name for case in self.static), *(case.name for case in self.transient)]
+        if not names:
+            raise ValueError("nothing happens in the scene: give a [[static]] or a [[transient]] table")
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two cases have the name {name!r}, expected different names")
+        return self
+
+
+def read_scene_file(path: Path) -> SceneFile:
+    """Read and check a scene file; paths in it come out relative to the working directory.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    SceneFile
+
+    Raises
+    ------
+    SceneError
+        Every wrong key at once, with what was found and what would do.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise SceneError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read ({error})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path}: not valid TOML: {error}") from error
+    try:
+        scene = SceneFile.model_validate(data)
+    except ValidationError as error:
+        raise SceneError(f"{path}:\n  " + "\n  ".join(_explain(error))) from error
+    folder = path.parent
+    placed: dict[str, Any] = {"body": folder / scene.body}
+    for kind in ("static", "transient"):
+        cases = []
+        for case in getattr(scene, kind):
+            update: dict[str, Any] = {}
+            if case.results is not None:
+                update["results"] = folder / case.results
+            if isinstance(case.loads, str):
+                update["loads"] = str(folder / case.loads)
+            cases.append(case.model_copy(update=update))
+        placed[kind] = cases
+    return scene.model_copy(update=placed)
+
+
+def _explain(error: ValidationError) -> list[str]:
+    """One line for each wrong key: the key, what was found, what would do."""
+    lines: dict[str, str] = {}
+    for problem in error.errors():
+        key = ""
+        for part in problem["loc"]:
+            if part in _ALTERNATIVES:
+                continue
+            key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else part
+        if key not in lines:
+            lines[key] = f"{key}: {_reason(problem)}" if key else _reason(problem)
+    return list(lines.values())
+
+
+def _reason(problem: Any) -> str:
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    if problem["type"] == "extra_forbidden":
+        close = difflib.get_close_matches(str(problem["loc"][-1]), _KEYS, n=1)
+        return f"unknown key{f'; is it {close[0]!r}?' if close else ''}; {_KNOWN}"
+    if problem["type"] == "missing":
+        return "missing, and there is no default"
+    if problem["type"] == "value_error":
+        return message
+    message = message.replace("Input should", "should")
+    return f"found {problem.get('input')!r}; {message[0].lower()}{message[1:]}"
+
+
+_KEYS = sorted(
+    {
+        name
+        for table in (SceneFile, StaticTable, TransientTable, AcceptedTable, ToleranceTable, ReferenceTable, SweepTable)
+        for name in table.model_fields
+    }
+)
