@@ -18,7 +18,7 @@ from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, IntArray, Mesh
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
-from .reduction.cut import SIDES, Spring, cut_parts, part_configs, side_set
+from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
 from .reduction.division import divide, open_loops
 from .reduction.inertia import inertia_integrals
 from .reduction.interfaces import Interface, fit_interface
@@ -41,7 +41,7 @@ from .reduction.subdomains import (
 )
 from .reduction.surface import body_surface
 from .runtime.reduced_body import GROUND, Mass, ReducedBody, Stiffness, StressSet, Ties, WholeFrame
-from .store import Store
+from .store import Store, content_key
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
@@ -78,7 +78,7 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
     for text in mesh.notes:
         report.note(text)
     store = store or Store()
-    body = _cut_body(config, model, report, store) if config.cut else _reduced(config, model, report, store)
+    body = _cut_body(config, model, report, store) if config.cut else _reduced(config, model, report, store)[0]
     return replace(
         body,
         damping_ratio=_damping(config.damping.ratio, body.mode_count),
@@ -90,9 +90,17 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
 
 
 def _reduced(
-    config: BodyFile, model: Model, report: Reporter, store: Store, springs: Sequence[Spring] = ()
-) -> ReducedBody:
-    """Reduce a model in one piece, or a part of a cut one; damping and names are left to be set."""
+    config: BodyFile,
+    model: Model,
+    report: Reporter,
+    store: Store,
+    springs: Sequence[Spring] = (),
+    warping: FloatArray | None = None,
+) -> tuple[ReducedBody, FloatArray]:
+    """Reduce a model in one piece, or a part of a cut one; damping and names are left to be set.
+
+    Also returns the work of the nodal forces `warping` (3n, w), for which the basis has room, (w, m).
+    """
     mesh = model.mesh
     with report.stage("Divide into frames and fit interfaces"):
         volumes = volume_matrices(mesh)
@@ -107,7 +115,8 @@ def _reduced(
     nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
     # Forces of all interfaces, then moments.
     loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
-    modes, key = modal_basis(config.reduction, matrices, loads, store, report)
+    warping = np.zeros((len(loads), 0)) if warping is None else warping
+    modes, key = modal_basis(config.reduction, matrices, np.hstack([loads, warping]), store, report)
     _tell(modes, config.reduction.modes, report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
@@ -118,7 +127,7 @@ def _reduced(
     if "by_mode" in wanted:
         by_mode = stiffness_by_mode(matrices, modes, key, store, report)
 
-    return ReducedBody(
+    body = ReducedBody(
         name=config.name,
         angular_frequency=modes.angular_frequency,
         damping_ratio=np.zeros(modes.angular_frequency.size),
@@ -144,6 +153,7 @@ def _reduced(
         surface=body_surface(mesh, modes.shapes, faces, subdomains) if config.output.surface else None,
         ties=_springs(springs, mesh, modes.shapes, subdomains, frames.frame_rotation),
     )
+    return body, warping.T @ modes.shapes
 
 
 def _cut_body(config: BodyFile, model: Model, report: Reporter, store: Store) -> ReducedBody:
@@ -152,13 +162,24 @@ def _cut_body(config: BodyFile, model: Model, report: Reporter, store: Store) ->
     with report.stage("Cut into parts"):
         opened, parts = cut_parts(model, names, config.support)
         configs = part_configs(config, opened, parts)
-    bodies = []
+    fields = _unit_responses(config, model, report, store)
+    warping = {}
+    for name in names:
+        part = next(part for part in parts if side_set(name, SIDES[0]) in part.sections)
+        warping[name] = section_tractions(part, side_set(name, SIDES[0]), fields)
+    bodies, works = [], []
     for number, (part, own) in enumerate(zip(parts, configs, strict=True), start=1):
         report.note(
             f"part {number} of {len(parts)}: {part.elements.size} elements, interfaces "
             f"{', '.join(table.name for table in own.interface)}"
         )
-        body = _reduced(own, part.model, report, store, part.springs)
+        sides = [(warping[name], side_set(name, side)) for name in names for side in SIDES]
+        forces = [on_section(part, side, shapes) for shapes, side in sides if side in part.sections]
+        body, work = _reduced(own, part.model, report, store, part.springs, np.hstack(forces))
+        widths = np.cumsum([force.shape[1] for force in forces])[:-1]
+        works.append(
+            dict(zip((side for _, side in sides if side in part.sections), np.split(work, widths), strict=True))
+        )
         for name in part.sections:
             if body.interface_frame[body.interface_names.index(name)] < 0:
                 raise BodyFileError(f"[[cut]] {name}: no [[frame]] holds nodes of the section, expected one")
@@ -170,12 +191,37 @@ def _cut_body(config: BodyFile, model: Model, report: Reporter, store: Store) ->
     ]
     place = {name: end for part in ends for name, end in part.items()}
     loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
-    welds = [Weld(*(place[side_set(name, side)] for side in SIDES)) for name in names]
+    welds = []
+    for name in names:
+        first, second = (place[side_set(name, side)] for side in SIDES)
+        warp = works[first[0]][side_set(name, SIDES[0])], works[second[0]][side_set(name, SIDES[1])]
+        welds.append(Weld(first, second, *warp))
     with report.stage(f"Join {len(parts)} parts"):
         body, note = joined(bodies, welds, loose, [table.name for table in config.interface])
     hertz = body.angular_frequency / (2.0 * np.pi)
     report.note(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
     return body
+
+
+def _unit_responses(config: BodyFile, model: Model, report: Reporter, store: Store) -> FloatArray:
+    """Static displacements (3n, l) of the body in one piece under its interfaces' unit loads, of unit work."""
+    mesh = model.mesh
+    faces = element_faces(mesh)
+    loads = np.hstack(
+        [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interface]
+    )
+    matrices = Matrices(model, volume_matrices(mesh), report)
+
+    def make() -> dict[str, FloatArray]:
+        whole = matrices.supported
+        with report.stage(f"Find the static response to {loads.shape[1]} unit loads in one piece"):
+            return {"fields": whole.whole(whole.static(loads[whole.free]))}
+
+    found = store.arrays(content_key("fields", matrices.key, loads), "static response", report, make)["fields"]
+    work = np.einsum("ij,ij->j", loads, found)
+    # Loads on a support do nothing.
+    fields: FloatArray = found[:, work > 0.0] / np.sqrt(work[work > 0.0])
+    return fields
 
 
 def _springs(

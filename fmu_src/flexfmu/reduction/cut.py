@@ -12,16 +12,21 @@ from scipy.sparse.csgraph import connected_components
 
 from ..config import Basis, BodyFile, InterfaceTable, SupportTable
 from ..errors import BodyFileError
+from ..fe.assembly import stiffness
 from ..fe.faces import element_faces
 from ..mesh.checks import connected_parts
 from ..mesh.model import FloatArray, IntArray, Mesh
+from ..runtime.rotations import skew
 from .division import neighbours
 from .model import Model, free_motions, node_set
 from .rigid_fit import by_node, rigid_fit
 from .subdomains import elements_within
+from .subdomains import section as section_weights
 
 SIDES = ("a", "b")
 _RIGID_MOTIONS = 6
+# Of the forces that make a section warp, those below this share of the largest are left out.
+_WARPING = 3e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +61,8 @@ class Part:
     sections : tuple of str
         Node sets of the cuts' sides that it has, as of `side_set`.
     springs : tuple of Spring
+    origin : (k,) int
+        Where its nodes are in the mesh in one piece.
     """
 
     model: Model
@@ -63,6 +70,7 @@ class Part:
     elements: IntArray
     sections: tuple[str, ...]
     springs: tuple[Spring, ...]
+    origin: IntArray
 
 
 def side_set(cut: str, side: str) -> str:
@@ -94,8 +102,10 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable
         A section that is missing, that is no section across the body, or that leaves a part without any support.
     """
     mesh, fixed, spring = model.mesh, model.fixed, model.spring
+    first = np.arange(len(mesh.points))
     for cut in cuts:
         mesh, origin = _opened(mesh, cut)
+        first = first[origin]
         copied = origin[len(fixed) :]
         if fixed[copied].any() or spring[copied].any():
             raise BodyFileError(
@@ -117,7 +127,7 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable
             )
         sections = tuple(name for name in names if name in inside.node_sets)
         part_model, springs = _springs(Model(inside, fixed[nodes], spring[nodes], motions), supports)
-        parts.append(Part(part_model, nodes, elements, sections, springs))
+        parts.append(Part(part_model, nodes, elements, sections, springs, first[nodes]))
     return mesh, parts
 
 
@@ -320,3 +330,49 @@ def _springs(model: Model, supports: Sequence[SupportTable]) -> tuple[Model, tup
         found.append(Spring(nodes, model.spring[nodes].sum(axis=0), name))
     motions = free_motions(mesh.points, model.fixed | (stays > 0.0))
     return Model(replace(mesh, node_sets=sets), model.fixed, stays, motions), tuple(found)
+
+
+def section_tractions(part: Part, section: str, fields: FloatArray) -> FloatArray:
+    """Nodal forces by which a section warps: what a part's section feels beyond its resultants.
+
+    Joined by those shapes too, the parts are the whole body as far as these loads go.
+
+    Parameters
+    ----------
+    part : Part
+    section : str
+        Node set of its side of the cut.
+    fields : (3N, l) float
+        Displacements of the body in one piece under unit loads, each over the root of its work.
+
+    Returns
+    -------
+    (3k, j) float
+        At the section's nodes; orthonormal, without resultants.
+    """
+    mesh = part.model.mesh
+    nodes = mesh.node_sets[section]
+    own = fields.reshape(-1, 3, fields.shape[1])[part.origin].reshape(3 * part.origin.size, -1)
+    rows = (3 * nodes[:, None] + np.arange(3)).ravel()
+    force = (stiffness(mesh)[rows] @ own).astype(np.float64)
+    # The fit of the interface that the section is.
+    fitted = section_weights(mesh.points, element_faces(mesh), nodes)
+    fit, _ = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
+    # Self-equilibrated forces do no work on rigid motions; G R = 1.
+    arm = mesh.points[nodes] - fitted.centre(mesh.points)
+    rigid = np.zeros((nodes.size, 3, 6))
+    rigid[:, :, :3] = np.eye(3)
+    rigid[:, :, 3:] = -skew(arm)
+    motions = rigid.reshape(-1, 6)
+    force -= fit.T @ (motions.T @ force)
+    shapes, size, _ = np.linalg.svd(force, full_matrices=False)
+    result: FloatArray = shapes[:, size > _WARPING * size[0]]
+    return result
+
+
+def on_section(part: Part, section: str, shapes: FloatArray) -> FloatArray:
+    """Nodal forces (3n, j) of a part from those at a section's nodes (3k, j)."""
+    mesh = part.model.mesh
+    result = np.zeros((len(mesh.points), 3, shapes.shape[1]))
+    result[mesh.node_sets[section]] = shapes.reshape(-1, 3, shapes.shape[1])
+    return result.reshape(-1, shapes.shape[1])

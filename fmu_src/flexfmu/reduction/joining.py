@@ -17,6 +17,8 @@ from ..runtime.rotations import skew
 _SHARE = 5e-5
 # Compliance of an interface below this share of the largest: it lies on a support.
 _HELD = 1e-9
+# Shapes of sections below this share of the largest are the same as others.
+_DEPENDENT = 1e-6
 # As in `modes`.
 _NEARLY_LARGEST = 0.9
 
@@ -29,10 +31,14 @@ class Weld:
     ----------
     first, second : (part, interface)
         The sections, as interfaces of their parts.
+    first_warping, second_warping : (w, m_p) float
+        How far each section warps in each of w shapes, which are to be the same.
     """
 
     first: tuple[int, int]
     second: tuple[int, int]
+    first_warping: FloatArray
+    second_warping: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,13 +105,17 @@ def joined(
         if part.ties is not None:
             rows = stack.widened(p, _stretch(part.ties, loose[p]))
             stiffness = stiffness + rows.T @ rows
-    pull, turn = _stiffness(stiffness, gap, moved.reshape(-1, stack.size))
-    rows = (gap * np.sqrt(np.repeat([pull, turn], 3))[:, None]).reshape(-1, stack.size)
+    # Sections warp alike: linear in what frames do not turn, this holds for good and leaves fewer coordinates.
+    unlike = [stack.widened(w.first[0], w.first_warping) - stack.widened(w.second[0], w.second_warping) for w in welds]
+    alike = _null_space(np.concatenate(unlike), squares)
+    stiffness, gap = alike.T @ stiffness @ alike, gap @ alike
+    pull, turn = _stiffness(stiffness, gap, moved.reshape(-1, stack.size) @ alike)
+    rows = (gap * np.sqrt(np.repeat([pull, turn], 3))[:, None]).reshape(-1, len(stiffness))
     values, modes = np.linalg.eigh(stiffness + rows.T @ rows)
     if values[0] <= 0.0:
         raise ModelError(f"the lowest eigenvalue of the joined parts is {values[0]:.3e} 1/s²: they are free to move")
     large = np.argmax(np.abs(modes) >= _NEARLY_LARGEST * np.abs(modes).max(axis=0), axis=0)
-    modes = modes * np.sign(modes[large, np.arange(stack.size)])
+    modes = alike @ (modes * np.sign(modes[large, np.arange(len(values))]))
 
     def every(name: str) -> FloatArray:
         wide = np.concatenate([stack.widened(p, getattr(part, name)) for p, part in enumerate(parts)])
@@ -141,7 +151,7 @@ def joined(
     body = ReducedBody(
         name=parts[0].name,
         angular_frequency=np.sqrt(values),
-        damping_ratio=np.zeros(stack.size),
+        damping_ratio=np.zeros(len(values)),
         interface_names=tuple(interfaces),
         interface_point=np.array([parts[p].interface_point[i] for p, i in places]),
         interface_displacement=moved[:, :3] @ modes,
@@ -159,6 +169,17 @@ def joined(
         ties=ties,
     )
     return body, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
+
+
+def _null_space(rows: FloatArray, squares: FloatArray) -> FloatArray:
+    """Orthonormal combinations (m, m - r) of coordinates that rows (r, m) do not feel."""
+    if not len(rows):
+        return np.eye(squares.size)
+    scale = 1.0 / np.sqrt(np.where(squares > 0.0, squares, squares[squares > 0.0].min()))
+    _, values, turn = np.linalg.svd(rows * scale)
+    rank = int((values > _DEPENDENT * values[0]).sum())
+    result, _ = np.linalg.qr((turn[rank:] * scale).T)
+    return result
 
 
 def _stretch(ties: Ties, chosen: NDArray[np.bool_]) -> FloatArray:
