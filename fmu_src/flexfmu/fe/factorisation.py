@@ -2,8 +2,13 @@
 
 Default: nested dissection of the node graph (METIS) and SuperLU in that order. On solids and thin shells of solids
 it is several times faster, and smaller, than SuperLU with its own column orderings, since those do not know that the
-matrix is symmetric and that three unknowns share a node.
+matrix is symmetric and that three unknowns share a node. Where scikit-sparse is installed, its CHOLMOD factorises in
+the same order, faster still: it knows that the matrix is symmetric, and works on dense blocks.
 """
+
+from collections.abc import Callable
+from functools import cache
+from types import ModuleType
 
 import numpy as np
 import pymetis
@@ -41,6 +46,47 @@ def dissection_order(matrix: sp.csr_array, node: IntArray) -> IntArray:
     return order
 
 
+@cache
+def _cholmod() -> ModuleType | None:
+    """CHOLMOD, if there is a scikit-sparse with the interface that is used here (0.4)."""
+    try:
+        from sksparse import cholmod
+    except ImportError:
+        return None
+    return cholmod if hasattr(cholmod, "cholesky") else None
+
+
+def solver_name() -> str:
+    """Name of the solver that factorisations use on this machine."""
+    return "SuperLU" if _cholmod() is None else "CHOLMOD"
+
+
+# Residual of a solution for forces of one everywhere, relative to them, beyond which a factorisation is worth nothing.
+_PROBE = 1e-3
+Solve = Callable[[FloatArray], FloatArray]
+
+
+def _by_cholmod(matrix: sp.csc_matrix) -> tuple[Solve, bool] | None:
+    """Solve, and whether the matrix is positive definite; None without CHOLMOD, or where round-off defeats it."""
+    cholmod = _cholmod()
+    if cholmod is None:
+        return None
+    try:
+        solve: Solve = cholmod.cholesky(matrix, ordering_method="natural", mode="supernodal")
+    except cholmod.CholmodError:
+        return None
+    # A pivot that is round-off of zero may pass: then the solution does not.
+    probe = np.ones(matrix.shape[0])
+    residual = matrix @ solve(probe) - probe
+    return (solve, True) if np.linalg.norm(residual) < _PROBE * np.linalg.norm(probe) else None
+
+
+def _by_superlu(matrix: sp.csc_matrix) -> tuple[Solve, bool]:
+    """Solve, and whether the matrix is positive definite: the elimination along the diagonal has no negative pivot."""
+    factor = spla.splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return factor.solve, bool(np.all(factor.U.diagonal() > 0.0))
+
+
 class Factorisation:
     """A factorised symmetric positive definite matrix.
 
@@ -62,9 +108,7 @@ class Factorisation:
         self._order = dissection_order(matrix, node) if order is None else order
         permuted = sp.csc_matrix(matrix[self._order][:, self._order])
         try:
-            self._factor = spla.splu(
-                permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-            )
+            self._solve, self._positive = _by_cholmod(permuted) or _by_superlu(permuted)
         except RuntimeError as error:
             raise ModelError(
                 f"the stiffness matrix is singular ({error}): a part of the body is free to move; check supports and "
@@ -73,8 +117,8 @@ class Factorisation:
 
     @property
     def positive_definite(self) -> bool:
-        """Whether the symmetric matrix is: no pivot of the elimination, whose order is the diagonal's, is negative."""
-        return bool(np.all(self._factor.U.diagonal() > 0.0))
+        """Whether the symmetric matrix is, as far as round-off lets it be told."""
+        return self._positive
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve for one or several right-hand sides.
@@ -88,5 +132,5 @@ class Factorisation:
         (n,) or (n, k) float
         """
         result = np.empty_like(right, dtype=np.float64)
-        result[self._order] = self._factor.solve(np.ascontiguousarray(right[self._order], dtype=np.float64))
+        result[self._order] = self._solve(np.ascontiguousarray(right[self._order], dtype=np.float64))
         return result

@@ -13,7 +13,7 @@ import felupe
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import AccuracyError
+from ..errors import AccuracyError, ModelError
 from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
 from ..progress import Reporter
 from .elements import rule
@@ -183,7 +183,10 @@ def _newton(
     u, foreseen = start.copy(), 0.0
     residual = load[free] - body.forces(u)[free]
     for iteration in range(1, _ITERATIONS + 1):
-        tangent = Factorisation(body.tangent(u)[free][:, free], free // 3, order)
+        try:
+            tangent = Factorisation(body.tangent(u)[free][:, free], free // 3, order)
+        except ModelError:
+            return None, iteration
         if not tangent.positive_definite:
             return None, iteration
         change = tangent.solve(residual)

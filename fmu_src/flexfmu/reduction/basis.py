@@ -8,6 +8,7 @@ import scipy.sparse as sp
 
 from ..config import Basis, ReductionTable
 from ..fe.assembly import mass, stiffness
+from ..fe.factorisation import solver_name
 from ..fe.geometric import geometric_stiffness
 from ..mesh.model import FloatArray
 from ..progress import Reporter
@@ -53,7 +54,7 @@ class Matrices:
         with self._report.stage("Assemble stiffness and mass"):
             k = stiffness(model.mesh) + sp.diags_array(model.spring.ravel())
             m = self.mass
-        with self._report.stage("Factorise the stiffness"):
+        with self._report.stage(f"Factorise the stiffness ({solver_name()})"):
             return supported(k, m, model.free, model.rigid)
 
 
