@@ -49,7 +49,8 @@ CASES = {
     "opposite_bushings": ("body_bushings.toml", "z", "opposite vertical forces, on bushings"),
 }
 
-# Label, frames (None: the body file's arms and pieces of the beam), formulation.
+# Label, frames (None: the body file's arms and pieces of the beam), formulation; all but the last in one piece.
+CUT = "cut in the middle"
 DEFORMED, REFERENCE = LoadPlacement.DEFORMED, LoadPlacement.REFERENCE
 MODELS = (
     ("linear modes", None, Formulation(Kinematics.LINEAR, REFERENCE)),
@@ -57,6 +58,7 @@ MODELS = (
     ("arms and beam", None, Formulation(Kinematics.COROTATED, DEFORMED)),
     ("frames = 4", 4, Formulation(Kinematics.COROTATED, DEFORMED)),
     ("arms and beam, by load", None, Formulation(Kinematics.COROTATED, DEFORMED, Stiffness.BY_LOAD)),
+    (CUT, None, Formulation(Kinematics.COROTATED, DEFORMED)),
 )
 
 
@@ -132,13 +134,16 @@ def draw(path: Path, reference: Reference, found: dict[str, FloatArray], title: 
 def models(body_file: Path, report: Reporter) -> dict[str, FlexibleBody]:
     """Build the reduced models of a body file."""
     config = read_body_file(body_file)
-    stiff = config.model_copy(
-        update={"reduction": config.reduction.model_copy(update={"geometric_stiffness": ["by_load"]})}
-    )
+    by_load = config.reduction.model_copy(update={"geometric_stiffness": ["by_load"]})
+    stiff = config.model_copy(update={"reduction": by_load, "cut": []})
+    joined = reduce_body(config, report)
     reduced = {None: reduce_body(stiff, report)}
     for count in {frames for _, frames, _ in MODELS if frames}:
         reduced[count] = reduce_body(stiff.model_copy(update={"frame": [], "frames": count}), report)
-    return {label: FlexibleBody(reduced[frames], formulation) for label, frames, formulation in MODELS}
+    return {
+        label: FlexibleBody(joined if label == CUT else reduced[frames], formulation)
+        for label, frames, formulation in MODELS
+    }
 
 
 def main(folder: Path | None, report: Reporter) -> dict[str, dict[str, FloatArray]]:

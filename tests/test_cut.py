@@ -1,0 +1,354 @@
+"""Bodies cut into parts: linearly the body in one piece, in large rotations the whole finite element model."""
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from demo.rear_axle.alignment import LEFT, RIGHT, alignment, arm_angle
+from demo.rear_axle.run import CASES, HERE, WHEELS, read_reference
+from demo.rear_axle.run import solve as solve_axle
+
+from bodies import random_body
+from flexfmu.build import reduce_body
+from flexfmu.config import CutTable, MeshTable, read_body_file
+from flexfmu.errors import BodyFileError
+from flexfmu.mesh.formats import read_mesh
+from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.units import UnitSystem
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.dynamics import configuration_at, force_work, modal_force, spread, tangent_stiffness
+from flexfmu.runtime.errors import OptionError
+from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
+from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Ties
+from flexfmu.runtime.stepping import StepLimits
+from flexfmu.runtime.tied_stepping import TiedSteps
+from meshes import bars, body_file, with_sets
+
+DEMO = Path(__file__).parent.parent / "demo"
+LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
+CORNER = {"corner": [0.0, 40.0, 100.0]}
+
+
+class Heard(Reporter):
+    """What a build warns of."""
+
+    def __init__(self):
+        self.warnings = []
+
+    def warning(self, text):
+        self.warnings.append(text)
+
+
+def portal():
+    """Portal of square bars, 0.02 m thick: two legs along y, clamped at their feet, and a bar along x between them."""
+    mesh = bars(
+        ElementType.C3D20, [((0, 0, 0), (0, 9, 0)), ((0, 10, 0), (12, 10, 0)), ((12, 0, 0), (12, 9, 0))], width=0.02
+    )
+    return with_sets(
+        mesh,
+        FEET=lambda p: p[:, 1],
+        CORNER=lambda p: np.hypot(p[:, 0], p[:, 1] - 0.22),
+        MID=lambda p: np.where(p[:, 1] > 0.15, p[:, 0] - 0.12, 1.0),
+        SECOND=lambda p: np.where(p[:, 0] < 0.03, p[:, 1] - 0.1, 1.0),
+        HALF=lambda p: np.where((p[:, 1] > 0.15) & (p[:, 2] < 0.005), p[:, 0] - 0.12, 1.0),
+        SKIN=lambda p: p[:, 1] - 0.22,
+    )
+
+
+def reduced(folder, report=None, **tables):
+    """The portal, reduced; its corner is an interface."""
+    mesh = portal()
+    top = np.flatnonzero((mesh.points[:, 1] > 0.199) & (mesh.points[:, 0] < 0.021))
+    mesh = replace(mesh, node_sets={**mesh.node_sets, "CORNER": top})
+    options = {"frames": 4, "reduction": {"modes": 10, "residual_flexibility": True}} | tables
+    return reduce_body(body_file(mesh, folder, interface=["CORNER"], support="FEET", **options), report or Reporter())
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return reduced(tmp_path_factory.mktemp("whole"))
+
+
+@pytest.fixture(scope="module")
+def cut(tmp_path_factory):
+    return reduced(tmp_path_factory.mktemp("cut"), cut=[{"nodes": "MID"}])
+
+
+def compliance(body):
+    """Motion of the corner under unit forces and moments, linear."""
+    model = FlexibleBody(body, LINEAR)
+    responses = [model.response(model.static({"corner": list(unit)})) for unit in np.eye(6)]
+    return np.array([np.concatenate([r.displacement[0], r.rotation[0]]) for r in responses])
+
+
+def difference(found, expected):
+    """Of compliances, each over those of its own forces and motions."""
+    scale = np.sqrt(np.diag(expected))
+    return np.max(np.abs(found - expected) / np.outer(scale, scale))
+
+
+def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):
+    assert difference(compliance(cut), compliance(whole)) < 1e-4
+    assert cut.angular_frequency[:5] == pytest.approx(whole.angular_frequency[:5], rel=1e-3)
+    tiny = {"corner": [0.0, 0.02, 0.05]}
+    found, expected = (FlexibleBody(body) for body in (cut, whole))
+    assert found.response(found.static(tiny)).displacement == pytest.approx(
+        expected.response(expected.static(tiny)).displacement, rel=1e-3, abs=1e-12
+    )
+
+
+def test_two_cuts_and_constraint_modes_make_no_difference(whole, tmp_path):
+    """Two cuts would leave a part without support: of the portal the second one opens nothing but a leg."""
+    basis = {"basis": "craig_bampton", "modes": 10}
+    body = reduced(tmp_path, cut=[{"nodes": "MID"}], reduction=basis)
+    assert difference(compliance(body), compliance(whole)) < 1e-4
+
+
+def test_a_loop_of_one_part_may_be_cut(tmp_path):
+    """Held at one foot only, the portal with a second bar is one part that closes a loop in itself."""
+    mesh = bars(
+        ElementType.C3D20,
+        [((0, 0, 0), (0, 9, 0)), ((0, 10, 0), (6, 10, 0)), ((6, 4, 0), (6, 9, 0)), ((1, 4, 0), (5, 4, 0))],
+        width=0.02,
+    )
+    mesh = with_sets(
+        mesh,
+        FEET=lambda p: p[:, 1],
+        MID=lambda p: np.where(p[:, 0] > 0.11, p[:, 1] - 0.16, 1.0),
+        TIP=lambda p: p[:, 0] - 0.14,
+    )
+    tip = mesh.node_sets["TIP"]
+    mesh = replace(mesh, node_sets={**mesh.node_sets, "TIP": tip[mesh.points[tip, 1] < 0.11]})
+    bodies = []
+    for number, extra in enumerate(({}, {"cut": [{"nodes": "MID"}]})):
+        config = body_file(
+            mesh,
+            tmp_path,
+            interface=["TIP"],
+            support="FEET",
+            name=f"ring{number}",
+            frames=4,
+            reduction={"modes": 8, "residual_flexibility": True},
+            **extra,
+        )
+        bodies.append(FlexibleBody(reduce_body(config, Reporter()), LINEAR))
+    expected, found = (b.response(b.static({"tip": [50.0, 20.0, 30.0]})).displacement for b in bodies)
+    assert found == pytest.approx(expected, rel=2e-4, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "words"),
+    [
+        ("HALF", "no face between two elements"),
+        ("SKIN", "no face between two elements"),
+        ("FEET", "no face between two elements"),
+        ("ELSEWHERE", "no node set 'ELSEWHERE'"),
+    ],
+)
+def test_a_cut_that_is_no_section_is_refused(tmp_path, nodes, words):
+    with pytest.raises(BodyFileError, match=words):
+        reduced(tmp_path, cut=[{"nodes": nodes}])
+
+
+def test_a_part_without_support_is_refused(tmp_path):
+    with pytest.raises(BodyFileError, match="no support holds"):
+        reduced(tmp_path, cut=[{"nodes": "MID"}, {"nodes": "SECOND"}])
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        {"free": True},
+        {"frames": 0},
+        {"formulation": {"mass": "configuration"}},
+        {"formulation": {"stiffness": "by_load"}},
+        {"formulation": {"division": "one"}},
+        {"reduction": {"inertia": True}},
+    ],
+)
+def test_what_knows_bodies_in_one_piece_only_is_refused(tmp_path, tables):
+    with pytest.raises(ValueError, match=r"\[\[cut\]\]"):
+        reduced(tmp_path, cut=[{"nodes": "MID"}], **tables)
+
+
+def test_formulations_at_run_time(cut):
+    with pytest.raises(OptionError, match="cut"):
+        FlexibleBody(cut, Formulation(division=Division.ONE))
+    with pytest.raises(OptionError):
+        FlexibleBody(cut, Formulation(mass=Mass.CONFIGURATION))
+    for kinematics, placement in itertools.product(Kinematics, LoadPlacement):
+        model = FlexibleBody(cut, Formulation(kinematics, placement))
+        assert np.all(np.isfinite(model.response(model.static(CORNER)).displacement))
+
+
+def test_frames_that_close_a_loop_are_told_of_with_what_to_do(tmp_path):
+    heard = Heard()
+    reduced(tmp_path, heard)
+    assert any("closed loop cut between" in text and "[[cut]]" in text for text in heard.warnings)
+    heard = Heard()
+    config = read_body_file(HERE / "body.toml").model_copy(update={"cut": []})
+    reduce_body(config.model_copy(update={"reduction": config.reduction.model_copy(update={"modes": 2})}), heard)
+    assert [text.partition(":")[0] for text in heard.warnings] == [
+        "closed loop cut between frames beam_left_4 and beam_right_4 at (0.13, 0, 0.01162) m"
+    ]
+
+
+def test_the_modal_file_keeps_the_ties(cut, tmp_path):
+    write_modal_file(cut, tmp_path / "cut.h5")
+    again = read_modal_file(tmp_path / "cut.h5")
+    for name in Ties.__slots__:
+        assert np.array_equal(getattr(again.ties, name), getattr(cut.ties, name))
+    assert again.interface_names == ("corner",)
+
+
+def turned(body):
+    """A place far from rest that all but keeps the joints shut, and loads."""
+    model = FlexibleBody(body)
+    loads = model.loads({"corner": [200.0, 400.0, 1500.0]})
+    return model, spread(model._dynamics, loads), model.static(loads).q
+
+
+def test_ties_have_a_potential_and_an_exact_tangent(cut):
+    model, loads, q = turned(cut)
+    d = model._dynamics
+    shift = np.random.default_rng(1).standard_normal((2, q.size)) / np.sqrt(d.stiffness)
+    q = q + 0.02 * shift[0]
+
+    def residual(at):
+        return d.stiffness * at - modal_force(d, loads, configuration_at(d, at))
+
+    def potential(at):
+        return 0.5 * at @ (d.stiffness * at) - force_work(d, loads, configuration_at(d, at))
+
+    e = 1e-4
+    slope = (residual(q + e * shift[1]) - residual(q - e * shift[1])) / (2.0 * e)
+    tangent = tangent_stiffness(d, loads, configuration_at(d, q))
+    assert np.max(np.abs(tangent - tangent.T)) < 1e-12 * np.max(np.abs(tangent))
+    assert np.max(np.abs(tangent @ shift[1] - slope)) < 1e-6 * np.max(np.abs(slope))
+    change = (potential(q + e * shift[1]) - potential(q - e * shift[1])) / (2.0 * e)
+    assert change == pytest.approx(residual(q) @ shift[1], rel=1e-5)
+
+
+def test_a_body_without_ties_takes_no_notice():
+    body = random_body(np.random.default_rng(3))
+    assert FlexibleBody(body)._stepper.tied is None
+
+
+@pytest.mark.parametrize("step", [5e-4, 1e-4])
+def test_energy_is_kept_whatever_the_step(cut, step):
+    model = FlexibleBody(cut, damping_scale=0.0, limits=StepLimits(tolerance=1e-2))
+    state = model.static({"corner": [100.0, 200.0, 1000.0]})
+    start, free = sum(model.energies(state)), model.loads({})
+    for _ in range(60):
+        state = model.step(state, free, step)
+        assert sum(model.energies(state)) == pytest.approx(start, rel=1e-9)
+    assert isinstance(model._stepper.tied, TiedSteps)
+
+
+def test_steps_are_of_second_order(cut):
+    """Of one sub-step each, against many: halving the step quarters the error."""
+    ends = []
+    for divisor in (1, 2, 4, 32):
+        limits = StepLimits(tolerance=10.0)
+        model = FlexibleBody(cut, damping_scale=0.0, limits=limits)
+        state = model.static({"corner": [100.0, 200.0, 1000.0]})
+        for _ in range(16 * divisor):
+            state = model.step(state, {}, 5e-5 / divisor)
+        ends.append(model.response(state).displacement[0])
+    errors = [np.linalg.norm(end - ends[-1]) for end in ends[:-1]]
+    assert errors[2] < 0.35 * errors[1] < 0.35 * 0.5 * errors[0]
+
+
+def test_damping_of_the_lowest_mode_is_what_was_asked_for(cut):
+    body = replace(cut, damping_ratio=np.full(cut.mode_count, 0.02))
+    model = FlexibleBody(body)
+    omega = body.angular_frequency[0]
+    q = np.zeros(body.mode_count)
+    q[0] = 1e-5
+    state = replace(model.rest(), q=q)
+    start, step = sum(model.energies(state)), 2.0 * np.pi / omega / 40.0
+    for _ in range(200):
+        state = model.step(state, {}, step)
+    ratio = -np.log(sum(model.energies(state)) / start) / (2.0 * omega * 200 * step)
+    assert ratio == pytest.approx(0.02, rel=0.01)
+
+
+def test_a_beam_clamped_at_both_ends_stretches(tmp_path):
+    """Membrane action, 200 kN in the middle: in one piece every model is off by 70 % or more (`test_demos`)."""
+    folder = DEMO / "clamped_clamped"
+    mesh = read_mesh(folder / "clamped_clamped.inp", UnitSystem.SI)
+    section = mesh.labels[np.isclose(mesh.points[:, 0], 0.525)]
+    deck = tmp_path / "beam.inp"
+    lines = [(folder / "clamped_clamped.inp").read_text().rstrip(), "*NSET, NSET=CUT", *(f"{n}," for n in section)]
+    deck.write_text("\n".join(lines) + "\n")
+    table = np.genfromtxt(folder / "calculix" / "static_y.csv", delimiter=",", names=True)
+    expected = np.array([table[f"u{axis}_m"][-1] for axis in "xyz"])
+    config = read_body_file(folder / "body.toml")
+    errors = []
+    for frames in (4, 8, 16):
+        changes = {"mesh": MeshTable(file=deck), "cut": [CutTable(nodes="CUT")], "frames": frames}
+        model = FlexibleBody(reduce_body(config.model_copy(update=changes), Reporter()))
+        found = model.response(model.static({"middle": [0.0, table["force_N"][-1], 0.0]})).displacement[0]
+        errors.append(np.linalg.norm(found - expected) / np.linalg.norm(expected))
+    assert errors[0] < 0.04
+    assert errors[1] < 0.5 * errors[0]
+    assert errors[2] < 0.008
+
+
+@pytest.fixture(scope="module")
+def axles():
+    names = dict.fromkeys(case[0] for case in CASES.values())
+    return {name: reduce_body(read_body_file(HERE / name), Reporter()) for name in names}
+
+
+def axle_errors(body, case, formulation=None):
+    """Error of the displacement (of the larger one) and of toe (degrees), the arms having turned by 15° at the most."""
+    _, axis, _ = CASES[case]
+    reference = read_reference(HERE / "calculix" / f"{case}.csv", axis)
+    found = solve_axle(FlexibleBody(body, formulation), reference)
+    size = np.linalg.norm(reference.motion[:, :, :3], axis=2).max(axis=1)
+    size[0] = np.inf
+    error = np.linalg.norm(found[:, :, :3] - reference.motion[:, :, :3], axis=2).max(axis=1) / size
+    toes = [
+        np.abs(
+            alignment(found[:, i, :3], found[:, i, 3:], side).toe
+            - alignment(reference.motion[:, i, :3], reference.motion[:, i, 3:], side).toe
+        )
+        for i, side in enumerate((LEFT, RIGHT))
+    ]
+    turned = np.max([np.abs(arm_angle(reference.motion[:, i, 3:])) for i in range(2)], axis=0)
+    until = 15.0 if turned[-1] > 15.0 else turned[-1]
+    return tuple(float(np.interp(until, turned, values)) for values in (error, np.max(toes, axis=0)))
+
+
+@pytest.mark.parametrize(
+    ("case", "displacement", "toe", "linear"),
+    [
+        ("left", 0.002, 0.015, 0.14),
+        ("side", 0.018, 0.007, 0.14),
+        ("opposite", 0.019, 0.032, 0.16),
+        ("left_bushings", 0.003, 0.012, 0.13),
+        ("opposite_bushings", 0.008, 0.018, 0.13),
+    ],
+)
+def test_axle_against_the_finite_element_model_in_large_rotation(axles, case, displacement, toe, linear):
+    body = axles[CASES[case][0]]
+    found = axle_errors(body, case)
+    assert found[0] < displacement
+    assert found[1] < toe
+    assert axle_errors(body, case, LINEAR)[0] > linear
+
+
+def test_axle_in_one_piece_and_cut_are_the_same_linearly(axles):
+    config = read_body_file(HERE / "body.toml")
+    models = [
+        FlexibleBody(body, LINEAR)
+        for body in (reduce_body(config.model_copy(update={"cut": []}), Reporter()), axles["body.toml"])
+    ]
+    for wheel, unit in itertools.product(WHEELS, np.eye(6)):
+        expected, found = (model.response(model.static({wheel: list(unit)})) for model in models)
+        for a, b in ((expected.displacement, found.displacement), (expected.rotation, found.rotation)):
+            assert np.linalg.norm(a - b) < 1e-4 * np.linalg.norm(a)
