@@ -53,7 +53,7 @@ class Ride:
     bump: dict[str, float] = field(default_factory=lambda: {"left": 0.08, "right": 0.0})
     length: float = 0.5
     speed: float = 8.0
-    begin: float = 0.3
+    begin: float = 0.4
     stop: float = 0.8
     step: float = 1e-3
     wheel_load: float = 3000.0

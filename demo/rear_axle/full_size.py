@@ -1,0 +1,200 @@
+"""The rear axle with more than 300 000 degrees of freedom, from the mesh to the FMU: time and memory of every stage.
+
+Meshes, builds modes, frames, modal file and FMU; builds again with other frames, which takes the modes from the store;
+steps the FMU; solves the static cases that CalculiX solved on the same mesh. Prints a Markdown table. Needs 7 GB and
+some minutes. Run from the repository's root: python -m demo.rear_axle.full_size [--output FOLDER] [--size coarse]
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import re
+import resource
+import shutil
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+from demo.rear_axle import make_mesh
+from demo.rear_axle.run import read_reference, solve
+from fmpy.fmi2 import FMU2Slave
+
+from flexfmu.build import reduce_body
+from flexfmu.config import MeshTable, read_body_file
+from flexfmu.fmu.package import package_fmu
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
+from flexfmu.store import Store
+
+HERE = Path(__file__).parent
+STATIC_CASES = {"left": "1.8 kN at the left wheel", "opposite": "±2.4 kN"}
+STEP, STEPS, FORCE = 1e-3, 2000, 1500.0
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A stage: seconds, those of the processor, and the process's peak of memory until its end, GiB."""
+
+    title: str
+    seconds: float
+    processor: float
+    peak: float
+
+
+def peak_memory() -> float:
+    """Peak of this process's memory, GiB."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**30
+
+
+@dataclass
+class StageRecorder(Reporter):
+    """Keeps time and memory of each stage, and the notes."""
+
+    stages: list[Stage] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def stage(self, title: str) -> Iterator[None]:
+        """Measure a stage."""
+        print(f"… {title}", file=sys.stderr, flush=True)
+        begun, spent = time.perf_counter(), time.process_time()
+        yield
+        self.stages.append(Stage(title, time.perf_counter() - begun, time.process_time() - spent, peak_memory()))
+
+    def note(self, text: str) -> None:
+        """Keep what was found or chosen."""
+        self.notes.append(text)
+
+
+def apart(job: Callable[..., Any], *arguments: object) -> Any:
+    """Do a job in a process of its own, so that its peak of memory is its own."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(job, *arguments).result()
+
+
+def mesh(deck: Path, size: str) -> StageRecorder:
+    """Write the deck."""
+    report = StageRecorder()
+    with report.stage("Mesh and write the deck"):
+        make_mesh.write(deck, make_mesh.build(make_mesh.SIZES[size]))
+    return report
+
+
+def build(deck: Path, folder: Path, name: str, frames: int | None) -> StageRecorder:
+    """Build modal file and FMU; `frames`: automatic ones instead of the body file's."""
+    report = StageRecorder()
+    config = read_body_file(HERE / "body.toml").model_copy(update={"mesh": MeshTable(file=deck)})
+    if frames is not None:
+        config = config.model_copy(update={"frame": [], "frames": frames})
+    body = reduce_body(config, report, Store(folder / "store"))
+    with report.stage("Write the modal file"):
+        write_modal_file(body, folder / f"{name}.h5")
+    with report.stage("Write the FMU"):
+        package_fmu(body, folder / f"{name}.fmu")
+    return report
+
+
+def step_cost(fmu: Path) -> tuple[float, float]:
+    """Median seconds of a step with its inputs and outputs, and the largest travel of the left wheel, m."""
+    description = fmpy.read_model_description(str(fmu))
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(fmu)),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="timed",
+    )
+    slave.instantiate()
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    force = [references["wheel_left.force.z"]]
+    outputs = [v.valueReference for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
+    rise, times, travel = outputs.index(references["wheel_left.displacement.z"]), [], 0.0
+    for number in range(STEPS):
+        begun = time.perf_counter()
+        slave.setReal(force, [FORCE * np.sin(10.0 * number * STEP)])
+        slave.doStep(currentCommunicationPoint=number * STEP, communicationStepSize=STEP)
+        values = slave.getReal(outputs)
+        times.append(time.perf_counter() - begun)
+        travel = max(travel, abs(values[rise]))
+    slave.terminate()
+    slave.freeInstance()
+    return statistics.median(times), travel
+
+
+def statics(modal_file: Path) -> dict[str, tuple[float, float]]:
+    """Seconds of an equilibrium and relative error of the displacement at the largest load, by case."""
+    body = FlexibleBody(read_modal_file(modal_file))
+    found = {}
+    for case in STATIC_CASES:
+        reference = read_reference(HERE / "calculix" / f"full_{case}.csv", "z")
+        begun = time.perf_counter()
+        motion = solve(body, reference)
+        seconds = (time.perf_counter() - begun) / len(motion)
+        off, size = motion[-1, :, :3] - reference.motion[-1, :, :3], reference.motion[-1, :, :3]
+        found[case] = seconds, float(np.linalg.norm(off, axis=1).max() / np.linalg.norm(size, axis=1).max())
+    return found
+
+
+def calculix_effort(case: str) -> tuple[float, str]:
+    """Seconds and the words on increments that the head of a kept result tells."""
+    head = (HERE / "calculix" / f"full_{case}.csv").read_text(encoding="utf-8")
+    match = re.search(r"; ([\d.]+) s wall time on one core(?:; (.*))?", head)
+    if match is None:
+        raise ValueError(f"full_{case}.csv: no line on the wall time in its head")
+    return float(match[1]), match[2] or "linear"
+
+
+def print_build(title: str, report: StageRecorder) -> None:
+    """Print the rows of a build and their sum."""
+    for stage in report.stages:
+        print(f"| {title}: {stage.title} | {stage.seconds:.1f} | {stage.processor:.1f} | {stage.peak:.1f} |")
+    for note in report.notes:
+        if "earlier build" in note:
+            print(f"| {title}: {note} | | | |")
+    seconds, processor = sum(s.seconds for s in report.stages), sum(s.processor for s in report.stages)
+    print(f"| **{title}, together** | **{seconds:.1f}** | **{processor:.1f}** | **{report.stages[-1].peak:.1f}** |")
+
+
+def main(folder: Path, size: str) -> None:
+    """Run all of it and print the table."""
+    folder.mkdir(parents=True, exist_ok=True)
+    # Nothing is known at first.
+    shutil.rmtree(folder / "store", ignore_errors=True)
+    deck = folder / f"rear_axle_{size}.inp"
+    meshing = apart(mesh, deck, size)
+    first = apart(build, deck, folder, "first", None)
+    second = apart(build, deck, folder, "second", 4)
+    seconds, travel = apart(step_cost, folder / "first.fmu")
+    print(f"\n{first.notes[0]}\n\n| | s | of the processor, s | peak until then, GiB |\n|---|---|---|---|")
+    print_build("mesh", meshing)
+    print_build("first build", first)
+    print_build("second build, 4 frames", second)
+    print(f"| a step of the FMU, {STEP:g} s, wheel moving by {1e3 * travel:.0f} mm | {seconds:.6f} | | |")
+    if size != "full":
+        return
+    for case, (each, error) in apart(statics, folder / "first.h5").items():
+        print(f"| an equilibrium, {STATIC_CASES[case]}: {100 * error:.1f} % off CalculiX | {each:.4f} | | |")
+    for case, words in (("linear_left", "1 kN"), *STATIC_CASES.items()):
+        wall, effort = calculix_effort(case)
+        print(f"| CalculiX, {words}: {effort} | {wall:.0f} | | |")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=Path("output/rear_axle_full"), help="folder for decks and FMUs")
+    parser.add_argument("--size", choices=make_mesh.SIZES, default="full", help="element size (default: full)")
+    choice = parser.parse_args()
+    main(choice.output, choice.size)
