@@ -1,7 +1,8 @@
 """What the motion of a scene is: from the whole finite element model, a tight reduced one, or the user."""
 
 import hashlib
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +23,7 @@ from ..reduction.basis import Matrices
 from ..reduction.interfaces import Interface, fit_interface
 from ..reduction.model import Model, assemble_model
 from ..runtime.body import FlexibleBody
-from ..runtime.errors import StepError
+from ..runtime.errors import EquilibriumError, StepError
 from ..runtime.loads import Loads
 from ..runtime.reduced_body import Formulation, Mass
 from ..runtime.rotations import exponential, rotation_vector
@@ -34,6 +35,8 @@ from .scene import Scene, StaticCase, TransientCase, read_results
 # A factor in a table of results counts as one of the scene's within this.
 _SAME = 1e-9
 _FIT_ROUNDS = 50
+# Error of a reference in statics over what is accepted over time that is worth a warning.
+_DOUBTFUL = 0.33
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +50,13 @@ class Reference:
         is known.
     origin : str
         Where it comes from, in words.
+    doubt : float
+        Of a reduced model: its own relative error in the scene's static cases, where the finite element model tells.
     """
 
     motion: FloatArray
     origin: str
+    doubt: float = math.nan
 
 
 def references(scene: Scene, report: Reporter, store: Store | None = None) -> dict[str, Reference]:
@@ -82,7 +88,9 @@ def references(scene: Scene, report: Reporter, store: Store | None = None) -> di
         )
     for motion in scene.transient:
         found[motion.name] = (
-            _tight_model(scene, motion, report, store) if motion.results is None else _brought_transient(scene, motion)
+            _tight_model(scene, motion, found, report, store)
+            if motion.results is None
+            else _brought_transient(scene, motion)
         )
     return found
 
@@ -209,7 +217,9 @@ def _complete(motion: FloatArray, path: Path) -> FloatArray:
     return motion
 
 
-def _tight_model(scene: Scene, case: TransientCase, report: Reporter, store: Store) -> Reference:
+def _tight_model(
+    scene: Scene, case: TransientCase, known: Mapping[str, Reference], report: Reporter, store: Store
+) -> Reference:
     """Motion of a model with more modes and frames than any that will be delivered."""
     settings, config = scene.file.reference, scene.config
     mass = settings.mass
@@ -234,7 +244,7 @@ def _tight_model(scene: Scene, case: TransientCase, report: Reporter, store: Sto
             f"Follow {case.name} with {body.mode_count} modes and {body.frame_count} frames, {steps} steps"
         ):
             try:
-                return {"motion": follow(model, case)}
+                return {"motion": follow(model, case), "doubt": np.array(_static_error(scene, known, model))}
             except StepError as error:
                 raise SceneError(
                     f"{case.name}: the reference model refuses a step: {error}; take other numbers in [reference], or "
@@ -245,12 +255,40 @@ def _tight_model(scene: Scene, case: TransientCase, report: Reporter, store: Sto
     said = tight.model_dump_json(exclude={"mesh": {"file"}, "formulation": True})
     start = np.array([loads.packed(True) for loads in case.start_loads])
     end = np.array([loads.packed(True) for loads in case.end_loads])
-    key = content_key("scene transient", mesh, said, mass.value, settings.tolerance, case.step, start, end)
-    motion = store.arrays(key, f"reference motion under {case.name}", report, run)["motion"]
+    statics = [part for one in scene.static for part in (one.peak.packed(True), known[one.name].motion)]
+    key = content_key("scene transient", mesh, said, mass.value, settings.tolerance, case.step, start, end, *statics)
+    kept = store.arrays(key, f"reference motion under {case.name}", report, run)
+    doubt, accepted = float(kept["doubt"]), scene.file.tolerance.transient.displacement
+    if not math.isnan(doubt):
+        report.note(f"the reference model of {case.name} is off by {100.0 * doubt:.2g} % in the static cases")
+    if doubt > _DOUBTFUL * accepted:
+        report.warning(
+            f"{case.name}: the reference model itself is off by {100.0 * doubt:.2g} % in the static cases, where "
+            f"{100.0 * accepted:g} % are accepted over time: errors over time say little; give [reference] more modes "
+            "or frames, or bring results"
+        )
     words = (
         f"reduced model, {settings.modes} modes and residual flexibility, frames = {settings.frames}, mass {mass.value}"
     )
-    return Reference(motion[:, scene.read_index], words)
+    return Reference(kept["motion"][:, scene.read_index], words, doubt)
+
+
+def _static_error(scene: Scene, known: Mapping[str, Reference], model: FlexibleBody) -> float:
+    """Largest relative displacement error of a model in the static cases; infinite where it has no equilibrium."""
+    worst = math.nan
+    for case in scene.static:
+        for factor, expected in zip(case.factors, known[case.name].motion[..., :3], strict=True):
+            try:
+                state = model.static(case.peak.scaled(factor))
+            except EquilibriumError:
+                return math.inf
+            found = model.response(state).displacement[scene.read_index]
+            told = np.all(np.isfinite(expected), axis=1)
+            size = np.linalg.norm(expected[told])
+            if size > 0.0:
+                error = float(np.linalg.norm((found - expected)[told]) / size)
+                worst = error if math.isnan(worst) else max(worst, error)
+    return worst
 
 
 def follow(model: FlexibleBody, case: TransientCase) -> FloatArray:
