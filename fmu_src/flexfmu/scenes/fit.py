@@ -32,6 +32,8 @@ _HELPS = 0.1
 # Share of an error that may be added to it where the tolerance is out of reach anyway, for the sake of fewer modes.
 _SPARE = 0.05
 _TIMINGS = 3
+# Relative difference of frequencies below which two modes are a pair.
+_PAIR = 1e-4
 # Frames are given up when so many more tries have not helped.
 _PATIENCE = 2
 
@@ -263,7 +265,12 @@ def _fewest_normal(
         kept = with_modes(body, np.arange(rigid + count))
         return kept, search.errors(kept, formulation)
 
-    count = _fewest(1, plenty, lambda n: model(n)[1].share <= allowed, formulation)
+    def enough(count: int) -> bool:
+        # Of a pair of the same frequency one alone lies anywhere in their plane: the file would give another.
+        pair = body.angular_frequency[rigid + count - 1 : rigid + count + 1]
+        return not (pair.size == 2 and pair[1] < (1.0 + _PAIR) * pair[0]) and model(count)[1].share <= allowed
+
+    count = _fewest(1, plenty, enough, formulation)
     if count is None:
         return None
     kept, found = model(count)

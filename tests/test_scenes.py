@@ -1,0 +1,486 @@
+"""Scenes: references, sweeps that resume, charts from records, and the smallest model that will do."""
+
+import json
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+from flexfmu.build import reduce_body
+from flexfmu.config import read_body_file
+from flexfmu.errors import OutputError
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.loads import Loads
+from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from flexfmu.runtime.rotations import exponential, rotation_vector
+from flexfmu.scenes.body_text import body_text
+from flexfmu.scenes.candidates import Reduction, candidates, reduction_config, with_modes
+from flexfmu.scenes.chart import chart
+from flexfmu.scenes.config import BasisChoice
+from flexfmu.scenes.errors import SceneError
+from flexfmu.scenes.fit import contributions, fit
+from flexfmu.scenes.fmu_cost import FmuTimer
+from flexfmu.scenes.measure import _within, errors
+from flexfmu.scenes.records import COLUMNS, Record, Records, pareto_front, read_records
+from flexfmu.scenes.reference import finite_motion, references
+from flexfmu.scenes.scene import read_scene
+from flexfmu.scenes.sweep import Workshop, sweep
+from flexfmu.store import Store
+from references import BEAM, DEMO, calculix, displacement, relative
+
+AXES = "xyz"
+BEND = """
+[[static]]
+name = "bend"
+loads = { "tip.force.y" = 10e3 }
+factors = [0.3, 1.0]
+"""
+SMALL_SWEEP = """
+[sweep]
+basis = ["normal"]
+modes = [3, 6]
+frames = [1, 2]
+loads = ["deformed"]
+stiffness = ["constant"]
+"""
+
+
+class Listening(Reporter):
+    """Remembers what was said."""
+
+    def __init__(self):
+        self.notes, self.warnings = [], []
+
+    def note(self, text):
+        self.notes.append(text)
+
+    def warning(self, text):
+        self.warnings.append(text)
+
+
+def scene_of(folder, text, body=BEAM / "body.toml", changes=()):
+    """A scene file in a folder, with a copy of a body file beside it."""
+    content = body.read_text(encoding="utf-8").replace('file = "', f'file = "{body.parent.as_posix()}/')
+    for old, new in changes:
+        assert old in content
+        content = content.replace(old, new)
+    (folder / "body.toml").write_text(content, encoding="utf-8")
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    return read_scene(folder / "scene.toml")
+
+
+def calculix_results(folder, table, peak, factors, interface="tip"):
+    """A demo body's CalculiX results as a table that a scene takes."""
+    rows = calculix(table)
+    header = ["factor"] + [f"{interface}.{kind}.{a}" for kind in ("displacement", "rotation") for a in AXES]
+    lines = ["# of CalculiX", ",".join(header)]
+    for factor in factors:
+        row = rows[np.argmin(np.abs(np.abs(rows["force_N"]) - factor * peak))]
+        motion = [row[f"{kind}{a}_{unit}"] for kind, unit in (("u", "m"), ("r", "rad")) for a in AXES]
+        lines.append(",".join(str(value) for value in (factor, *motion)))
+    (folder / "results.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return 'results = "results.csv"\n'
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    return Store(tmp_path_factory.mktemp("kept"))
+
+
+def with_results(folder, text):
+    """The bent beam, its results brought by the user, so that nothing large is solved."""
+    results = calculix_results(folder, BEAM / "calculix" / "static_y.csv", 10e3, (0.3, 1.0))
+    return scene_of(folder, BEND + results + text)
+
+
+@pytest.fixture
+def brought(tmp_path):
+    """The bent beam, its results brought, and few combinations."""
+    return with_results(tmp_path, SMALL_SWEEP)
+
+
+# --- what a scene file may say
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"nothing happens in the scene: give a \[\[static\]\]"),
+        (BEND.replace("factors", "factor"), r"static\[1\].factor: unknown key; is it 'factors'\?"),
+        (BEND.replace("0.3, 1.0", "1.0, 0.3"), r"static\[1\].factors: is \[1.0, 0.3\], expected ascending"),
+        (BEND.replace("10e3", "0.0"), "all loads are zero"),
+        (BEND.replace("10e3", '"10e3"'), r"static\[1\].loads.tip.force.y: found '10e3'; should be a valid number"),
+        (BEND.replace("tip.force.y", "tip.force"), r"'tip.force' is no input of the body.*\"tip.force.y\""),
+        (BEND.replace("tip.force", "top.force"), "'top.force.y' is no input of the body.*its interfaces: tip"),
+        (BEND.replace("tip.force.y", "body.acceleration.z"), r"needs acceleration = true in \[input\]"),
+        (BEND + BEND, "two cases have the name 'bend'"),
+        ('read = ["top"]\n' + BEND, "read names 'top', and the body has tip"),
+        ("loaded = []\n" + BEND, "loads act on tip, which loaded leaves out"),
+        ('[[transient]]\nname = "a"\nstep = 1e-3\nloads = { "tip.force.y" = 1.0 }', "needs a duration"),
+        (
+            '[[transient]]\nname = "a"\nstep = 1e-3\nduration = 1.0\nfrequencies = [0.0, 900.0]\n'
+            'loads = { "tip.force.y" = 1.0 }',
+            "take steps of 0.000444 s or less",
+        ),
+        (BEND + '[sweep]\nbasis = ["modal"]', r"sweep.basis\[1\]: found 'modal'; should be 'normal'"),
+    ],
+)
+def test_a_wrong_scene_is_refused_with_what_would_do(tmp_path, text, message):
+    with pytest.raises(SceneError, match=message):
+        scene_of(tmp_path, text)
+
+
+def test_a_damping_ratio_for_each_mode_has_no_meaning_in_a_sweep(tmp_path):
+    with pytest.raises(SceneError, match="give one number"):
+        scene_of(tmp_path, BEND, changes=[("ratio = 0.01", f"ratio = {[0.01] * 10}")])
+
+
+def test_interfaces_that_the_scene_does_not_need_are_left_out(tmp_path):
+    more = '[[interface]]\nname = "middle"\nnodes = "SEG4"\n\n[reduction]'
+    scene = scene_of(tmp_path, 'read = ["tip"]\n' + BEND, changes=[("[reduction]", more)])
+    assert scene.names == ("tip",)
+    assert len(scene.given.interface) == 2
+
+
+def test_a_table_of_loads_is_linear_between_rows_and_jumps_where_a_time_comes_twice(tmp_path):
+    (tmp_path / "loads.csv").write_text("time,tip.force.y\n0,0\n0.2,2\n0.2,5\n0.4,5\n", encoding="utf-8")
+    scene = scene_of(tmp_path, '[[transient]]\nname = "a"\nstep = 0.1\nloads = "loads.csv"\n')
+    (case,) = scene.transient
+    assert [one.force[0, 1] for one in case.start_loads] == pytest.approx([0.0, 1.0, 5.0, 5.0])
+    assert [one.force[0, 1] for one in case.end_loads] == pytest.approx([1.0, 2.0, 5.0, 5.0])
+
+
+# --- references
+
+
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory, store):
+    """The bent beam with its reference by the whole finite element model."""
+    scene = scene_of(tmp_path_factory.mktemp("bent"), BEND)
+    return scene, references(scene, Reporter(), store)["bend"]
+
+
+def test_the_static_reference_is_what_calculix_finds(bent):
+    _, reference = bent
+    table = calculix(BEAM / "calculix" / "static_y.csv")
+    rows = table[np.isin(table["force_N"], (3e3, 10e3))]
+    for found, expected, row in zip(reference.motion[:, 0], displacement(rows), rows, strict=True):
+        assert relative(found[:3], expected) < 1e-6
+        # Theirs is fitted with equal weights.
+        assert found[5] == pytest.approx(row["rz_rad"], rel=1e-3)
+
+
+def test_the_static_reference_is_kept_by_content(bent, store):
+    scene, reference = bent
+    listening = Listening()
+    again = references(scene, listening, store)["bend"]
+    assert any("earlier build" in text for text in listening.notes)
+    np.testing.assert_array_equal(again.motion, reference.motion)
+
+
+def test_moments_and_free_bodies_are_refused_with_what_to_do(tmp_path):
+    scene = scene_of(tmp_path, BEND.replace("force", "moment"))
+    with pytest.raises(SceneError, match=r"takes forces only.*bring results: results = \"bend.csv\""):
+        references(scene, Reporter())
+
+
+def test_the_motion_of_a_section_that_turns_far_is_that_of_its_best_rigid_motion(random):
+    points = random.normal(size=(9, 3))
+    turn, shift = np.array([0.9, -1.3, 0.7]), np.array([3.0, -1.0, 2.0])
+
+    class Section:
+        """Equal weights about a point that is not the centre."""
+
+        nodes = np.arange(9)
+        point = np.array([0.3, 0.2, -0.4])
+
+    arm = points - Section.point
+    turns = [np.cross(axis, arm).ravel() for axis in np.eye(3)]
+    Section.operator = np.linalg.pinv(np.column_stack([np.tile(np.eye(3), (9, 1)), *turns]))
+    moved = Section.point + shift + arm @ exponential(turn).T
+    found = finite_motion(Section, points, (moved - points).ravel())
+    np.testing.assert_allclose(found, np.concatenate([shift, turn]), atol=1e-9)
+    assert np.linalg.norm(rotation_vector(exponential(turn)) - turn) < 1e-12
+
+
+def test_results_that_are_brought_must_tell_every_factor(brought, tmp_path):
+    known = references(brought, Reporter())["bend"]
+    assert known.motion.shape == (2, 1, 6)
+    lines = (tmp_path / "results.csv").read_text(encoding="utf-8").splitlines()
+    (tmp_path / "results.csv").write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
+    with pytest.raises(SceneError, match=r"no row for the factor 1\.0 of bend"):
+        references(read_scene(tmp_path / "scene.toml"), Reporter())
+
+
+TRANSIENT = """
+[[transient]]
+name = "sudden"
+loads = { "tip.force.y" = 1e3 }
+duration = 0.02
+step = 1e-3
+
+[reference]
+modes = 6
+frames = 4
+"""
+
+
+def test_the_reference_over_time_is_closer_to_a_model_of_its_kind_than_to_a_linear_one(tmp_path, store):
+    scene = scene_of(tmp_path, TRANSIENT)
+    known = references(scene, Reporter(), store)
+    body = Workshop(scene, Reporter(), store).reduce(Reduction(BasisChoice.RESIDUAL, 6, 4), [Formulation()])[0]
+    near = errors(scene, known, FlexibleBody(body))
+    far = errors(scene, known, FlexibleBody(body, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)))
+    assert near.transient_displacement < 0.3 * far.transient_displacement
+    assert math.isnan(near.static_displacement)
+
+
+def test_only_what_lies_in_the_range_of_frequencies_counts():
+    time = np.arange(400) * 1e-3
+    slow, fast = np.sin(2 * np.pi * 10.0 * time), np.sin(2 * np.pi * 200.0 * time)
+    left = _within(slow + fast, (0.0, 50.0), 1e-3)
+    assert np.abs(left - slow)[50:-50].max() < 0.01
+    assert np.abs(_within(slow + fast, (100.0, 300.0), 1e-3) - fast)[50:-50].max() < 0.02
+
+
+# --- sweep and records
+
+
+def test_a_sweep_takes_each_meaningful_combination_once(tmp_path):
+    sweep_all = """
+[sweep]
+modes = [4]
+frames = [1, 3]
+kinematics = ["linear", "literal", "secant", "corotated"]
+loads = ["reference", "corrective_moment", "deformed"]
+stiffness = ["constant", "by_load", "by_mode"]
+mass = ["constant", "configuration"]
+"""
+    found = candidates(scene_of(tmp_path, BEND + sweep_all))
+    assert len(found) == len({candidate.key for candidate in found})
+    for candidate in found:
+        formulation = candidate.formulation
+        assert (candidate.reduction.frames == 0) == (formulation.kinematics is Kinematics.LINEAR)
+        if formulation.stiffness is Stiffness.BY_MODE:
+            assert formulation.loads is LoadPlacement.REFERENCE
+        if formulation.mass is Mass.CONFIGURATION:
+            assert formulation.kinematics is Kinematics.COROTATED
+
+
+def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store, monkeypatch):
+    target, plain, done = tmp_path / "records.csv", Workshop.record, []
+
+    def interrupted(self, *arguments):
+        if len(done) == 3:
+            raise KeyboardInterrupt
+        done.append(arguments[0])
+        return plain(self, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Workshop, "record", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(brought, target, Reporter(), store)
+    begun = target.read_text(encoding="utf-8")
+    assert len(begun.splitlines()) == 1 + 3
+    # Cut off while it was written.
+    target.write_text(begun + begun.splitlines()[-1][:40], encoding="utf-8")
+    tried = []
+    monkeypatch.setattr(Workshop, "record", lambda self, *a: tried.append(a[0]) or plain(self, *a))
+    rows = sweep(brought, target, Reporter(), store)
+    assert target.read_text(encoding="utf-8").startswith(begun)
+    assert {row.key for row in rows} == {candidate.key for candidate in candidates(brought)}
+    assert len(tried) == len(rows) - 3 == 3
+    assert all(row.status == "ok" and row.step_us > 0.0 and row.modal_bytes > 0 for row in rows)
+    errors_found = {(row.frames, row.modes): row.static_displacement for row in rows}
+    assert errors_found[0, 6] > errors_found[1, 6] > errors_found[2, 6]
+    assert sweep(brought, target, Reporter(), store) == read_records(target)
+    assert len(tried) == 3
+
+
+def made_up(number, **values):
+    words = {"kinematics": "corotated", "loads": "deformed", "stiffness": "constant", "mass": "constant"}
+    return Record("scene", "body", "normal", number, 2, **(words | values))
+
+
+def test_records_come_back_as_they_were_written(tmp_path):
+    kept = Records(tmp_path / "r.csv", "scene")
+    rows = [
+        made_up(1, static_displacement=0.0125, step_us=11.5, share=0.5, mode_count=3),
+        made_up(2, status="no answer", note="beyond,\nthe critical load", share=math.inf),
+    ]
+    for row in rows:
+        kept.append(row)
+    assert (tmp_path / "r.csv").read_text(encoding="utf-8").count("\n") == 3
+    again = read_records(tmp_path / "r.csv")
+    assert [row.key for row in again] == [row.key for row in rows]
+    assert again[0].static_displacement == 0.0125
+    assert math.isnan(again[0].fmu_ratio)
+    assert again[1].note == "beyond, the critical load"
+
+
+def test_records_of_another_scene_or_kind_are_left_alone(tmp_path):
+    path = tmp_path / "r.csv"
+    Records(path, "scene").append(made_up(1))
+    with pytest.raises(SceneError, match="records of another scene"):
+        Records(path, "other")
+    path.write_text("time,tip.displacement.x\n0,1\n", encoding="utf-8")
+    with pytest.raises(SceneError, match="not the records of a sweep"):
+        Records(path, "scene")
+    assert path.read_text(encoding="utf-8").startswith("time")
+
+
+def test_on_the_front_are_those_that_nothing_beats():
+    costs = [3.0, 1.0, 2.0, 2.0, 5.0, 4.0, math.nan, 0.5]
+    found = [0.2, 1.0, 0.5, 0.6, 0.21, 0.195, 0.0, math.inf]
+    assert pareto_front(costs, found) == [1, 2, 0, 5]
+    assert pareto_front(costs, found, margin=0.1) == [1, 2, 0]
+    assert pareto_front([], []) == []
+
+
+def test_charts_are_made_of_records_alone(tmp_path):
+    records = Records(tmp_path / "r.csv", "scene")
+    for n in range(1, 6):
+        records.append(made_up(n, static_displacement=0.1 / n, step_us=10.0 * n, share=2.0 / n, mode_count=n))
+    records.append(made_up(9, static_displacement=0.3, step_us=60.0, static_at="</script>", mode_count=9))
+    picture, page = tmp_path / "c.png", tmp_path / "c.html"
+    front = chart(tmp_path / "r.csv", picture, page)
+    assert [row.modes for row in front] == [1, 2, 3, 4, 5]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    text = page.read_text(encoding="utf-8")
+    assert text.count("</script>") == 2
+    assert "src=" not in text
+    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+    data = json.loads(text.split('type="application/json">')[1].split("</script>")[0])
+    assert len(data["rows"]) == 6
+    assert "fmu_us" not in data["costs"]
+    with pytest.raises(OutputError, match="expected a file name"):
+        chart(tmp_path / "r.csv", tmp_path / "c.txt")
+    (tmp_path / "none.csv").write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+    with pytest.raises(SceneError, match="nothing to draw"):
+        chart(tmp_path / "none.csv", picture)
+
+
+def test_a_step_through_the_fmu_is_timed_against_an_empty_one(brought, tmp_path, store):
+    body = Workshop(brought, Reporter(), store).reduce(Reduction(BasisChoice.NORMAL, 3, 1), [Formulation()])[0]
+    found = FmuTimer(tmp_path).times(body, brought, 1e-3)
+    assert found["fmu_ratio"] == pytest.approx(found["fmu_us"] / found["empty_us"])
+    assert found["empty_us"] > 0.0
+
+
+# --- fit
+
+
+def test_a_body_with_some_of_its_modes_is_the_one_that_is_reduced_to_them(bodies):
+    every = {"geometric_stiffness": ["by_load", "by_mode"], "inertia": True}
+    config = bodies.config(BEAM)
+    many, few = (
+        reduce_body(
+            config.model_copy(
+                update={"frames": 2, "reduction": config.reduction.model_copy(update={"modes": n, **every})}
+            ),
+            Reporter(),
+        )
+        for n in (8, 4)
+    )
+    kept = with_modes(many, np.arange(4))
+    load = Loads(np.array([[500.0, 3e3, 1e3]]), np.zeros((1, 3)))
+    for formulation in (
+        Formulation(stiffness=Stiffness.BY_LOAD),
+        Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE),
+        Formulation(mass=Mass.CONFIGURATION),
+    ):
+        models = [FlexibleBody(body, formulation) for body in (kept, few)]
+        states = [model.step(model.static(load), load.scaled(0.5), 1e-3) for model in models]
+        motions = [model.motion(state) for model, state in zip(models, states, strict=True)]
+        np.testing.assert_allclose(*motions, rtol=1e-6, atol=1e-9)
+
+
+def test_modes_across_the_load_move_nothing(brought, store):
+    body = Workshop(brought, Reporter(), store).reduce(Reduction(BasisChoice.NORMAL, 6, 2), [Formulation()])[0]
+    part = contributions(brought, body, Formulation())
+    assert part.max() > 0.9
+    # The other of each pair bends across; the square section holds their axes to some digits.
+    assert np.sum(part < 1e-4) == 3
+
+
+def test_a_body_file_that_is_written_says_what_was_meant(tmp_path):
+    config = read_body_file(DEMO / "rear_axle" / "body_bushings.toml")
+    reduction = Reduction(BasisChoice.RESIDUAL, 7, 3)
+    wanted = reduction_config(config, reduction, [Formulation()])
+    text = body_text(wanted, tmp_path, ["A line.", "Another " + 40 * "long " + "line."], {"frames": "Why three."})
+    (tmp_path / "b.toml").write_text(text, encoding="utf-8")
+    assert tomllib.loads(text)["frames"] == 3
+    assert "# Why three.\nframes = 3" in text
+    found = read_body_file(tmp_path / "b.toml")
+    assert found.mesh.file.resolve() == config.mesh.file.resolve()
+    assert (found.support, found.interface, found.reduction.modes) == (wanted.support, wanted.interface, 7)
+    assert found.reduction.residual_flexibility
+    assert found.formulation == wanted.formulation
+
+
+def static_error(body_file, force):
+    """Error of a body file's model of the beam against CalculiX under a tip force (N)."""
+    table = calculix(BEAM / "calculix" / "static_y.csv")
+    row = table[table["force_N"] == force]
+    body = FlexibleBody(reduce_body(read_body_file(body_file), Reporter()))
+    found = body.response(body.static({"tip": [0.0, force, 0.0]})).displacement[0]
+    return relative(found, displacement(row)[0])
+
+
+FIT = """
+[tolerance.static]
+displacement = 0.005
+
+[sweep]
+modes = [10]
+frames = [8]
+"""
+
+
+def test_a_large_load_is_given_frames_and_holds_where_it_was_not_looked_at(tmp_path, store):
+    scene = scene_of(tmp_path, BEND + FIT)
+    target = tmp_path / "fitted.toml"
+    found = fit(scene, target, Reporter(), store)
+    assert found.met
+    assert found.measured.share <= 1.0
+    assert found.measured.share == pytest.approx(found.predicted.share, rel=0.02)
+    assert 2 <= found.candidate.reduction.frames <= 4
+    assert found.mode_count < 10
+    assert found.step < 2.0 * found.given_step
+    for force in (2e3, 5e3, 8e3):
+        assert static_error(target, force) < 0.005
+    text = target.read_text(encoding="utf-8")
+    assert "Linear is not enough" in text
+    assert "predicted" in text
+    assert tomllib.loads(text)["formulation"]["kinematics"] == "corotated"
+
+
+def test_a_small_load_is_left_linear(tmp_path, store):
+    scene = scene_of(tmp_path, BEND.replace("10e3", "200.0") + FIT)
+    target = tmp_path / "fitted.toml"
+    found = fit(scene, target, Reporter(), store)
+    assert found.met
+    assert found.candidate.formulation.kinematics is Kinematics.LINEAR
+    assert found.candidate.reduction.frames == 0
+    assert "Linear is enough" in target.read_text(encoding="utf-8")
+
+
+def test_what_is_out_of_reach_is_said_with_what_limits_it(tmp_path, store):
+    body = DEMO / "clamped_clamped" / "body.toml"
+    results = calculix_results(tmp_path, body.parent / "calculix" / "static_y.csv", 200e3, (0.5, 1.0), "middle")
+    case = BEND.replace("tip", "middle").replace("10e3", "200e3").replace("0.3", "0.5") + results
+    scene = scene_of(tmp_path, case + FIT.replace("[8]", "[3]"), body)
+    found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
+    assert not found.met
+    assert "Neither more modes nor more frames help" in found.limit
+    assert "membrane" in (tmp_path / "fitted.toml").read_text(encoding="utf-8")
+
+
+def test_frames_are_named_where_they_are_what_is_missing(tmp_path, store):
+    scene = with_results(tmp_path, FIT.replace("[8]", "[1]"))
+    found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
+    assert not found.met
+    assert "Most is to be had from frames (2 instead of 1)" in found.limit
+    assert found.candidate.formulation.kinematics is Kinematics.COROTATED
