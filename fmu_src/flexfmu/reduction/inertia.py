@@ -7,7 +7,7 @@ import numpy as np
 from ..mesh.model import FloatArray, Mesh
 from ..runtime.inertia import InertiaIntegrals
 from ..runtime.reduced_body import GROUND
-from .subdomains import FrameOperators, Subdomain, volume_weighted
+from .subdomains import FrameOperators, Subdomain, element_owner, volume_weighted
 
 
 def inertia_integrals(
@@ -34,10 +34,7 @@ def inertia_integrals(
     -------
     InertiaIntegrals
     """
-    floats = bool(subdomains) and subdomains[0].floating
-    owner = np.full(mesh.element_count, 0 if floats else GROUND)
-    for s, domain in reversed(list(enumerate(subdomains))):
-        owner[domain.elements] = s
+    owner = element_owner(mesh, subdomains)
     density = np.array([material.density for material in mesh.materials])
     masses = tuple(
         density[block.material][:, None, None] * matrices for block, matrices in zip(mesh.blocks, volumes, strict=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..mesh.model import FloatArray, Mesh
 from ..runtime.reduced_body import GROUND, Masses
-from .subdomains import Subdomain
+from .subdomains import Subdomain, element_owner
 
 
 def sub_masses(
@@ -29,10 +29,7 @@ def sub_masses(
     -------
     Masses
     """
-    floats = bool(subdomains) and subdomains[0].floating
-    owner = np.full(mesh.element_count, 0 if floats else GROUND)
-    for s, domain in reversed(list(enumerate(subdomains))):
-        owner[domain.elements] = s
+    owner = element_owner(mesh, subdomains)
     density = np.array([material.density for material in mesh.materials])
     share = np.zeros((len(subdomains) + 1, len(mesh.points)))
     first = 0

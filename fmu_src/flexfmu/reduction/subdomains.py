@@ -367,6 +367,26 @@ def rotation_by_points(points: FloatArray, shapes: FloatArray, domain: Subdomain
     return np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
 
 
+def element_owner(mesh: Mesh, subdomains: Sequence[Subdomain]) -> IntArray:
+    """Frame (e,) that each element counts for, the earliest of several; what is in none hangs on a floating frame.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    subdomains : sequence of Subdomain
+
+    Returns
+    -------
+    (e,) int
+        `GROUND` for elements that no frame carries.
+    """
+    floats = bool(subdomains) and subdomains[0].floating
+    owner = np.full(mesh.element_count, 0 if floats else GROUND)
+    for s, domain in reversed(list(enumerate(subdomains))):
+        owner[domain.elements] = s
+    return owner
+
+
 def carrying_frame(subdomains: Sequence[Subdomain], nodes: IntArray) -> int:
     """Sub-domain that holds most of an interface's nodes (k,), the earliest of equals.
 
