@@ -20,7 +20,7 @@ from flexfmu.store import Store, default_folder
 HERE = Path(__file__).parent
 SIDES = ("left", "right")
 GRAVITY = 9.81
-AXLE, WHEEL = "axle.fmu", "RoadWheel.fmu"
+AXLE, AXLE_CUT, WHEEL = "axle.fmu", "axle_cut.fmu", "RoadWheel.fmu"
 
 # Wheel bearings, and coil springs between the seats and the car, N/m. The dampers stand at the wheels, as on real
 # axles: there they act on a mass whose velocity is smooth. On a seat, whose fastest modes a step does not resolve, a
@@ -46,8 +46,10 @@ class Ride:
         Force between a tyre and the flat road, N, and mass, kg.
     damper : float
         Between each wheel's hub and the car, N s/m.
-    axle : dict of str to str
+    axle : dict of str to float or str
         Parameters of the axle's FMU.
+    cut : bool
+        Take the axle that is cut in the middle; it has its coil springs aboard.
     """
 
     bump: dict[str, float] = field(default_factory=lambda: {"left": 0.08, "right": 0.0})
@@ -59,13 +61,16 @@ class Ride:
     wheel_load: float = 3000.0
     wheel_mass: float = 20.0
     damper: float = 1000.0
-    axle: dict[str, str] = field(default_factory=dict)
+    axle: dict[str, float | str] = field(default_factory=dict)
+    cut: bool = False
 
 
-def build_axle(folder: Path, report: Reporter, body_file: Path = HERE / "body.toml", name: str = AXLE) -> ReducedBody:
-    """Build the axle's FMU."""
-    body = reduce_body(read_body_file(body_file), report, Store(default_folder()))
-    package_fmu(body, folder / name)
+def build_axle(folder: Path, report: Reporter, cut: bool = False) -> ReducedBody:
+    """Build the axle's FMU, in one piece or cut in the middle."""
+    body = reduce_body(
+        read_body_file(HERE / ("body_cut.toml" if cut else "body.toml")), report, Store(default_folder())
+    )
+    package_fmu(body, folder / (AXLE_CUT if cut else AXLE))
     return body
 
 
@@ -82,10 +87,10 @@ def coil_preload(body: ReducedBody, ride: Ride) -> float:
     return ((ride.wheel_load - GRAVITY * ride.wheel_mass) * wheel - own) / seat
 
 
-def coupling(ride: Ride, preload: float, folder: Path, axle: str = AXLE) -> CouplingFile:
+def coupling(ride: Ride, preload: float, folder: Path) -> CouplingFile:
     """Coupling of the axle, two wheels, coil springs and dampers; the car is held."""
     start = {f"seat_{side}.force.z": -preload for side in SIDES} | {"body.acceleration.z": GRAVITY} | ride.axle
-    fmus, springs, links = [{"name": "axle", "file": axle, "start": start}], [], []
+    fmus, springs, links = [{"name": "axle", "file": AXLE_CUT if ride.cut else AXLE, "start": start}], [], []
     for side in SIDES:
         wheel = {
             "mass": ride.wheel_mass,
@@ -98,7 +103,8 @@ def coupling(ride: Ride, preload: float, folder: Path, axle: str = AXLE) -> Coup
         fmus.append({"name": side, "file": WHEEL, "start": wheel})
         bearing = [BEARING, BEARING, BEARING, 0.0, 0.0, 0.0]
         springs.append({"a": f"axle.wheel_{side}", "b": f"{side}.hub", "stiffness": bearing})
-        springs.append({"a": f"axle.seat_{side}", "stiffness": [0.0, 0.0, COIL, 0.0, 0.0, 0.0]})
+        if not ride.cut:
+            springs.append({"a": f"axle.seat_{side}", "stiffness": [0.0, 0.0, COIL, 0.0, 0.0, 0.0]})
         springs.append({"a": f"{side}.hub", "stiffness": [0.0] * 6, "damping": [0.0, 0.0, ride.damper, 0.0, 0.0, 0.0]})
         # The wheel's turn about the vertical, and the moment of the side force that the hub does not bear itself.
         links.append({"from": f"axle.wheel_{side}.rotation.z", "to": f"{side}.steer", "factor": 1.0})
