@@ -39,6 +39,8 @@ class Record:
         The bare model's step, µs: fastest and median of blocks.
     iterations : float
         Rounds a step.
+    busy : float
+        How busy the machine was with other things meanwhile: 1 when calm, 2 when all took twice as long.
     fmu_us, empty_us, fmu_ratio : float
         Step of the FMU and of an empty one, µs, and their ratio; not a number where not asked for.
     modal_bytes : int
@@ -76,6 +78,7 @@ class Record:
     step_us: float = math.nan
     step_us_median: float = math.nan
     iterations: float = math.nan
+    busy: float = math.nan
     fmu_us: float = math.nan
     empty_us: float = math.nan
     fmu_ratio: float = math.nan

@@ -108,6 +108,7 @@ class Workshop:
                     "step_us": 1e6 * cost.fastest,
                     "step_us_median": 1e6 * cost.median,
                     "iterations": cost.iterations,
+                    "busy": cost.busy,
                 }
                 if timer is not None:
                     words |= timer.times(slim, scene, step)
