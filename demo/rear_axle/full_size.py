@@ -2,7 +2,7 @@
 
 Meshes; builds modes, frames, modal file and FMU of the body in one piece; builds again with other frames, which takes
 the modes from the store; builds the body as body.toml has it, cut in the middle of its cross-beam. Steps the FMUs and
-solves the static cases that CalculiX solved on the same mesh. Prints a Markdown table. Needs 7 GB and
+solves the static cases that CalculiX solved on the same mesh. Prints a Markdown table. Needs 10 GB and
 some minutes. Run from the repository's root: python -m demo.rear_axle.full_size [--output FOLDER] [--size coarse]
 """
 
