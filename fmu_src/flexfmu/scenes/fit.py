@@ -80,9 +80,11 @@ class Fit:
             f"{self.mode_count} modes; a step of the bare model takes {1e6 * self.step:.3g} µs.",
         ]
         if math.isfinite(self.given_step):
+            gain = self.given_step / self.step
+            words = f"{gain:.2g} times as fast" if gain >= 1.0 else f"{1.0 / gain:.2g} times as slow"
             lines.append(
                 f"As given: {_short(self.given.share)} of the tolerance, {self.given_mode_count} modes, "
-                f"{1e6 * self.given_step:.3g} µs; this is {self.given_step / self.step:.2g} times as fast."
+                f"{1e6 * self.given_step:.3g} µs; this is {words}."
             )
         else:
             lines.append(f"As given the body has no answer in this scene: {self.given.failure}")

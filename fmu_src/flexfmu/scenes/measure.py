@@ -19,9 +19,9 @@ from .scene import Scene, TransientCase
 
 # An interface that moves less than this share of the one that moves farthest is judged by that share.
 _FLOOR = 1e-3
-_BLOCKS, _LONGEST_STEPS = 7, 200
-# Time of a block of steps, s: long against the clock, short against what else the machine does.
-_BLOCK_TIME = 4e-3
+_BLOCKS, _SHORTEST_STEPS, _LONGEST_STEPS = 7, 10, 300
+# Time that a block of steps may take, s, if that is enough for a few steps.
+_BLOCK_TIME = 0.05
 _FILTER_ORDER = 4
 # A fixed piece of work is done so many times to see how busy the machine is; up to such a slowdown it counts as calm.
 _WORK, _CALM = 150, 1.25
@@ -261,20 +261,20 @@ def step_cost(scene: Scene, model: FlexibleBody, step: float) -> StepCost:
         state, _ = model.step_packed(state, rows[0], step)
     start = time.perf_counter()
     state, _ = model.step_packed(state, rows[0], step)
-    count = int(min(_LONGEST_STEPS, max(4, math.ceil(_BLOCK_TIME / (time.perf_counter() - start)))))
-    number, iterations, steps = 0, 0, 0
+    affordable = math.ceil(_BLOCK_TIME / (time.perf_counter() - start))
+    # Every block is the same piece of the scene, from its start.
+    piece = rows[:_LONGEST_STEPS] if len(rows) > 1 else rows * _LONGEST_STEPS
+    piece = piece[: max(_SHORTEST_STEPS, affordable)]
+    count, iterations, steps = len(piece), 0, 0
     times: list[tuple[float, float]] = []
     for _ in range(_MOST_BLOCKS):
         before = _PACE.slowdown()
+        state = model.rest()
         start = time.perf_counter()
-        for _ in range(count):
-            if number == len(rows) and len(rows) > 1:
-                # The table is over: from the start again.
-                number, state = 0, model.rest()
-            state, work = model.step_packed(state, rows[min(number, len(rows) - 1)], step)
+        for inputs in piece:
+            state, work = model.step_packed(state, inputs, step)
             model.motion(state)
             iterations += work.iterations
-            number += 1
         took = (time.perf_counter() - start) / count
         steps += count
         times.append((max(before, _PACE.slowdown()), took))
