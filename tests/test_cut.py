@@ -102,7 +102,7 @@ def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):
     )
 
 
-def test_two_cuts_and_constraint_modes_make_no_difference(whole, tmp_path):
+def test_constraint_modes_make_no_difference(whole, tmp_path):
     """Two cuts would leave a part without support: of the portal the second one opens nothing but a leg."""
     basis = {"basis": "craig_bampton", "modes": 10}
     body = reduced(tmp_path, cut=[{"nodes": "MID"}], reduction=basis)
