@@ -22,9 +22,9 @@ SIDES = ("left", "right")
 GRAVITY = 9.81
 AXLE, AXLE_CUT, WHEEL = "axle.fmu", "axle_cut.fmu", "RoadWheel.fmu"
 
-# Wheel bearings, and coil springs between the seats and the car, N/m. The dampers stand at the wheels, as on real
-# axles: there they act on a mass whose velocity is smooth. On a seat, whose fastest modes a step does not resolve, a
-# damper that goes by velocities at communication points feeds what it should stop.
+# Wheel bearings, and coil springs between the seats and the car, N/m. The dampers stand at the wheels: there they act on
+# a mass whose velocity is smooth. On a seat, whose fastest modes a step does not resolve, a damper that goes by
+# velocities at communication points feeds what it should stop.
 BEARING, COIL = 1e7, 20e3
 
 
@@ -109,7 +109,7 @@ def coupling(ride: Ride, preload: float, folder: Path) -> CouplingFile:
         # The wheel's turn about the vertical, and the moment of the side force that the hub does not bear itself.
         links.append({"from": f"axle.wheel_{side}.rotation.z", "to": f"{side}.steer", "factor": 1.0})
         links.append({"from": f"{side}.tyre.moment.x", "to": f"axle.wheel_{side}.moment.x", "factor": 1.0})
-    # The bearings are stiff against what the flange weighs within a step: h² k / m is about 3.
+    # The bearings are stiff against what the flange weighs within a step: h² k / m is about 4.
     experiment = {"stop": ride.stop, "step": ride.step, "scheme": "iterated", "held": "mean"}
     return parse_coupling({"experiment": experiment, "fmu": fmus, "connection": links, "spring": springs}, folder)
 
