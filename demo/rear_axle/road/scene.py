@@ -22,8 +22,8 @@ SIDES = ("left", "right")
 GRAVITY = 9.81
 AXLE, AXLE_CUT, WHEEL = "axle.fmu", "axle_cut.fmu", "RoadWheel.fmu"
 
-# Wheel bearings, and coil springs between the seats and the car, N/m. The dampers stand at the wheels: there they act on
-# a mass whose velocity is smooth. On a seat, whose fastest modes a step does not resolve, a damper that goes by
+# Wheel bearings, and coil springs between the seats and the car, N/m. The dampers stand at the wheels: there they act
+# on a mass whose velocity is smooth. On a seat, whose fastest modes a step does not resolve, a damper that goes by
 # velocities at communication points feeds what it should stop.
 BEARING, COIL = 1e7, 20e3
 
