@@ -346,11 +346,11 @@ class FlexibleBody:
         -------
         margin : float
         shape : (m,) float
-            The eigenvector, zero for rigid motions.
+            The eigenvector, zero for rigid motions and for what is too stiff to give way.
         """
         values, vectors = np.linalg.eigh(self._scaled_tangent(state, inputs))
-        shape = np.zeros(self.model.mode_count)
-        shape[self.model.rigid_count :] = vectors[:, 0]
+        shape, first = np.zeros(self.model.mode_count), self.model.rigid_count
+        shape[first : first + len(vectors)] = vectors[:, 0]
         return float(values[0]), shape
 
     def is_stable(self, state: State, inputs: FloatArray, margin: float) -> bool:
@@ -369,8 +369,9 @@ class FlexibleBody:
 
     def softening(self, state: State, inputs: FloatArray, shape: FloatArray) -> float:
         """What some loads alone take off `stability` in a shape (m,) that it gave."""
-        elastic = shape[self.model.rigid_count :]
-        return float(elastic @ elastic - elastic @ self._scaled_tangent(state, inputs) @ elastic)
+        tangent, first = self._scaled_tangent(state, inputs), self.model.rigid_count
+        elastic = shape[first : first + len(tangent)]
+        return float(elastic @ elastic - elastic @ tangent @ elastic)
 
     def compliance(self, state: State, inputs: FloatArray, step: float, interfaces: Sequence[int]) -> FloatArray:
         """Derivative of interfaces' motion at a step's end with respect to loads on them held over the step.

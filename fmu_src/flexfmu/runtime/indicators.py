@@ -16,6 +16,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+# Stiffness over that of the softest mode beyond which no load that the body bears makes a mode give way.
+_UNBENDING = 1e8
+
+
 @dataclass(frozen=True, slots=True)
 class Turning:
     """Rotations of material against the frames that carry it, linear in q.
@@ -100,10 +104,15 @@ def scaled_tangent(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -
 
 
 def elastic_part(dynamics: Dynamics, tangent: FloatArray) -> FloatArray:
-    """Symmetric part (e, e) of a tangent stiffness (m, m) over the unloaded one, without rigid motions."""
+    """Symmetric part (e, e) of a tangent stiffness (m, m) over the unloaded one, of the modes that loads may buckle.
+
+    Rigid motions are left out, and what is stiffer than the softest mode by eight powers of ten: joints of a cut body
+    above all, whose tension rings far faster than steps resolve.
+    """
     rigid = int(np.sum(dynamics.stiffness == 0.0))
-    elastic = tangent[rigid:, rigid:]
-    omega = np.sqrt(dynamics.stiffness[rigid:])
+    last = int(np.searchsorted(dynamics.stiffness, _UNBENDING * dynamics.stiffness[rigid], side="right"))
+    elastic = tangent[rigid:last, rigid:last]
+    omega = np.sqrt(dynamics.stiffness[rigid:last])
     result: FloatArray = 0.5 * (elastic + elastic.T) / (omega[:, None] * omega)
     return result
 

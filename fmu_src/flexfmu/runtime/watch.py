@@ -94,7 +94,7 @@ def rotation_finding(body: FlexibleBody, state: State, limits: Limits) -> Findin
     turned = body.rotation_within_frames(state)
     worst = int(np.argmax(turned))
     names = body.model.frame_names
-    where = f"frame {names[worst]!r}" if len(turned) == len(names) and names else "the body, which has no frames,"
+    where = f"frame {names[worst]!r}" if len(turned) == len(names) and names else "the body as one piece"
     return Finding(
         f"material turns by {np.degrees(turned[worst]):.3g}° within {where}, beyond the limit of "
         f"{np.degrees(limits.rotation):.3g}°: displacements there are less accurate; build with more frames",
