@@ -295,7 +295,13 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         text(ON_STEP, OnRefusal.DISCARD, "what happens when a step does not converge"),
         number(ROTATION_LIMIT, 0.5, "rad", "largest rotation within a frame; 0 for no limit"),
         text(ON_ROTATION, OnLimit.WARN, "what happens beyond it"),
-        number(STABILITY_LIMIT, 0.05, None, "smallest stability, see diagnostics.stability; 0 for no limit"),
+        # The joints of a cut body ring in tension as it moves, which says nothing of the loads.
+        number(
+            STABILITY_LIMIT,
+            0.05 if body.ties is None else 0.0,
+            None,
+            "smallest stability, see diagnostics.stability; 0 for no limit",
+        ),
         text(ON_STABILITY, OnLimit.WARN, "what happens below it"),
         *(
             Variable(
