@@ -16,7 +16,7 @@ from flexfmu.runtime.loads import Loads
 from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from flexfmu.runtime.rotations import exponential, rotation_vector
 from flexfmu.scenes.body_text import body_text
-from flexfmu.scenes.candidates import Reduction, candidates, reduction_config, with_modes
+from flexfmu.scenes.candidates import GIVEN, Reduction, candidates, reduction_config, with_modes
 from flexfmu.scenes.chart import chart
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.errors import SceneError
@@ -267,6 +267,19 @@ mass = ["constant", "configuration"]
             assert formulation.loads is LoadPlacement.REFERENCE
         if formulation.mass is Mass.CONFIGURATION:
             assert formulation.kinematics is Kinematics.COROTATED
+
+
+def test_frames_given_by_hand_are_tried_in_their_place(tmp_path):
+    text = BEND.replace("tip", "wheel_left") + "[sweep]\nmodes = [4]\nframes = [4, 16]\n"
+    scene = scene_of(tmp_path, text, DEMO / "rear_axle" / "body.toml")
+    found = candidates(scene)
+    turned = [c.reduction.frames for c in found if c.formulation.kinematics is Kinematics.COROTATED]
+    assert set(turned) == {4, GIVEN, 16}
+    # Parts of a cut body have a frame each at least.
+    assert {c.reduction.frames for c in found if c.formulation.kinematics is Kinematics.LINEAR} == {1}
+    own = reduction_config(scene.config, Reduction(BasisChoice.NORMAL, 4, GIVEN), [Formulation()])
+    (tmp_path / "own.toml").write_text(body_text(own, tmp_path, [], {}), encoding="utf-8")
+    assert read_body_file(tmp_path / "own.toml").frame == scene.given.frame
 
 
 def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store, monkeypatch):

@@ -11,7 +11,7 @@ from ..config import BodyFile
 
 _WIDTH = 118
 # Tables that are written by hand, with their reasons.
-_CHOSEN = ("name", "frames", "frame", "reduction", "formulation")
+_CHOSEN = ("name", "frames", "reduction", "formulation")
 
 
 def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Mapping[str, str]) -> str:
@@ -33,7 +33,9 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
     str
     """
     lines = [line for paragraph in header for line in _comment(paragraph)]
-    lines += ["", f"name = {_value(config.name)}", *_comment(reasons.get("frames", "")), f"frames = {config.frames}"]
+    lines += ["", f"name = {_value(config.name)}", *_comment(reasons.get("frames", ""))]
+    if config.frames is not None:
+        lines.append(f"frames = {config.frames}")
     data = config.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
     mesh = Path(os.path.relpath(config.mesh.file, folder)).as_posix()
     data["mesh"] = {**data["mesh"], "file": mesh}

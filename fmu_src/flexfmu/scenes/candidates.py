@@ -1,6 +1,6 @@
 """Models of a body that may do for a scene: basis, modes, frames and formulation."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -20,6 +20,9 @@ from ..runtime.reduced_body import (
 from .config import BasisChoice
 from .scene import Scene
 
+GIVEN = -1
+"""Number of frames that stands for the body's own [[frame]] tables."""
+
 
 @dataclass(frozen=True, slots=True)
 class Reduction:
@@ -31,7 +34,7 @@ class Reduction:
     modes : int
         Normal modes; interface modes come on top.
     frames : int
-        0: none.
+        0: none; `GIVEN`: the body's own.
     """
 
     basis: BasisChoice
@@ -77,8 +80,7 @@ def candidates(scene: Scene) -> list[Candidate]:
             formulation = Formulation(kinematics, loads, stiffness, mass)
         except OptionError:
             continue
-        # Linear kinematics know nothing of frames.
-        frames = [0] if linear else list(sweep.frames)
+        frames = [linear_frames(scene.config)] if linear else offered_frames(scene.config, sweep.frames)
         for basis, modes, count in product(sweep.basis, sweep.modes, frames):
             candidate = Candidate(Reduction(basis, modes, count), formulation)
             if has_meaning(scene.config, candidate):
@@ -89,6 +91,17 @@ def candidates(scene: Scene) -> list[Candidate]:
 
 def _reduction_key(reduction: Reduction) -> tuple[int, int, str]:
     return reduction.frames, reduction.modes, reduction.basis.value
+
+
+def linear_frames(config: BodyFile) -> int:
+    """Number of frames for linear kinematics, which know nothing of them; parts of a cut body have one each anyway."""
+    return 1 if config.cut else 0
+
+
+def offered_frames(config: BodyFile, numbers: Iterable[int]) -> list[int]:
+    """Numbers of frames, ascending, with the body's own among them where it has some."""
+    own = [(len(config.frame), GIVEN)] if config.frame else []
+    return [frames for _, frames in sorted([*((n, n) for n in set(numbers)), *own])]
 
 
 def has_meaning(config: BodyFile, candidate: Candidate) -> bool:
@@ -126,7 +139,9 @@ def reduction_config(config: BodyFile, reduction: Reduction, formulations: list[
     )
     first = formulations[0]
     start = FormulationTable(kinematics=first.kinematics, loads=first.loads, stiffness=first.stiffness, mass=first.mass)
-    return config.model_copy(update={"frames": reduction.frames, "frame": [], "reduction": table, "formulation": start})
+    own = reduction.frames == GIVEN
+    frames = {"frames": None if own else reduction.frames, "frame": config.frame if own else []}
+    return config.model_copy(update={**frames, "reduction": table, "formulation": start})
 
 
 def lean(body: ReducedBody, formulation: Formulation) -> ReducedBody:

@@ -192,7 +192,8 @@ def _handles(rows: Sequence[Record], colours: dict[tuple[str, int], str | tuple[
 
     handles = []
     for (kinematics, frames), colour in colours.items():
-        label = kinematics if kinematics == "linear" else f"{kinematics}, frames = {frames}"
+        label = f"{kinematics}, frames = {frames}" if frames >= 0 else f"{kinematics}, the body's own frames"
+        label = kinematics if kinematics == "linear" else label
         handles.append(dot(label, markerfacecolor=colour, markeredgecolor=colour))
     handles += [
         dot(words, marker=_MARKERS[basis]) for basis, words in _BASES.items() if any(row.basis == basis for row in rows)

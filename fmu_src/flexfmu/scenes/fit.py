@@ -18,7 +18,17 @@ from ..runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass,
 from ..store import Store
 from ..targets import check_target, whole_file
 from .body_text import body_text
-from .candidates import Candidate, Reduction, has_meaning, lean, reduction_config, with_modes
+from .candidates import (
+    GIVEN,
+    Candidate,
+    Reduction,
+    has_meaning,
+    lean,
+    linear_frames,
+    offered_frames,
+    reduction_config,
+    with_modes,
+)
 from .config import BasisChoice
 from .measure import Errors, errors, step_cost
 from .scene import Scene
@@ -168,7 +178,7 @@ def fit(scene: Scene, target: Path, report: Reporter, store: Store | None = None
     enough = [one for one in tried if one.enough is not None]
     if enough:
         limit, allowed = "", 1.0
-        chosen = [(one, one.enough or 0) for one in enough]
+        chosen = [(one, one.enough) for one in tried if one.enough is not None]
     else:
         one, frames = min(((t, n) for t in tried for n in t.shares), key=lambda p: p[0].shares[p[1]].share)
         limit = _limit(search, one, frames, plenty)
@@ -211,7 +221,8 @@ def _formulations(scene: Scene) -> list[Formulation]:
         found.append(Formulation(turned, deformed, Stiffness.BY_LOAD))
     if scene.transient and Mass.CONFIGURATION in sweep.mass:
         found.append(Formulation(turned, deformed, mass=Mass.CONFIGURATION))
-    smallest = [Reduction(BasisChoice.NORMAL, 1, 0 if f.kinematics is linear else 1) for f in found]
+    flat = linear_frames(scene.config)
+    smallest = [Reduction(BasisChoice.NORMAL, 1, flat if f.kinematics is linear else 1) for f in found]
     return [f for f, r in zip(found, smallest, strict=True) if has_meaning(scene.config, Candidate(r, f))]
 
 
@@ -220,13 +231,15 @@ def _frames_needed(search: _Search, plenty: int, report: Reporter) -> list[_Trie
     scene = search.scene
     tried = [_Tried(formulation) for formulation in _formulations(scene)]
     most = max(scene.file.sweep.frames)
-    for frames in (0, *(n for n in _LADDER if n <= most)):
+    flat = linear_frames(scene.config)
+    turned = offered_frames(scene.config, (n for n in _LADDER if n <= most))
+    for frames, only_linear in ((flat, True), *((n, False) for n in turned)):
         if any(o.enough is not None for o in tried if o.formulation.kinematics is Kinematics.LINEAR):
             break
         wanted = [
             one
             for one in tried
-            if (one.formulation.kinematics is Kinematics.LINEAR) == (frames == 0) and not one.enough and not one.stuck
+            if (one.formulation.kinematics is Kinematics.LINEAR) == only_linear and one.enough is None and not one.stuck
         ]
         # The deformed body's mass is dear: only where nothing cheaper will do.
         cheap = [one for one in wanted if one.formulation.mass is Mass.CONSTANT]
@@ -234,7 +247,7 @@ def _frames_needed(search: _Search, plenty: int, report: Reporter) -> list[_Trie
             wanted = cheap
         if not wanted:
             continue
-        with report.stage(f"Try {frames} frames with {plenty} modes"):
+        with report.stage(f"Try {_frames(frames)} with {plenty} modes"):
             body = search.body(Reduction(BasisChoice.RESIDUAL, plenty, frames), [one.formulation for one in wanted])
             for one in wanted:
                 one.shares[frames] = search.errors(body, one.formulation)
@@ -248,9 +261,10 @@ def _modes_needed(search: _Search, one: _Tried, frames: int, plenty: int, allowe
     found = []
     formulation = one.formulation
     for basis in search.scene.file.sweep.basis:
-        choice = (_fewest_normal if basis is BasisChoice.NORMAL else _fewest_completed)(
-            search, basis, formulation, frames, plenty, allowed
-        )
+        # The parts of a cut body have modes of their own.
+        whole = basis is BasisChoice.NORMAL and not search.scene.config.cut
+        fewest = _fewest_normal if whole else _fewest_completed
+        choice = fewest(search, basis, formulation, frames, plenty, allowed)
         if choice is not None:
             found.append(choice)
     return found
@@ -358,7 +372,7 @@ def contributions(scene: Scene, body: ReducedBody, formulation: Formulation) -> 
 def _by_contribution(search: _Search, best: _Choice, plenty: int) -> IntArray | None:
     """The fewest normal modes that will do when chosen by contribution instead of by frequency."""
     formulation, frames = best.candidate.formulation, best.candidate.reduction.frames
-    if formulation.mass is not Mass.CONSTANT:
+    if formulation.mass is not Mass.CONSTANT or search.scene.config.cut:
         return None
     body = search.body(Reduction(BasisChoice.NORMAL, plenty, frames), [formulation])
     if body.rigid_count:
@@ -389,14 +403,16 @@ def _reasons(search: _Search, tried: list[_Tried], found: list[_Choice], best: _
     else:
         reasons["kinematics"] = f"Linear is not enough: with {plenty} modes {seen}."
         own = next(one for one in tried if one.formulation == formulation)
-        steps = ", ".join(f"{n}: {_short(e.share)}" for n, e in own.shares.items())
+        steps = ", ".join(f"{'own' if n == GIVEN else n}: {_short(e.share)}" for n, e in own.shares.items())
         reasons["frames"] = f"Error over tolerance by the number of frames, {plenty} modes: {steps}."
-        if scene.given.frame:
-            reasons["frames"] += " The body's own [[frame]] tables are not among them."
         others = [one for one in tried if one.formulation != formulation and one not in linear]
         words = [
             f"{_words(one.formulation)} "
-            + (f"needs {one.enough} frames" if one.enough else f"does not reach it with {max(one.shares)} frames")
+            + (
+                f"needs {_frames(one.enough)}"
+                if one.enough is not None
+                else f"does not reach it with {_frames(list(one.shares)[-1])}"
+            )
             for one in others
         ]
         reasons["loads"] = f"Beside it, {'; '.join(words)}." if words else ""
@@ -415,7 +431,7 @@ def _reasons(search: _Search, tried: list[_Tried], found: list[_Choice], best: _
                 f"what they move at the scene's interfaces {kept.size} of the lowest {plenty} would do: "
                 f"{', '.join(str(k + 1) for k in kept)}."
             )
-        else:
+        elif kept is not None:
             reasons["modes"] = "The lowest; chosen by what they move at the scene's interfaces they would be no fewer."
     return reasons
 
@@ -425,15 +441,16 @@ def _limit(search: _Search, one: _Tried, frames: int, plenty: int) -> str:
     formulation, here = one.formulation, one.shares[frames].share
     scene = search.scene
     turned = replace(formulation, kinematics=Kinematics.COROTATED, loads=LoadPlacement.DEFORMED)
+    twice = 2 * (len(scene.config.frame) if frames == GIVEN else max(frames, 1))
     options: dict[str, tuple[Reduction, Formulation]] = {
         f"modes ({2 * plenty} instead of {plenty})": (
             Reduction(BasisChoice.RESIDUAL, 2 * plenty, frames), formulation
         ),
-        f"frames ({2 * max(frames, 1)} instead of {frames})": (
-            Reduction(BasisChoice.RESIDUAL, plenty, 2 * max(frames, 1)), turned
+        f"frames ({twice} instead of {'its own' if frames == GIVEN else frames})": (
+            Reduction(BasisChoice.RESIDUAL, plenty, twice), turned
         ),
     }  # fmt: skip
-    at = Reduction(BasisChoice.RESIDUAL, plenty, max(frames, 1))
+    at = Reduction(BasisChoice.RESIDUAL, plenty, frames or 1)
     if formulation.stiffness is Stiffness.CONSTANT:
         options['stiffness = "by_load"'] = (at, replace(turned, stiffness=Stiffness.BY_LOAD))
     if scene.transient and formulation.mass is Mass.CONSTANT:
@@ -508,6 +525,10 @@ _BASES = {
     BasisChoice.RESIDUAL: "normal with residual flexibility",
     BasisChoice.CRAIG_BAMPTON: "Craig-Bampton",
 }
+
+
+def _frames(count: int) -> str:
+    return "the body's own frames" if count == GIVEN else f"{count} frame" + ("" if count == 1 else "s")
 
 
 def _words(formulation: Formulation) -> str:

@@ -98,7 +98,8 @@ class Record:
         modes = f"{basis.get(self.basis, self.basis)} {self.modes}"
         words = [self.kinematics]
         if self.kinematics != "linear":
-            words = [f"{self.frames} × {self.kinematics}", self.loads.replace("_", " ")]
+            own = f"own {self.frame_count}" if self.frames < 0 else str(self.frames)
+            words = [f"{own} × {self.kinematics}", self.loads.replace("_", " ")]
         if self.stiffness != "constant":
             words.append(self.stiffness.replace("_", " "))
         if self.mass != "constant":

@@ -15,7 +15,7 @@ from ..runtime.errors import RuntimeBodyError
 from ..runtime.modal_file import write_modal_file
 from ..runtime.reduced_body import Formulation, ReducedBody
 from ..store import Store
-from .candidates import Candidate, Reduction, candidates, grouped, lean, reduction_config
+from .candidates import GIVEN, Candidate, Reduction, candidates, grouped, lean, reduction_config
 from .fmu_cost import FmuTimer
 from .measure import communication_step, errors, step_cost
 from .records import Record, Records
@@ -167,7 +167,8 @@ def sweep(
         _ = workshop.known
     with _timer(fmu) as timer:
         for reduction, members in grouped(left):
-            title = f"{reduction.basis.value}, {reduction.modes} modes, {reduction.frames} frames"
+            count = "own" if reduction.frames == GIVEN else reduction.frames
+            title = f"{reduction.basis.value}, {reduction.modes} modes, {count} frames"
             with report.stage(f"{title}: {len(members)} formulations"):
                 try:
                     body, seconds, reused = workshop.reduce(reduction, [member.formulation for member in members])
