@@ -1,4 +1,4 @@
-"""The `flexfmu` command: build, info and simulate."""
+"""The `flexfmu` command: build, info, simulate, couple; sweep, chart and fit."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -131,6 +131,57 @@ def couple(
     def job() -> None:
         run(file, output, ConsoleReporter())
         typer.echo(f"{output}")
+
+    _run(job)
+
+
+@app.command()
+def sweep(
+    scene: Annotated[Path, typer.Argument(help="Scene file (TOML): body, loads, tolerance.")],
+    records: Annotated[Path, typer.Option("--records", "-r", help="Records (CSV); a sweep that stopped goes on.")],
+    fmu: Annotated[bool, typer.Option("--fmu", help="Time steps through the FMU too, against an empty one.")] = False,
+) -> None:
+    """Try every model of a body on a scene: error, cost and size of each."""
+    from .scenes.scene import read_scene
+    from .scenes.sweep import sweep as run_sweep
+    from .store import Store, default_folder
+
+    def job() -> None:
+        rows = run_sweep(read_scene(scene), records, ConsoleReporter(), Store(default_folder()), fmu)
+        typer.echo(f"{records} ({len(rows)} models)")
+
+    _run(job)
+
+
+@app.command()
+def chart(
+    records: Annotated[Path, typer.Argument(help="Records of a sweep (CSV).")],
+    picture: Annotated[Path | None, typer.Option(help="Picture to draw (PNG, PDF or SVG).")] = None,
+    page: Annotated[Path | None, typer.Option(help="Page to look into (HTML).")] = None,
+) -> None:
+    """Draw a sweep's models, error against cost, and name those that nothing beats."""
+    from .scenes.chart import chart as draw
+
+    def job() -> None:
+        for row in draw(records, picture, page):
+            typer.echo(f"{row.step_us:8.3g} µs  {row.share:8.2g} × tolerance  {row.label}")
+
+    _run(job)
+
+
+@app.command()
+def fit(
+    scene: Annotated[Path, typer.Argument(help="Scene file (TOML): body, loads, tolerance.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
+) -> None:
+    """Find the smallest, fastest model of a body within a scene's tolerance."""
+    from .scenes.fit import fit as find
+    from .scenes.scene import read_scene
+    from .store import Store, default_folder
+
+    def job() -> None:
+        found = find(read_scene(scene), output, ConsoleReporter(), Store(default_folder()))
+        typer.echo("\n".join([f"{output}", *found.summary]))
 
     _run(job)
 
