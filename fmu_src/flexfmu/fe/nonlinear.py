@@ -21,6 +21,9 @@ from .factorisation import Factorisation, dissection_order
 
 # |residual| / |load|: Newton's last iteration goes far below it.
 _TOLERANCE = 1e-8
+# |change| / |displacement| from which on a soft body on stiff elements has settled although round-off of its internal
+# forces keeps the residual above that, but not above this part of the load.
+_SETTLED, _ROUND_OFF = 1e-9, 1e-4
 _ITERATIONS = 12
 # An increment that took fewer iterations lets the next one be twice as long.
 _EASY = 6
@@ -197,7 +200,8 @@ def _newton(
         error = float(np.linalg.norm(residual))
         if not np.isfinite(error):
             return None, iteration
-        if error <= _TOLERANCE * size:
+        settled = float(np.linalg.norm(change)) <= _SETTLED * float(np.linalg.norm(u)) and error <= _ROUND_OFF * size
+        if error <= _TOLERANCE * size or settled:
             # Much farther than the tangent foresaw: a jump to another branch.
             jumped = float(np.linalg.norm(u - start)) > _JUMP * foreseen
             return (None if jumped else u), iteration
