@@ -1,9 +1,8 @@
 """The body file (TOML): its keys, checked, with errors that name the key; docs/file-formats.md describes it."""
 
-import tomllib
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -11,8 +10,10 @@ from .errors import BodyFileError
 from .mesh.units import UnitSystem
 from .runtime.errors import OptionError
 from .runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from .toml_files import read_toml, reason, spelled_key
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+_UNKNOWN = "unknown key; docs/file-formats.md lists the known ones"
 # What pydantic adds to the place of an error to tell the types that a key may have.
 _ALTERNATIVES = ("float", "list[float]", "str")
 _C_KEYWORDS = """
@@ -281,14 +282,7 @@ def read_body_file(path: Path) -> BodyFile:
     BodyFileError
         Every wrong key at once, with what was found and what would do.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise BodyFileError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise BodyFileError(f"{path}: cannot be read ({error})") from error
-    except tomllib.TOMLDecodeError as error:
-        raise BodyFileError(f"{path}: not valid TOML: {error}") from error
+    data = read_toml(path, BodyFileError)
     try:
         body = BodyFile.model_validate(data)
     except ValidationError as error:
@@ -301,35 +295,14 @@ def _explain(error: ValidationError) -> list[str]:
     """One line for each wrong key: the key, what was found, what would do."""
     reasons: dict[str, list[str]] = {}
     for problem in error.errors():
-        reasons.setdefault(_key(problem["loc"]), []).append(_reason(problem))
+        key = spelled_key([part for part in problem["loc"] if part not in _ALTERNATIVES])
+        reasons.setdefault(key, []).append(reason(problem, _UNKNOWN))
     # Of a key that may be of one type or another, the reason that went deepest is the one that helps.
     deepest = [key for key in reasons if not any(other.startswith((f"{key}[", f"{key}.")) for other in reasons if key)]
     lines = []
     for key in deepest:
         found, _, _ = reasons[key][0].rpartition("; ")
-        wanted = " or ".join(reason.rpartition("; ")[2] for reason in reasons[key])
+        wanted = " or ".join(text.rpartition("; ")[2] for text in reasons[key])
         text = f"{found}; {wanted}" if len(reasons[key]) > 1 else reasons[key][0]
         lines.append(f"{key}: {text}" if key else text)
     return lines
-
-
-def _key(location: tuple[int | str, ...]) -> str:
-    """The key as the file spells it; tables of an array are counted from one."""
-    key = ""
-    for part in location:
-        if part in _ALTERNATIVES:
-            continue
-        key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else part
-    return key
-
-
-def _reason(problem: Any) -> str:
-    message = str(problem["msg"]).removeprefix("Value error, ")
-    if problem["type"] == "extra_forbidden":
-        return "unknown key; docs/file-formats.md lists the known ones"
-    if problem["type"] == "missing":
-        return "missing, and there is no default"
-    if problem["type"] == "value_error":
-        return message
-    message = message.replace("Input should", "should")
-    return f"found {problem.get('input')!r}; {message[0].lower()}{message[1:]}"

@@ -1,7 +1,6 @@
 """The coupling file (TOML): its keys, checked, with errors that name the key; docs/master.md describes it."""
 
 import difflib
-import tomllib
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from ..errors import SimulationError
+from ..toml_files import read_toml, reason, spelled_key
 
 # FMU instances; a dot parts them from their variables.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
@@ -149,14 +149,7 @@ def read_coupling_file(path: Path) -> CouplingFile:
     SimulationError
         Every wrong key at once, with what was found and what would do.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise SimulationError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise SimulationError(f"{path}: cannot be read ({error})") from error
-    except tomllib.TOMLDecodeError as error:
-        raise SimulationError(f"{path}: not valid TOML: {error}") from error
+    data = read_toml(path, SimulationError)
     try:
         return parse_coupling(data, path.parent)
     except SimulationError as error:
@@ -197,34 +190,14 @@ def _explain(error: ValidationError) -> list[str]:
     """One line for each wrong key."""
     lines: dict[str, None] = {}
     for problem in error.errors():
-        key = _key(problem["loc"])
-        reason = _reason(problem)
-        lines[f"{key}: {reason}" if key else reason] = None
-    return list(lines)
-
-
-def _key(location: tuple[int | str, ...]) -> str:
-    """The key as the file spells it; tables of an array are counted from one."""
-    key = ""
-    for depth, part in enumerate(location):
+        location = problem["loc"]
         # Only start values may be of several kinds.
-        if depth and part in _ALTERNATIVES and "start" in location[:depth]:
-            continue
-        key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else part
-    return key
-
-
-def _reason(problem: Any) -> str:
-    if problem["type"] == "extra_forbidden":
-        key = str(problem["loc"][-1])
-        return f"unknown key{_nearest_key(key)}; docs/master.md lists the known ones"
-    if problem["type"] == "missing":
-        return "missing, and there is no default"
-    message = str(problem["msg"]).removeprefix("Value error, ")
-    if problem["type"] == "value_error":
-        return message
-    message = message.replace("Input should", "should")
-    return f"found {problem.get('input')!r}; {message[0].lower()}{message[1:]}"
+        several = location.index("start") if "start" in location else len(location)
+        key = spelled_key([p for depth, p in enumerate(location) if depth <= several or p not in _ALTERNATIVES])
+        unknown = f"unknown key{_nearest_key(key.rpartition('.')[2])}; docs/master.md lists the known ones"
+        text = reason(problem, unknown)
+        lines[f"{key}: {text}" if key else text] = None
+    return list(lines)
 
 
 def _nearest_key(key: str) -> str:

@@ -1,7 +1,6 @@
 """The scene file (TOML): its keys, checked, with errors that name the key; docs/scenes.md describes it."""
 
 import difflib
-import tomllib
 from enum import Enum
 from itertools import pairwise
 from pathlib import Path
@@ -11,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from ..config import Name
 from ..runtime.reduced_body import Kinematics, LoadPlacement, Mass, Stiffness
+from ..toml_files import read_toml, reason, spelled_key
 from .errors import SceneError
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -174,14 +174,7 @@ def read_scene_file(path: Path) -> SceneFile:
     SceneError
         Every wrong key at once, with what was found and what would do.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise SceneError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path}: cannot be read ({error})") from error
-    except tomllib.TOMLDecodeError as error:
-        raise SceneError(f"{path}: not valid TOML: {error}") from error
+    data = read_toml(path, SceneError)
     try:
         scene = SceneFile.model_validate(data)
     except ValidationError as error:
@@ -205,27 +198,16 @@ def _explain(error: ValidationError) -> list[str]:
     """One line for each wrong key: the key, what was found, what would do."""
     lines: dict[str, str] = {}
     for problem in error.errors():
-        key = ""
-        for part in problem["loc"]:
-            if part in _ALTERNATIVES:
-                continue
-            key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else part
+        key = spelled_key([part for part in problem["loc"] if part not in _ALTERNATIVES])
         if key not in lines:
-            lines[key] = f"{key}: {_reason(problem)}" if key else _reason(problem)
+            text = reason(problem, _unknown(key.rpartition(".")[2]))
+            lines[key] = f"{key}: {text}" if key else text
     return list(lines.values())
 
 
-def _reason(problem: Any) -> str:
-    message = str(problem["msg"]).removeprefix("Value error, ")
-    if problem["type"] == "extra_forbidden":
-        close = difflib.get_close_matches(str(problem["loc"][-1]), _KEYS, n=1)
-        return f"unknown key{f'; is it {close[0]!r}?' if close else ''}; {_KNOWN}"
-    if problem["type"] == "missing":
-        return "missing, and there is no default"
-    if problem["type"] == "value_error":
-        return message
-    message = message.replace("Input should", "should")
-    return f"found {problem.get('input')!r}; {message[0].lower()}{message[1:]}"
+def _unknown(key: str) -> str:
+    close = difflib.get_close_matches(key, _KEYS, n=1)
+    return f"unknown key{f'; is it {close[0]!r}?' if close else ''}; {_KNOWN}"
 
 
 _KEYS = sorted(
