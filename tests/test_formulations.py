@@ -15,7 +15,7 @@ from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, t
 from flexfmu.runtime.errors import OptionError
 from flexfmu.runtime.loads import Loads
 from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
-from references import BEAM, calculix, displacement, relative
+from references import BEAM, DEMO, calculix, displacement, relative
 
 EULER = np.pi**2 * 2e11 * 0.03**4 / 12.0 / 4.0
 BY_LOAD = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_LOAD)
@@ -226,3 +226,26 @@ def test_moment_does_its_work_in_every_step(beam):
     static = model.static(loads)
     assert np.linalg.norm(model.response(static).rotation) > 0.2
     np.testing.assert_allclose(model.response(state).displacement, model.response(static).displacement, rtol=1e-6)
+
+
+PAGE = (DEMO.parent / "docs" / "theory.md").read_text(encoding="utf-8")
+
+
+def rows_at_four_loads():
+    """Kinematics, loads and the errors (%) that the page gives for them at 2, 5, 10 and 20 kN."""
+    table = PAGE.split("| kinematics | loads | 2 kN | 5 kN | 10 kN | 20 kN |", 1)[1].split("\n\n", 1)[0]
+    for line in table.strip().splitlines()[1:]:
+        kinematics, loads, *errors = (cell.strip() for cell in line.strip("|").split("|"))
+        placement = "reference" if loads == "any" else loads.replace(" ", "_")
+        yield Kinematics(kinematics), LoadPlacement(placement), [float(cell) for cell in errors]
+
+
+def test_errors_at_two_to_twenty_kilonewton_are_those_of_the_page(beam):
+    rows = list(rows_at_four_loads())
+    assert len(rows) == 8
+    assert {kinematics for kinematics, _, _ in rows} == set(Kinematics)
+    for kinematics, placement, expected in rows:
+        formulation = Formulation(kinematics, placement)
+        found = [100.0 * tip_error(beam(frames=1), formulation, force) for force in (2e3, 5e3, 10e3, 20e3)]
+        # The page has three digits.
+        np.testing.assert_allclose(found, expected, rtol=5e-3, atol=6e-3, err_msg=str(formulation))
