@@ -68,7 +68,7 @@ def scene_of(folder, text, body=BEAM / "body.toml", changes=()):
         content = content.replace(old, new)
     (folder / "body.toml").write_text(content, encoding="utf-8")
     (folder / "scene.toml").write_text(text, encoding="utf-8")
-    return read_scene(folder / "scene.toml")
+    return read_scene(folder / "scene.toml", folder / "body.toml")
 
 
 def calculix_results(folder, table, peak, factors, interface="tip"):
@@ -211,7 +211,7 @@ def test_results_that_are_brought_must_tell_every_factor(brought, tmp_path):
     lines = (tmp_path / "results.csv").read_text(encoding="utf-8").splitlines()
     (tmp_path / "results.csv").write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
     with pytest.raises(SceneError, match=r"no row for the factor 1\.0 of bend"):
-        references(read_scene(tmp_path / "scene.toml"), Reporter())
+        references(read_scene(tmp_path / "scene.toml", tmp_path / "body.toml"), Reporter())
 
 
 TRANSIENT = """

@@ -1,4 +1,4 @@
-"""The `flexfmu` command: build, info, simulate, couple; sweep, chart and fit."""
+"""The `flexfmu` command: build, info, simulate, couple, chart and fit."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -135,34 +135,33 @@ def couple(
     _run(job)
 
 
-@app.command()
-def sweep(
-    scene: Annotated[Path, typer.Argument(help="Scene file (TOML): body, loads, tolerance.")],
-    records: Annotated[Path, typer.Option("--records", "-r", help="Records (CSV); a sweep that stopped goes on.")],
-    fmu: Annotated[bool, typer.Option("--fmu", help="Time steps through the FMU too, against an empty one.")] = False,
-) -> None:
-    """Try every model of a body on a scene: error, cost and size of each."""
-    from .scenes.scene import read_scene
-    from .scenes.sweep import sweep as run_sweep
-    from .store import Store, default_folder
-
-    def job() -> None:
-        rows = run_sweep(read_scene(scene), records, ConsoleReporter(), Store(default_folder()), fmu)
-        typer.echo(f"{records} ({len(rows)} models)")
-
-    _run(job)
+Scene = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")]
 
 
 @app.command()
 def chart(
-    records: Annotated[Path, typer.Argument(help="Records of a sweep (CSV).")],
+    records: Annotated[
+        Path, typer.Option("--records", "-r", help="Records (CSV), one row a model; what is in them is not run again.")
+    ],
+    body: Annotated[
+        Path | None, typer.Argument(help="Body file (TOML); without it the records are drawn as they are.")
+    ] = None,
+    scene: Annotated[Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to draw (PNG, PDF or SVG).")] = None,
     page: Annotated[Path | None, typer.Option(help="Page to look into (HTML).")] = None,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Time steps through the FMU too, against an empty one.")] = False,
 ) -> None:
-    """Draw a sweep's models, error against cost, and name those that nothing beats."""
+    """Try every model of a body on a scene, draw error against cost, and name those that nothing beats."""
     from .scenes.chart import chart as draw
+    from .scenes.scene import read_scene
+    from .scenes.sweep import sweep
+    from .store import Store, default_folder
 
     def job() -> None:
+        if (body is None) != (scene is None):
+            raise typer.BadParameter("a body file and --scene go together; give both, or neither to draw records")
+        if body is not None and scene is not None:
+            sweep(read_scene(scene, body), records, ConsoleReporter(), Store(default_folder()), fmu)
         for row in draw(records, picture, page):
             typer.echo(f"{row.step_us:8.3g} µs  {row.share:8.2g} × tolerance  {row.label}")
 
@@ -171,7 +170,8 @@ def chart(
 
 @app.command()
 def fit(
-    scene: Annotated[Path, typer.Argument(help="Scene file (TOML): body, loads, tolerance.")],
+    body: Annotated[Path, typer.Argument(help="Body file (TOML).")],
+    scene: Scene,
     output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
 ) -> None:
     """Find the smallest, fastest model of a body within a scene's tolerance."""
@@ -180,7 +180,7 @@ def fit(
     from .store import Store, default_folder
 
     def job() -> None:
-        found = find(read_scene(scene), output, ConsoleReporter(), Store(default_folder()))
+        found = find(read_scene(scene, body), output, ConsoleReporter(), Store(default_folder()))
         typer.echo("\n".join([f"{output}", *found.summary]))
 
     _run(job)

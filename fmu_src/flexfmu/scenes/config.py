@@ -138,7 +138,6 @@ class SweepTable(_Table):
 class SceneFile(_Table):
     """A whole scene file."""
 
-    body: Path = Field(default=Path("body.toml"), strict=False)
     loaded: list[Name] | None = None
     read: list[Name] | None = Field(default=None, min_length=1)
     static: list[StaticTable] = []
@@ -180,7 +179,7 @@ def read_scene_file(path: Path) -> SceneFile:
     except ValidationError as error:
         raise SceneError(f"{path}:\n  " + "\n  ".join(_explain(error))) from error
     folder = path.parent
-    placed: dict[str, Any] = {"body": folder / scene.body}
+    placed: dict[str, Any] = {}
     for kind in ("static", "transient"):
         cases = []
         for case in getattr(scene, kind):

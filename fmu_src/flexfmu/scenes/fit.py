@@ -170,7 +170,7 @@ def fit(scene: Scene, target: Path, report: Reporter, store: Store | None = None
     FlexfmuError
         The file cannot be written, or a scene without a reference.
     """
-    check_target(target, (".toml",), inputs=(scene.file.body,))
+    check_target(target, (".toml",), inputs=(scene.body,))
     search = _Search(Workshop(scene, report, store), report)
     _ = search.workshop.known
     plenty = max(scene.file.sweep.modes)

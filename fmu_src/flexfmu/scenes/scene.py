@@ -79,6 +79,8 @@ class Scene:
     Attributes
     ----------
     file : SceneFile
+    body : Path
+        Body file.
     given : BodyFile
         The body as the user has it.
     config : BodyFile
@@ -92,6 +94,7 @@ class Scene:
     """
 
     file: SceneFile
+    body: Path
     given: BodyFile
     config: BodyFile
     read: tuple[str, ...]
@@ -110,12 +113,15 @@ class Scene:
         return [self.names.index(name) for name in self.read]
 
 
-def read_scene(path: Path) -> Scene:
-    """Read a scene file and its body, and check one against the other.
+def read_scene(path: Path, body: Path) -> Scene:
+    """Read a scene file and a body file, and check one against the other.
 
     Parameters
     ----------
     path : Path
+        Scene file.
+    body : Path
+        Body file.
 
     Returns
     -------
@@ -127,10 +133,10 @@ def read_scene(path: Path) -> Scene:
         With what was found, what was expected and what to do.
     """
     file = read_scene_file(path)
-    given = read_body_file(file.body)
+    given = read_body_file(body)
     if isinstance(given.damping.ratio, list):
         raise SceneError(
-            f"{file.body}: damping.ratio lists one value per mode, which has no meaning for other numbers of modes; "
+            f"{body}: damping.ratio lists one value per mode, which has no meaning for other numbers of modes; "
             "give one number"
         )
     known = tuple(table.name for table in given.interface)
@@ -157,7 +163,7 @@ def read_scene(path: Path) -> Scene:
         for c in file.static
     )
     transient = tuple(_transient(c, tables[c.name], names, given, path) for c in file.transient)
-    return Scene(file, given, config, read, static, transient, _digest(file, config, read, static, transient))
+    return Scene(file, body, given, config, read, static, transient, _digest(file, config, read, static, transient))
 
 
 def _digest(
