@@ -92,6 +92,27 @@ WRONG = {
     "number for a table": ({"rest": "damping = 0.01"}, ["interface[1].damping: unknown key"]),
     "one table where several may be": ({"rest": '[support]\nnodes = "A"'}, ["support: found {", "list"]),
     "too few modes": ({"rest": "[reduction]\nmodes = 0"}, ["reduction.modes: found 0", "greater than or equal to 1"]),
+    "modes out of order": (
+        {"rest": "[reduction]\nmodes = [3, 1]"},
+        ["reduction.modes: is [3, 1]", "ascending"],
+    ),
+    "mode number zero": ({"rest": "[reduction]\nmodes = [0, 1]"}, ["reduction.modes[1]: found 0", "or equal to 1"]),
+    "a damping ratio too many for chosen modes": (
+        {"rest": "[reduction]\nmodes = [1, 4]\n[damping]\nratio = [0.1, 0.1, 0.1]"},
+        ["3 values for 2 modes"],
+    ),
+    "branch to nowhere": (
+        {"rest": '[[branch]]\ntoward = "top"\njoints = [0.1]'},
+        ["[[branch]] leads toward 'top'", "an interface: tip"],
+    ),
+    "joints out of order": (
+        {"rest": '[[branch]]\ntoward = "tip"\njoints = [0.2, 0.1]'},
+        ["branch[1].joints: is [0.2, 0.1]", "ascending"],
+    ),
+    "branch and frames": (
+        {"top": "frames = 2", "rest": '[[branch]]\ntoward = "tip"\njoints = [0.1]'},
+        ["either frames = n", "[[branch]]"],
+    ),
     "negative frames": ({"top": "frames = -1"}, ["frames: found -1", "greater than or equal to 0"]),
     "missing key": ({"rest": '[[support]]\nnodes = "ROOT"'}, ["support[1]: holds nothing", "stiffness = [kx, ky, kz]"]),
     "empty list": ({"rest": SUPPORT + "[]"}, ["support[1]: holds nothing", 'fix = ["x", "y", "z"]']),
@@ -123,7 +144,7 @@ WRONG = {
     ),
     "both ways of division": (
         {"top": "frames = 2", "rest": '[[frame]]\nname = "a"\nnodes = "A"'},
-        ["either frames = n", "or [[frame]] tables, not both"],
+        ["either frames = n", "or [[frame]] tables (node sets)"],
     ),
     "two interfaces of one name": (
         {"rest": '[[interface]]\nname = "tip"\nnodes = "B"'},

@@ -13,7 +13,7 @@ from flexfmu.fe.assembly import volume_matrices
 from flexfmu.fe.faces import element_faces
 from flexfmu.mesh.model import ElementType
 from flexfmu.progress import Reporter
-from flexfmu.reduction.division import distance_along, divide
+from flexfmu.reduction.division import Branch, distance_along, divide, divide_branches
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.reduced_body import GROUND, Formulation, Kinematics
 from meshes import EVERY_TYPE, arc, bars, body_file, box, lattice, renumbered, with_sets
@@ -217,6 +217,40 @@ def test_division_does_not_depend_on_the_numbering_of_nodes_and_elements(kind, n
             np.testing.assert_array_equal(left.body.nodes, np.sort(old[right.body.nodes]))
             np.testing.assert_array_equal(left.joint.nodes, np.sort(old[right.joint.nodes]))
             np.testing.assert_allclose(left.joint_point, right.joint_point, atol=1e-12)
+
+
+def branched(mesh, *branches):
+    found = [Branch(name, mesh.node_sets[name], joints) for name, joints in branches]
+    return divide_branches(mesh, volume_matrices(mesh), element_faces(mesh), mesh.node_sets["ROOT"], found)
+
+
+@EVERY
+def test_joints_at_equal_distances_are_the_equal_levels(kind):
+    mesh = box(kind, (12, 2, 2), (1.2, 0.2, 0.2))
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 0], TIP=lambda p: p[:, 0] - 1.2)
+    one, two = divided(mesh, 3), branched(mesh, ("TIP", (0.4, 0.8)))
+    for left, right in zip(one.subdomains, two.subdomains, strict=True):
+        np.testing.assert_array_equal(left.elements, right.elements)
+        assert left.parent == right.parent
+
+
+def test_a_joint_of_one_branch_leaves_the_others_whole():
+    mesh = slender_fork()
+    # The stem ends at 0.48 m; from there the prongs go 0.2 m across and 0.48 m on.
+    split = branched(mesh, ("LEFT", (0.55, 0.9)))
+    assert [domain.parent for domain in split.subdomains] == [GROUND, 0, 1]
+    places = [domain.body.centre(mesh.points)[1] for domain in split.subdomains]
+    assert places[0] > places[1] > places[2]
+    assert all(domain.joint_point[1] < -0.02 for domain in split.subdomains[1:])
+    both = branched(mesh, ("LEFT", (0.2, 0.6)), ("RIGHT", (0.2, 0.9)))
+    # The joint in the stem is that of both.
+    assert [domain.parent for domain in both.subdomains] == [GROUND, 0, 1, 1]
+    assert both.cuts == ()
+
+
+def test_a_joint_beyond_the_end_of_its_branch_is_refused():
+    with pytest.raises(BodyFileError, match=r"toward 'LEFT': a joint at 5 m .* where the branch ends at 1\.\d+ m"):
+        branched(slender_fork(), ("LEFT", (5.0,)))
 
 
 def test_the_distance_follows_the_body_and_not_the_air():

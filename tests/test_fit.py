@@ -1,12 +1,15 @@
 """The smallest model that a scene allows."""
 
+import io
 import tomllib
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
+from flexfmu.info import describe
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.loads import Loads
@@ -15,10 +18,11 @@ from flexfmu.scenes.body_text import body_text
 from flexfmu.scenes.candidates import Reduction, reduction_config, with_modes
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.fit import contributions, fit
+from flexfmu.scenes.fitting.subspace import subset
 from flexfmu.scenes.sweep import Workshop
 from flexfmu.store import Store
 from references import BEAM, DEMO, calculix, displacement, relative
-from scene_tools import BEND, SMALL_SWEEP, calculix_results, scene_of, with_results
+from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of, with_results
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +59,56 @@ def test_a_body_with_some_of_its_modes_is_the_one_that_is_reduced_to_them(bodies
         states = [model.step(model.static(load), load.scaled(0.5), 1e-3) for model in models]
         motions = [model.motion(state) for model, state in zip(models, states, strict=True)]
         np.testing.assert_allclose(*motions, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("basis", list(BasisChoice), ids=lambda basis: basis.value)
+def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced_to(bodies, basis):
+    config = bodies.config(BEAM)
+
+    def build(modes):
+        reduction = reduction_config(config, Reduction(basis, 12, 2), [Formulation(stiffness=Stiffness.BY_LOAD)])
+        table = reduction.reduction.model_copy(update={"modes": modes, "inertia": True})
+        return reduce_body(reduction.model_copy(update={"reduction": table}), Reporter())
+
+    listed = build([1, 2, 5, 6])
+    kept = subset(build(12), basis, np.array([0, 1, 4, 5]))
+    np.testing.assert_allclose(kept.angular_frequency, listed.angular_frequency, rtol=1e-7)
+    assert listed.provenance["normal_modes"] == "1 2 5 6"
+    loads = {"tip": [500.0, 3e3, 1e3, 20.0, 30.0, 40.0]}
+    for formulation in (Formulation(stiffness=Stiffness.BY_LOAD), Formulation(mass=Mass.CONFIGURATION)):
+        models = [FlexibleBody(body, formulation) for body in (kept, listed)]
+        motions = [model.motion(model.step(model.static(loads), {"tip": [0.0, 1e3, 0.0]}, 1e-3)) for model in models]
+        np.testing.assert_allclose(*motions, rtol=1e-7, atol=1e-10)
+    if basis is BasisChoice.NORMAL:
+        hertz = FlexibleBody(build(6)).model.angular_frequency[[0, 1, 4, 5]]
+        np.testing.assert_allclose(listed.angular_frequency, hertz, rtol=1e-7)
+
+
+def test_chosen_modes_come_from_the_store_whatever_is_chosen(tmp_path, bodies):
+    config, store = bodies.config(BEAM), Store(tmp_path)
+
+    def build(modes):
+        listening = Listening()
+        reduction = config.reduction.model_copy(update={"modes": modes})
+        reduce_body(config.model_copy(update={"reduction": reduction}), listening, store)
+        return listening
+
+    assert not any("earlier build" in text for text in build(6).notes)
+    again = build([1, 2, 5, 6])
+    assert any("normal modes: taken from an earlier build" in text for text in again.notes)
+    assert not again.warnings
+    assert any("take both modes or none" in text for text in build([1, 6]).warnings)
+
+
+def test_info_counts_modes_as_a_body_file_names_them(bodies):
+    config = bodies.config(BEAM)
+    reduction = config.reduction.model_copy(update={"modes": [1, 2, 5, 6]})
+    body = reduce_body(config.model_copy(update={"reduction": reduction}), Reporter())
+    console = Console(record=True, width=100, file=io.StringIO())
+    for part in describe(body):
+        console.print(part)
+    shown = [line.split()[1] for line in console.export_text().splitlines() if line.startswith("│") and "0.01" in line]
+    assert shown == ["1", "2", "5", "6"]
 
 
 def test_modes_across_the_load_move_nothing(brought, store):

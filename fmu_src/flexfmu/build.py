@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from . import __version__
-from .config import Basis, BodyFile
+from .config import Basis, BodyFile, BranchTable
 from .errors import BodyFileError
 from .fe.assembly import volume_matrices
 from .fe.faces import FaceBlock, element_faces
@@ -19,7 +19,7 @@ from .mesh.model import FloatArray, IntArray, Mesh
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
-from .reduction.division import divide, open_loops
+from .reduction.division import Branch, divide, divide_branches, open_loops
 from .reduction.inertia import inertia_integrals
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.joining import Weld, joined
@@ -45,6 +45,8 @@ from .store import Store, content_key
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
+NUMBERS = "normal_modes"
+"""Where a body's origin tells the numbers of its normal modes, if the body file chose them."""
 # Of a body that nothing holds.
 _RIGID_MOTIONS = 6
 
@@ -117,7 +119,7 @@ def _reduced(
     loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
     warping = np.zeros((len(loads), 0)) if warping is None else warping
     modes, key = modal_basis(config.reduction, matrices, np.hstack([loads, warping]), store, report)
-    _tell(modes, config.reduction.modes, report)
+    _tell(modes, report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
     wanted = _geometric(config)
@@ -259,7 +261,7 @@ def _springs(
     return Ties(*(np.array(values) for values in zip(*found, strict=True))) if found else None
 
 
-def _tell(modes: Modes, count: int, report: Reporter) -> None:
+def _tell(modes: Modes, report: Reporter) -> None:
     """Say what modes there are."""
     hertz = modes.angular_frequency[modes.angular_frequency > 0.0] / (2.0 * np.pi)
     rigid = modes.angular_frequency.size - hertz.size
@@ -270,8 +272,8 @@ def _tell(modes: Modes, count: int, report: Reporter) -> None:
     )
     if modes.splits_pair:
         report.warning(
-            f"mode {count + 1} has the frequency of mode {count} and is left out: the body will be softer "
-            "in one direction than in the other; take one mode more or less"
+            "a mode that is left out has the frequency of one that is not: the body will be softer in one direction "
+            "than in the other; take both modes or none"
         )
 
 
@@ -318,6 +320,13 @@ def _subdomains(
     anchored = _hanging(model, config)
     held = anchored if floats else model.held
     top = [floating_frame(mesh, volumes)] if floats else []
+    if config.branch:
+        branches = [
+            Branch(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), tuple(b.joints))
+            for b in config.branch
+        ]
+        division = divide_branches(mesh, volumes, faces, anchored, branches)
+        return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
     if not config.frame:
         levels = 1 if config.frames is None else config.frames
         if levels == 0:
@@ -338,6 +347,11 @@ def _subdomains(
     subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
     warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
     return top + on_floating_frame(subdomains, len(top)), warnings
+
+
+def _end(config: BodyFile, branch: BranchTable) -> str:
+    """Node set at which a branch ends: an interface's, or that of a section in a part of a cut body."""
+    return next((i.nodes for i in config.interface if i.name == branch.toward), branch.toward)
 
 
 def _advised(loops: Sequence[str]) -> tuple[str, ...]:
@@ -441,4 +455,5 @@ def _provenance(config: BodyFile, mesh: Mesh) -> dict[str, str]:
         "nodes": str(len(mesh.points)),
         "elements": str(mesh.element_count),
         "flexfmu_version": __version__,
+        **({NUMBERS: " ".join(map(str, config.reduction.numbers))} if isinstance(config.reduction.modes, list) else {}),
     }

@@ -1,6 +1,7 @@
 """The body file (TOML): its keys, checked, with errors that name the key; docs/file-formats.md describes it."""
 
 from enum import Enum
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,9 +14,10 @@ from .runtime.reduced_body import Division, Formulation, Kinematics, LoadPlaceme
 from .toml_files import read_toml, reason, spelled_key
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Count = Annotated[int, Field(ge=1)]
 _UNKNOWN = "unknown key; docs/file-formats.md lists the known ones"
 # What pydantic adds to the place of an error to tell the types that a key may have.
-_ALTERNATIVES = ("float", "list[float]", "str")
+_ALTERNATIVES = ("float", "list[float]", "str", "constrained-int", "list[constrained-int]")
 _C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -100,6 +102,20 @@ class FrameTable(_Table):
         return value
 
 
+class BranchTable(_Table):
+    """`[[branch]]`: joints between frames on the way from the supports to an interface."""
+
+    toward: str
+    joints: list[Annotated[float, Field(gt=0.0)]] = Field(min_length=1)
+
+    @field_validator("joints")
+    @classmethod
+    def _ascending(cls, value: list[float]) -> list[float]:
+        if any(b <= a for a, b in pairwise(value)):
+            raise ValueError(f"is {value}, expected ascending distances from the supports in m, such as [0.2, 0.5]")
+        return value
+
+
 class CutTable(_Table):
     """`[[cut]]`: a section across the body at which it is cut into parts, joined again by stiff springs."""
 
@@ -126,10 +142,22 @@ class ReductionTable(_Table):
     """`[reduction]`: the modal basis."""
 
     basis: Basis = Field(default=Basis.NORMAL, strict=False)
-    modes: int = Field(default=10, ge=1)
+    modes: Count | Annotated[list[Count], Field(min_length=1)] = 10
     residual_flexibility: bool = False
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
     inertia: bool | None = None
+
+    @field_validator("modes")
+    @classmethod
+    def _ascending(cls, value: int | list[int]) -> int | list[int]:
+        if isinstance(value, list) and any(b <= a for a, b in pairwise(value)):
+            raise ValueError(f"is {value}, expected ascending numbers of modes, such as [1, 3, 5]")
+        return value
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Numbers of the normal modes that are kept, in order of frequency, from 1."""
+        return tuple(self.modes) if isinstance(self.modes, list) else tuple(range(1, self.modes + 1))
 
 
 class DampingTable(_Table):
@@ -193,6 +221,7 @@ class BodyFile(_Table):
     interface: list[InterfaceTable] = Field(min_length=1)
     frames: int | None = Field(default=None, ge=0)
     frame: list[FrameTable] = []
+    branch: list[BranchTable] = []
     cut: list[CutTable] = []
     stress: list[StressTable] = []
     reduction: ReductionTable = ReductionTable()
@@ -210,8 +239,12 @@ class BodyFile(_Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> "BodyFile":
-        if self.frames is not None and self.frame:
-            raise ValueError("give either frames = n (automatic division) or [[frame]] tables, not both")
+        if sum((self.frames is not None, bool(self.frame), bool(self.branch))) > 1:
+            raise ValueError(
+                "give either frames = n (automatic division), [[branch]] tables (joints at distances) or [[frame]] "
+                "tables (node sets)"
+            )
+        self._check_branches()
         for kind, names in (
             ("interface", [i.name for i in self.interface]),
             ("frame", [f.name for f in self.frame]),
@@ -244,9 +277,23 @@ class BodyFile(_Table):
             raise ValueError('formulation.mass is "configuration", but reduction.inertia is false: take that out')
         ratio = self.damping.ratio
         plain = self.reduction.basis is Basis.NORMAL and not self.reduction.residual_flexibility
-        if plain and isinstance(ratio, list) and len(ratio) != self.reduction.modes:
-            raise ValueError(f"damping.ratio lists {len(ratio)} values for {self.reduction.modes} modes")
+        count = len(self.reduction.numbers)
+        if plain and isinstance(ratio, list) and len(ratio) != count:
+            raise ValueError(f"damping.ratio lists {len(ratio)} values for {count} modes")
         return self
+
+    def _check_branches(self) -> None:
+        """Refuse branches that lead nowhere, or the same way twice."""
+        ends = [*(i.name for i in self.interface), *(c.nodes for c in self.cut)]
+        names = [b.toward for b in self.branch]
+        for name in names:
+            if name not in ends:
+                raise ValueError(
+                    f"[[branch]] leads toward {name!r}, expected an interface"
+                    f"{' or the nodes of a [[cut]]' if self.cut else ''}: {', '.join(ends)}"
+                )
+            if names.count(name) > 1:
+                raise ValueError(f"two [[branch]] tables lead toward {name!r}: put the joints into one")
 
     def _check_cut(self) -> None:
         """Refuse what is made for bodies in one piece."""

@@ -7,6 +7,7 @@ from rich.console import RenderableType
 from rich.table import Column, Table
 from rich.tree import Tree
 
+from .build import NUMBERS
 from .cost import Cost
 from .runtime.reduced_body import GROUND, FloatArray, ReducedBody
 
@@ -53,9 +54,17 @@ def cost_table(costs: Sequence[Cost]) -> Table:
 
 def _modes(body: ReducedBody) -> Table:
     table = Table("mode", "frequency / Hz", "damping ratio", title="Modes", title_justify="left")
-    for j, (omega, ratio) in enumerate(zip(body.angular_frequency, body.damping_ratio, strict=True), start=1):
-        table.add_row(str(j), f"{omega / (2 * math.pi):.6g}", f"{ratio:.4g}")
+    for name, omega, ratio in zip(_mode_names(body), body.angular_frequency, body.damping_ratio, strict=True):
+        table.add_row(name, f"{omega / (2 * math.pi):.6g}", f"{ratio:.4g}")
     return table
+
+
+def _mode_names(body: ReducedBody) -> list[str]:
+    """Numbers as a body file names modes: elastic ones from 1, and those of normal modes that were chosen."""
+    elastic = body.mode_count - body.rigid_count
+    chosen = body.provenance.get(NUMBERS, "").split()
+    numbers = chosen if len(chosen) == elastic else [str(j) for j in range(1, elastic + 1)]
+    return ["rigid"] * body.rigid_count + numbers
 
 
 def _interfaces(body: ReducedBody) -> Table:

@@ -14,7 +14,7 @@ from ..mesh.model import FloatArray
 from ..progress import Reporter
 from ..store import Store, content_key
 from .model import Model
-from .modes import Modes, craig_bampton, normal_modes, with_residual_flexibility
+from .modes import Modes, chosen_modes, craig_bampton, normal_modes, with_residual_flexibility
 from .supported import Supported, supported
 
 
@@ -78,13 +78,17 @@ def modal_basis(
     key : str
         Hash of all that they depend on.
     """
-    count = table.modes
+    numbers = table.numbers
+    count = numbers[-1]
+    # Those that are left out.
+    few = len(numbers) < count
+    chosen = np.array(numbers) - 1
 
     def constrained() -> Modes:
         words = f"Find {loads.shape[1]} constraint modes and {count} fixed-interface normal modes"
         model = matrices.supported
         with report.stage(words):
-            return craig_bampton(model, count, loads)
+            return craig_bampton(model, chosen, loads)
 
     def normal() -> Modes:
         model = matrices.supported
@@ -97,13 +101,16 @@ def modal_basis(
             return with_residual_flexibility(model, modes, loads)
 
     if table.basis is Basis.CRAIG_BAMPTON:
-        key = content_key("craig-bampton", matrices.key, count, loads)
+        key = content_key("craig-bampton", matrices.key, numbers if few else count, loads)
         modes = _modes(store.arrays(key, "modes", report, lambda: _arrays(constrained())))
         if table.residual_flexibility:
             report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
         return modes, key
     key = content_key("normal", matrices.key, count)
     modes = _modes(store.arrays(key, "normal modes", report, lambda: _arrays(normal())))
+    if few:
+        report.note(f"kept of {count} normal modes: {', '.join(map(str, numbers))}")
+        modes, key = chosen_modes(modes, chosen), content_key("chosen", key, numbers)
     if table.residual_flexibility:
         key = content_key("residual", key, loads)
         modes = _modes(store.arrays(key, "static response", report, lambda: _arrays(completed())))

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..config import Basis, BodyFile, InterfaceTable, SupportTable
+from ..config import Basis, BodyFile, BranchTable, InterfaceTable, SupportTable
 from ..errors import BodyFileError
 from ..fe.assembly import stiffness
 from ..fe.faces import element_faces
@@ -286,12 +286,21 @@ def part_configs(config: BodyFile, opened: Mesh, parts: Sequence[Part]) -> list[
             update={
                 "interface": interfaces[number],
                 "frame": [frame for frame in config.frame if home[frame.name] == number],
+                "branch": _branches(config.branch, interfaces[number]),
                 "stress": [table for table in config.stress if _has(part.model.mesh.element_sets, table.elements)],
                 "reduction": basis,
             }
         )
         for number, part in enumerate(parts)
     ]
+
+
+def _branches(tables: Sequence[BranchTable], interfaces: Sequence[InterfaceTable]) -> list[BranchTable]:
+    """Branches that lead to a part's interfaces, or to its side of a cut."""
+    sides = {side_set(table.toward, side): table for table in tables for side in SIDES}
+    found = [table for table in tables if any(table.toward == one.name for one in interfaces)]
+    ends = [one.name for one in interfaces if one.name in sides]
+    return found + [sides[name].model_copy(update={"toward": name}) for name in ends]
 
 
 def _has(sets: Mapping[str, IntArray], name: str) -> bool:

@@ -3,10 +3,12 @@
 The distance along the body from its supports is cut into n equal levels; the connected pieces of a level are the
 sub-domains, so that a branch of the body becomes a branch of the tree. A piece's parent is the neighbour nearer to the
 support with which it shares most; its joint is their common section. Where pieces close a loop, one connection is cut.
+Instead of equal levels the distances may be given, of each branch by itself.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -41,6 +43,25 @@ class Division:
 
     subdomains: tuple[Subdomain, ...]
     cuts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """Joints on the way from the supports to somewhere.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    nodes : (k,) int
+        Where the way ends.
+    joints : tuple of float
+        Distances from the supports, m, ascending.
+    """
+
+    name: str
+    nodes: IntArray
+    joints: tuple[float, ...]
 
 
 def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
@@ -99,19 +120,99 @@ def divide(
     MeshError
         Parts of the mesh that do not hang together.
     """
+    distance = _supported_distance(mesh, supported)
+    middle = _middle(mesh, distance)
+    depth = float(distance.max()) / levels
+    level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
+    link = neighbours(mesh.points, faces, mesh.element_count)
+    return _divided(mesh, volumes, faces, supported, level, link, distance, depth)
+
+
+def divide_branches(
+    mesh: Mesh,
+    volumes: tuple[FloatArray, ...],
+    faces: tuple[FaceBlock, ...],
+    supported: IntArray,
+    branches: Sequence[Branch],
+) -> Division:
+    """Divide a body at given distances from its supports, of each branch by itself.
+
+    A joint separates what lies beyond it and hangs together with the branch's end from all the rest.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    volumes : tuple of (n_elements, node_count, node_count) float
+    faces : tuple of FaceBlock
+    supported : (k,) int
+        Nodes from which the distance counts.
+    branches : sequence of Branch
+
+    Returns
+    -------
+    Division
+
+    Raises
+    ------
+    BodyFileError
+        No support to count from, or a joint beyond the end of its branch.
+    MeshError
+        Parts of the mesh that do not hang together.
+    """
+    distance = _supported_distance(mesh, supported)
+    middle = _middle(mesh, distance)
+    link = neighbours(mesh.points, faces, mesh.element_count)
+    size = float(distance.max())
+    place = np.round(middle / size, _DIGITS)
+    beyond = []
+    for branch in branches:
+        touching = np.concatenate([np.isin(b.connectivity, branch.nodes).any(axis=1) for b in mesh.blocks])
+        end = int(np.argmax(np.where(touching, middle, -np.inf)))
+        for joint in branch.joints:
+            outer = (place >= round(joint / size, _DIGITS)).astype(np.int64)
+            if not outer[end]:
+                raise BodyFileError(
+                    f"[[branch]] toward {branch.name!r}: a joint at {joint:g} m from the supports, where the branch "
+                    f"ends at {middle[end]:.4g} m; the distance counts from node to node along the body"
+                )
+            _, label = connected_components(link.multiply(_equal(link, outer)), directed=False)
+            beyond.append(label == label[end])
+    # Elements beyond the same joints are a piece if they hang together.
+    flags = np.array(beyond, dtype=np.int64).reshape(len(beyond), -1)
+    level = np.unique(flags, axis=1, return_inverse=True)[1].ravel().astype(np.int64)
+    steps = [b - a for branch in branches for a, b in pairwise((0.0, *branch.joints))]
+    return _divided(mesh, volumes, faces, supported, level, link, distance, min(steps, default=size))
+
+
+def _supported_distance(mesh: Mesh, supported: IntArray) -> FloatArray:
+    """Distance along the body from its supports (n,), of a body that has some and hangs together."""
     if not supported.size:
-        raise BodyFileError("frames = n counts from the supports, and the body has none that holds a node")
+        raise BodyFileError("the division counts from the supports, and the body has none that holds a node")
     distance = distance_along(mesh, supported)
     if not np.all(np.isfinite(distance)):
         raise MeshError(
             f"{int(np.sum(~np.isfinite(distance)))} nodes are not connected to any support: it is in several parts"
         )
-    middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
-    depth = float(distance.max()) / levels
-    level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
-    link = neighbours(mesh.points, faces, mesh.element_count)
-    same = link.multiply(_equal(link, level))
-    _, piece = connected_components(same, directed=False)
+    return distance
+
+
+def _middle(mesh: Mesh, distance: FloatArray) -> FloatArray:
+    """Mean distance (e,) of each element's nodes."""
+    return np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
+
+
+def _divided(
+    mesh: Mesh,
+    volumes: tuple[FloatArray, ...],
+    faces: tuple[FaceBlock, ...],
+    supported: IntArray,
+    level: IntArray,
+    link: sp.csr_array,
+    distance: FloatArray,
+    depth: float,
+) -> Division:
+    """Sub-domains of the connected pieces of each level (e,), slivers against a depth (m) joined."""
+    _, piece = connected_components(link.multiply(_equal(link, level)), directed=False)
     reach = np.concatenate(
         [
             np.stack([distance[b.connectivity].min(axis=1), distance[b.connectivity].max(axis=1)], axis=1)
@@ -120,7 +221,7 @@ def divide(
     )
     volume = np.concatenate([matrices.sum(axis=(1, 2)) for matrices in volumes])
     piece = _merge_slivers(piece.astype(np.int64), link, reach, volume, depth)
-    return _tree(mesh, volumes, faces, supported, piece, middle, link)
+    return _tree(mesh, volumes, faces, supported, piece, _middle(mesh, distance), link)
 
 
 def neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:

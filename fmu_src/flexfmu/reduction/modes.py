@@ -12,7 +12,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from ..errors import AccuracyError, BodyFileError, ModelError
-from ..mesh.model import FloatArray
+from ..mesh.model import FloatArray, IntArray
 from .supported import Supported
 
 # Lanczos reaches round-off; these leave three decades for matrices of bad condition.
@@ -43,7 +43,7 @@ class Modes:
     residual : float
         Largest of |φ − ω²K⁻¹Mφ| of the normal modes, in the norm of the mass, in which |φ| = 1.
     splits_pair : bool
-        Whether the next mode, left out, has the frequency of the last.
+        Whether a mode that is left out has the frequency of one that is not.
     """
 
     angular_frequency: FloatArray
@@ -76,7 +76,33 @@ def normal_modes(model: Supported, count: int) -> Modes:
     return _with_rigid(model, _lowest(model, count, np.zeros((model.free.size, 0))))
 
 
-def craig_bampton(model: Supported, count: int, interface_loads: FloatArray) -> Modes:
+def chosen_modes(modes: Modes, chosen: IntArray) -> Modes:
+    """Rigid motions and some of the normal modes.
+
+    Parameters
+    ----------
+    modes : Modes
+        Of `normal_modes`.
+    chosen : (k,) int
+        Elastic modes to keep, from 0, ascending.
+
+    Returns
+    -------
+    Modes
+    """
+    omega = modes.angular_frequency
+    rigid = int(np.sum(omega == 0.0))
+    kept = np.zeros(omega.size, dtype=bool)
+    kept[:rigid] = True
+    kept[rigid + chosen] = True
+    squares = omega**2
+    # Neighbours of the same frequency of which one is kept.
+    torn = (np.diff(squares) < _DEGENERATE * squares[1:]) & (kept[1:] != kept[:-1]) & (omega[1:] > 0.0)
+    splits = bool(np.any(torn)) or (modes.splits_pair and bool(kept[-1]))
+    return Modes(omega[kept], modes.shapes[:, kept], modes.orthonormality_error, modes.residual, splits)
+
+
+def craig_bampton(model: Supported, chosen: IntArray, interface_loads: FloatArray) -> Modes:
     """Constraint modes of the interfaces and fixed-interface normal modes, orthonormalised by the small eigenproblem.
 
     An interface is a distributing coupling: it is held where its rigid fit (3) is zero, and its constraint modes are
@@ -86,15 +112,15 @@ def craig_bampton(model: Supported, count: int, interface_loads: FloatArray) -> 
     Parameters
     ----------
     model : Supported
-    count : int
-        Number of fixed-interface normal modes.
+    chosen : (k,) int
+        Fixed-interface normal modes in order of frequency, from 0, ascending.
     interface_loads : (3n, 6I) float
         Nodal forces of the interfaces' unit forces and moments, Gᵀ.
 
     Returns
     -------
     Modes
-        count + 6I of them.
+        k + 6I of them.
 
     Raises
     ------
@@ -102,7 +128,7 @@ def craig_bampton(model: Supported, count: int, interface_loads: FloatArray) -> 
         As of `normal_modes`.
     """
     loads = interface_loads[model.free]
-    fixed = _lowest(model, count, loads)
+    fixed = chosen_modes(_lowest(model, int(chosen[-1]) + 1, loads), chosen)
     return _joined(model, fixed, model.static(loads @ _balanced(model, loads)))
 
 

@@ -1,0 +1,1 @@
+"""The search for the smallest model: what is tried, frames, modes, reasons, and what is delivered."""
