@@ -16,6 +16,7 @@ BEAM = Beam()
 # Turns the tip by half a radian.
 BENDING = 1.2 * BEAM.bending_stiffness
 STEP = 1e-3
+MISSED = "watch.stiffness_missed.limit"
 
 
 class Driven:
@@ -95,7 +96,7 @@ def test_rotation_beyond_the_limit_ends_the_simulation(tmp_path):
 
 
 def test_a_limit_of_zero_is_none(tmp_path):
-    driven = Driven(tmp_path, **{"watch.rotation.limit": 0.0, "watch.stability.limit": 0.0})
+    driven = Driven(tmp_path, **dict.fromkeys(("watch.rotation.limit", "watch.stability.limit", MISSED), 0.0))
     driven.set(**{"tip.force.y": BENDING, "tip.force.x": -2.0 * BEAM.critical_load})
     for _ in range(40):
         assert driven.step()
@@ -124,7 +125,7 @@ def test_stability_falls_with_the_axial_load_as_eulers_formula_says(tmp_path):
 
 @pytest.mark.parametrize("share", [0.9, 1.2])
 def test_a_load_near_or_past_the_critical_one_is_named_before_numbers_are_wrong(tmp_path, share):
-    driven = Driven(tmp_path, **{"watch.stability.limit": 0.2, "watch.rotation.limit": 0.0})
+    driven = Driven(tmp_path, **{"watch.stability.limit": 0.2, "watch.rotation.limit": 0.0, MISSED: 0.0})
     driven.set(**{"tip.force.y": 1e-3, "tip.moment.x": 1e-6})
     assert all(press(driven, share))
     ((status, text),) = driven.log
@@ -140,7 +141,7 @@ def test_a_load_near_or_past_the_critical_one_is_named_before_numbers_are_wrong(
 
 
 def test_a_load_past_the_critical_one_is_refused_on_request(tmp_path):
-    driven = Driven(tmp_path, **{"watch.stability.limit": 0.02, "watch.stability.on_limit": "discard"})
+    driven = Driven(tmp_path, **{"watch.stability.limit": 0.02, "watch.stability.on_limit": "discard", MISSED: 0.0})
     taken = press(driven, 1.3)
     refused = taken.index(False)
     assert not any(taken[refused:])

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .buckling import Judge, judge
 from .division import divided
 from .dynamics import build_dynamics, spread
 from .errors import LoadError, OptionError, StepError
+from .evaluation import FeedRates
 from .fixing import with_fixed_interfaces
 from .indicators import compliance, elastic_part, scaled_tangent, turning
 from .inertia import mass_matrix
 from .loads import Loads, loads_from_mapping
-from .reduced_body import Formulation, ReducedBody
+from .reduced_body import Evaluation, Formulation, ReducedBody
 from .rotations import cross, rotation_vector
 from .statics import equilibrium
 from .stepping import State, StepLimits, Stepper, Work
@@ -87,12 +89,54 @@ class FlexibleBody:
         self.model = model = divided(model, self.formulation.division, self.formulation.mass)
         self.limits = limits
         self._dynamics = build_dynamics(model, self.formulation)
+        if self.explicit and self._dynamics.ties is not None:
+            raise OptionError(
+                'evaluation "explicit" does not go with cut bodies, whose parts are joined by stiff springs; take '
+                'evaluation "implicit"'
+            )
         damping = damping_scale * model.damping_ratio
         self._turning = turning(model, self._dynamics.tree.frame_count)
         self._stepper = Stepper(
-            self._dynamics, model.angular_frequency, damping, limits, self._turning.operator, use_compiled
+            self._dynamics,
+            model.angular_frequency,
+            damping,
+            limits,
+            self._turning.operator,
+            use_compiled,
+            self.formulation.evaluation,
         )
         self._configuration = self._stepper.configuration
+        self._judge: Judge | None = None
+        self._judged = False
+
+    @property
+    def explicit(self) -> bool:
+        """Whether loads on the moving body are evaluated at each step's start."""
+        return self.formulation.evaluation is Evaluation.EXPLICIT
+
+    @property
+    def judge(self) -> Judge | None:
+        """The second opinion on the formulation's tangent stiffness, set up when first asked for."""
+        if not self._judged:
+            self._judge, self._judged = judge(self.model, self._dynamics), True
+        return self._judge
+
+    def feed_rates(self, state: State, inputs: FloatArray, step: float) -> FeedRates:
+        """What explicit evaluation does to vibrations about a state; see `evaluation.feed_rates`.
+
+        Parameters
+        ----------
+        state : State
+        inputs : (6I,) or (6I + 3,) float
+            Loads, as of `Loads.packed`.
+        step : float
+            s.
+
+        Returns
+        -------
+        FeedRates
+        """
+        return self._stepper.feed_rates(state, inputs, step)
 
     def loads(self, loads: Mapping[str, Sequence[float]], acceleration: Sequence[float] = (0.0, 0.0, 0.0)) -> Loads:
         """Loads from {interface: (fx, fy, fz)} or {interface: (fx, fy, fz, mx, my, mz)}, N and N m, global frame.

@@ -122,7 +122,7 @@ def build_dynamics(body: ReducedBody, formulation: Formulation) -> Dynamics:
     if formulation.stiffness is Stiffness.BY_LOAD:
         bare = Dynamics(omega**2, weight, tree, placement, operator, mass, inertia, None, None, True)
         data = _aboard(body.stiffness_by_load, formulation)
-        by_load = data + _own_stiffness(bare, body.interface_count, len(data))
+        by_load = data + unit_load_stiffness(bare, body.interface_count, len(data))
     elif formulation.stiffness is Stiffness.BY_MODE:
         by_mode = _aboard(body.stiffness_by_mode, formulation)
     ties = tie_forces(body, tree)
@@ -169,7 +169,7 @@ def _aboard(data: FloatArray | None, formulation: Formulation) -> FloatArray:
     return data
 
 
-def _own_stiffness(dynamics: Dynamics, interfaces: int, count: int) -> FloatArray:
+def unit_load_stiffness(dynamics: Dynamics, interfaces: int, count: int) -> FloatArray:
     """∂Q/∂q at q = 0 under each of `count` unit loads, (count, m, m): what the loads' displacement does at first order.
 
     It *is* part of the effect that geometric stiffness by load carries. Taken out of it, the tangent at the unloaded

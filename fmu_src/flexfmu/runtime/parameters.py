@@ -3,18 +3,23 @@
 from collections.abc import Sequence
 
 from .errors import OptionError
-from .reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from .reduced_body import Division, Evaluation, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from .stepping import StepLimits
 from .variables import (
     CHOICES,
     DAMPING_SCALE,
     DIVISION,
+    EVALUATION,
+    FEED_LIMIT,
     FIXED,
     INITIALIZATION,
     INTERPOLATION,
     KINEMATICS,
     LOADS,
     MASS,
+    MISSED_LIMIT,
+    ON_FEED,
+    ON_MISSED,
     ON_ROTATION,
     ON_STABILITY,
     ON_STEP,
@@ -88,6 +93,7 @@ class Parameters:
             Stiffness(self[STIFFNESS]),
             Mass(self[MASS]),
             Division(self[DIVISION]),
+            Evaluation(self[EVALUATION]),
         )
 
     @property
@@ -123,6 +129,10 @@ class Parameters:
             OnLimit(self[ON_ROTATION]),
             float(self[STABILITY_LIMIT]),
             OnLimit(self[ON_STABILITY]),
+            float(self[MISSED_LIMIT]),
+            OnLimit(self[ON_MISSED]),
+            float(self[FEED_LIMIT]),
+            OnLimit(self[ON_FEED]),
         )
 
     @property

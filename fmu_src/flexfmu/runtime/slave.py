@@ -17,14 +17,17 @@ from numpy.typing import NDArray
 from .body import FlexibleBody
 from .errors import OptionError, RuntimeBodyError, StepError
 from .loads import Loads
+from .lookout import Lookout, Seen
 from .modal_file import read_modal_file
 from .parameters import Parameters
 from .state_block import identity, seal, unseal
 from .stepping import State, Work
 from .variables import (
+    FEED,
     FRAME_ROTATION,
     ITERATIONS,
     KINETIC_ENERGY,
+    MISSED,
     STABILITY,
     STATUS_CODE,
     STEP_ERROR,
@@ -35,7 +38,7 @@ from .variables import (
     Interpolation,
     variable_table,
 )
-from .watch import Finding, OnLimit, OnRefusal, loads_changed, rotation_finding, stability_finding
+from .watch import Finding, OnLimit, OnRefusal
 
 FloatArray = NDArray[np.float64]
 
@@ -116,16 +119,13 @@ class BodySlave:
         self._every_motion = list(range(self._motion, self._stress))
         self._every_input = list(range(self._inputs.size))
         self._names = tuple(v.name for v in self._variables[: self._inputs.size])
-        # Inputs of the step before, and those for which stability was last looked at.
+        # Inputs of the step before.
         self._previous = self._inputs.copy()
-        self._looked_at = self._inputs.copy()
-        # Square of the largest loads so far.
-        self._largest = 0.0
         self._last_step = 0.0
-        # Whether a step ended beyond the limits of rotation and of stability.
-        self._beyond = [False, False]
+        self._seen = Seen.nothing(self._inputs.size, self._model.mode_count)
         self._parameters = Parameters(self._variables)
-        self._limits, self._interpolation = self._parameters.limits, self._parameters.interpolation
+        self._lookout = Lookout(self._parameters.limits, self._names)
+        self._interpolation = self._parameters.interpolation
         self._status = _SOUND
         self._body: FlexibleBody | None = None
         self._state: State | None = None
@@ -144,8 +144,14 @@ class BodySlave:
     @_guarded
     def exit_initialization_mode(self) -> None:
         """Fix the parameters and the initial state."""
-        self._start()
+        body, state = self._start()
         self._previous = np.where(np.isfinite(self._inputs), self._inputs, 0.0)
+        if self._parameters.initialization is Initialization.STATIC:
+            findings, self._seen = self._lookout.look(body, state, self._previous, 0.0, self._seen)
+            for finding in findings:
+                if finding.action is not OnLimit.WARN:
+                    raise self._failure(f"static initialisation: {finding.text}")
+                self._warn(finding)
         self._running = True
 
     def terminate(self) -> None:
@@ -245,28 +251,26 @@ class BodySlave:
         # With interfaces fixed the body has fewer modes; the block keeps its length.
         rest = np.zeros(modes - state.q.size)
         flags: list[float] = [self._state is not None, self._running, self._status, state.substeps, state.q.size]
-        flags += [self._last_step, self._largest]
         work = [self._work.substeps, self._work.iterations, self._work.error]
-        inputs = self._inputs, self._previous, self._looked_at
-        numbers = np.array([*self._parameters.numbers(), *flags, *self._beyond, *work], dtype=np.float64)
-        parts = [*inputs, state.q, rest, state.v, rest, numbers]
+        numbers = np.array([*self._parameters.numbers(), *flags, self._last_step, *work], dtype=np.float64)
+        parts = [self._inputs, self._previous, state.q, rest, state.v, rest, numbers, self._seen.numbers()]
         return seal(np.concatenate(parts).tobytes(), self._identity)
 
     @_guarded
     def _set_fmu_state(self, block: bytes) -> None:
         """Go back to a state taken from this or another instance of the same FMU."""
         modes, inputs = self._model.mode_count, self._inputs.size
-        sizes = [inputs, inputs, inputs, modes, modes, len(self._parameters.numbers()), 7, 2, 3]
+        sizes = [inputs, inputs, modes, modes, len(self._parameters.numbers()), 6, 3, Seen.count(inputs, modes)]
         values = np.frombuffer(unseal(block, self._identity, 8 * sum(sizes)), dtype=np.float64)
-        now, previous, looked_at, q, v, numbers, flags, beyond, work = np.split(values, np.cumsum(sizes)[:-1])
+        now, previous, q, v, numbers, flags, work, seen = np.split(values, np.cumsum(sizes)[:-1])
         if self._parameters.restore(numbers.tolist()):
             self._body = None
-        self._inputs, self._previous, self._looked_at = now.copy(), previous.copy(), looked_at.copy()
+        self._inputs, self._previous = now.copy(), previous.copy()
         known, running, status, substeps, count = (int(flag) for flag in flags[:5])
-        self._last_step, self._largest = float(flags[5]), float(flags[6])
+        self._last_step = float(flags[5])
         self._state = State(q[:count].copy(), v[:count].copy(), substeps) if known else None
         self._running, self._status = bool(running), status
-        self._beyond = [bool(flag) for flag in beyond]
+        self._seen = Seen.of(seen, inputs)
         self._work = Work(int(work[0]), int(work[1]), float(work[2]))
         self._outputs.clear()
 
@@ -293,7 +297,7 @@ class BodySlave:
                 )
             except OptionError as error:
                 raise self._failure(str(error)) from error
-            self._limits, self._interpolation = chosen.limits, chosen.interpolation
+            self._lookout, self._interpolation = Lookout(chosen.limits, self._names), chosen.interpolation
         if self._state is None:
             if self._parameters.initialization is Initialization.STATIC:
                 try:
@@ -325,8 +329,15 @@ class BodySlave:
             if self._parameters.on_refusal is OnRefusal.TERMINATE:
                 raise _EndOfSimulationError(str(error)) from error
             raise
-        if not self._within_limits(body, reached, start if end is None else end):
-            return False
+        findings, seen = self._lookout.look(body, reached, start if end is None else end, step_size, self._seen)
+        for finding in findings:
+            if finding.action is OnLimit.TERMINATE:
+                raise _EndOfSimulationError(finding.text)
+            if finding.action is OnLimit.DISCARD:
+                return self._refuse(finding.text)
+        for finding in findings:
+            self._warn(finding)
+        self._seen = seen
         self._state, self._work = reached, work
         self._previous, self._last_step = self._inputs.copy(), float(step_size)
         self._outputs.clear()
@@ -342,28 +353,6 @@ class BodySlave:
         if self._last_step == 0.0:
             return now, None
         return now, now + (now - before) * (step / self._last_step)
-
-    def _within_limits(self, body: FlexibleBody, reached: State, inputs: FloatArray) -> bool:
-        """Look at what the body is watched for; False where the step is to be refused."""
-        stability = None
-        self._largest = max(self._largest, float(inputs @ inputs))
-        looked = self._limits.stability > 0.0 and loads_changed(inputs, self._looked_at, self._largest)
-        if looked:
-            stability = stability_finding(body, reached, inputs, self._names, self._limits)
-        findings = [rotation_finding(body, reached, self._limits), stability]
-        for finding in findings:
-            if finding is not None and finding.action is OnLimit.TERMINATE:
-                raise _EndOfSimulationError(finding.text)
-            if finding is not None and finding.action is OnLimit.DISCARD:
-                return self._refuse(finding.text)
-        for number, finding in enumerate(findings):
-            # Once a run: a body that swings would say so twice a period.
-            if finding is not None and not self._beyond[number]:
-                self._beyond[number] = True
-                self._warn(finding)
-        if looked:
-            self._looked_at = inputs.copy()
-        return True
 
     def _warn(self, finding: Finding) -> None:
         """Log, and remember, a limit that is passed."""
@@ -400,6 +389,10 @@ class BodySlave:
         if name == STABILITY:
             # Inputs set since the last step have not acted yet, and need not be finite.
             return body.stability(state, self._previous)[0]
+        if name == MISSED:
+            return body.judge.error(self._previous) if body.judge is not None else 0.0
+        if name == FEED:
+            return self._seen.feed.largest
         if name == STEP_ERROR:
             return self._work.error
         strain, kinetic = body.energies(state)

@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, spread, tangent_stiffness
 from .errors import StepError
+from .evaluation import FeedRates, explicit_substeps, feed_rates
 from .inertial_stepping import inertial_substeps
 from .kernel import compiled
 from .loads import Loads
 from .propagation import Propagator, propagator
+from .reduced_body import Evaluation
 from .tied_stepping import TiedSteps
 from .tree import Configuration
 
@@ -38,6 +40,9 @@ _NEWTON_ROUNDS = 12
 _ROUND_OFF = 64.0 * np.finfo(np.float64).eps
 # Steps (s) below this would vanish when divided.
 _INDIVISIBLE = 1e-300
+# Sub-steps from which on it is looked at whether more of them can help, and rotation within a frame, rad, of the linear
+# body at the step's end from which on they cannot.
+_SUSPECT, _SENSELESS = 32, 4.0 * math.pi
 # Sub-steps per step at the most; a step that wants more is refused.
 MAX_SUBSTEPS = 2**14
 
@@ -144,9 +149,11 @@ class Stepper:
     angular_frequency, damping_ratio : (m,) float
     limits : StepLimits
     turning : (3n, m) float
-        Rotations within frames, for the compiled code.
+        Rotations within frames.
     use_compiled : bool
         Whether compiled code is used where there is some; the results are the same to round-off.
+    evaluation : Evaluation
+        When loads on the moving body are evaluated; explicitly there is no compiled code, and no error control.
     """
 
     def __init__(
@@ -157,12 +164,16 @@ class Stepper:
         limits: StepLimits,
         turning: FloatArray,
         use_compiled: bool = True,
+        evaluation: Evaluation = Evaluation.IMPLICIT,
     ):
         self.kernel = None
         if use_compiled and dynamics.inertia is None and dynamics.ties is None:
             self.kernel = compiled(dynamics, turning)
         self.tied = None if dynamics.ties is None else TiedSteps(dynamics, dynamics.ties, damping_ratio)
         self.configuration = ConfigurationMemo(dynamics)
+        self._explicit = evaluation is Evaluation.EXPLICIT
+        self._damping_ratio = damping_ratio
+        self._turning = turning
         self._dynamics = dynamics
         self._limits = limits
         self._cache = PropagatorCache(angular_frequency, damping_ratio)
@@ -205,6 +216,8 @@ class Stepper:
         tolerance, longest = self._limits.tolerance, self._limits.longest
         fewest = 1 if longest <= 0.0 else math.ceil(step / longest * (1.0 - 1e-9))
         # The shortest of numbers cannot be divided.
+        if self._explicit:
+            return self._held(state, inputs, end_inputs, step, fewest)
         substeps = max(fewest, state.substeps) if step > _INDIVISIBLE else 1
         iterations = 0
         while substeps <= MAX_SUBSTEPS:
@@ -216,10 +229,43 @@ class Stepper:
                 suggestion = substeps // 2 if 16.0 * error < tolerance and substeps > fewest else substeps
                 return State(*end, max(suggestion, 1)), Work(substeps, iterations, error)
             substeps *= 2
+            if substeps >= _SUSPECT and self._beyond_reach(state, inputs, end_inputs, step):
+                break
         raise StepError(
-            f"the step of {step:.6g} s does not converge with {MAX_SUBSTEPS} internal steps: the load exceeds what the "
-            "reduced body can bear, or moves it beyond the kinematics' range; lower the load or the communication step"
+            f"the step of {step:.6g} s does not converge with {min(substeps, MAX_SUBSTEPS)} internal steps: the load "
+            "exceeds what the reduced body can bear, or moves it beyond the kinematics' range; lower the load or the "
+            "communication step"
         )
+
+    def _held(
+        self, state: State, inputs: FloatArray, end_inputs: FloatArray | None, step: float, substeps: int
+    ) -> tuple[State, Work]:
+        """Step with the modal force of each sub-step's start."""
+        start, end = self._spread(inputs, end_inputs)
+        with np.errstate(all="ignore"):
+            here, p = self.configuration(state.q), self._cache(step / substeps)
+            q, v, there, error = explicit_substeps(self._dynamics, p, start, end, state.q, state.v, here, substeps)
+        self.configuration.remember(q, there)
+        return State(q, v, 1), Work(substeps, 0, error)
+
+    def feed_rates(self, state: State, inputs: FloatArray, step: float) -> FeedRates:
+        """What explicit evaluation does to vibrations about a state under loads (6I,) or (6I + 3,), at a step (s)."""
+        longest = self._limits.longest
+        substeps = 1 if longest <= 0.0 else math.ceil(step / longest * (1.0 - 1e-9))
+        loads, _ = self._spread(inputs, None)
+        p = self._cache(step / substeps)
+        return feed_rates(self._dynamics, p, loads, self.configuration(state.q), self._damping_ratio)
+
+    def _beyond_reach(self, state: State, inputs: FloatArray, end_inputs: FloatArray | None, step: float) -> bool:
+        """Whether the loads would turn the linear body within a frame beyond all sense: more steps are no use then."""
+        p = self._cache(step)
+        start, end = self._spread(inputs, end_inputs)
+        with np.errstate(all="ignore"):
+            force = modal_force(
+                self._dynamics, start if end is None else between(start, end, 0.5), self.configuration(state.q)
+            )
+            turned = self._turning @ (p.p11 * state.q + p.p12 * state.v + p.gq * force)
+            return not float(np.max(np.abs(turned), initial=0.0)) < _SENSELESS
 
     def _exact(
         self, state: State, inputs: FloatArray, step: float, end_inputs: FloatArray | None

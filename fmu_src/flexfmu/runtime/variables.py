@@ -9,7 +9,7 @@ from enum import Enum
 
 import numpy as np
 
-from .reduced_body import GROUND, Division, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from .reduced_body import GROUND, Division, Evaluation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 from .watch import OnLimit, OnRefusal
 
 AXES = ("x", "y", "z")
@@ -91,6 +91,7 @@ LOADS = "formulation.loads"
 STIFFNESS = "formulation.stiffness"
 MASS = "formulation.mass"
 DIVISION = "formulation.division"
+EVALUATION = "formulation.evaluation"
 INITIALIZATION = "initialization"
 INTERPOLATION = "input.interpolation"
 DAMPING_SCALE = "damping.scale"
@@ -100,6 +101,10 @@ FIXED = ".fixed"
 """Ends the name of the parameter that fixes an interface of a free body."""
 ROTATION_LIMIT = "watch.rotation.limit"
 ON_ROTATION = "watch.rotation.on_limit"
+MISSED_LIMIT = "watch.stiffness_missed.limit"
+ON_MISSED = "watch.stiffness_missed.on_limit"
+FEED_LIMIT = "watch.feed.limit"
+ON_FEED = "watch.feed.on_limit"
 STABILITY_LIMIT = "watch.stability.limit"
 ON_STABILITY = "watch.stability.on_limit"
 ON_STEP = "watch.step.on_limit"
@@ -109,15 +114,20 @@ CHOICES: dict[str, type[Enum]] = {
     STIFFNESS: Stiffness,
     MASS: Mass,
     DIVISION: Division,
+    EVALUATION: Evaluation,
     INITIALIZATION: Initialization,
     INTERPOLATION: Interpolation,
     ON_ROTATION: OnLimit,
     ON_STABILITY: OnLimit,
+    ON_MISSED: OnLimit,
+    ON_FEED: OnLimit,
     ON_STEP: OnRefusal,
 }
 """What each parameter of type String offers."""
 FRAME_ROTATION = "diagnostics.rotation_within_frame"
 STABILITY = "diagnostics.stability"
+MISSED = "diagnostics.stiffness_missed"
+FEED = "diagnostics.feed"
 STEP_ERROR = "diagnostics.step_error"
 STRAIN_ENERGY = "diagnostics.strain_energy"
 KINETIC_ENERGY = "diagnostics.kinetic_energy"
@@ -287,6 +297,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         text(STIFFNESS, body.formulation.stiffness, "how stress changes stiffness"),
         text(MASS, body.formulation.mass, "whose inertia the body has"),
         text(DIVISION, body.formulation.division, "how the frames hang together"),
+        text(EVALUATION, body.formulation.evaluation, "when, within a step, loads on the moving body are evaluated"),
         text(INITIALIZATION, Initialization.REST, "how the body starts"),
         text(INTERPOLATION, Interpolation.CONSTANT, "how inputs are taken over a step"),
         number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
@@ -303,6 +314,10 @@ def _parameters(body: ReducedBody) -> list[Variable]:
             "smallest stability, see diagnostics.stability; 0 for no limit",
         ),
         text(ON_STABILITY, OnLimit.WARN, "what happens below it"),
+        number(MISSED_LIMIT, 0.1, None, "largest diagnostics.stiffness_missed; 0 for no limit"),
+        text(ON_MISSED, OnLimit.WARN, "what happens beyond it"),
+        number(FEED_LIMIT, 0.1, None, "largest diagnostics.feed, of evaluation at the step's start; 0 for no limit"),
+        text(ON_FEED, OnLimit.WARN, "what happens beyond it"),
         *(
             Variable(
                 f"{interface}{FIXED}",
@@ -330,6 +345,10 @@ def _diagnostics() -> list[Variable]:
         local(
             STABILITY, "Real", None, "tangent stiffness over the unloaded one: 1 without loads, 0 at the critical load"
         ),
+        local(
+            MISSED, "Real", None, "error of deflections by the loads' effect on stiffness that the formulation misses"
+        ),
+        local(FEED, "Real", None, "share of the motion that evaluation at the step's start has added or taken so far"),
         local(STEP_ERROR, "Real", None, "estimated error of the last step, as internal_step.tolerance bounds it"),
         local(STRAIN_ENERGY, "Real", "J", "strain energy"),
         local(KINETIC_ENERGY, "Real", "J", "kinetic energy"),

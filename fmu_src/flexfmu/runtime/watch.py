@@ -2,7 +2,8 @@
 
 Rotation within a frame: the remainder of a sub-domain's motion is taken as small (docs/theory.md, section 8).
 Stability: the smallest eigenvalue of the tangent stiffness, relative to the unloaded body's: 1 without loads, 0 at the
-critical load (section 7).
+critical load (section 7). Stiffness missed: what loads do to it that the formulation does not know of (section 7).
+Feed: what explicit evaluation adds to the motion, or takes from it (section 6).
 """
 
 from dataclasses import dataclass
@@ -12,12 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .body import FlexibleBody
+from .buckling import BY_LOAD, Judge
+from .evaluation import Feed
+from .reduced_body import Kinematics
 from .stepping import State
 
 FloatArray = NDArray[np.float64]
 
 # Share of the largest loads' norm by which loads must have changed for stability to be looked at again.
 _CHANGED = 0.05
+# Part of the limit of rotation that holds where displacements are wrong by the angle, not by its square.
+_FIRST_ORDER = 0.4
+_WRONG_AT_FIRST_ORDER = (Kinematics.LINEAR, Kinematics.LITERAL)
 
 
 class OnLimit(Enum):
@@ -53,12 +60,22 @@ class Limits:
         Smallest eigenvalue of the tangent relative to the unloaded body's; 0 for none: past the critical load is then
         not looked for.
     on_stability : OnLimit
+    missed : float
+        Largest error of deflections by the loads' effect on stiffness that the formulation misses; 0 for no limit.
+    on_missed : OnLimit
+    feed : float
+        Largest share of the motion that explicit evaluation adds or takes; 0 for no limit.
+    on_feed : OnLimit
     """
 
     rotation: float
     on_rotation: OnLimit
     stability: float
     on_stability: OnLimit
+    missed: float = 0.0
+    on_missed: OnLimit = OnLimit.WARN
+    feed: float = 0.0
+    on_feed: OnLimit = OnLimit.WARN
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +106,10 @@ def rotation_finding(body: FlexibleBody, state: State, limits: Limits) -> Findin
     -------
     Finding or None
     """
-    if limits.rotation <= 0.0 or body.largest_rotation(state) <= limits.rotation:
+    limit = limits.rotation
+    if body.formulation.kinematics in _WRONG_AT_FIRST_ORDER:
+        limit = _FIRST_ORDER * limit
+    if limit <= 0.0 or body.largest_rotation(state) <= limit:
         return None
     turned = body.rotation_within_frames(state)
     worst = int(np.argmax(turned))
@@ -97,7 +117,7 @@ def rotation_finding(body: FlexibleBody, state: State, limits: Limits) -> Findin
     where = f"frame {names[worst]!r}" if len(turned) == len(names) and names else "the body as one piece"
     return Finding(
         f"material turns by {np.degrees(turned[worst]):.3g}° within {where}, beyond the limit of "
-        f"{np.degrees(limits.rotation):.3g}°: displacements there are less accurate; build with more frames",
+        f"{np.degrees(limit):.3g}°: displacements there are less accurate; {_remedy(body)}",
         limits.on_rotation,
     )
 
@@ -144,3 +164,81 @@ def stability_finding(
         f"{mode + 1} ({hertz:.4g} Hz); lower it, or look at whether the body really bears it",
         limits.on_stability,
     )
+
+
+def missed_finding(body: FlexibleBody, inputs: FloatArray, names: tuple[str, ...], limits: Limits) -> Finding | None:
+    """Whether the loads change the stiffness by more than the formulation knows.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    inputs : (6I,) or (6I + 3,) float
+    names : tuple of str
+        Of the inputs.
+    limits : Limits
+
+    Returns
+    -------
+    Finding or None
+    """
+    if limits.missed <= 0.0:
+        return None
+    judge = body.judge
+    if judge is None or not judge.may_exceed(inputs, limits.missed):
+        return None
+    error = judge.error(inputs)
+    if error <= limits.missed:
+        return None
+    worst = int(np.argmax(np.abs(inputs) * judge.missed_bound))
+    margin = judge.margin(inputs)
+    words = f"deflections are off by up to {100.0 * error:.3g} %"
+    if margin <= 0.0:
+        words = "the loads are beyond the critical load, which the formulation does not know of"
+    return Finding(
+        f"the formulation misses what the loads do to the stiffness: judged by {judge.source}, {words} "
+        f"(limit {100.0 * limits.missed:.3g} %); {names[worst]} = {inputs[worst]:.6g} does most of it; "
+        f"{_knowing(body, judge)}",
+        limits.on_missed,
+    )
+
+
+def feed_finding(feed: Feed, limits: Limits) -> Finding | None:
+    """Whether explicit evaluation adds to the motion, or takes from it, more than is accepted.
+
+    Parameters
+    ----------
+    feed : Feed
+    limits : Limits
+
+    Returns
+    -------
+    Finding or None
+    """
+    if limits.feed <= 0.0 or feed.largest <= limits.feed:
+        return None
+    verb = "added" if feed.fed >= feed.taken else "taken"
+    return Finding(
+        f"evaluating loads at each step's start has {verb} {100.0 * feed.largest:.3g} % of the motion (limit "
+        f"{100.0 * limits.feed:.3g} %), and does so without bound where damping does not outweigh it: take "
+        'formulation.evaluation = "implicit", or shorter steps',
+        limits.on_feed,
+    )
+
+
+def _remedy(body: FlexibleBody) -> str:
+    """What to do about rotation within a frame."""
+    if body.formulation.kinematics in _WRONG_AT_FIRST_ORDER:
+        return 'take formulation.kinematics = "corotated"' + (
+            "" if body.model.frame_count else " and build with frames"
+        )
+    return "build with more frames"
+
+
+def _knowing(body: FlexibleBody, judge: Judge) -> str:
+    """What to do about stiffness that is missed."""
+    if judge.source == BY_LOAD:
+        return 'take formulation.stiffness = "by_load"'
+    aboard = 'geometric_stiffness = ["by_load"] and take formulation.stiffness = "by_load"'
+    if body.formulation.kinematics is Kinematics.LINEAR and body.model.frame_count > 1:
+        return f'take formulation.kinematics = "corotated" with loads "deformed", or build with {aboard}'
+    return f"build with more frames, or with {aboard}"

@@ -1,0 +1,140 @@
+"""What a formulation misses of the loads' effect on stiffness, judged by the best that is aboard (docs/theory.md, 7).
+
+A formulation knows of buckling what its own tangent stiffness says; one with loads on the undeformed body knows
+nothing, and one frame overestimates a cantilever's critical load by 22 %. Beside it stands a second tangent stiffness
+of the undeformed body under the same loads: that of geometric stiffness by load, or of the frames, or of the moments
+that forces make about where the interfaces were.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dynamics import Dynamics, unit_load_stiffness
+from .indicators import elastic_part
+from .reduced_body import GROUND, Kinematics, LoadPlacement, ReducedBody
+from .tree import build_tree
+
+FloatArray = NDArray[np.float64]
+
+# Times 1/n²: what n frames in a chain overestimate a cantilever's critical load by (section 4a: 0.223, 0.056, 0.016 for
+# 1, 2, 4).
+_CHAIN = 0.25
+# Critical load of the clamped column over what the moment u' × F alone makes of it.
+_MOMENT = 8.0 / np.pi**2
+
+BY_LOAD = "geometric stiffness by load"
+BY_FRAMES = "the frames"
+BY_INTERFACES = "the displacement of the loaded interfaces, an estimate"
+
+
+@dataclass(frozen=True, slots=True)
+class Judge:
+    """A second opinion on the tangent stiffness of the undeformed body, of its elastic modes, over the unloaded one.
+
+    Attributes
+    ----------
+    source : str
+        What it follows from.
+    change : (L, e, e) float
+        Of the tangent by each unit load, symmetric.
+    missed : (L, e, e) float
+        The formulation's own change less that.
+    bound : (L,) float
+        Spectral norm of `change`.
+    missed_bound : (L,) float
+    """
+
+    source: str
+    change: FloatArray
+    missed: FloatArray
+    bound: FloatArray
+    missed_bound: FloatArray
+
+    def may_exceed(self, inputs: FloatArray, limit: float) -> bool:
+        """Whether `error` may be above a limit: a bound that costs next to nothing."""
+        size = np.abs(inputs)
+        stiffness = 1.0 - float(size @ self.bound)
+        missed = float(size @ self.missed_bound)
+        return not missed <= limit * (stiffness - missed)
+
+    def error(self, inputs: FloatArray) -> float:
+        """Largest relative error of any deflection of the loaded body by what its formulation misses.
+
+        Parameters
+        ----------
+        inputs : (L,) float
+            Loads, as of `Loads.packed`.
+
+        Returns
+        -------
+        float
+            1 beyond the critical load of either, and at the most.
+        """
+        true = np.eye(self.change.shape[1]) + np.tensordot(inputs, self.change, axes=1)
+        try:
+            lower = np.linalg.cholesky(true)
+        except np.linalg.LinAlgError:
+            return 1.0
+        half = np.linalg.solve(lower, np.tensordot(inputs, self.missed, axes=1))
+        share = np.linalg.eigvalsh(np.linalg.solve(lower, half.T))
+        if share[0] <= -0.5:
+            return 1.0
+        return float(np.max(np.abs(share / (1.0 + share))))
+
+    def margin(self, inputs: FloatArray) -> float:
+        """Smallest eigenvalue of its own tangent: 1 without loads, 0 at the critical load."""
+        true = np.eye(self.change.shape[1]) + np.tensordot(inputs, self.change, axes=1)
+        return float(np.linalg.eigvalsh(true)[0])
+
+
+def judge(body: ReducedBody, dynamics: Dynamics) -> Judge | None:
+    """The second opinion on a formulation; None where there is none to be had, or no need.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    dynamics : Dynamics
+        What the formulation makes of it.
+
+    Returns
+    -------
+    Judge or None
+    """
+    if dynamics.by_load is not None or dynamics.ties is not None:
+        return None
+    interfaces, loads = body.interface_count, 6 * body.interface_count + (0 if body.masses is None else 3)
+    own = -unit_load_stiffness(dynamics, interfaces, loads)
+    if dynamics.by_mode is not None:
+        own = own + _by_mode(dynamics, dynamics.by_mode, loads)
+    depth = _depth(body)
+    if body.stiffness_by_load is not None:
+        source, change = BY_LOAD, np.asarray(body.stiffness_by_load)
+    elif depth:
+        tree = build_tree(body, Kinematics.COROTATED)
+        framed = replace(dynamics, tree=tree, placement=LoadPlacement.DEFORMED, by_mode=None, nonlinear=True)
+        source = BY_FRAMES
+        change = -(1.0 + _CHAIN / depth**2) * unit_load_stiffness(framed, interfaces, loads)
+    else:
+        moved = replace(dynamics, placement=LoadPlacement.CORRECTIVE_MOMENT, by_mode=None, nonlinear=True)
+        source, change = BY_INTERFACES, -_MOMENT * unit_load_stiffness(moved, interfaces, loads)
+    scaled = np.array([elastic_part(dynamics, matrix) for matrix in change])
+    missed = np.array([elastic_part(dynamics, matrix) for matrix in own]) - scaled
+    return Judge(source, scaled, missed, np.linalg.norm(scaled, 2, (1, 2)), np.linalg.norm(missed, 2, (1, 2)))
+
+
+def _by_mode(dynamics: Dynamics, by_mode: FloatArray, loads: int) -> FloatArray:
+    """Tangent (L, m, m) of stiffness by mode in the linear response to each unit load."""
+    forces = np.concatenate([dynamics.load_operator, dynamics.inertia_operator])[:loads]
+    response = np.divide(forces, dynamics.stiffness, out=np.zeros_like(forces), where=dynamics.stiffness > 0.0)
+    return np.array([np.tensordot(q, by_mode, axes=1) + (by_mode @ q).T for q in response])
+
+
+def _depth(body: ReducedBody) -> int:
+    """Frames in the longest chain of those that carry material, but for the floating one."""
+    depth: list[int] = []
+    for frame, parent in enumerate(body.frame_parent.tolist()):
+        counts = 0 if body.floating and frame == 0 else 1
+        depth.append(counts + (0 if parent == GROUND else depth[parent]))
+    return max(depth, default=0)
