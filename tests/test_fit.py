@@ -17,7 +17,8 @@ from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement,
 from flexfmu.scenes.body_text import body_text
 from flexfmu.scenes.candidates import Reduction, reduction_config, with_modes
 from flexfmu.scenes.config import BasisChoice
-from flexfmu.scenes.fit import contributions, fit
+from flexfmu.scenes.fit import fit
+from flexfmu.scenes.fitting.motion import contributions
 from flexfmu.scenes.fitting.subspace import subset
 from flexfmu.scenes.sweep import Workshop
 from flexfmu.store import Store
@@ -160,7 +161,7 @@ def test_a_large_load_is_given_frames_and_holds_where_it_was_not_looked_at(tmp_p
     assert found.met
     assert found.measured.share <= 1.0
     assert found.measured.share == pytest.approx(found.predicted.share, rel=0.02)
-    assert 2 <= found.candidate.reduction.frames <= 4
+    assert 2 <= found.frame_count <= 4
     assert found.mode_count < 10
     assert found.step < 2.0 * found.given_step
     for force in (2e3, 5e3, 8e3):
@@ -176,8 +177,8 @@ def test_a_small_load_is_left_linear(tmp_path, store):
     target = tmp_path / "fitted.toml"
     found = fit(scene, target, Reporter(), store)
     assert found.met
-    assert found.candidate.formulation.kinematics is Kinematics.LINEAR
-    assert found.candidate.reduction.frames == 0
+    assert found.formulation.kinematics is Kinematics.LINEAR
+    assert found.plan.frames == 0
     assert "Linear is enough" in target.read_text(encoding="utf-8")
 
 
@@ -197,4 +198,4 @@ def test_frames_are_named_where_they_are_what_is_missing(tmp_path, store):
     found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
     assert not found.met
     assert "Most is to be had from frames (2 instead of 1)" in found.limit
-    assert found.candidate.formulation.kinematics is Kinematics.COROTATED
+    assert found.formulation.kinematics is Kinematics.COROTATED

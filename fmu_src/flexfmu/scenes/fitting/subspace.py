@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -66,6 +67,13 @@ def normal_shapes(body: ReducedBody, basis: BasisChoice) -> FloatArray:
     return result
 
 
+def normal_frequencies(body: ReducedBody, basis: BasisChoice) -> FloatArray:
+    """Angular frequencies (n,) of `normal_shapes`, rad/s."""
+    shapes = normal_shapes(body, basis)
+    result: FloatArray = np.linalg.norm(body.angular_frequency[:, None] * shapes, axis=0)
+    return result
+
+
 def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArray) -> ReducedBody:
     """The body in coordinates p, with q = turn @ p.
 
@@ -83,7 +91,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     ReducedBody
     """
 
-    def turned(part: object, *names: str) -> dict[str, FloatArray]:
+    def turned(part: object, *names: str) -> dict[str, Any]:
         return {name: getattr(part, name) @ turn for name in names}
 
     frames = ("joint_displacement", "joint_rotation", "frame_rotation")

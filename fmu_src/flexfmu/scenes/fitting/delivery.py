@@ -1,0 +1,168 @@
+"""What was found, written as a body file and an FMU, read back and measured."""
+
+import math
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...config import read_body_file
+from ...fmu.package import package_fmu
+from ...runtime.errors import RuntimeBodyError
+from ...runtime.reduced_body import Formulation, ReducedBody
+from ...targets import whole_file
+from ..body_text import body_text
+from ..measure import Errors
+from .trial import Choice, Plan, Search, plan_config, reduced
+from .words import in_percent, short
+
+_TIMINGS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """What was found.
+
+    Attributes
+    ----------
+    plan : Plan
+    formulation : Formulation
+    met : bool
+        Whether the tolerance is met, as measured on the file that was written.
+    predicted, measured, given : Errors
+        Of the search, of the file, and of the body as the user has it.
+    step, given_step : float
+        Time of a step of the bare model, s; not a number where the body as given has no answer.
+    mode_count, given_mode_count, frame_count, given_frame_count : int
+    reasons : dict of str to str
+        By the key of the body file.
+    limit : str
+        Where the tolerance is not met: what stands in the way.
+    seconds : float
+        What it took.
+    tried : int
+        Models whose error was measured.
+    """
+
+    plan: Plan
+    formulation: Formulation
+    met: bool
+    predicted: Errors
+    measured: Errors
+    given: Errors
+    step: float
+    given_step: float
+    mode_count: int
+    given_mode_count: int
+    frame_count: int
+    given_frame_count: int
+    reasons: dict[str, str]
+    limit: str
+    seconds: float
+    tried: int
+
+    @property
+    def summary(self) -> list[str]:
+        """The result in a few lines."""
+        where = f" ({self.measured.limited_by})" if self.measured.limited_by else ""
+        lines = [
+            f"Error over tolerance: predicted {short(self.predicted.share)}, measured {short(self.measured.share)}"
+            f"{where}; {in_percent(self.measured)}.",
+            f"{_counts(self.mode_count, self.frame_count)}; a step of the bare model takes {1e6 * self.step:.3g} µs.",
+        ]
+        if math.isfinite(self.given_step):
+            gain = self.given_step / self.step
+            words = f"{gain:.2g} times as fast" if gain >= 1.0 else f"{1.0 / gain:.2g} times as slow"
+            lines.append(
+                f"As given: {short(self.given.share)} of the tolerance, "
+                f"{_counts(self.given_mode_count, self.given_frame_count)}, {1e6 * self.given_step:.3g} µs; this is "
+                f"{words}."
+            )
+        else:
+            lines.append(f"As given the body has no answer in this scene: {self.given.failure}")
+        return [*lines, self.limit] if self.limit else lines
+
+
+def _counts(modes: int, frames: int) -> str:
+    return f"{modes} mode{'' if modes == 1 else 's'}, {frames or 'no'} frame{'' if frames == 1 else 's'}"
+
+
+def deliver(
+    search: Search,
+    best: Choice,
+    reasons: dict[str, str],
+    limit: str,
+    target: Path,
+    fmu: Path | None,
+    begun: float,
+) -> Fit:
+    """Write the file and the FMU, and measure what was written.
+
+    Parameters
+    ----------
+    search : Search
+    best : Choice
+    reasons : dict of str to str
+    limit : str
+        Where the tolerance is not met: why.
+    target : Path
+        Body file.
+    fmu : Path or None
+    begun : float
+        When the search began, as of `time.perf_counter`.
+
+    Returns
+    -------
+    Fit
+    """
+    config = plan_config(search.scene.config, best.plan, [best.formulation])
+    title = f"{config.name}: the smallest and fastest model found within a scene's tolerance."
+    if limit:
+        title = f"{config.name}: the best model found for a scene; its tolerance is not met."
+    with ExitStack() as files:
+        part = files.enter_context(whole_file(target))
+        part.write_text(body_text(config, target.parent, [title], reasons), encoding="utf-8")
+        body = reduced(read_body_file(part), search.store)
+        result = _measured(search, best, body, reasons, limit, begun)
+        part.write_text(body_text(config, target.parent, [title, *result.summary], reasons), encoding="utf-8")
+        if fmu is not None:
+            with search.report.stage(f"Write {fmu}"):
+                # The body file takes its name once the FMU is there.
+                package_fmu(body, fmu)
+    return result
+
+
+def _measured(
+    search: Search, best: Choice, body: ReducedBody, reasons: dict[str, str], limit: str, begun: float
+) -> Fit:
+    """Measure a body against the scene, and its steps against those of the body as given."""
+    given = None
+    try:
+        given = reduced(search.scene.given, search.store)
+        given_errors = search.errors(given, given.formulation)
+    except RuntimeBodyError as error:
+        given_errors = Errors(failure=str(error))
+    times = {"fit": math.inf, "given": math.inf}
+    for _ in range(_TIMINGS):
+        times["fit"] = min(times["fit"], search.cost(body, best.formulation))
+        if given is not None and not given_errors.failure:
+            times["given"] = min(times["given"], search.cost(given, given.formulation))
+    measured = search.errors(body, best.formulation)
+    return Fit(
+        plan=best.plan,
+        formulation=best.formulation,
+        met=measured.share <= 1.0,
+        predicted=best.errors,
+        measured=measured,
+        given=given_errors,
+        step=times["fit"],
+        given_step=times["given"] if math.isfinite(times["given"]) else math.nan,
+        mode_count=body.mode_count,
+        given_mode_count=0 if given is None else given.mode_count,
+        frame_count=body.frame_count,
+        given_frame_count=0 if given is None else given.frame_count,
+        reasons=reasons,
+        limit=limit,
+        seconds=time.perf_counter() - begun,
+        tried=search.tried,
+    )

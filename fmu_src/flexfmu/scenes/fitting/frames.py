@@ -1,0 +1,194 @@
+"""Frames: the fewest that will do, at equal levels and where the body turns."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...errors import BodyFileError
+from ...mesh.model import FloatArray
+from ...runtime.body import FlexibleBody
+from ...runtime.errors import RuntimeBodyError
+from ...runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from ...runtime.stepping import State
+from ..candidates import Candidate, Reduction, has_meaning, lean, linear_frames, offered_frames
+from ..config import BasisChoice
+from ..measure import Errors
+from ..scene import Scene
+from .branches import LEVELS, Branch, find_branches, frames_of, spread_joints, turning
+from .motion import courses
+from .trial import Joints, Plan, Search
+from .words import formulation_words, frames_words, short
+
+LADDER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
+"""Numbers that are tried one after the other."""
+# What takes less than this share off the error does not help.
+HELPS = 0.1
+# Frames are given up when so many more tries have not helped.
+_PATIENCE = 2
+
+
+@dataclass(slots=True)
+class Tried:
+    """Divisions tried under one formulation.
+
+    Attributes
+    ----------
+    formulation : Formulation
+    shares : dict of int or Joints to Errors
+        Ascending in each of both ways of dividing.
+    counts : dict of int or Joints to int
+        Frames that came of it.
+    """
+
+    formulation: Formulation
+    shares: dict[int | Joints, Errors] = field(default_factory=dict)
+    counts: dict[int | Joints, int] = field(default_factory=dict)
+
+    @property
+    def enough(self) -> int | Joints | None:
+        """The division of the fewest frames within the tolerance; equal levels where they are as few."""
+        met = [division for division, found in self.shares.items() if found.share <= 1.0]
+        return min(met, key=lambda d: (self.counts[d], not isinstance(d, int)), default=None)
+
+    @property
+    def stuck(self) -> bool:
+        """Whether more equal levels have stopped helping."""
+        last = [found.share for division, found in self.shares.items() if isinstance(division, int)]
+        last = last[-_PATIENCE - 1 :]
+        return len(last) > _PATIENCE and np.isfinite(last[0]) and min(last[1:]) > (1.0 - HELPS) * last[0]
+
+    @property
+    def linear(self) -> bool:
+        """Whether it knows no frames."""
+        return self.formulation.kinematics is Kinematics.LINEAR
+
+
+def frames_needed(search: Search, plenty: int) -> list[Tried]:
+    """Under each formulation the fewest frames that will do, with plenty of modes and residual flexibility.
+
+    Parameters
+    ----------
+    search : Search
+    plenty : int
+        Number of modes.
+
+    Returns
+    -------
+    list of Tried
+    """
+    scene = search.scene
+    tried = [Tried(formulation) for formulation in _formulations(scene)]
+    flat = linear_frames(scene.config)
+    _try(search, plenty, flat, [one for one in tried if one.linear])
+    if not any(one.enough is not None for one in tried):
+        most = max(scene.file.sweep.frames)
+        for levels in offered_frames(scene.config, (n for n in LADDER if n <= most)):
+            _try(search, plenty, levels, [one for one in _open(tried) if not one.stuck])
+        _uneven(search, plenty, tried, most)
+    return [one for one in tried if one.shares]
+
+
+def _formulations(scene: Scene) -> list[Formulation]:
+    """What may do, roughly by cost; readings that are there for comparison are left out."""
+    sweep = scene.file.sweep
+    linear, turned = Kinematics.LINEAR, Kinematics.COROTATED
+    undeformed, deformed = LoadPlacement.REFERENCE, LoadPlacement.DEFORMED
+    found = [Formulation(linear, undeformed)]
+    if LoadPlacement.REFERENCE in sweep.loads:
+        found.append(Formulation(turned, undeformed))
+    if Stiffness.BY_LOAD in sweep.stiffness:
+        found.append(Formulation(linear, undeformed, Stiffness.BY_LOAD))
+    found.append(Formulation(turned, deformed))
+    if Stiffness.BY_LOAD in sweep.stiffness:
+        found.append(Formulation(turned, deformed, Stiffness.BY_LOAD))
+    if scene.transient and Mass.CONFIGURATION in sweep.mass:
+        found.append(Formulation(turned, deformed, mass=Mass.CONFIGURATION))
+    flat = linear_frames(scene.config)
+    smallest = [Reduction(BasisChoice.NORMAL, 1, flat if f.kinematics is linear else 1) for f in found]
+    return [f for f, r in zip(found, smallest, strict=True) if has_meaning(scene.config, Candidate(r, f))]
+
+
+def _open(tried: list[Tried]) -> list[Tried]:
+    """Formulations that need frames and have not enough yet; the deformed body's mass only where no other will do."""
+    wanted = [one for one in tried if not one.linear and one.enough is None]
+    if any(one.enough is not None for one in tried):
+        wanted = [one for one in wanted if one.formulation.mass is Mass.CONSTANT]
+    return wanted
+
+
+def _try(search: Search, plenty: int, division: int | Joints, wanted: list[Tried]) -> ReducedBody | None:
+    """Measure a division under some formulations; None where the body cannot be divided so."""
+    if not wanted:
+        return None
+    plan = Plan(BasisChoice.RESIDUAL, plenty, division)
+    with search.report.stage(f"Try {frames_words(division)} with {plenty} modes"):
+        try:
+            body = search.body(plan, [one.formulation for one in wanted])
+        except BodyFileError:
+            return None
+        for one in wanted:
+            one.shares[division] = search.errors(body, one.formulation)
+            one.counts[division] = body.frame_count
+    for one in wanted:
+        search.report.note(
+            f"{formulation_words(one.formulation)}: {short(one.shares[division].share)} of the tolerance"
+        )
+    return body
+
+
+def _uneven(search: Search, plenty: int, tried: list[Tried], most: int) -> None:
+    """From one frame a branch, divide where the frames' own indicator of rotation says so, as long as that may pay."""
+    scene = search.scene
+    if not any(not one.linear for one in tried):
+        return
+    turned = Formulation()
+    with search.report.stage(f"See where the body turns, with {LEVELS} levels"):
+        branches = find_branches(scene.config)
+        fine = search.body(Plan(BasisChoice.RESIDUAL, plenty, LEVELS), [turned])
+        states = [q for course in courses(scene, FlexibleBody(lean(fine, turned)), False) for q in course.q]
+    turns = [turning(branch, fine, states) for branch in branches]
+    if not states or not branches:
+        return
+    counts = [1] * len(branches)
+    while sum(counts) <= most:
+        joints = spread_joints(branches, turns, counts)
+        wanted = [one for one in _improvable(tried) if one.enough is None or sum(counts) < one.counts[one.enough]]
+        if not wanted:
+            return
+        body: ReducedBody | None
+        if joints:
+            body = _try(search, plenty, joints, wanted)
+        else:
+            body = search.body(Plan(BasisChoice.RESIDUAL, plenty, 1), [one.formulation for one in wanted])
+        if body is None:
+            return
+        within = _rotation(scene, body, branches, counts, turns)
+        counts[int(np.argmax(within))] += 1
+
+
+def _improvable(tried: list[Tried]) -> list[Tried]:
+    """Formulations of which fewer frames would be worth having."""
+    cheap = [one for one in tried if not one.linear and one.formulation.mass is Mass.CONSTANT]
+    if any(one.enough is not None for one in cheap):
+        return cheap
+    return [one for one in tried if not one.linear]
+
+
+def _rotation(
+    scene: Scene, body: ReducedBody, branches: list[Branch], counts: list[int], turns: list[FloatArray]
+) -> list[float]:
+    """Largest rotation within any frame of each branch in the scene, rad."""
+    even = [float(np.sum(turn)) / count for turn, count in zip(turns, counts, strict=True)]
+    own = frames_of(branches, counts, body)
+    if own is None:
+        return even
+    formulation = Formulation()
+    model = FlexibleBody(lean(body, formulation))
+    largest = np.zeros(model.model.frame_count)
+    try:
+        for course in courses(scene, model, False):
+            for q in course.q:
+                largest = np.maximum(largest, model.rotation_within_frames(State(q, np.zeros_like(q))))
+    except RuntimeBodyError:
+        return even
+    return [max((float(largest[s]) for s in frames), default=e) for frames, e in zip(own, even, strict=True)]

@@ -1,0 +1,152 @@
+"""Modes: in each basis the fewest that will do, chosen by what they have to do with the scene."""
+
+from collections.abc import Callable, Sequence
+
+from ...errors import AccuracyError
+from ...mesh.model import IntArray
+from ...runtime.reduced_body import Formulation, Mass, ReducedBody
+from ..config import BasisChoice
+from ..measure import Errors
+from .frames import LADDER
+from .motion import contributions
+from .subspace import joined_numbers, normal_frequencies, pairs, subset
+from .trial import Choice, Joints, Plan, Search
+
+# Steps whose times differ by less cost the same.
+_SAME_COST = 0.05
+_TIMINGS = 3
+
+
+def modes_needed(
+    search: Search, formulation: Formulation, frames: int | Joints, plenty: int, allowed: float
+) -> list[Choice]:
+    """In each basis the fewest modes that will do.
+
+    Parameters
+    ----------
+    search : Search
+    formulation : Formulation
+    frames : int or Joints
+    plenty : int
+        Number of modes to choose among.
+    allowed : float
+        Error over tolerance that will do.
+
+    Returns
+    -------
+    list of Choice
+    """
+    found = []
+    # The parts of a cut body have modes of their own, which no choice by contribution knows apart.
+    fewest = _fewest_of_parts if search.scene.config.cut else _fewest
+    for basis in dict.fromkeys(search.scene.file.sweep.basis):
+        choice = fewest(search, basis, formulation, frames, plenty, allowed)
+        if choice is not None:
+            found.append(choice)
+    return found
+
+
+def _fewest(
+    search: Search, basis: BasisChoice, formulation: Formulation, frames: int | Joints, plenty: int, allowed: float
+) -> Choice | None:
+    """Of a body in one piece: those that move most are taken first, then whatever can be spared is left out again."""
+    body = search.body(Plan(basis, plenty, frames), [formulation])
+    groups = mode_groups(body, basis, plenty)
+    part = contributions(search.scene, body, formulation, basis)
+    order = sorted(groups, key=lambda group: -float(part[group].max()))
+    tried: dict[tuple[int, ...], Errors] = {}
+
+    def share(chosen: Sequence[IntArray]) -> float:
+        numbers = joined_numbers(chosen)
+        key = tuple(numbers.tolist())
+        if key not in tried:
+            tried[key] = search.errors(subset(body, basis, numbers), formulation)
+        return tried[key].share
+
+    quick = formulation.mass is Mass.CONSTANT
+    count = _first(len(order), lambda n: share(order[:n]) <= allowed, quick)
+    if count is None:
+        return None
+    chosen = order[:count]
+    for group in reversed(chosen) if quick else ():
+        fewer = [one for one in chosen if one is not group]
+        if fewer and share(fewer) <= allowed:
+            chosen = fewer
+    numbers = joined_numbers(chosen)
+    errors = tried[tuple(numbers.tolist())]
+    lowest = int(numbers[-1]) + 1 == numbers.size
+    modes = numbers.size if lowest else tuple(int(k) + 1 for k in numbers)
+    return Choice(Plan(basis, modes, frames), formulation, subset(body, basis, numbers), errors)
+
+
+def mode_groups(body: ReducedBody, basis: BasisChoice, plenty: int) -> list[IntArray]:
+    """Places of a body's elastic normal modes, pairs of equal frequency together.
+
+    The last one is left out where it is alone: its other half may be the next.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    basis : BasisChoice
+    plenty : int
+        How many normal modes there are.
+
+    Returns
+    -------
+    list of (k,) int
+    """
+    groups = pairs(normal_frequencies(body, basis)[:plenty])
+    return groups[:-1] if len(groups) > 1 and groups[-1].size == 1 else groups
+
+
+def _first(last: int, enough: Callable[[int], bool], quick: bool) -> int | None:
+    """The smallest number that is enough; by halves where each try takes long."""
+    if quick:
+        return next((n for n in range(1, last + 1) if enough(n)), None)
+    if not enough(last):
+        return None
+    low, high = 0, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return high
+
+
+def _fewest_of_parts(
+    search: Search, basis: BasisChoice, formulation: Formulation, frames: int | Joints, plenty: int, allowed: float
+) -> Choice | None:
+    """Of a cut body: the lowest modes of each part, which always gets residual flexibility."""
+    if basis is BasisChoice.NORMAL and BasisChoice.RESIDUAL in search.scene.file.sweep.basis:
+        return None
+    for count in (n for n in LADDER if n <= plenty):
+        plan = Plan(basis, count, frames)
+        try:
+            body = search.body(plan, [formulation])
+        except AccuracyError:
+            continue
+        found = search.errors(body, formulation)
+        if found.share <= allowed:
+            return Choice(plan, formulation, body, found)
+    return None
+
+
+def cheapest(search: Search, found: list[Choice]) -> Choice:
+    """The fastest; of those that are as fast within 5 % the one of the fewest modes.
+
+    Parameters
+    ----------
+    search : Search
+    found : list of Choice
+        Their costs are set.
+
+    Returns
+    -------
+    Choice
+    """
+    # In turns, so that what else the machine does meets all of them.
+    for _ in range(_TIMINGS):
+        for choice in found:
+            choice.cost = min(choice.cost, search.cost(choice.body, choice.formulation))
+    fastest = min(choice.cost for choice in found)
+    close = [choice for choice in found if choice.cost <= (1.0 + _SAME_COST) * fastest]
+    return min(close, key=lambda choice: (choice.body.mode_count, choice.cost))

@@ -1,0 +1,240 @@
+"""The reason of each choice, for the body file's comments; and what limits a scene that no model meets."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...errors import AccuracyError
+from ...runtime.body import FlexibleBody
+from ...runtime.errors import RuntimeBodyError
+from ...runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from ..candidates import GIVEN, Candidate, Reduction, has_meaning, lean
+from ..config import BasisChoice
+from ..scene import Scene
+from .frames import HELPS, Tried
+from .modes import mode_groups
+from .motion import contributions, courses
+from .subspace import normal_frequencies
+from .trial import Choice, Joints, Plan, Search
+from .words import BASES, formulation_words, frames_words, short
+
+# Groups of modes that a comment lists.
+_LISTED = 6
+# A part of the motion that is none.
+_NOTHING = 1e-5
+
+
+def reasons(search: Search, tried: list[Tried], found: list[Choice], best: Choice, plenty: int) -> dict[str, str]:
+    """Why the body file says what it says, by its keys.
+
+    Parameters
+    ----------
+    search : Search
+    tried : list of Tried
+    found : list of Choice
+        What would do.
+    best : Choice
+    plenty : int
+
+    Returns
+    -------
+    dict of str to str
+    """
+    scene, formulation = search.scene, best.formulation
+    result: dict[str, str] = {}
+    left = [table.name for table in scene.given.interface if table not in scene.config.interface]
+    if left:
+        result["interface"] = f"Left out, since the scene neither loads nor reads them: {', '.join(left)}."
+    linear = [one for one in tried if one.linear]
+    seen = "; ".join(
+        f"{formulation_words(one.formulation)} comes to {short(next(iter(one.shares.values())).share)} times the "
+        "tolerance"
+        for one in linear
+    )
+    if formulation.kinematics is Kinematics.LINEAR:
+        result["kinematics"] = f"Linear is enough: with {plenty} modes {seen}."
+        result["frames"] = "Linear kinematics need no frames."
+    else:
+        result["kinematics"] = f"Linear is not enough: with {plenty} modes {seen}."
+        own = next(one for one in tried if one.formulation == formulation)
+        where = {int: "frames", tuple: "branch"}[type(best.plan.frames)]
+        result["frame" if best.plan.frames == GIVEN else where] = _frames(own, best, plenty)
+        result["loads"] = _others([one for one in tried if one.formulation != formulation and not one.linear])
+    result["basis"] = _bases([choice for choice in found if choice.formulation == formulation])
+    if not scene.config.cut:
+        result["modes"] = _modes(search, best, [c for c in found if c.formulation == formulation], plenty)
+    else:
+        result["modes"] = "The lowest of each part, and residual flexibility of its interfaces and sections."
+    return result
+
+
+def _frames(own: Tried, best: Choice, plenty: int) -> str:
+    """Error by division, and the rotation that is left within frames."""
+    equal = [f"{'own' if d == GIVEN else d}: {short(e.share)}" for d, e in own.shares.items() if isinstance(d, int)]
+    uneven = [
+        f"{own.counts[d]} ({frames_words(d)}): {short(e.share)}"
+        for d, e in own.shares.items()
+        if not isinstance(d, int)
+    ]
+    words = f"Error over tolerance by the number of frames, {plenty} modes: {', '.join(equal)} at equal levels"
+    if uneven:
+        words += f"; divided where the body turns, {', '.join(uneven)}"
+    elif isinstance(best.plan.frames, int):
+        words += "; fewer, divided where the body turns, there are none to try"
+    return f"{words}."
+
+
+def _others(others: list[Tried]) -> str:
+    words = [
+        f"{formulation_words(one.formulation)} "
+        + (
+            f"needs {one.counts[one.enough]} frames"
+            if one.enough is not None
+            else f"does not reach it with {max(one.counts.values())} frames"
+        )
+        for one in others
+    ]
+    return f"Beside it, {'; '.join(words)}." if words else ""
+
+
+def _bases(found: list[Choice]) -> str:
+    compared = ", ".join(
+        f"{BASES[c.plan.basis]} {len(c.plan.numbers)} ({c.body.mode_count} in all, {1e6 * c.cost:.3g} µs)"
+        for c in found
+    )
+    return f"Fewest modes that will do, by basis: {compared}."
+
+
+def _modes(search: Search, best: Choice, found: list[Choice], plenty: int) -> str:
+    """What each of the chosen modes adds, what was left out, and what lies beyond the frequencies that count."""
+    scene, plan, formulation = search.scene, best.plan, best.formulation
+    body = search.body(Plan(plan.basis, plenty, plan.frames), [formulation])
+    part = contributions(scene, body, formulation, plan.basis)
+    groups = mode_groups(body, plan.basis, plenty)
+    chosen = set(plan.numbers)
+    kept = [g for g in groups if g[0] + 1 in chosen]
+    kept.sort(key=lambda g: -float(part[g].max()))
+    left = [g for g in groups if g[0] + 1 not in chosen]
+    of = {
+        BasisChoice.NORMAL: "the displacement of the scene's interfaces",
+        BasisChoice.RESIDUAL: "the vibration of the scene's interfaces, since residual flexibility holds what follows "
+        "the loads",
+        BasisChoice.CRAIG_BAMPTON: "the strain, since constraint modes hold what follows the interfaces",
+    }[plan.basis]
+    if not np.any(part[np.concatenate(groups)] > _NOTHING):
+        return "The lowest: no mode adds anything to what static shapes hold already."
+    listed = ", ".join(f"{_numbers(g)}: {_percent(float(part[g].max()))}" for g in kept[:_LISTED])
+    words = f"Chosen by their part in {of} (the largest over all cases): {listed}"
+    words += f", and {len(kept) - _LISTED} more" if len(kept) > _LISTED else ""
+    largest = max((float(part[g].max()) for g in left), default=0.0)
+    words += f". Those of the lowest {plenty} that are left out have {_percent(largest)} at most." if left else "."
+    return words + _beyond_band(scene, best, found, normal_frequencies(body, plan.basis))
+
+
+def _beyond_band(scene: Scene, best: Choice, found: list[Choice], omega: np.ndarray) -> str:
+    """Modes above the frequencies that count contribute statically: whether residual flexibility replaces them."""
+    bands = [case.frequencies[1] for case in scene.transient if case.frequencies is not None]
+    if scene.transient and len(bands) < len(scene.transient):
+        return ""
+    highest = max(bands, default=0.0)
+    where = f"above the {highest:g} Hz that count" if bands else "of a scene that holds still"
+    normal = next((c for c in found if c.plan.basis is BasisChoice.NORMAL), None)
+    if best.plan.basis is BasisChoice.NORMAL:
+        above = [n for n in best.plan.numbers if omega[n - 1] > 2.0 * np.pi * highest]
+        other = next((c for c in found if c.plan.basis is BasisChoice.RESIDUAL), None)
+        if not above or other is None:
+            return ""
+        return (
+            f" {_list(above)} {where} contribute statically; residual flexibility instead would make "
+            f"{other.body.mode_count} modes, {1e6 * other.cost:.3g} µs a step: not cheaper."
+        )
+    if best.plan.basis is BasisChoice.RESIDUAL and normal is not None:
+        above = [n for n in normal.plan.numbers if n not in best.plan.numbers]
+        if above:
+            return (
+                f" {_list(above)}, which normal modes alone would need, are replaced by residual flexibility: "
+                f"{best.body.mode_count} modes instead of {normal.body.mode_count}."
+            )
+    return ""
+
+
+def _list(numbers: list[int]) -> str:
+    return f"Mode{'' if len(numbers) == 1 else 's'} {', '.join(map(str, numbers))}"
+
+
+def _numbers(group: np.ndarray) -> str:
+    return " and ".join(str(k + 1) for k in group)
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.2g} %" if part > _NOTHING else "nothing"
+
+
+def rotation_left(scene: Scene, choice: Choice) -> float:
+    """Largest rotation within any frame in the scene, rad: the FMU's own `diagnostics.rotation_within_frame`."""
+    model = FlexibleBody(lean(choice.body, choice.formulation))
+    try:
+        every = [q for course in courses(scene, model, False) for q in course.q]
+        return max(model.largest_rotation(replace(model.rest(), q=q)) for q in every)
+    except (RuntimeBodyError, ValueError):
+        return float("nan")
+
+
+def limit(search: Search, one: Tried, frames: int | Joints, plenty: int) -> str:
+    """What stands in the way of the tolerance: more of everything in turn.
+
+    Parameters
+    ----------
+    search : Search
+    one : Tried
+    frames : int or Joints
+        The best that was found.
+    plenty : int
+
+    Returns
+    -------
+    str
+    """
+    formulation, here = one.formulation, one.shares[frames].share
+    after: dict[str, float] = {}
+    for words, (plan, other) in _more(search.scene, formulation, frames, one.counts[frames], plenty).items():
+        levels = plan.frames if isinstance(plan.frames, int) else 1
+        if not has_meaning(search.scene.config, Candidate(Reduction(plan.basis, plenty, levels), other)):
+            continue
+        try:
+            after[words] = search.errors(search.body(plan, [other]), other).share
+        except AccuracyError:
+            continue
+    where = f"{one.shares[frames].limited_by or one.shares[frames].failure}"
+    begin = f"The tolerance is out of reach: the best comes to {short(here)} times it ({where})."
+    best = min(after, key=lambda words: after[words], default=None)
+    shown = ", ".join(f"{words}: {short(share)}" for words, share in after.items())
+    if best is None or after[best] > (1.0 - HELPS) * here:
+        return (
+            f"{begin} Neither more modes nor more frames help ({shown}): it is the method, or a reference that it does "
+            "not know, such as membrane action or a closed loop; docs/methods.md says for which bodies."
+        )
+    return f"{begin} What limits it, error over tolerance with more: {shown}. Most is to be had from {best}."
+
+
+def _more(
+    scene: Scene, formulation: Formulation, frames: int | Joints, count: int, plenty: int
+) -> dict[str, tuple[Plan, Formulation]]:
+    """Models that have more of one thing each."""
+    residual = BasisChoice.RESIDUAL
+    turned = replace(formulation, kinematics=Kinematics.COROTATED, loads=LoadPlacement.DEFORMED)
+    now = frames if isinstance(frames, int) and frames != GIVEN else count
+    twice = 2 * max(now, 1)
+    found = {
+        f"modes ({2 * plenty} instead of {plenty})": (Plan(residual, 2 * plenty, frames), formulation),
+        f"frames ({twice} instead of {'its own' if frames == GIVEN else now})": (
+            Plan(residual, plenty, twice),
+            turned,
+        ),
+    }
+    at = Plan(residual, plenty, frames or 1)
+    if formulation.stiffness is Stiffness.CONSTANT:
+        found['stiffness = "by_load"'] = (at, replace(turned, stiffness=Stiffness.BY_LOAD))
+    if scene.transient and formulation.mass is Mass.CONSTANT:
+        found['mass = "configuration"'] = (at, replace(turned, mass=Mass.CONFIGURATION))
+    return found

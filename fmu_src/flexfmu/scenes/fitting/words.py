@@ -1,0 +1,51 @@
+"""Choices in words."""
+
+import math
+
+from ...runtime.reduced_body import Formulation, Kinematics, Mass, Stiffness
+from ..candidates import GIVEN
+from ..config import BasisChoice
+from ..measure import Errors
+from .trial import Joints
+
+BASES = {
+    BasisChoice.NORMAL: "normal",
+    BasisChoice.RESIDUAL: "normal with residual flexibility",
+    BasisChoice.CRAIG_BAMPTON: "Craig-Bampton",
+}
+
+
+def frames_words(division: int | Joints) -> str:
+    """A division."""
+    if not isinstance(division, int):
+        return "joints at " + "; ".join(
+            f"{', '.join(f'{place:g}' for place in places)} m toward {toward}" for toward, places in division
+        )
+    return "the body's own frames" if division == GIVEN else f"{division} frame" + ("" if division == 1 else "s")
+
+
+def formulation_words(formulation: Formulation) -> str:
+    """A formulation, what is usual left out."""
+    words = [formulation.kinematics.value]
+    if formulation.kinematics is not Kinematics.LINEAR:
+        words.append(f"loads {formulation.loads.value}")
+    if formulation.stiffness is not Stiffness.CONSTANT:
+        words.append(f"stiffness {formulation.stiffness.value}")
+    if formulation.mass is not Mass.CONSTANT:
+        words.append(f"mass {formulation.mass.value}")
+    return ", ".join(words)
+
+
+def short(share: float) -> str:
+    """An error over what is accepted."""
+    return f"{share:.2g}" if share < 100.0 else f"{share:.0f}" if math.isfinite(share) else "no answer"
+
+
+def in_percent(found: Errors) -> str:
+    """Errors of a model."""
+    parts = []
+    if not math.isnan(found.static_displacement):
+        parts.append(f"static displacement {100.0 * found.static_displacement:.2g} %")
+    if not math.isnan(found.transient_displacement):
+        parts.append(f"displacement over time {100.0 * found.transient_displacement:.2g} % rms")
+    return ", ".join(parts)
