@@ -345,8 +345,28 @@ def test_jacobi_grows_by_the_square_root_of_one_plus_half_kappa_a_step(run, kapp
     # κ = h² k (1/m_a + 1/m_b): the determinant of a step of the relative motion is 1 + κ/2.
     joint = kappa / 1e-6 / np.sum(1.0 / MASSES)
     found = run(experiment("jacobi", 1e-3, 0.2) + pair("mass", joint, own=(0.0, 0.0)))
-    assert found.error is None
-    assert growth(found) == pytest.approx(np.sqrt(1.0 + 0.5 * kappa), rel=5e-3)
+    relative = np.diff(positions(found), axis=1)[:, 0]
+    # x₊ = trace x − determinant x₋
+    (_, determinant), *_ = np.linalg.lstsq(np.column_stack([relative[1:-1], -relative[:-2]]), relative[2:], rcond=None)
+    assert np.sqrt(determinant) == pytest.approx(np.sqrt(1.0 + 0.5 * kappa), rel=1e-6)
+    # Warned of, and stopped when the motion is some ten times what it was.
+    assert "the coupling itself fed the motion" in found.said[0]
+    assert "the motion grows without bound" in found.error
+    assert 8.0 < np.max(np.abs(relative)) / START < 50.0
+
+
+def test_a_coupling_that_diverges_from_the_first_step_is_stopped_after_a_few(run):
+    found = run(experiment("jacobi", 1e-3, 0.2) + pair("mass", 1e9, own=(0.0, 0.0)))
+    assert "the motion grows without bound" in found.error
+    assert len(found.time) < 12
+
+
+def test_numerical_damping_of_the_iterated_scheme_is_told(run):
+    joint = 0.1 / 1e-6 / np.sum(1.0 / MASSES)
+    for held, told in (("end", True), ("mean", False)):
+        found = run(experiment("iterated", 1e-3, 0.2, held=held) + pair("mass", joint, own=(0.0, 0.0)))
+        assert found.error is None
+        assert any("the coupling itself damped the motion" in said for said in found.said) == told
 
 
 @pytest.mark.parametrize("kappa", [0.1, 1.0, 100.0, 1e4])

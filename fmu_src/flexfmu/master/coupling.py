@@ -12,6 +12,7 @@ from ..progress import Reporter
 from ..targets import check_target
 from .config import CouplingFile, Scheme, read_coupling_file
 from .exchange import EnergyCount, counted
+from .growth import FED, GrowthWatch, fed
 from .layout import Wiring
 from .participants import Participant
 from .results import CREATED_ENERGY, ITERATIONS, SUFFIXES, Result, write_result
@@ -24,11 +25,6 @@ FloatArray = NDArray[np.float64]
 _PAUSE = 10.0
 # Answer of springs to their own loads beyond which explicit schemes are warned of.
 _STIFF = 0.1
-# Energy created by the coupling, of the most that the springs held, beyond which a run is warned of.
-_CREATED = 0.1
-# Of the work of all loads: less is round-off.
-_NOTHING = 1e-6
-_GROWN = 'the coupling itself fed the motion: take scheme = "iterated", or a shorter step'
 
 
 class CouplingStoppedError(SimulationError):
@@ -119,6 +115,7 @@ def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
     recorder.take(0.0, 0.0, 0.0)
     advance, said, rounds = scheme(stage, settings), clock.monotonic(), 0
     energies, odd = EnergyCount(0.0, 0.0, 0.0), set[str]()
+    growth = GrowthWatch(report.warning, settings.scheme is Scheme.ITERATED)
     try:
         while point.number < settings.steps:
             point = advance(point)
@@ -129,17 +126,17 @@ def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
                 _warn_of_stiff_springs(stage, point, report)
             if point.number % coupling.output.every == 0 or point.number == settings.steps:
                 recorder.take(point.number * settings.step, point.iterations, energies.created)
+            if (runaway := growth.look(energies, point.number * settings.step)) is not None:
+                raise SimulationError(runaway)
             if clock.monotonic() - said > _PAUSE:
                 said = clock.monotonic()
                 report.note(f"at {point.number * settings.step:.6g} s of {settings.stop:g} s")
     except SimulationError as error:
         at = point.number * settings.step
-        words = f"stopped at {at:.9g} s: {error}" + (f"\n{_GROWN}" if _grew(energies) else "")
+        told = FED in str(error) or not fed(energies)
+        words = f"stopped at {at:.9g} s: {error}" + ("" if told else f"\n{FED}")
         raise CouplingStoppedError(words, recorder.result()) from error
-    if _grew(energies):
-        report.warning(
-            f"{_GROWN} (it created {energies.created:.3g} J, the springs held {energies.stored:.3g} J at most)"
-        )
+    growth.end(energies)
     if settings.scheme is Scheme.ITERATED:
         report.note(f"{rounds / settings.steps:.2f} iterations a step")
     return recorder.result()
@@ -152,12 +149,6 @@ def _watch(stage: Stage, point: Point, odd: set[str], report: Reporter) -> None:
             odd.add(participant.name)
             at = point.number * stage.step
             report.warning(f"{participant.name}: status.code is {participant.status()} from {at:.6g} s on")
-
-
-def _grew(energies: EnergyCount) -> bool:
-    """Whether the coupling fed the motion, beyond what round-off explains."""
-    # What is no number any more has grown, too.
-    return not energies.created <= max(_CREATED * energies.stored, _NOTHING * energies.exchanged)
 
 
 def _warn_of_stiff_springs(stage: Stage, point: Point, report: Reporter) -> None:

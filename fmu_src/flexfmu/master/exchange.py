@@ -146,11 +146,14 @@ class EnergyCount:
         In the springs, the most so far.
     exchanged : float
         Work of all loads, whichever its sign, so far.
+    now : float
+        In the springs.
     """
 
     created: float
     stored: float
     exchanged: float
+    now: float = 0.0
 
 
 def counted(
@@ -181,7 +184,7 @@ def counted(
     stored, stored_before = energy(springs, motion), energy(springs, motion_before)
     created = float(np.sum(work)) + stored - stored_before + losses(springs, motion, motion_before, step)
     exchanged = count.exchanged + float(np.sum(np.abs(work)))
-    return EnergyCount(count.created + created, max(count.stored, stored, stored_before), exchanged)
+    return EnergyCount(count.created + created, max(count.stored, stored, stored_before), exchanged, stored)
 
 
 def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:

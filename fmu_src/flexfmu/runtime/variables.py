@@ -316,7 +316,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         text(ON_STABILITY, OnLimit.WARN, "what happens below it"),
         number(MISSED_LIMIT, 0.1, None, "largest diagnostics.stiffness_missed; 0 for no limit"),
         text(ON_MISSED, OnLimit.WARN, "what happens beyond it"),
-        number(FEED_LIMIT, 0.1, None, "largest diagnostics.feed, of evaluation at the step's start; 0 for no limit"),
+        number(FEED_LIMIT, 0.25, None, "largest diagnostics.feed, of evaluation at the step's start; 0 for no limit"),
         text(ON_FEED, OnLimit.WARN, "what happens beyond it"),
         *(
             Variable(

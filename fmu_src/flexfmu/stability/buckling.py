@@ -1,0 +1,176 @@
+"""Map of a load that presses against the critical one, per formulation: deflection under a small side load."""
+
+import time
+from collections.abc import Container, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..mesh.model import FloatArray
+from ..runtime.body import FlexibleBody
+from ..runtime.buckling import judge
+from ..runtime.dynamics import build_dynamics
+from ..runtime.errors import RuntimeBodyError
+from ..runtime.loads import Loads
+from ..runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from .config import Map
+from .records import Key, Run, StabilityError, Verdict, verdict
+from .slave import Aboard, Told
+from .subject import Subject, linear_response, unit
+
+# Deflection by the side load alone, as part of the interface's distance from the farthest point of the body.
+_SIDE = 1e-3
+_LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
+_BLIND = Formulation(Kinematics.COROTATED, LoadPlacement.REFERENCE)
+_MOMENT = Formulation(Kinematics.COROTATED, LoadPlacement.CORRECTIVE_MOMENT)
+
+
+@dataclass(frozen=True, slots=True)
+class _Press:
+    """What presses.
+
+    Attributes
+    ----------
+    critical : float
+        Least critical load along the direction, N, of the undeformed body by geometric stiffness.
+    along, aside : (3,) float
+        Directions of the load and of the side load.
+    side : float
+        N.
+    """
+
+    critical: float
+    along: FloatArray
+    aside: FloatArray
+    side: float
+
+
+def reason_against(subject: Subject) -> str | None:
+    """Why the map has no meaning for a body."""
+    if subject.config.cut:
+        return "a cut body has no geometric stiffness by load to judge by, and its stability is not watched by default"
+    if subject.config.free:
+        return "nothing holds a free body against a load that presses"
+    return None
+
+
+def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
+    """Run what is not `done`.
+
+    Parameters
+    ----------
+    subject : Subject
+    done : container of keys
+
+    Yields
+    ------
+    Run
+    """
+    finest = subject.reference()
+    reader = subject.interface(finest.model)
+    press = _press(subject, finest.model, reader)
+    subject.report.note(
+        f"presses along {_words(press.along)} at {finest.model.interface_names[reader]}: "
+        f"critical {press.critical:.4g} N"
+    )
+    truth = {share: _static(finest, press, share, reader) for share in subject.table.shares}
+    for frames in (0, *subject.table.frames):
+        rows = _formulations(frames, max(subject.table.frames))
+        keys = [
+            subject.blank(Map.BUCKLING, "formulations", f"{share:g}", label)
+            for label, _ in rows
+            for share in subject.table.shares
+        ]
+        if all(run.key in done for run in keys):
+            continue
+        body = subject.reduced(
+            frames=frames or None, geometric_stiffness=["by_load"], formulation=Formulation() if frames else _LINEAR
+        )
+        for label, formulation in rows:
+            # What a formulation does not need is not aboard, as in an FMU that was built for it.
+            data = body.stiffness_by_load if formulation.stiffness is Stiffness.BY_LOAD else None
+            with Aboard(replace(body, stiffness_by_load=data, formulation=formulation)) as aboard:
+                for run in keys:
+                    if run.y == label and run.key not in done:
+                        share = float(run.x)
+                        yield _one(subject, aboard, run, press, truth[share], reader)
+
+
+def _formulations(frames: int, most: int) -> list[tuple[str, Formulation]]:
+    """Rows that a body with so many frames serves."""
+    by_load = Stiffness.BY_LOAD
+    if not frames:
+        return [("linear", _LINEAR), ("linear, by load", replace(_LINEAR, stiffness=by_load))]
+    rows = [(f"{frames} × deformed", Formulation())]
+    if frames == most:
+        rows = [(f"{frames} × reference", _BLIND), (f"{frames} × corrective moment", _MOMENT), *rows]
+        rows += [(f"{frames} × deformed, by load", replace(Formulation(), stiffness=by_load))]
+    return rows
+
+
+def _press(subject: Subject, body: ReducedBody, reader: int) -> _Press:
+    """Direction in which the body buckles first, or the one given, and a side load that finds the shape."""
+    second = judge(body, build_dynamics(body, _LINEAR))
+    if second is None:
+        raise StabilityError("the body has nothing to judge its stability by")
+    given = subject.table.axial
+    choices = [unit(np.array(given))] if given is not None else [s * axis for axis in np.eye(3) for s in (1.0, -1.0)]
+    found = []
+    for along in choices:
+        load = np.zeros(len(second.change))
+        load[6 * reader : 6 * reader + 3] = along
+        values, vectors = np.linalg.eigh(-np.tensordot(load, second.change, axes=1))
+        if values[-1] > 0.0:
+            q = np.zeros(body.mode_count)
+            first = body.rigid_count
+            omega = body.angular_frequency[first : first + len(vectors)]
+            q[first : first + len(vectors)] = vectors[:, -1] / omega
+            found.append((1.0 / float(values[-1]), along, body.interface_displacement[reader] @ q))
+    if not found:
+        raise StabilityError(
+            "no force on the interface makes the body buckle; give [stability] axial, or leave the map out by maps"
+        )
+    critical, along, shape = min(found, key=lambda item: item[0])
+    aside = unit(shape - (shape @ along) * along)
+    inputs = np.zeros(6 * body.interface_count)
+    inputs[6 * reader : 6 * reader + 3] = aside
+    points = np.concatenate([body.interface_point, body.joint_point])
+    length = float(np.max(np.linalg.norm(points - body.interface_point[reader], axis=1)))
+    give = float(linear_response(body, inputs)[reader, 0] @ aside)
+    return _Press(critical, along, aside, _SIDE * length / give)
+
+
+def _inputs(press: _Press, share: float, interfaces: int, heavy: bool, reader: int) -> FloatArray:
+    inputs = np.zeros(6 * interfaces + (3 if heavy else 0))
+    inputs[6 * reader : 6 * reader + 3] = share * press.critical * press.along + press.side * press.aside
+    return inputs
+
+
+def _static(model: FlexibleBody, press: _Press, share: float, reader: int) -> FloatArray | None:
+    """Displacement (3,) of the finest body in equilibrium; None where there is none."""
+    body = model.model
+    inputs = _inputs(press, share, body.interface_count, body.masses is not None, reader)
+    try:
+        state = model.static(Loads.unpacked(inputs, body.interface_count))
+    except RuntimeBodyError:
+        return None
+    displacement: FloatArray = model.response(state).displacement[reader]
+    return displacement
+
+
+def _one(subject: Subject, aboard: Aboard, run: Run, press: _Press, truth: FloatArray | None, reader: int) -> Run:
+    start, body = time.perf_counter(), aboard.body
+    inputs = _inputs(press, float(run.x), body.interface_count, body.masses is not None, reader)
+    told = Told(aboard, {"initialization": "static"}, inputs)
+    error = stability = float("nan")
+    if not told.refused:
+        stability = told.real("diagnostics.stability")
+        if truth is not None:
+            error = float(np.linalg.norm(told.motion()[reader, 0] - truth) / np.linalg.norm(truth))
+    found: Verdict = verdict(error, told.warned, told.refused, subject.table.tolerance)
+    seconds = time.perf_counter() - start
+    return Run(*run.key_and_owner, found.value, error, stability, 1, seconds, told.words)
+
+
+def _words(direction: FloatArray) -> str:
+    return "(" + ", ".join(f"{value:.3g}" for value in direction) + ")"

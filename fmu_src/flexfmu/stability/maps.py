@@ -1,0 +1,76 @@
+"""All maps of a body: run what is not recorded yet, record it, draw."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..progress import Reporter
+from ..store import Store
+from ..targets import PICTURE_SUFFIXES, check_target
+from . import buckling, coupling, evaluation, rotation
+from .config import Map
+from .picture import pictures
+from .records import Run, Runs, Verdict
+from .subject import read_subject
+
+_MAPS = {Map.EVALUATION: evaluation, Map.BUCKLING: buckling, Map.ROTATION: rotation, Map.COUPLING: coupling}
+# Runs between words on how far a map is.
+_TOLD = 50
+
+
+def chart_stability(
+    body: Path, scene: Path, records: Path, picture: Path | None, report: Reporter, store: Store
+) -> list[str]:
+    """Make the maps that a scene asks for.
+
+    Parameters
+    ----------
+    body, scene : Path
+        Body file and scene file.
+    records : Path
+        CSV; what is in it is not run again.
+    picture : Path or None
+        Each map is drawn as NAME_MAP beside this name.
+    report : Reporter
+    store : Store
+
+    Returns
+    -------
+    list of str
+        A line for each map, and the pictures.
+
+    Raises
+    ------
+    FlexfmuError
+        A wrong file, or records of another body or scene.
+    """
+    check_target(records, (".csv",), inputs=(body, scene))
+    if picture is not None:
+        check_target(picture, PICTURE_SUFFIXES, inputs=(body, scene, records))
+    subject = read_subject(body, scene, report, store)
+    kept = Runs(records, subject.digest)
+    lines = []
+    for kind in Map:
+        if kind not in subject.table.maps:
+            continue
+        reason = _MAPS[kind].reason_against(subject)
+        if reason is not None:
+            lines.append(f"{kind.value}: left out, {reason}")
+            continue
+        with report.stage(f"Map of {kind.value}"):
+            for number, run in enumerate(_MAPS[kind].runs(subject, kept), start=1):
+                kept.append(run)
+                if number % _TOLD == 0:
+                    report.note(f"{number} runs")
+        lines.append(f"{kind.value}: {_summary([run for run in kept.rows if run.map == kind.value])}")
+    if picture is not None:
+        lines += [str(path) for path in pictures(records, picture)]
+    return lines
+
+
+def _summary(runs: Sequence[Run]) -> str:
+    counts = Counter(run.verdict for run in runs)
+    words = {Verdict.SILENT: "wrong in silence"}
+    return ", ".join(
+        f"{counts[v.value]} {words.get(v, v.value)}" for v in Verdict if counts[v.value] or v is Verdict.SILENT
+    )
