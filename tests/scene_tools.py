@@ -20,6 +20,8 @@ modes = [3, 6]
 frames = [1, 2]
 loads = ["deformed"]
 stiffness = ["constant"]
+division = ["tree"]
+finite_elements = []
 """
 
 

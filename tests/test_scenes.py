@@ -1,30 +1,24 @@
-"""Scenes: references, sweeps that resume, and charts from records."""
+"""Scenes: what a file may say, references, and what counts as an error."""
 
-import json
 import math
 
 import numpy as np
 import pytest
 
-from flexfmu.config import read_body_file
-from flexfmu.errors import OutputError
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement
 from flexfmu.runtime.rotations import exponential, rotation_vector
-from flexfmu.scenes.body_text import body_text
-from flexfmu.scenes.candidates import GIVEN, Reduction, candidates, reduction_config
-from flexfmu.scenes.chart import chart
+from flexfmu.scenes.candidates import Reduction
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.errors import SceneError
-from flexfmu.scenes.fmu_cost import FmuTimer
 from flexfmu.scenes.measure import _within, errors
-from flexfmu.scenes.records import COLUMNS, Record, Records, pareto_front, read_records
-from flexfmu.scenes.reference import finite_motion, references
+from flexfmu.scenes.reference import references
 from flexfmu.scenes.scene import read_scene
-from flexfmu.scenes.sweep import Workshop, sweep
+from flexfmu.scenes.sweep import Workshop
+from flexfmu.scenes.whole_model import finite_motion
 from flexfmu.store import Store
-from references import BEAM, DEMO, calculix, displacement, relative
+from references import BEAM, calculix, displacement, relative
 from scene_tools import BEND, SMALL_SWEEP, Listening, scene_of, with_results
 
 
@@ -181,140 +175,3 @@ def test_only_what_lies_in_the_range_of_frequencies_counts():
     left = _within(slow + fast, (0.0, 50.0), 1e-3)
     assert np.abs(left - slow)[50:-50].max() < 0.01
     assert np.abs(_within(slow + fast, (100.0, 300.0), 1e-3) - fast)[50:-50].max() < 0.02
-
-
-# --- sweep and records
-
-
-def test_a_sweep_takes_each_meaningful_combination_once(tmp_path):
-    sweep_all = """
-[sweep]
-modes = [4]
-frames = [1, 3]
-kinematics = ["linear", "literal", "secant", "corotated"]
-loads = ["reference", "corrective_moment", "deformed"]
-stiffness = ["constant", "by_load", "by_mode"]
-mass = ["constant", "configuration"]
-"""
-    found = candidates(scene_of(tmp_path, BEND + sweep_all))
-    assert len(found) == len({candidate.key for candidate in found})
-    for candidate in found:
-        formulation = candidate.formulation
-        assert (candidate.reduction.frames == 0) == (formulation.kinematics is Kinematics.LINEAR)
-        if formulation.stiffness is Stiffness.BY_MODE:
-            assert formulation.loads is LoadPlacement.REFERENCE
-        if formulation.mass is Mass.CONFIGURATION:
-            assert formulation.kinematics is Kinematics.COROTATED
-
-
-def test_frames_given_by_hand_are_tried_in_their_place(tmp_path):
-    text = BEND.replace("tip", "wheel_left") + "[sweep]\nmodes = [4]\nframes = [4, 16]\n"
-    scene = scene_of(tmp_path, text, DEMO / "rear_axle" / "body.toml")
-    found = candidates(scene)
-    turned = [c.reduction.frames for c in found if c.formulation.kinematics is Kinematics.COROTATED]
-    assert set(turned) == {4, GIVEN, 16}
-    # Parts of a cut body have a frame each at least.
-    assert {c.reduction.frames for c in found if c.formulation.kinematics is Kinematics.LINEAR} == {1}
-    own = reduction_config(scene.config, Reduction(BasisChoice.NORMAL, 4, GIVEN), [Formulation()])
-    (tmp_path / "own.toml").write_text(body_text(own, tmp_path, [], {}), encoding="utf-8")
-    assert read_body_file(tmp_path / "own.toml").frame == scene.given.frame
-
-
-def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store, monkeypatch):
-    target, plain, done = tmp_path / "records.csv", Workshop.record, []
-
-    def interrupted(self, *arguments):
-        if len(done) == 3:
-            raise KeyboardInterrupt
-        done.append(arguments[0])
-        return plain(self, *arguments)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Workshop, "record", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            sweep(brought, target, Reporter(), store)
-    begun = target.read_text(encoding="utf-8")
-    assert len(begun.splitlines()) == 1 + 3
-    # Cut off while it was written.
-    target.write_text(begun + begun.splitlines()[-1][:40], encoding="utf-8")
-    tried = []
-    monkeypatch.setattr(Workshop, "record", lambda self, *a: tried.append(a[0]) or plain(self, *a))
-    rows = sweep(brought, target, Reporter(), store)
-    assert target.read_text(encoding="utf-8").startswith(begun)
-    assert {row.key for row in rows} == {candidate.key for candidate in candidates(brought)}
-    assert len(tried) == len(rows) - 3 == 3
-    assert all(row.status == "ok" and row.step_us > 0.0 and row.modal_bytes > 0 for row in rows)
-    errors_found = {(row.frames, row.modes): row.static_displacement for row in rows}
-    assert errors_found[0, 6] > errors_found[1, 6] > errors_found[2, 6]
-    assert sweep(brought, target, Reporter(), store) == read_records(target)
-    assert len(tried) == 3
-
-
-def made_up(number, **values):
-    words = {"kinematics": "corotated", "loads": "deformed", "stiffness": "constant", "mass": "constant"}
-    return Record("scene", "body", "normal", number, 2, **(words | values))
-
-
-def test_records_come_back_as_they_were_written(tmp_path):
-    kept = Records(tmp_path / "r.csv", "scene")
-    rows = [
-        made_up(1, static_displacement=0.0125, step_us=11.5, share=0.5, mode_count=3),
-        made_up(2, status="no answer", note="beyond,\nthe critical load", share=math.inf),
-    ]
-    for row in rows:
-        kept.append(row)
-    assert (tmp_path / "r.csv").read_text(encoding="utf-8").count("\n") == 3
-    again = read_records(tmp_path / "r.csv")
-    assert [row.key for row in again] == [row.key for row in rows]
-    assert again[0].static_displacement == 0.0125
-    assert math.isnan(again[0].fmu_ratio)
-    assert again[1].note == "beyond, the critical load"
-
-
-def test_records_of_another_scene_or_kind_are_left_alone(tmp_path):
-    path = tmp_path / "r.csv"
-    Records(path, "scene").append(made_up(1))
-    with pytest.raises(SceneError, match="records of another scene"):
-        Records(path, "other")
-    path.write_text("time,tip.displacement.x\n0,1\n", encoding="utf-8")
-    with pytest.raises(SceneError, match="not the records of a sweep"):
-        Records(path, "scene")
-    assert path.read_text(encoding="utf-8").startswith("time")
-
-
-def test_on_the_front_are_those_that_nothing_beats():
-    costs = [3.0, 1.0, 2.0, 2.0, 5.0, 4.0, math.nan, 0.5]
-    found = [0.2, 1.0, 0.5, 0.6, 0.21, 0.195, 0.0, math.inf]
-    assert pareto_front(costs, found) == [1, 2, 0, 5]
-    assert pareto_front(costs, found, margin=0.1) == [1, 2, 0]
-    assert pareto_front([], []) == []
-
-
-def test_charts_are_made_of_records_alone(tmp_path):
-    records = Records(tmp_path / "r.csv", "scene")
-    for n in range(1, 6):
-        records.append(made_up(n, static_displacement=0.1 / n, step_us=10.0 * n, share=2.0 / n, mode_count=n))
-    records.append(made_up(9, static_displacement=0.3, step_us=60.0, static_at="</script>", mode_count=9))
-    picture, page = tmp_path / "c.png", tmp_path / "c.html"
-    front = chart(tmp_path / "r.csv", picture, page)
-    assert [row.modes for row in front] == [1, 2, 3, 4, 5]
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    text = page.read_text(encoding="utf-8")
-    assert text.count("</script>") == 2
-    assert "src=" not in text
-    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
-    data = json.loads(text.split('type="application/json">')[1].split("</script>")[0])
-    assert len(data["rows"]) == 6
-    assert "fmu_us" not in data["costs"]
-    with pytest.raises(OutputError, match="expected a file name"):
-        chart(tmp_path / "r.csv", tmp_path / "c.txt")
-    (tmp_path / "none.csv").write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
-    with pytest.raises(SceneError, match="nothing to draw"):
-        chart(tmp_path / "none.csv", picture)
-
-
-def test_a_step_through_the_fmu_is_timed_against_an_empty_one(brought, tmp_path, store):
-    body = Workshop(brought, Reporter(), store).reduce(Reduction(BasisChoice.NORMAL, 3, 1), [Formulation()])[0]
-    found = FmuTimer(tmp_path).times(body, brought, 1e-3)
-    assert found["fmu_ratio"] == pytest.approx(found["fmu_us"] / found["empty_us"])
-    assert found["empty_us"] > 0.0

@@ -141,7 +141,13 @@ Scene = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): l
 @app.command()
 def chart(
     records: Annotated[
-        Path, typer.Option("--records", "-r", help="Records (CSV), one row a model; what is in them is not run again.")
+        list[Path],
+        typer.Option(
+            "--records",
+            "-r",
+            help="Records (CSV), one row a model; what is in them is not run again. Given more than once, the others "
+            "are drawn beside the first.",
+        ),
     ],
     body: Annotated[
         Path | None, typer.Argument(help="Body file (TOML); without it the records are drawn as they are.")
@@ -149,10 +155,14 @@ def chart(
     scene: Annotated[Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to draw (PNG, PDF or SVG).")] = None,
     page: Annotated[Path | None, typer.Option(help="Page to look into (HTML).")] = None,
-    fmu: Annotated[bool, typer.Option("--fmu", help="Time steps through the FMU too, against an empty one.")] = False,
+    stability: Annotated[
+        bool, typer.Option("--stability", help="Map where each method stops working instead (docs/stability.md).")
+    ] = False,
+    bare: Annotated[bool, typer.Option("--bare", help="Time the bare models only, not their FMUs.")] = False,
 ) -> None:
     """Try every model of a body on a scene, draw error against cost, and name those that nothing beats."""
     from .scenes.chart import chart as draw
+    from .scenes.chart import check_targets, cost_axis, describe
     from .scenes.scene import read_scene
     from .scenes.sweep import sweep
     from .store import Store, default_folder
@@ -160,12 +170,33 @@ def chart(
     def job() -> None:
         if (body is None) != (scene is None):
             raise typer.BadParameter("a body file and --scene go together; give both, or neither to draw records")
+        if stability:
+            _map_stability(body, scene, records[0], picture)
+            return
+        check_targets(records, picture, page)
         if body is not None and scene is not None:
-            sweep(read_scene(scene, body), records, ConsoleReporter(), Store(default_folder()), fmu)
-        for row in draw(records, picture, page):
-            typer.echo(f"{row.step_us:8.3g} µs  {row.share:8.2g} × tolerance  {row.label}")
+            sweep(read_scene(scene, body), records[0], ConsoleReporter(), Store(default_folder()), fmu=not bare)
+        best = draw(records, picture, page)
+        axis = cost_axis(best)
+        for row in best:
+            typer.echo(f"{row.share:8.2g} × tolerance  {describe(row, axis, several=len(records) > 1)}")
 
     _run(job)
+
+
+def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None) -> None:
+    """Run and draw the maps of stability; without a body the records are drawn as they are."""
+    from .stability.maps import chart_stability
+    from .stability.picture import pictures
+    from .store import Store, default_folder
+
+    if body is not None and scene is not None:
+        lines = chart_stability(body, scene, records, picture, ConsoleReporter(), Store(default_folder()))
+    elif picture is not None:
+        lines = [str(path) for path in pictures(records, picture)]
+    else:
+        raise typer.BadParameter("--stability draws records where no body is given: name a --picture")
+    typer.echo("\n".join(lines))
 
 
 @app.command()
@@ -173,15 +204,17 @@ def fit(
     body: Annotated[Path, typer.Argument(help="Body file (TOML).")],
     scene: Scene,
     output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
+    fmu: Annotated[Path | None, typer.Option(help="FMU to write; default: beside the body file.")] = None,
 ) -> None:
-    """Find the smallest, fastest model of a body within a scene's tolerance."""
+    """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU."""
     from .scenes.fit import fit as find
     from .scenes.scene import read_scene
     from .store import Store, default_folder
 
     def job() -> None:
-        found = find(read_scene(scene, body), output, ConsoleReporter(), Store(default_folder()))
-        typer.echo("\n".join([f"{output}", *found.summary]))
+        target = fmu or output.with_suffix(".fmu")
+        found = find(read_scene(scene, body), output, ConsoleReporter(), Store(default_folder()), target)
+        typer.echo("\n".join([f"{output}, {target}", *found.summary, f"{found.tried} models, {found.seconds:.1f} s."]))
 
     _run(job)
 

@@ -1,5 +1,6 @@
 """Models of a body that may do for a scene: basis, modes, frames and formulation."""
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
@@ -10,6 +11,7 @@ from ..config import Basis, BodyFile, FormulationTable
 from ..mesh.model import IntArray
 from ..runtime.errors import OptionError
 from ..runtime.reduced_body import (
+    Division,
     Formulation,
     Kinematics,
     LoadPlacement,
@@ -17,11 +19,18 @@ from ..runtime.reduced_body import (
     ReducedBody,
     Stiffness,
 )
+from ..runtime.stepping import StepLimits
 from .config import BasisChoice
+from .records import REDUCED
 from .scene import Scene
 
 GIVEN = -1
 """Number of frames that stands for the body's own [[frame]] tables."""
+
+SINGLE, EXACT = math.inf, 0.0
+"""Internal steps that have no tolerance: one a communication step, whatever its error; and one that has no error."""
+# A tolerance that every step meets; the FMU's parameter has to be finite.
+_ANY_ERROR = 1e300
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +53,38 @@ class Reduction:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A reduction under a formulation."""
+    """A reduction under a formulation, with its internal step.
+
+    Attributes
+    ----------
+    reduction : Reduction
+    formulation : Formulation
+    internal_step : float
+        Error accepted per step; or `SINGLE`, `EXACT`.
+    """
 
     reduction: Reduction
     formulation: Formulation
+    internal_step: float = StepLimits().tolerance
 
     @property
     def key(self) -> tuple[str, ...]:
         """What tells it from others, in the order of the records' columns."""
         r, f = self.reduction, self.formulation
-        words = f.kinematics.value, f.loads.value, f.stiffness.value, f.mass.value
-        return (r.basis.value, str(r.modes), str(r.frames), *words)
+        words = f.kinematics.value, f.loads.value, f.stiffness.value, f.mass.value, f.division.value
+        return (REDUCED, "", r.basis.value, str(r.modes), str(r.frames), *words, self.internal_step_word)
+
+    @property
+    def internal_step_word(self) -> str:
+        """The internal step as records have it."""
+        return {SINGLE: "single", EXACT: "exact"}.get(self.internal_step, f"{self.internal_step:g}")
+
+    @property
+    def limits(self) -> StepLimits:
+        """The internal step as the body takes it."""
+        if self.internal_step == EXACT:
+            return StepLimits()
+        return StepLimits(tolerance=_ANY_ERROR if self.internal_step == SINGLE else self.internal_step)
 
 
 def candidates(scene: Scene) -> list[Candidate]:
@@ -68,25 +98,74 @@ def candidates(scene: Scene) -> list[Candidate]:
     -------
     list of Candidate
     """
-    sweep = scene.file.sweep
+    sweep, config = scene.file.sweep, scene.config
+    tolerances = [SINGLE if one == "single" else float(one) for one in sweep.internal_step]
+    if not scene.transient:
+        # Nothing shows the error of a step: one will do, the default where it is listed.
+        tolerances = [StepLimits().tolerance if StepLimits().tolerance in tolerances else tolerances[-1]]
+    bases = [_known_basis(config, basis) for basis in sweep.basis]
     found: dict[Candidate, None] = {}
-    formulations = product(sweep.kinematics, sweep.loads, sweep.stiffness, sweep.mass)
-    for kinematics, loads, stiffness, mass in formulations:
-        linear = kinematics is Kinematics.LINEAR
-        if linear and loads is LoadPlacement.DEFORMED:
-            # The same as on the undeformed body.
-            loads = LoadPlacement.REFERENCE
-        try:
-            formulation = Formulation(kinematics, loads, stiffness, mass)
-        except OptionError:
+    for parts in product(sweep.kinematics, sweep.loads, sweep.stiffness, sweep.mass, sweep.division):
+        formulation = _meaningful(config, *parts)
+        if formulation is None:
             continue
-        frames = [linear_frames(scene.config)] if linear else offered_frames(scene.config, sweep.frames)
-        for basis, modes, count in product(sweep.basis, sweep.modes, frames):
-            candidate = Candidate(Reduction(basis, modes, count), formulation)
-            if has_meaning(scene.config, candidate):
+        linear = formulation.kinematics is Kinematics.LINEAR
+        frames = [linear_frames(config)] if linear else offered_frames(config, sweep.frames)
+        if parts[-1] is Division.ONE and not linear:
+            # One frame for the whole body is the tree of one.
+            frames = [1]
+        steps = [EXACT] if is_exact(config, formulation) else tolerances
+        for basis, modes, count, internal in product(bases, sweep.modes, frames, steps):
+            here = formulation
+            if formulation.division is Division.SEPARATE and _frame_count(config, count) < 2:
+                here = replace(formulation, division=Division.TREE)
+            candidate = Candidate(Reduction(basis, modes, count), here, internal)
+            if has_meaning(config, candidate):
                 found[candidate] = None
     order = {candidate: place for place, candidate in enumerate(found)}
     return sorted(found, key=lambda c: (_reduction_key(c.reduction), order[c]))
+
+
+def _meaningful(
+    config: BodyFile,
+    kinematics: Kinematics,
+    loads: LoadPlacement,
+    stiffness: Stiffness,
+    mass: Mass,
+    division: Division,
+) -> Formulation | None:
+    """The formulation, under the one name of those that are the same; None where it has no meaning."""
+    if kinematics is Kinematics.LINEAR:
+        division = Division.TREE
+        if loads is LoadPlacement.DEFORMED:
+            # The same as on the undeformed body.
+            loads = LoadPlacement.REFERENCE
+    if division is Division.ONE:
+        # Each part of a cut body turns by itself.
+        if config.cut:
+            return None
+        division = Division.TREE
+    if division is not Division.TREE and mass is not Mass.CONSTANT:
+        return None
+    try:
+        return Formulation(kinematics, loads, stiffness, mass, division)
+    except OptionError:
+        return None
+
+
+def _known_basis(config: BodyFile, basis: BasisChoice) -> BasisChoice:
+    """The basis, under the one name of those that are the same: a cut body always has residual flexibility."""
+    return BasisChoice.RESIDUAL if config.cut and basis is BasisChoice.NORMAL else basis
+
+
+def _frame_count(config: BodyFile, frames: int) -> int:
+    return len(config.frame) if frames == GIVEN else frames
+
+
+def is_exact(config: BodyFile, formulation: Formulation) -> bool:
+    """Whether no load depends on the motion, so that a step of any length is exact."""
+    plain = formulation.stiffness is Stiffness.CONSTANT and formulation.mass is Mass.CONSTANT
+    return plain and formulation.loads is LoadPlacement.REFERENCE and not config.cut
 
 
 def _reduction_key(reduction: Reduction) -> tuple[int, int, str]:
@@ -138,7 +217,13 @@ def reduction_config(config: BodyFile, reduction: Reduction, formulations: list[
         }
     )
     first = formulations[0]
-    start = FormulationTable(kinematics=first.kinematics, loads=first.loads, stiffness=first.stiffness, mass=first.mass)
+    start = FormulationTable(
+        kinematics=first.kinematics,
+        loads=first.loads,
+        stiffness=first.stiffness,
+        mass=first.mass,
+        division=first.division,
+    )
     own = reduction.frames == GIVEN
     frames = {"frames": None if own else reduction.frames, "frame": config.frame if own else []}
     return config.model_copy(update={**frames, "reduction": table, "formulation": start})

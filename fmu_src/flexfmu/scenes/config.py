@@ -4,19 +4,20 @@ import difflib
 from enum import Enum
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from ..config import Name
-from ..runtime.reduced_body import Kinematics, LoadPlacement, Mass, Stiffness
+from ..runtime.reduced_body import Division, Kinematics, LoadPlacement, Mass, Stiffness
+from ..stability.config import StabilityTable
 from ..toml_files import read_toml, reason, spelled_key
 from .errors import SceneError
 
 Positive = Annotated[float, Field(gt=0.0)]
 _KNOWN = "docs/scenes.md lists the known ones"
 # What pydantic adds to the place of an error to tell the types that a key may have.
-_ALTERNATIVES = ("str", "dict[str,float]")
+_ALTERNATIVES = ("str", "dict[str,float]", "float", "constrained-float", "literal['single']")
 
 
 class BasisChoice(Enum):
@@ -28,6 +29,15 @@ class BasisChoice(Enum):
     """Eigenmodes and residual flexibility of the interfaces."""
     CRAIG_BAMPTON = "craig_bampton"
     """Constraint modes of the interfaces and fixed-interface normal modes."""
+
+
+class Solver(Enum):
+    """Who solves the whole finite element model."""
+
+    FLEXFMU = "flexfmu"
+    """This package: total Lagrangian, Newton's method."""
+    CALCULIX = "calculix"
+    """CalculiX (ccx), where it is installed."""
 
 
 class _Table(BaseModel):
@@ -42,6 +52,13 @@ class StaticTable(_Table):
     loads: dict[str, float] = Field(min_length=1)
     factors: list[Positive] = Field(default=[0.5, 1.0], min_length=1)
     results: Path | None = Field(default=None, strict=False)
+    results_seconds: Positive | None = None
+
+    @model_validator(mode="after")
+    def _time_of_results(self) -> "StaticTable":
+        if self.results_seconds is not None and self.results is None:
+            raise ValueError("results_seconds is the time that results took to find: give results as well")
+        return self
 
     @field_validator("factors")
     @classmethod
@@ -67,6 +84,7 @@ class TransientTable(_Table):
     step: Positive
     frequencies: list[float] | None = None
     results: Path | None = Field(default=None, strict=False)
+    seconds_per_second: Positive | None = None
 
     @field_validator("frequencies")
     @classmethod
@@ -109,8 +127,9 @@ class ToleranceTable(_Table):
 
 
 class ReferenceTable(_Table):
-    """`[reference]`: the model that transients are compared with."""
+    """`[reference]`: who finds static results, and the model that transients are compared with."""
 
+    static: Annotated[Solver, Field(strict=False)] = Solver.FLEXFMU
     modes: int = Field(default=20, ge=1)
     frames: int = Field(default=12, ge=0)
     mass: Mass = Field(default=Mass.CONFIGURATION, strict=False)
@@ -121,7 +140,7 @@ class SweepTable(_Table):
     """`[sweep]`: what is combined with what."""
 
     basis: list[Annotated[BasisChoice, Field(strict=False)]] = Field(default=list(BasisChoice), min_length=1)
-    modes: list[Annotated[int, Field(ge=1)]] = Field(default=[3, 6, 10, 20], min_length=1)
+    modes: list[Annotated[int, Field(ge=1)]] = Field(default=[5, 10, 20], min_length=1)
     frames: list[Annotated[int, Field(ge=1)]] = Field(default=[1, 2, 4, 8], min_length=1)
     kinematics: list[Annotated[Kinematics, Field(strict=False)]] = Field(
         default=[Kinematics.LINEAR, Kinematics.COROTATED], min_length=1
@@ -133,6 +152,11 @@ class SweepTable(_Table):
         default=[Stiffness.CONSTANT, Stiffness.BY_LOAD], min_length=1
     )
     mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=[Mass.CONSTANT], min_length=1)
+    division: list[Annotated[Division, Field(strict=False)]] = Field(default=list(Division), min_length=1)
+    internal_step: list[Literal["single"] | Annotated[float, Field(gt=0.0, lt=1.0)]] = Field(
+        default=["single", 1e-4], min_length=1
+    )
+    finite_elements: list[Annotated[Solver, Field(strict=False)]] = list(Solver)
 
 
 class SceneFile(_Table):
@@ -145,6 +169,7 @@ class SceneFile(_Table):
     tolerance: ToleranceTable = ToleranceTable()
     reference: ReferenceTable = ReferenceTable()
     sweep: SweepTable = SweepTable()
+    stability: StabilityTable = StabilityTable()
 
     @model_validator(mode="after")
     def _consistent(self) -> "SceneFile":

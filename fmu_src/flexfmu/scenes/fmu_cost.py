@@ -1,29 +1,31 @@
-"""What a step costs through the FMU, against an empty FMU of the same variables driven in the same run.
+"""What a step costs through the FMU, against an empty FMU of the same variables driven in turns with it.
 
-Run as a module it drives one FMU in a process of its own and prints the time of its steps.
+A body is packaged once for all formulations whose data is aboard: they are chosen by the FMU's parameters. The FMUs
+live in one process beside this one (`fmu_worker`).
 """
 
 import json
 import os
-import statistics
 import subprocess
 import sys
-import time
+from contextlib import suppress
 from pathlib import Path
+from types import TracebackType
+from typing import Any
 
 import fmpy
-from fmpy.fmi2 import FMU2Slave
 from pythonfmu.builder import FmuBuilder
 
 from ..errors import SimulationError
 from ..fmu.package import package_fmu
-from ..runtime.reduced_body import ReducedBody
+from ..runtime.reduced_body import Formulation, ReducedBody
+from ..runtime.stepping import StepLimits
+from ..runtime.variables import DIVISION, KINEMATICS, LOADS, MASS, STEP_LIMIT, STEP_TOLERANCE, STIFFNESS
+from .fmu_worker import LONGEST_STEPS, MARK
 from .scene import AXES, Scene
 
-_BLOCKS, _STEPS = 9, 300
-# Blocks that take longer, s, are not repeated so often.
-_LONG = 0.5
-_MARK = "RESULT "
+# What is told of a process that died, characters.
+_TOLD = 500
 _EMPTY = '''"""An FMU that has the variables and does nothing."""
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
@@ -60,7 +62,7 @@ class EmptySlave(Fmi2Slave):
 
 
 class FmuTimer:
-    """Times FMUs of bodies against an empty one.
+    """Times FMUs of bodies against an empty one; a context, at whose end the process ends.
 
     Parameters
     ----------
@@ -70,55 +72,140 @@ class FmuTimer:
 
     def __init__(self, folder: Path):
         self._folder = folder
-        self._empty: dict[tuple[str, ...], Path] = {}
+        self._said = folder / "stderr.txt"
+        self._empty: dict[tuple[str, ...], str] = {}
+        self._loaded: tuple[ReducedBody, str, str] | None = None
+        self._count = 0
+        self._process: subprocess.Popen[str] | None = None
 
-    def times(self, body: ReducedBody, scene: Scene, step: float) -> dict[str, float]:
-        """Time steps of a body's FMU and of the empty one, one right after the other.
+    def __enter__(self) -> "FmuTimer":
+        """Nothing runs before it is needed."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the process."""
+        self._end()
+
+    def times(
+        self, body: ReducedBody, scene: Scene, step: float, formulation: Formulation, limits: StepLimits
+    ) -> dict[str, float]:
+        """Time steps of a body's FMU and of the empty one, in turns.
 
         Parameters
         ----------
         body : ReducedBody
+            With the data of all formulations that it will be timed with; packaged when it is another one than before.
         scene : Scene
         step : float
             s.
+        formulation : Formulation
+        limits : StepLimits
 
         Returns
         -------
         dict of str to float
-            fmu_us, empty_us, fmu_ratio.
+            fmu_us, empty_us, fmu_ratio, fmu_busy.
 
         Raises
         ------
         SimulationError
             One of them does not run.
         """
-        path = self._folder / f"{body.name}.fmu"
+        name, against = self._ready(body)
+        parameters: dict[str, float | str] = {
+            KINEMATICS: formulation.kinematics.value,
+            LOADS: formulation.loads.value,
+            STIFFNESS: formulation.stiffness.value,
+            MASS: formulation.mass.value,
+            DIVISION: formulation.division.value,
+            STEP_LIMIT: limits.longest,
+            STEP_TOLERANCE: limits.tolerance,
+        }
+        request = {"name": name, "against": against, "parameters": parameters, "rows": _load_rows(scene), "step": step}
+        found = self._ask(request)
+        fmu, empty = found["fmu"], found["empty"]
+        return {"fmu_us": 1e6 * fmu, "empty_us": 1e6 * empty, "fmu_ratio": fmu / empty, "fmu_busy": found["busy"]}
+
+    def _ready(self, body: ReducedBody) -> tuple[str, str]:
+        """Names of a body's FMU and of its empty companion in the process that runs them."""
+        if self._loaded is not None and self._loaded[0] is body:
+            return self._loaded[1:]
+        self._count += 1
+        name = f"body{self._count}"
+        path = self._folder / f"{name}.fmu"
         package_fmu(body, path)
         variables = fmpy.read_model_description(str(path)).modelVariables
         inputs = [v.name for v in variables if v.causality == "input"]
         outputs = [v.name for v in variables if v.causality == "output" and v.type == "Real"]
-        rows = _load_rows(scene)
-        fmu = _in_process(path, step, rows)
-        empty = _in_process(self._empty_fmu(inputs, outputs), step, rows)
-        return {"fmu_us": 1e6 * fmu, "empty_us": 1e6 * empty, "fmu_ratio": fmu / empty}
+        against = self._empty_fmu(inputs, outputs)
+        self._load(name, path, empty=False)
+        path.unlink()
+        self._loaded = body, name, against
+        return name, against
 
-    def _empty_fmu(self, inputs: list[str], outputs: list[str]) -> Path:
+    def _empty_fmu(self, inputs: list[str], outputs: list[str]) -> str:
         names = (*inputs, "", *outputs)
         if names not in self._empty:
-            folder = self._folder / f"empty{len(self._empty)}"
+            name = f"empty{len(self._empty)}"
+            folder = self._folder / name
             folder.mkdir()
             script = folder / "emptyslave.py"
             text = _EMPTY.format(inputs=len(inputs), outputs=len(outputs), input_names=inputs, output_names=outputs)
             script.write_text(text, encoding="utf-8")
-            self._empty[names] = Path(FmuBuilder.build_FMU(script, dest=folder))
+            self._load(name, Path(FmuBuilder.build_FMU(script, dest=folder)), empty=True)
+            self._empty[names] = name
         return self._empty[names]
+
+    def _load(self, name: str, path: Path, empty: bool) -> None:
+        self._ask({"load": str(path), "name": name, "folder": str(self._folder / f"{name}_unpacked"), "empty": empty})
+
+    def _ask(self, request: dict[str, Any]) -> dict[str, float]:
+        """Have the process answer a request."""
+        if self._process is None:
+            with self._said.open("w", encoding="utf-8") as said:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "flexfmu.scenes.fmu_worker"],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=said,
+                    text=True,
+                    env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+                )
+        into, out = self._process.stdin, self._process.stdout
+        assert into is not None
+        assert out is not None
+        # A process that died is found out when it does not answer.
+        with suppress(BrokenPipeError):
+            into.write(json.dumps(request) + "\n")
+            into.flush()
+        for line in out:
+            if line.startswith(MARK):
+                told: dict[str, Any] = json.loads(line.removeprefix(MARK))
+                if "error" in told:
+                    raise SimulationError(f"the FMU does not run: {told['error']}")
+                return told
+        self._end()
+        told_last = self._said.read_text(encoding="utf-8", errors="replace").strip()[-_TOLD:]
+        raise SimulationError(f"the process that times the FMU died: {told_last or 'it said nothing'}")
+
+    def _end(self) -> None:
+        """End the process, and forget what was loaded in it."""
+        process, self._process = self._process, None
+        self._loaded = None
+        self._empty.clear()
+        if process is None:
+            return
+        with suppress(BrokenPipeError):
+            process.communicate()
 
 
 def _load_rows(scene: Scene) -> list[dict[str, float]]:
     """Inputs by name of the scene's first transient, or of half its first static load."""
     every = scene.transient[0].start_loads if scene.transient else (scene.static[0].peak.scaled(0.5),)
     rows = []
-    for loads in every[:_STEPS]:
+    for loads in every[:LONGEST_STEPS]:
         row: dict[str, float] = {}
         for kind in ("force", "moment"):
             for name, values in zip(scene.names, getattr(loads, kind), strict=True):
@@ -126,71 +213,3 @@ def _load_rows(scene: Scene) -> list[dict[str, float]]:
         row |= {f"body.acceleration.{axis}": float(v) for axis, v in zip(AXES, loads.acceleration, strict=True) if v}
         rows.append(row)
     return rows
-
-
-def _in_process(fmu: Path, step: float, rows: list[dict[str, float]]) -> float:
-    """Fastest time (s) of a step in a fresh process."""
-    command = [sys.executable, "-m", "flexfmu.scenes.fmu_cost"]
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    request = json.dumps({"fmu": str(fmu), "step": step, "rows": rows})
-    done = subprocess.run(command, input=request, capture_output=True, text=True, env=environment, check=False)
-    lines = [line for line in done.stdout.splitlines() if line.startswith(_MARK)]
-    if not lines:
-        raise SimulationError(f"{fmu.name} does not run: {(done.stderr or done.stdout).strip()[-500:]}")
-    return float(json.loads(lines[-1].removeprefix(_MARK))["fastest"])
-
-
-def drive(fmu: str, step: float, rows: list[dict[str, float]]) -> dict[str, float]:
-    """Time blocks of steps of one FMU: set all inputs, step, get all outputs.
-
-    Parameters
-    ----------
-    fmu : str
-    step : float
-        s.
-    rows : list of dict
-        Inputs by name, one row a step; a single one holds.
-
-    Returns
-    -------
-    dict of str to float
-        s a step: median and fastest.
-    """
-    description = fmpy.read_model_description(fmu)
-    slave = FMU2Slave(
-        guid=description.guid,
-        unzipDirectory=fmpy.extract(fmu),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-        instanceName="timed",
-    )
-    slave.instantiate()
-    inputs = [v for v in description.modelVariables if v.causality == "input"]
-    references = [v.valueReference for v in inputs]
-    outputs = [v.valueReference for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
-    # Every block is the same piece of the scene, from its start.
-    piece = rows[:_STEPS] if len(rows) > 1 else rows * _STEPS
-    values = [[row.get(v.name, 0.0) for v in inputs] for row in piece]
-    times = []
-    for block in range(_BLOCKS):
-        if block:
-            slave.reset()
-        slave.setupExperiment(startTime=0.0)
-        slave.enterInitializationMode()
-        slave.exitInitializationMode()
-        start = time.perf_counter()
-        for number, row in enumerate(values):
-            slave.setReal(references, row)
-            slave.doStep(currentCommunicationPoint=number * step, communicationStepSize=step)
-            slave.getReal(outputs)
-        took = time.perf_counter() - start
-        times.append(took / len(values))
-        if took > _LONG and block:
-            break
-    return {"median": statistics.median(times), "fastest": min(times)}
-
-
-if __name__ == "__main__":
-    asked = json.load(sys.stdin)
-    print(_MARK + json.dumps(drive(asked["fmu"], asked["step"], asked["rows"])), flush=True)
-    # The library does not always survive the interpreter's end.
-    os._exit(0)

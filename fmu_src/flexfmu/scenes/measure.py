@@ -1,10 +1,14 @@
 """How far a model is off in a scene, and what its steps cost."""
 
+import gc
 import math
 import statistics
 import time
 from dataclasses import dataclass
+from enum import Enum
 from functools import partial
+from types import BuiltinFunctionType, FunctionType, ModuleType
+from typing import Any
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -14,19 +18,17 @@ from ..runtime.body import FlexibleBody
 from ..runtime.errors import RuntimeBodyError
 from ..runtime.loads import Loads
 from .config import AcceptedTable
+from .pace import BLOCK_TIME, calm_blocks
 from .reference import Reference, follow
-from .scene import Scene, TransientCase
+from .scene import Scene, StaticCase, TransientCase
 
 # An interface that moves less than this share of the one that moves farthest is judged by that share.
 _FLOOR = 1e-3
-_BLOCKS, _SHORTEST_STEPS, _LONGEST_STEPS = 7, 10, 300
-# Time that a block of steps may take, s, if that is enough for a few steps.
-_BLOCK_TIME = 0.05
+_SHORTEST_STEPS, _LONGEST_STEPS = 10, 300
 _FILTER_ORDER = 4
-# A fixed piece of work is done so many times to see how busy the machine is; up to such a slowdown it counts as calm.
-_WORK, _CALM = 150, 1.25
-# Where it is not, blocks are repeated up to so many, with pauses (s).
-_MOST_BLOCKS, _PAUSE = 40, 0.02
+_EQUILIBRIA = 3
+# Code, not data.
+_NOT_DATA = (type, ModuleType, FunctionType, BuiltinFunctionType, Enum)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,11 +123,7 @@ def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> Er
         for case in scene.static:
             for factor, expected in zip(case.factors, known[case.name].motion, strict=True):
                 found = model.motion(model.static(fit(case.peak.scaled(factor)))).reshape(-1, 6)[places]
-                where = [f"{case.name} × {factor:g}, {name}" for name in scene.read]
-                for kind, part in (("displacement", slice(0, 3)), ("rotation", slice(3, 6))):
-                    error = np.linalg.norm(found[:, part] - expected[:, part], axis=1)
-                    size = np.linalg.norm(expected[:, part], axis=1)
-                    static.look(kind, error, size, scene.file.tolerance.static, where)
+                _look_at_rest(static, scene, case, factor, found, expected)
         for transient in scene.transient:
             adapted = TransientCase(
                 transient.name,
@@ -154,6 +152,34 @@ def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> Er
     )
 
 
+def equilibria_errors(scene: Scene, case: StaticCase, motion: FloatArray, known: Reference) -> Errors:
+    """Compare equilibria that were found otherwise with the reference of a static case.
+
+    Parameters
+    ----------
+    scene : Scene
+    case : StaticCase
+    motion : (factors, interfaces, 6) float
+        Of the interfaces that count: displacement (m), rotation vector (rad).
+    known : Reference
+
+    Returns
+    -------
+    Errors
+    """
+    worst = _Worst()
+    for factor, found, expected in zip(case.factors, motion, known.motion, strict=True):
+        _look_at_rest(worst, scene, case, factor, found, expected)
+    return Errors(
+        worst.relative["displacement"],
+        worst.relative["rotation"],
+        worst.absolute["rotation"],
+        worst.at["displacement"],
+        share=worst.share,
+        limited_by=worst.share_at,
+    )
+
+
 def _on_interfaces(scene: Scene, model: FlexibleBody, loads: Loads) -> Loads:
     """Loads of the scene's interfaces on those of a model that may have more of them."""
     names = model.model.interface_names
@@ -163,6 +189,16 @@ def _on_interfaces(scene: Scene, model: FlexibleBody, loads: Loads) -> Loads:
     for k, name in enumerate(scene.names):
         force[names.index(name)], moment[names.index(name)] = loads.force[k], loads.moment[k]
     return Loads(force, moment, loads.acceleration)
+
+
+def _look_at_rest(
+    worst: _Worst, scene: Scene, case: StaticCase, factor: float, found: FloatArray, expected: FloatArray
+) -> None:
+    where = [f"{case.name} × {factor:g}, {name}" for name in scene.read]
+    for kind, part in (("displacement", slice(0, 3)), ("rotation", slice(3, 6))):
+        error = np.linalg.norm(found[:, part] - expected[:, part], axis=1)
+        size = np.linalg.norm(expected[:, part], axis=1)
+        worst.look(kind, error, size, scene.file.tolerance.static, where)
 
 
 def _look_over_time(worst: _Worst, scene: Scene, case: TransientCase, found: FloatArray, expected: FloatArray) -> None:
@@ -205,26 +241,6 @@ class StepCost:
     busy: float
 
 
-class _Pace:
-    """How fast the machine does a fixed piece of work, against the fastest that it was seen to do it."""
-
-    def __init__(self) -> None:
-        self._best = math.inf
-        self._matrix = np.full((8, 8), 0.1)
-
-    def slowdown(self) -> float:
-        """Do the work; 1 where it took as long as the fastest time."""
-        start = time.perf_counter()
-        for _ in range(_WORK):
-            self._matrix @ self._matrix
-        took = time.perf_counter() - start
-        self._best = min(self._best, took)
-        return took / self._best
-
-
-_PACE = _Pace()
-
-
 def communication_step(scene: Scene, model: FlexibleBody) -> float:
     """Step (s) at which models are timed: that of the scene's first transient, else what the body suggests."""
     return scene.transient[0].step if scene.transient else model.model.suggested_step
@@ -261,31 +277,81 @@ def step_cost(scene: Scene, model: FlexibleBody, step: float) -> StepCost:
         state, _ = model.step_packed(state, rows[0], step)
     start = time.perf_counter()
     state, _ = model.step_packed(state, rows[0], step)
-    affordable = math.ceil(_BLOCK_TIME / (time.perf_counter() - start))
+    affordable = math.ceil(BLOCK_TIME / (time.perf_counter() - start))
     # Every block is the same piece of the scene, from its start.
     piece = rows[:_LONGEST_STEPS] if len(rows) > 1 else rows * _LONGEST_STEPS
     piece = piece[: max(_SHORTEST_STEPS, affordable)]
-    count, iterations, steps = len(piece), 0, 0
-    times: list[tuple[float, float]] = []
-    for _ in range(_MOST_BLOCKS):
-        before = _PACE.slowdown()
-        state = model.rest()
+
+    def block() -> tuple[float, float]:
+        state, iterations = model.rest(), 0
         start = time.perf_counter()
         for inputs in piece:
             state, work = model.step_packed(state, inputs, step)
             model.motion(state)
             iterations += work.iterations
-        took = (time.perf_counter() - start) / count
-        steps += count
-        times.append((max(before, _PACE.slowdown()), took))
-        if times[-1][0] > _CALM:
-            # Someone else is at work: wait a little.
-            time.sleep(_PAUSE)
-        elif sum(busy <= _CALM for busy, _ in times) == _BLOCKS:
-            break
-    # The calmest blocks count.
-    times = sorted(times)[:_BLOCKS]
-    took_all = [took for _, took in times]
-    return StepCost(
-        min(took_all), statistics.median(took_all), iterations / steps, statistics.median(b for b, _ in times)
-    )
+        return (time.perf_counter() - start) / len(piece), iterations / len(piece)
+
+    done = calm_blocks(block)
+    times = [took for _, (took, _) in done]
+    rounds = statistics.mean(iterations for _, (_, iterations) in done)
+    return StepCost(min(times), statistics.median(times), rounds, statistics.median(busy for busy, _ in done))
+
+
+def equilibrium_time(scene: Scene, model: FlexibleBody) -> float:
+    """Time (s) that a model takes for the equilibrium under the first static case, from rest; the fastest of a few.
+
+    Parameters
+    ----------
+    scene : Scene
+    model : FlexibleBody
+
+    Returns
+    -------
+    float
+        Not a number where the scene has no static case.
+
+    Raises
+    ------
+    RuntimeBodyError
+        There is none.
+    """
+    if not scene.static:
+        return math.nan
+    case = scene.static[0]
+    loads = _on_interfaces(scene, model, case.peak.scaled(case.factors[-1]))
+    times = []
+    for _ in range(_EQUILIBRIA):
+        start = time.perf_counter()
+        model.static(loads)
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def array_bytes(model: FlexibleBody) -> int:
+    """Bytes of all arrays that a model holds: its data, and what was prepared for steps.
+
+    Parameters
+    ----------
+    model : FlexibleBody
+
+    Returns
+    -------
+    int
+    """
+    sizes: dict[int, int] = {}
+    seen: set[int] = set()
+    left: list[Any] = [model]
+    while left:
+        one = left.pop()
+        if id(one) in seen or isinstance(one, _NOT_DATA):
+            continue
+        seen.add(id(one))
+        if isinstance(one, np.ndarray):
+            if isinstance(one.base, np.ndarray):
+                # A view: what it looks at counts.
+                left.append(one.base)
+            else:
+                sizes[id(one)] = one.nbytes
+        else:
+            left.extend(gc.get_referents(one))
+    return sum(sizes.values())

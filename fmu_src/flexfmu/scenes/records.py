@@ -11,22 +11,44 @@ from typing import Any
 from ..targets import whole_file
 from .errors import SceneError
 
-KEY = ("basis", "modes", "frames", "kinematics", "loads", "stiffness", "mass")
+REDUCED = "reduced"
+"""Who solves a reduced model; all others are finite element models."""
+KEY = (
+    "solver",
+    "case",
+    "basis",
+    "modes",
+    "frames",
+    "kinematics",
+    "loads",
+    "stiffness",
+    "mass",
+    "division",
+    "internal_step",
+)
+# Internal steps that need no word: without error, the FMU's own tolerance, and none at all.
+_USUAL_STEPS = ("exact", "0.0001", "")
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One combination: what was asked for, how far it is off, what it costs.
+    """One model: what was asked for, how far it is off, what it costs.
+
+    A reduced model, tried on the whole scene; or the whole finite element model in one of its cases.
 
     Attributes
     ----------
     scene : str
         Digest of the scene.
     body : str
-    basis, modes, frames, kinematics, loads, stiffness, mass
-        The combination.
+    solver : str
+        "reduced"; of the finite element model "flexfmu", "calculix", or "results" for what the user brings.
+    case : str
+        Of the finite element model: the case that it was solved for.
+    basis, modes, frames, kinematics, loads, stiffness, mass, division, internal_step
+        The combination; the internal step is "single", "exact" or its tolerance. Of the finite element model nothing.
     mode_count, frame_count : int
-        What came of it.
+        What came of it; of the finite element model its degrees of freedom, and none.
     status : str
         "ok", or "no answer".
     note : str
@@ -36,13 +58,22 @@ class Record:
     step : float
         Communication step of the timing, s.
     step_us, step_us_median : float
-        The bare model's step, µs: fastest and median of blocks.
+        The bare model's step, µs: fastest and median of blocks; of the finite element model one equilibrium, from the
+        one before.
+    bare_ms_per_s, fmu_ms_per_s : float
+        ms per simulated second, bare and through the FMU.
+    equilibrium_ms : float
+        The equilibrium under the first static case, from rest.
     iterations : float
         Rounds a step.
     busy : float
         How busy the machine was with other things meanwhile: 1 when calm, 2 when all took twice as long.
     fmu_us, empty_us, fmu_ratio : float
         Step of the FMU and of an empty one, µs, and their ratio; not a number where not asked for.
+    fmu_busy : float
+        As `busy`, meanwhile.
+    memory_bytes : int
+        Bytes of the arrays that the model holds while it runs.
     modal_bytes : int
         Size of the modal file.
     build_s : float
@@ -53,13 +84,17 @@ class Record:
 
     scene: str
     body: str
-    basis: str
-    modes: int
-    frames: int
-    kinematics: str
-    loads: str
-    stiffness: str
-    mass: str
+    solver: str = REDUCED
+    case: str = ""
+    basis: str = ""
+    modes: int = 0
+    frames: int = 0
+    kinematics: str = ""
+    loads: str = ""
+    stiffness: str = ""
+    mass: str = ""
+    division: str = ""
+    internal_step: str = ""
     mode_count: int = 0
     frame_count: int = 0
     status: str = "ok"
@@ -79,9 +114,14 @@ class Record:
     step_us_median: float = math.nan
     iterations: float = math.nan
     busy: float = math.nan
+    bare_ms_per_s: float = math.nan
     fmu_us: float = math.nan
+    fmu_busy: float = math.nan
+    fmu_ms_per_s: float = math.nan
     empty_us: float = math.nan
     fmu_ratio: float = math.nan
+    equilibrium_ms: float = math.nan
+    memory_bytes: int = 0
     modal_bytes: int = 0
     build_s: float = math.nan
     build_reused: str = "no"
@@ -94,6 +134,9 @@ class Record:
     @property
     def label(self) -> str:
         """A few words for a chart."""
+        if self.solver != REDUCED:
+            who = {"results": "results brought", "calculix": "CalculiX"}.get(self.solver, self.solver)
+            return f"finite elements ({who}), {self.case}"
         basis = {"normal": "normal", "residual": "normal + residual", "craig_bampton": "Craig-Bampton"}
         modes = f"{basis.get(self.basis, self.basis)} {self.modes}"
         words = [self.kinematics]
@@ -104,7 +147,26 @@ class Record:
             words.append(self.stiffness.replace("_", " "))
         if self.mass != "constant":
             words.append(f"mass {self.mass}")
+        if self.division == "separate":
+            words.append("separate frames")
+        if self.internal_step == "single":
+            words.append("one internal step")
+        elif self.internal_step not in _USUAL_STEPS:
+            words.append(f"internal step to {self.internal_step}")
         return f"{', '.join(words)}; {modes}"
+
+    @property
+    def plainness(self) -> float:
+        """How much there is to it beyond the plainest model: of models that are as good, the lowest is named."""
+        extras = (
+            self.stiffness != "constant",
+            self.mass != "constant",
+            self.division not in ("tree", ""),
+            self.kinematics not in ("linear", "corotated"),
+            self.internal_step not in _USUAL_STEPS,
+            self.basis != "normal",
+        )
+        return sum(extras) + 0.01 * self.mode_count
 
 
 COLUMNS = tuple(f.name for f in fields(Record) if f.init)
@@ -216,6 +278,38 @@ def _value(name: str, cell: str) -> Any:
     if kind is float:
         return float(cell) if cell else math.nan
     return int(cell) if kind is int else cell
+
+
+def plain_front(
+    rows: Sequence[Record], cost: str, error: str, margin: float = 0.0, same_cost: float = 0.0
+) -> list[Record]:
+    """Records that no other beats; of those that are as good as such a one, the plainest stands for it.
+
+    Parameters
+    ----------
+    rows : sequence of Record
+    cost, error : str
+        Columns.
+    margin : float
+        Relative gain in error that makes a costlier member worth naming.
+    same_cost : float
+        Relative difference of costs that counts as none.
+
+    Returns
+    -------
+    list of Record
+        Cheapest first.
+    """
+    costs, errors = ([getattr(row, name) for row in rows] for name in (cost, error))
+    members = []
+    for k in pareto_front(costs, errors, margin):
+        as_good = [
+            n
+            for n in range(len(rows))
+            if costs[n] <= (1.0 + same_cost) * costs[k] and errors[n] <= errors[k] / (1.0 - margin)
+        ]
+        members.append(rows[min(as_good, key=lambda n: (rows[n].plainness, costs[n]))])
+    return members
 
 
 def pareto_front(costs: Sequence[float], errors: Sequence[float], margin: float = 0.0) -> list[int]:

@@ -4,37 +4,26 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from ..build import reduce_body
-from ..config import Basis, BodyFile
-from ..errors import AccuracyError
-from ..fe.assembly import mass, volume_matrices
-from ..fe.faces import element_faces
-from ..fe.nonlinear import load_path
-from ..mesh.checks import checked
-from ..mesh.formats import read_mesh
+from ..config import Basis
 from ..mesh.model import FloatArray
 from ..progress import Reporter
-from ..reduction.basis import Matrices
-from ..reduction.interfaces import Interface, fit_interface
-from ..reduction.model import Model, assemble_model
 from ..runtime.body import FlexibleBody
 from ..runtime.errors import EquilibriumError, StepError
 from ..runtime.loads import Loads
 from ..runtime.reduced_body import Formulation, Mass
-from ..runtime.rotations import exponential, rotation_vector
 from ..runtime.stepping import StepLimits
 from ..store import Store, content_key
 from .errors import SceneError
 from .scene import Scene, StaticCase, TransientCase, read_results
+from .whole_model import WORDS, Equilibria, WholeModel
 
 # A factor in a table of results counts as one of the scene's within this.
 _SAME = 1e-9
-_FIT_ROUNDS = 50
 # Error of a reference in statics over what is accepted over time that is worth a warning.
 _DOUBTFUL = 0.33
 
@@ -50,16 +39,24 @@ class Reference:
         is known.
     origin : str
         Where it comes from, in words.
+    whole : Equilibria or None
+        Of the finite element model: what it took.
+    equilibria : int
+        Of results that were brought: rows that are loaded.
     doubt : float
         Of a reduced model: its own relative error in the scene's static cases, where the finite element model tells.
     """
 
     motion: FloatArray
     origin: str
+    whole: Equilibria | None = None
+    equilibria: int = 0
     doubt: float = math.nan
 
 
-def references(scene: Scene, report: Reporter, store: Store | None = None) -> dict[str, Reference]:
+def references(
+    scene: Scene, report: Reporter, store: Store | None = None, whole: WholeModel | None = None
+) -> dict[str, Reference]:
     """Find the motion of every case.
 
     Parameters
@@ -68,6 +65,8 @@ def references(scene: Scene, report: Reporter, store: Store | None = None) -> di
     report : Reporter
     store : Store, optional
         Where results are kept from run to run, by content.
+    whole : WholeModel, optional
+        The finite element model, where others need it too.
 
     Returns
     -------
@@ -80,12 +79,10 @@ def references(scene: Scene, report: Reporter, store: Store | None = None) -> di
         A case that the finite element model cannot follow, and for which the user brings no results.
     """
     store = store or Store()
-    whole = _Whole(scene.config, report)
+    whole = whole or WholeModel(scene, report, store)
     found: dict[str, Reference] = {}
     for case in scene.static:
-        found[case.name] = (
-            _whole_model(scene, case, whole, report, store) if case.results is None else _brought_static(scene, case)
-        )
+        found[case.name] = _whole_model(scene, case, whole) if case.results is None else _brought_static(scene, case)
     for motion in scene.transient:
         found[motion.name] = (
             _tight_model(scene, motion, found, report, store)
@@ -95,93 +92,11 @@ def references(scene: Scene, report: Reporter, store: Store | None = None) -> di
     return found
 
 
-class _Whole:
-    """The finite element model, read once, when first needed."""
-
-    def __init__(self, config: BodyFile, report: Reporter):
-        self._config = config
-        self._report = report
-
-    @cached_property
-    def model(self) -> Model:
-        """Mesh and supports."""
-        with self._report.stage(f"Read {self._config.mesh.file.name}"):
-            return assemble_model(checked(read_mesh(self._config.mesh.file, self._config.mesh.units)), self._config)
-
-    @cached_property
-    def interfaces(self) -> list[Interface]:
-        """The fits of the interfaces."""
-        mesh = self.model.mesh
-        faces = element_faces(mesh)
-        return [fit_interface(table, mesh, faces, []) for table in self._config.interface]
-
-    def load(self, case: StaticCase) -> FloatArray:
-        """Nodal forces (3n,), N."""
-        mesh = self.model.mesh
-        result = np.zeros(3 * len(mesh.points))
-        for interface, force in zip(self.interfaces, case.peak.force, strict=True):
-            result += interface.nodal_loads(len(mesh.points))[:, :3] @ force
-        if np.any(case.peak.acceleration):
-            # In the frame of its supports every mass feels the opposite.
-            result -= mass(mesh, volume_matrices(mesh)) @ np.tile(case.peak.acceleration, len(mesh.points))
-        return result
-
-
-def _whole_model(scene: Scene, case: StaticCase, whole: _Whole, report: Reporter, store: Store) -> Reference:
-    if np.any(case.peak.moment):
-        raise SceneError(
-            f"{case.name}: the finite element model takes forces only, since the forces that make up a moment would "
-            "have to turn with the interface; replace the moment by forces on two interfaces, or bring results: "
-            f'results = "{case.name}.csv"'
-        )
-    model = whole.model
-    if model.rigid.shape[1]:
-        raise SceneError(
-            f"{case.name}: the body is free to move, so that the finite element model has no equilibrium to compare "
-            f'with; bring results: results = "{case.name}.csv"'
-        )
-    load = whole.load(case)
-
-    def solve() -> dict[str, FloatArray]:
-        with report.stage(f"Solve the finite element model under {case.name}"):
-            try:
-                path = load_path(model.mesh, model.free, model.spring, load, case.factors, report)
-            except AccuracyError as error:
-                raise SceneError(f"{case.name}: {error}; or bring results") from error
-        return {"displacement": path.displacement}
-
-    key = content_key("scene static", Matrices(model, (), report).key, load, np.array(case.factors))
-    kept = store.arrays(key, f"equilibria of the finite element model under {case.name}", report, solve)
-    chosen = [whole.interfaces[k] for k in scene.read_index]
-    motion = np.array([[finite_motion(i, model.mesh.points, row) for i in chosen] for row in kept["displacement"]])
-    return Reference(motion, f"finite element model, {len(model.mesh.points)} nodes, geometric nonlinearity")
-
-
-def finite_motion(interface: Interface, points: FloatArray, displacement: FloatArray) -> FloatArray:
-    """Displacement and rotation vector (6,) of the rigid motion that fits an interface's nodes best, however far.
-
-    Parameters
-    ----------
-    interface : Interface
-    points : (n, 3) float
-    displacement : (3n,) float
-
-    Returns
-    -------
-    (6,) float
-    """
-    arm = points[interface.nodes] - interface.point
-    moved = arm + displacement.reshape(-1, 3)[interface.nodes]
-    shift, rotation = np.zeros(3), np.eye(3)
-    # The linear fit of what a rigid motion leaves, until it leaves nothing that is rigid.
-    for _ in range(_FIT_ROUNDS):
-        left = (moved - shift) @ rotation - arm
-        change = interface.operator @ left.ravel()
-        shift = shift + rotation @ change[:3]
-        rotation = rotation @ exponential(change[3:])
-        if np.linalg.norm(change[3:]) < 1e-12:
-            break
-    return np.concatenate([shift, rotation_vector(rotation)])
+def _whole_model(scene: Scene, case: StaticCase, whole: WholeModel) -> Reference:
+    solver = scene.file.reference.static
+    found = whole.equilibria(case, solver)
+    nodes = len(whole.model.mesh.points)
+    return Reference(found.motion, f"{WORDS[solver]}, {nodes} nodes, geometric nonlinearity", found)
 
 
 def _brought_static(scene: Scene, case: StaticCase) -> Reference:
@@ -195,7 +110,8 @@ def _brought_static(scene: Scene, case: StaticCase) -> Reference:
                 f"{case.results}: no row for the factor {factor} of {case.name}; it has {factors.tolist()}"
             )
         rows.append(near[-1])
-    return Reference(_complete(motion[rows], case.results), str(case.results.name))
+    loaded = int(np.sum(factors > 0.0))
+    return Reference(_complete(motion[rows], case.results), str(case.results.name), equilibria=loaded)
 
 
 def _brought_transient(scene: Scene, case: TransientCase) -> Reference:
@@ -270,7 +186,7 @@ def _tight_model(
     words = (
         f"reduced model, {settings.modes} modes and residual flexibility, frames = {settings.frames}, mass {mass.value}"
     )
-    return Reference(kept["motion"][:, scene.read_index], words, doubt)
+    return Reference(kept["motion"][:, scene.read_index], words, doubt=doubt)
 
 
 def _static_error(scene: Scene, known: Mapping[str, Reference], model: FlexibleBody) -> float:

@@ -34,12 +34,15 @@ class StaticCase:
         Parts of them at which the body is looked at.
     results : Path or None
         Results that the user brings.
+    results_seconds : float or None
+        Time of the run that made them, s.
     """
 
     name: str
     peak: Loads
     factors: tuple[float, ...]
     results: Path | None
+    results_seconds: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +60,8 @@ class TransientCase:
         The range that counts, Hz.
     results : Path or None
         Results that the user brings.
+    seconds_per_second : float or None
+        What a simulated second of the finite element model takes, where the user knows.
     """
 
     name: str
@@ -65,6 +70,7 @@ class TransientCase:
     end_loads: tuple[Loads, ...]
     frequencies: tuple[float, float] | None
     results: Path | None
+    seconds_per_second: float | None = None
 
     @property
     def time(self) -> FloatArray:
@@ -159,7 +165,9 @@ def read_scene(path: Path, body: Path) -> Scene:
     config = given.model_copy(update={"interface": [table for table in given.interface if table.name in kept]})
     names = tuple(table.name for table in config.interface)
     static = tuple(
-        StaticCase(c.name, _loads(c.loads, names, given, f"{path}: {c.name}"), tuple(c.factors), c.results)
+        StaticCase(
+            c.name, _loads(c.loads, names, given, f"{path}: {c.name}"), tuple(c.factors), c.results, c.results_seconds
+        )
         for c in file.static
     )
     transient = tuple(_transient(c, tables[c.name], names, given, path) for c in file.transient)
@@ -251,7 +259,7 @@ def _transient(
     # Where nothing jumps the end of a step is the start of the next one.
     end = tuple(at(t, "left") for t in times[1:])
     band = None if case.frequencies is None else (case.frequencies[0], case.frequencies[1])
-    return TransientCase(case.name, case.step, start, end, band, case.results)
+    return TransientCase(case.name, case.step, start, end, band, case.results, case.seconds_per_second)
 
 
 def _value(times: FloatArray, values: FloatArray, time: float, side: str) -> float:

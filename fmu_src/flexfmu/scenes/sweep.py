@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ..build import reduce_body
-from ..errors import AccuracyError
+from ..errors import AccuracyError, SimulationError
 from ..progress import Reporter
 from ..runtime.body import FlexibleBody
 from ..runtime.errors import RuntimeBodyError
@@ -16,11 +16,13 @@ from ..runtime.modal_file import write_modal_file
 from ..runtime.reduced_body import Formulation, ReducedBody
 from ..store import Store
 from .candidates import GIVEN, Candidate, Reduction, candidates, grouped, lean, reduction_config
+from .finite_elements import finite_element_records
 from .fmu_cost import FmuTimer
-from .measure import communication_step, errors, step_cost
-from .records import Record, Records
+from .measure import array_bytes, communication_step, equilibrium_time, errors, step_cost
+from .records import KEY, Record, Records
 from .reference import Reference, references
 from .scene import Scene
+from .whole_model import WholeModel
 
 _REUSED = "taken from an earlier build"
 
@@ -52,6 +54,7 @@ class Workshop:
         self.scene = scene
         self._report = report
         self._store = store or Store()
+        self.whole = WholeModel(scene, report, self._store)
         self._known: dict[str, Reference] | None = None
         self._step: float | None = None
 
@@ -59,7 +62,7 @@ class Workshop:
     def known(self) -> dict[str, Reference]:
         """The references, found when first needed."""
         if self._known is None:
-            self._known = references(self.scene, self._report, self._store)
+            self._known = references(self.scene, self._report, self._store, self.whole)
         return self._known
 
     def reduce(self, reduction: Reduction, formulations: list[Formulation]) -> tuple[ReducedBody, float, bool]:
@@ -76,19 +79,15 @@ class Workshop:
         build: tuple[float, bool] = (float("nan"), False),
         timer: FmuTimer | None = None,
     ) -> Record:
-        """Measure a candidate on a body that was reduced for it."""
+        """Measure a candidate on a body that was reduced for it, and maybe for others."""
         scene, reduction, formulation = self.scene, candidate.reduction, candidate.formulation
         slim = lean(body, formulation)
         words: dict[str, object] = {
             "scene": scene.digest,
             "body": scene.config.name,
-            "basis": reduction.basis.value,
+            **dict(zip(KEY, candidate.key, strict=True)),
             "modes": reduction.modes,
             "frames": reduction.frames,
-            "kinematics": formulation.kinematics.value,
-            "loads": formulation.loads.value,
-            "stiffness": formulation.stiffness.value,
-            "mass": formulation.mass.value,
             "mode_count": body.mode_count,
             "frame_count": body.frame_count,
             "build_s": build[0],
@@ -96,25 +95,41 @@ class Workshop:
             "modal_bytes": modal_size(slim),
         }
         try:
-            model = FlexibleBody(slim)
+            model = FlexibleBody(slim, limits=candidate.limits)
             found = asdict(errors(scene, self.known, model))
             failure = found.pop("failure")
             words |= found | {"note": failure, "status": "no answer" if failure else "ok"}
             if not failure:
-                step = self.step(model)
-                cost = step_cost(scene, model, step)
-                words |= {
-                    "step": step,
-                    "step_us": 1e6 * cost.fastest,
-                    "step_us_median": 1e6 * cost.median,
-                    "iterations": cost.iterations,
-                    "busy": cost.busy,
-                }
+                words |= self._costs(model)
                 if timer is not None:
-                    words |= timer.times(slim, scene, step)
+                    words |= self._fmu_costs(timer, body, candidate, self.step(model))
         except RuntimeBodyError as error:
             words |= {"note": str(error), "status": "no answer"}
         return Record(**words)  # type: ignore[arg-type]
+
+    def _costs(self, model: FlexibleBody) -> dict[str, object]:
+        """What a model costs without FMI."""
+        step = self.step(model)
+        cost = step_cost(self.scene, model, step)
+        return {
+            "step": step,
+            "step_us": 1e6 * cost.fastest,
+            "step_us_median": 1e6 * cost.median,
+            "iterations": cost.iterations,
+            "busy": cost.busy,
+            "bare_ms_per_s": 1e3 * cost.fastest / step,
+            "equilibrium_ms": 1e3 * equilibrium_time(self.scene, model),
+            "memory_bytes": array_bytes(model),
+        }
+
+    def _fmu_costs(self, timer: FmuTimer, body: ReducedBody, candidate: Candidate, step: float) -> dict[str, object]:
+        """What it costs through the FMU; a note where that does not run."""
+        try:
+            times = timer.times(body, self.scene, step, candidate.formulation, candidate.limits)
+        except SimulationError as error:
+            self._report.warning(str(error))
+            return {"note": str(error)}
+        return {**times, "fmu_ms_per_s": 1e-3 * times["fmu_us"] / step}
 
     def step(self, model: FlexibleBody) -> float:
         """Step (s) at which all models are timed."""
@@ -136,7 +151,7 @@ def sweep(
     target: Path,
     report: Reporter,
     store: Store | None = None,
-    fmu: bool = False,
+    fmu: bool = True,
 ) -> list[Record]:
     """Try every combination that a scene asks for and record it; what is in the records already is not tried again.
 
@@ -148,7 +163,7 @@ def sweep(
     report : Reporter
     store : Store, optional
     fmu : bool
-        Whether to time steps through the FMU too, against an empty one.
+        Whether to time steps through the FMU too, in turns with an empty one.
 
     Returns
     -------
@@ -177,6 +192,8 @@ def sweep(
                     continue
                 for member in members:
                     kept.append(workshop.record(member, body, (seconds, reused), timer))
+    for record in finite_element_records(scene, workshop.known, workshop.whole, kept, report):
+        kept.append(record)
     return kept.rows
 
 
@@ -185,5 +202,5 @@ def _timer(wanted: bool) -> Iterator[FmuTimer | None]:
     if not wanted:
         yield None
         return
-    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
-        yield FmuTimer(Path(folder))
+    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder, FmuTimer(Path(folder)) as timer:
+        yield timer

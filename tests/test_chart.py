@@ -1,0 +1,363 @@
+"""Sweeps that resume, what their timings stand for, and charts from their records."""
+
+import json
+import math
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from flexfmu.config import read_body_file
+from flexfmu.errors import OutputError, SimulationError
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from flexfmu.runtime.stepping import StepLimits
+from flexfmu.scenes import fmu_cost
+from flexfmu.scenes.body_text import body_text
+from flexfmu.scenes.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
+from flexfmu.scenes.chart import chart
+from flexfmu.scenes.config import BasisChoice
+from flexfmu.scenes.errors import SceneError
+from flexfmu.scenes.fmu_cost import FmuTimer
+from flexfmu.scenes.measure import array_bytes
+from flexfmu.scenes.records import COLUMNS, Record, Records, pareto_front, plain_front, read_records
+from flexfmu.scenes.sweep import Workshop, sweep
+from flexfmu.store import Store
+from references import BEAM, DEMO
+from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of, with_results
+
+SUDDEN = """
+[[transient]]
+name = "sudden"
+loads = { "tip.force.y" = 1e3 }
+duration = 0.02
+step = 1e-3
+"""
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    return Store(tmp_path_factory.mktemp("kept"))
+
+
+@pytest.fixture
+def brought(tmp_path):
+    """The bent beam, its results brought, and few combinations."""
+    return with_results(tmp_path, SMALL_SWEEP)
+
+
+# --- what is tried
+
+
+def test_a_sweep_takes_each_meaningful_combination_once(tmp_path):
+    sweep_all = """
+[sweep]
+modes = [4]
+frames = [1, 3]
+kinematics = ["linear", "literal", "secant", "corotated"]
+loads = ["reference", "corrective_moment", "deformed"]
+stiffness = ["constant", "by_load", "by_mode"]
+mass = ["constant", "configuration"]
+internal_step = ["single", 1e-4, 1e-6]
+"""
+    found = candidates(scene_of(tmp_path, BEND + SUDDEN + sweep_all))
+    assert len(found) == len({candidate.key for candidate in found})
+    for candidate in found:
+        formulation = candidate.formulation
+        assert (candidate.reduction.frames == 0) == (formulation.kinematics is Kinematics.LINEAR)
+        if formulation.stiffness is Stiffness.BY_MODE:
+            assert formulation.loads is LoadPlacement.REFERENCE
+        if formulation.mass is Mass.CONFIGURATION:
+            assert formulation.kinematics is Kinematics.COROTATED
+        if formulation.division is Division.SEPARATE:
+            assert candidate.reduction.frames == 3
+            assert formulation.mass is Mass.CONSTANT
+        plain = formulation.stiffness is Stiffness.CONSTANT and formulation.mass is Mass.CONSTANT
+        assert (candidate.internal_step == EXACT) == (plain and formulation.loads is LoadPlacement.REFERENCE)
+    assert {c.internal_step for c in found} == {EXACT, SINGLE, 1e-4, 1e-6}
+    assert {c.formulation.division for c in found} == {Division.TREE, Division.SEPARATE}
+
+
+def test_where_nothing_moves_over_time_one_internal_step_is_enough(tmp_path):
+    found = candidates(scene_of(tmp_path, BEND))
+    assert {c.internal_step for c in found} == {EXACT, 1e-4}
+
+
+def test_one_frame_for_the_whole_body_is_the_tree_of_one(tmp_path, bodies):
+    found = candidates(
+        scene_of(tmp_path, BEND + '[sweep]\nframes = [4]\ndivision = ["one"]\nkinematics = ["corotated"]\n')
+    )
+    assert {(c.reduction.frames, c.formulation.division) for c in found} == {(1, Division.TREE)}
+    load = {"tip": [1e3, 8e3, -2e3]}
+    one, four = (bodies.beam(frames=n).model for n in (1, 4))
+    motions = [
+        model.motion(model.static(load))
+        for model in (FlexibleBody(one), FlexibleBody(four, Formulation(division=Division.ONE)), FlexibleBody(four))
+    ]
+    np.testing.assert_allclose(motions[0], motions[1], rtol=1e-9, atol=1e-12)
+    assert np.linalg.norm(motions[0] - motions[2]) > 1e-2 * np.linalg.norm(motions[0])
+
+
+def test_a_single_internal_step_is_taken_whatever_its_error(bodies):
+    model = bodies.beam(frames=4).model
+    reduction = Reduction(BasisChoice.NORMAL, 10, 4)
+    counts = {}
+    for internal in (SINGLE, 1e-6):
+        limits = Candidate(reduction, Formulation(), internal).limits
+        body = FlexibleBody(model, limits=limits)
+        counts[internal] = body.step_with_work(body.rest(), {"tip": [0.0, 3e3, 0.0]}, 5e-3)[1].substeps
+    assert counts[SINGLE] == 1
+    assert counts[1e-6] > 1
+
+
+def test_frames_given_by_hand_are_tried_in_their_place(tmp_path):
+    text = BEND.replace("tip", "wheel_left") + "[sweep]\nmodes = [4]\nframes = [4, 16]\n"
+    scene = scene_of(tmp_path, text, DEMO / "rear_axle" / "body.toml")
+    found = candidates(scene)
+    turned = [c.reduction.frames for c in found if c.formulation.kinematics is Kinematics.COROTATED]
+    assert set(turned) == {4, GIVEN, 16}
+    # Parts of a cut body have a frame each at least, and residual flexibility always.
+    assert {c.reduction.frames for c in found if c.formulation.kinematics is Kinematics.LINEAR} == {1}
+    assert {c.reduction.basis for c in found} == {BasisChoice.RESIDUAL, BasisChoice.CRAIG_BAMPTON}
+    own = reduction_config(scene.config, Reduction(BasisChoice.NORMAL, 4, GIVEN), [Formulation()])
+    (tmp_path / "own.toml").write_text(body_text(own, tmp_path, [], {}), encoding="utf-8")
+    assert read_body_file(tmp_path / "own.toml").frame == scene.given.frame
+
+
+# --- sweeps and records
+
+
+def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store, monkeypatch):
+    target, plain, done = tmp_path / "records.csv", Workshop.record, []
+
+    def interrupted(self, *arguments):
+        if len(done) == 3:
+            raise KeyboardInterrupt
+        done.append(arguments[0])
+        return plain(self, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Workshop, "record", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(brought, target, Reporter(), store)
+    begun = target.read_text(encoding="utf-8")
+    assert len(begun.splitlines()) == 1 + 3
+    # Cut off while it was written.
+    target.write_text(begun + begun.splitlines()[-1][:40], encoding="utf-8")
+    tried = []
+    monkeypatch.setattr(Workshop, "record", lambda self, *a: tried.append(a[0]) or plain(self, *a))
+    rows = sweep(brought, target, Reporter(), store)
+    assert target.read_text(encoding="utf-8").startswith(begun)
+    assert {row.key for row in rows} == {candidate.key for candidate in candidates(brought)}
+    assert len(tried) == len(rows) - 3 == 3
+    for row in rows:
+        assert row.status == "ok"
+        assert min(row.step_us, row.fmu_us, row.empty_us, row.equilibrium_ms, row.modal_bytes, row.memory_bytes) > 0.0
+        assert row.fmu_ratio == pytest.approx(row.fmu_us / row.empty_us, rel=1e-4)
+        assert row.fmu_ms_per_s == pytest.approx(1e-3 * row.fmu_us / row.step, rel=1e-4)
+        assert row.bare_ms_per_s == pytest.approx(1e-3 * row.step_us / row.step, rel=1e-4)
+    errors_found = {(row.frames, row.modes): row.static_displacement for row in rows}
+    assert errors_found[0, 6] > errors_found[1, 6] > errors_found[2, 6]
+    assert sweep(brought, target, Reporter(), store) == read_records(target)
+    assert len(tried) == 3
+
+
+def test_the_finite_element_model_is_on_record_with_its_error_and_its_time(tmp_path, store):
+    results = calculix_results(tmp_path, BEAM / "calculix" / "static_y.csv", 10e3, (0.3, 1.0))
+    small = SMALL_SWEEP.replace("[3, 6]", "[3]").replace("[1, 2]", "[1]").replace("finite_elements = []", "")
+    motion = SUDDEN.replace("duration", "seconds_per_second = 2e3\nduration")
+    text = f"{BEND}{results}results_seconds = 6.0\n{motion}{small}" + 'finite_elements = ["flexfmu"]\n'
+    scene = scene_of(tmp_path, text + "[reference]\nmodes = 6\nframes = 2\n")
+    rows = sweep(scene, tmp_path / "r.csv", Reporter(), store, fmu=False)
+    found = {(row.solver, row.case): row for row in rows if row.solver != "reduced"}
+    own, results, over_time = (found[key] for key in (("flexfmu", "bend"), ("results", "bend"), ("results", "sudden")))
+    # Rotations of the CalculiX table are fitted with equal weights.
+    assert own.static_displacement < 1e-6
+    assert own.mode_count == 3600
+    assert own.step_us < 1e3 * own.equilibrium_ms
+    assert (results.step_us, results.equilibrium_ms) == pytest.approx((3e6, 6e3))
+    assert results.static_displacement == 0.0
+    assert over_time.bare_ms_per_s == pytest.approx(2e6)
+    assert math.isnan(over_time.fmu_ratio)
+    assert len(sweep(scene, tmp_path / "r.csv", Reporter(), store, fmu=False)) == len(rows)
+
+
+def made_up(number, **values):
+    words = {"kinematics": "corotated", "loads": "deformed", "stiffness": "constant", "mass": "constant"}
+    words |= {"division": "tree", "internal_step": "exact", "body": "body", "basis": "normal"}
+    return Record("scene", modes=number, frames=2, **(words | values))
+
+
+def test_records_come_back_as_they_were_written(tmp_path):
+    kept = Records(tmp_path / "r.csv", "scene")
+    rows = [
+        made_up(1, static_displacement=0.0125, step_us=11.5, share=0.5, mode_count=3),
+        made_up(2, status="no answer", note="beyond,\nthe critical load", share=math.inf),
+    ]
+    for row in rows:
+        kept.append(row)
+    assert (tmp_path / "r.csv").read_text(encoding="utf-8").count("\n") == 3
+    again = read_records(tmp_path / "r.csv")
+    assert [row.key for row in again] == [row.key for row in rows]
+    assert again[0].static_displacement == 0.0125
+    assert math.isnan(again[0].fmu_ratio)
+    assert again[1].note == "beyond, the critical load"
+
+
+def test_records_of_another_scene_or_kind_are_left_alone(tmp_path):
+    path = tmp_path / "r.csv"
+    Records(path, "scene").append(made_up(1))
+    with pytest.raises(SceneError, match="records of another scene"):
+        Records(path, "other")
+    path.write_text("time,tip.displacement.x\n0,1\n", encoding="utf-8")
+    with pytest.raises(SceneError, match="not the records of a sweep"):
+        Records(path, "scene")
+    assert path.read_text(encoding="utf-8").startswith("time")
+
+
+# --- what it costs
+
+
+def test_a_body_is_packaged_once_for_all_its_formulations(brought, tmp_path, store, monkeypatch):
+    packaged, plain = [], fmu_cost.package_fmu
+    monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, path: packaged.append(body) or plain(body, path))
+    formulations = [Formulation(), Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)]
+    body = Workshop(brought, Reporter(), store).reduce(Reduction(BasisChoice.NORMAL, 3, 1), formulations)[0]
+    with FmuTimer(tmp_path) as timer:
+        for formulation in formulations:
+            found = timer.times(body, brought, 1e-3, formulation, StepLimits())
+            assert found["fmu_ratio"] == pytest.approx(found["fmu_us"] / found["empty_us"])
+            assert found["empty_us"] > 0.0
+        assert len(packaged) == 1
+        with pytest.raises(SimulationError, match="the FMU does not run"):
+            timer.times(body, brought, 1e-3, Formulation(stiffness=Stiffness.BY_LOAD), StepLimits())
+        # It goes on after that.
+        assert timer.times(body, brought, 1e-3, Formulation(), StepLimits())["fmu_us"] > 0.0
+
+
+def test_memory_is_that_of_the_arrays_each_counted_once(bodies):
+    model = bodies.beam(frames=2)
+    first = array_bytes(model)
+    body = model.model
+    assert first > body.joint_displacement.nbytes + body.interface_displacement.nbytes
+    # The propagator of a step length is prepared, and kept, when it is first asked for.
+    model.step(model.rest(), {"tip": [0.0, 1.0, 0.0]}, 1.25e-3)
+    assert array_bytes(model) > first
+    assert array_bytes([model, model]) == array_bytes(model)
+
+
+# --- charts
+
+
+def test_on_the_front_are_those_that_nothing_beats():
+    costs = [3.0, 1.0, 2.0, 2.0, 5.0, 4.0, math.nan, 0.5]
+    found = [0.2, 1.0, 0.5, 0.6, 0.21, 0.195, 0.0, math.inf]
+    assert pareto_front(costs, found) == [1, 2, 0, 5]
+    assert pareto_front(costs, found, margin=0.1) == [1, 2, 0]
+    assert pareto_front([], []) == []
+
+
+def test_of_models_that_are_as_good_the_plainest_is_named():
+    by_load = made_up(20, static_displacement=0.010, step_us=10.0, stiffness="by_load", mode_count=20)
+    plain = made_up(10, static_displacement=0.0102, step_us=10.2, mode_count=10)
+    dearer = made_up(3, static_displacement=0.010, step_us=12.0, mode_count=3)
+    assert plain_front([by_load, plain, dearer], "step_us", "static_displacement", 0.1, 0.03) == [plain]
+    assert plain_front([by_load, plain, dearer], "step_us", "static_displacement") == [by_load]
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    """Records of two bodies, with the finite element model and a model that has no answer."""
+    records = Records(tmp_path / "r.csv", "scene")
+    for n in range(1, 6):
+        costs = {"step_us": 10.0 * n, "fmu_ratio": 2.0 + n, "fmu_ms_per_s": 20.0 * n, "bare_ms_per_s": 10.0 * n}
+        records.append(made_up(n, static_displacement=0.1 / n, share=2.0 / n, mode_count=n, **costs))
+    records.append(made_up(9, static_displacement=0.3, step_us=60.0, fmu_ratio=9.0, limited_by="</script>"))
+    records.append(made_up(10, status="no answer"))
+    costs = {"step_us": 3e6, "fmu_ratio": 4e5, "static_displacement": 0.0, "mode_count": 3600}
+    records.append(Record("scene", "body", "flexfmu", "bend", share=0.0, **costs))
+    other = Records(tmp_path / "other.csv", "another scene")
+    other.append(made_up(1, body="other", static_displacement=0.001, step_us=900.0, fmu_ratio=100.0, share=0.1))
+    return tmp_path
+
+
+def data_of(page):
+    return json.loads(page.read_text(encoding="utf-8").split('type="application/json">')[1].split("</script>")[0])
+
+
+def test_charts_are_made_of_records_alone(drawn):
+    picture, page = drawn / "c.png", drawn / "c.html"
+    front = chart(drawn / "r.csv", picture, page)
+    assert [row.modes for row in front] == [1, 2, 3, 4, 5]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    text = page.read_text(encoding="utf-8")
+    assert text.count("</script>") == 2
+    assert "src=" not in text
+    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+    data = data_of(page)
+    assert len(data["rows"]) == 7
+    assert next(iter(data["costs"])) == "fmu_ratio"
+    assert "transient_displacement" not in data["errors"]
+    with pytest.raises(OutputError, match="expected a file name"):
+        chart(drawn / "r.csv", drawn / "c.txt")
+    (drawn / "none.csv").write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+    with pytest.raises(SceneError, match="nothing to draw"):
+        chart(drawn / "none.csv", picture)
+
+
+def test_records_of_several_bodies_share_a_chart(drawn):
+    front = chart([drawn / "r.csv", drawn / "other.csv"], drawn / "c.svg", drawn / "c.html")
+    assert [row.body for row in front] == 5 * ["body"] + ["other"]
+    assert len(data_of(drawn / "c.html")["rows"]) == 8
+
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+ASK = """
+<script>
+const filter = (name, value) => document.querySelector(`input[name="${name}"][value="${value}"]`).click();
+const told = [], tell = () => told.push([document.querySelectorAll("circle").length,
+  document.querySelectorAll("rect.dot").length,
+  [...document.querySelectorAll("#front tr")].slice(1).map((row) => row.textContent)]);
+tell();
+filter("modes", 5); filter("body", "other"); tell();
+byId("met").click(); tell();
+document.querySelector("circle").dispatchEvent(new MouseEvent("mousemove", { clientX: 9, clientY: 9 }));
+told.push(tip.innerText);
+document.body.replaceChildren(JSON.stringify(told));
+</script>
+"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on the path")
+def test_the_page_filters_finds_the_front_of_what_is_shown_and_tells_each_point(drawn):
+    page = drawn / "c.html"
+    chart([drawn / "r.csv", drawn / "other.csv"], html=page)
+    page.write_text(page.read_text(encoding="utf-8").replace("</body>", f"{ASK}</body>"), encoding="utf-8")
+    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--dump-dom"]
+    command += [f"--user-data-dir={drawn / 'profile'}", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    found = re.search(r"<body>(\[.*\])\s*</body>", done.stdout, flags=re.DOTALL)
+    assert found is not None, done.stdout[-500:]
+    everything, fewer, met, tip = json.loads(found[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
+    assert everything[:2] == [7, 1]
+    assert [line.split()[0] for line in everything[2]] == ["1", "2", "3", "4", "5", "6", "body:"]
+    assert "the reference" in everything[2][-1]
+    assert fewer[:2] == [5, 1]
+    assert len(fewer[2]) == 5
+    assert met[0] == 3
+    assert "modes: 2" in tip
+    assert "static displacement: 0.05" in tip
+
+
+def test_what_cannot_be_timed_is_said_and_the_sweep_goes_on(brought, tmp_path, store, monkeypatch):
+    def fails(*_):
+        raise SimulationError("the FMU does not run: no Python")
+
+    monkeypatch.setattr(FmuTimer, "times", fails)
+    listening = Listening()
+    rows = sweep(brought, tmp_path / "r.csv", listening, store)
+    assert all(row.status == "ok" and math.isnan(row.fmu_ratio) and "no Python" in row.note for row in rows)
+    assert listening.warnings
