@@ -34,6 +34,13 @@ def test_residual_flexibility_makes_few_modes_statically_exact(beam, modes):
     assert linear_error(beam(modes=modes, residual=True)) < 1e-6
 
 
+def test_residual_flexibility_of_one_load_is_exact_for_that_load_alone(beam):
+    one = beam(modes=2, residual=["tip.force.y"])
+    assert one.model.mode_count == 3
+    assert linear_error(one) < 1e-6
+    assert linear_error(beam(modes=2, residual=["tip.force.z"])) > 5e-4
+
+
 @pytest.mark.parametrize("modes", [2, 10])
 def test_craig_bampton_is_statically_exact(beam, modes):
     assert linear_error(beam(Basis.CRAIG_BAMPTON, modes)) < 1e-6

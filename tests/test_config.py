@@ -101,6 +101,14 @@ WRONG = {
         {"rest": "[reduction]\nmodes = [1, 4]\n[damping]\nratio = [0.1, 0.1, 0.1]"},
         ["3 values for 2 modes"],
     ),
+    "residual flexibility of no load": (
+        {"rest": '[reduction]\nresidual_flexibility = ["tip.force"]'},
+        ["residual_flexibility lists 'tip.force'", '"tip.force.x"', "interfaces: tip"],
+    ),
+    "residual flexibility that is neither": (
+        {"rest": "[reduction]\nresidual_flexibility = 3"},
+        ["reduction.residual_flexibility: found 3", "boolean", "list"],
+    ),
     "branch to nowhere": (
         {"rest": '[[branch]]\ntoward = "top"\njoints = [0.1]'},
         ["[[branch]] leads toward 'top'", "an interface: tip"],

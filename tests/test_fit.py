@@ -62,17 +62,23 @@ def test_a_body_with_some_of_its_modes_is_the_one_that_is_reduced_to_them(bodies
         np.testing.assert_allclose(*motions, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.parametrize("basis", list(BasisChoice), ids=lambda basis: basis.value)
-def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced_to(bodies, basis):
+@pytest.mark.parametrize(
+    ("basis", "residual"),
+    [*((basis, []) for basis in BasisChoice), (BasisChoice.RESIDUAL, ["tip.moment.z", "tip.force.y"])],
+    ids=["normal", "residual", "craig_bampton", "residual of two loads"],
+)
+def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced_to(bodies, basis, residual):
     config = bodies.config(BEAM)
 
     def build(modes):
         reduction = reduction_config(config, Reduction(basis, 12, 2), [Formulation(stiffness=Stiffness.BY_LOAD)])
         table = reduction.reduction.model_copy(update={"modes": modes, "inertia": True})
+        if residual and isinstance(modes, list):
+            table = table.model_copy(update={"residual_flexibility": residual})
         return reduce_body(reduction.model_copy(update={"reduction": table}), Reporter())
 
     listed = build([1, 2, 5, 6])
-    kept = subset(build(12), basis, np.array([0, 1, 4, 5]))
+    kept = subset(build(12), basis, np.array([0, 1, 4, 5]), residual)
     np.testing.assert_allclose(kept.angular_frequency, listed.angular_frequency, rtol=1e-7)
     assert listed.provenance["normal_modes"] == "1 2 5 6"
     loads = {"tip": [500.0, 3e3, 1e3, 20.0, 30.0, 40.0]}

@@ -118,7 +118,9 @@ def _reduced(
     # Forces of all interfaces, then moments.
     loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
     warping = np.zeros((len(loads), 0)) if warping is None else warping
-    modes, key = modal_basis(config.reduction, matrices, np.hstack([loads, warping]), store, report)
+    every = np.hstack([loads, warping])
+    residual = every if config.reduction.residual_flexibility is True else loads[:, config.residual_columns()]
+    modes, key = modal_basis(config.reduction, matrices, every, residual, store, report)
     _tell(modes, report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])

@@ -17,7 +17,7 @@ Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Count = Annotated[int, Field(ge=1)]
 _UNKNOWN = "unknown key; docs/file-formats.md lists the known ones"
 # What pydantic adds to the place of an error to tell the types that a key may have.
-_ALTERNATIVES = ("float", "list[float]", "str", "constrained-int", "list[constrained-int]")
+_ALTERNATIVES = ("float", "list[float]", "str", "constrained-int", "list[constrained-int]", "bool", "list[str]")
 _C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -143,7 +143,7 @@ class ReductionTable(_Table):
 
     basis: Basis = Field(default=Basis.NORMAL, strict=False)
     modes: Count | Annotated[list[Count], Field(min_length=1)] = 10
-    residual_flexibility: bool = False
+    residual_flexibility: bool | Annotated[list[str], Field(min_length=1)] = False
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
     inertia: bool | None = None
 
@@ -245,6 +245,7 @@ class BodyFile(_Table):
                 "tables (node sets)"
             )
         self._check_branches()
+        self.residual_columns()
         for kind, names in (
             ("interface", [i.name for i in self.interface]),
             ("frame", [f.name for f in self.frame]),
@@ -282,6 +283,22 @@ class BodyFile(_Table):
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {count} modes")
         return self
 
+    def residual_columns(self) -> list[int]:
+        """Places of the loads whose residual flexibility is listed, among forces of all interfaces, then moments."""
+        names = [i.name for i in self.interface]
+        listed = self.reduction.residual_flexibility
+        kinds = ("force", "moment")
+        known = [f"{name}.{kind}.{axis}" for kind in kinds for name in names for axis in ("x", "y", "z")]
+        if not isinstance(listed, list):
+            return list(range(len(known))) if listed else []
+        for name in listed:
+            if name not in known or listed.count(name) > 1:
+                raise ValueError(
+                    f"reduction.residual_flexibility lists {name!r}, expected loads of interfaces, each once, such as "
+                    f'"{known[0]}", or true for all of them; interfaces: {", ".join(names)}'
+                )
+        return sorted(known.index(name) for name in listed)
+
     def _check_branches(self) -> None:
         """Refuse branches that lead nowhere, or the same way twice."""
         ends = [*(i.name for i in self.interface), *(c.nodes for c in self.cut)]
@@ -301,6 +318,8 @@ class BodyFile(_Table):
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"two [[cut]] tables have the nodes {name!r}, expected different sections")
+        if isinstance(self.reduction.residual_flexibility, list):
+            raise ValueError("[[cut]] needs residual_flexibility of all loads: the list does not go with it")
         if self.frames == 0:
             raise ValueError("[[cut]] is for the frames' sake: it does not go with frames = 0")
         if self.free:

@@ -59,7 +59,12 @@ class Matrices:
 
 
 def modal_basis(
-    table: ReductionTable, matrices: Matrices, loads: FloatArray, store: Store, report: Reporter
+    table: ReductionTable,
+    matrices: Matrices,
+    loads: FloatArray,
+    residual: FloatArray,
+    store: Store,
+    report: Reporter,
 ) -> tuple[Modes, str]:
     """Modes of the basis that the body file asks for.
 
@@ -69,6 +74,8 @@ def modal_basis(
     matrices : Matrices
     loads : (3n, 6I) float
         Nodal forces of the interfaces' unit loads; normal modes alone do not depend on them.
+    residual : (3n, j) float
+        Those whose static response normal modes are completed by.
     store : Store
     report : Reporter
 
@@ -97,8 +104,8 @@ def modal_basis(
 
     def completed() -> Modes:
         model = matrices.supported
-        with report.stage(f"Add the static response to {loads.shape[1]} unit loads"):
-            return with_residual_flexibility(model, modes, loads)
+        with report.stage(f"Add the static response to {residual.shape[1]} unit loads"):
+            return with_residual_flexibility(model, modes, residual)
 
     if table.basis is Basis.CRAIG_BAMPTON:
         key = content_key("craig-bampton", matrices.key, numbers if few else count, loads)
@@ -111,8 +118,8 @@ def modal_basis(
     if few:
         report.note(f"kept of {count} normal modes: {', '.join(map(str, numbers))}")
         modes, key = chosen_modes(modes, chosen), content_key("chosen", key, numbers)
-    if table.residual_flexibility:
-        key = content_key("residual", key, loads)
+    if residual.shape[1]:
+        key = content_key("residual", key, residual)
         modes = _modes(store.arrays(key, "static response", report, lambda: _arrays(completed())))
     return modes, key
 

@@ -60,7 +60,7 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
         },
     }
     if reduction.residual_flexibility:
-        chosen["reduction"]["residual_flexibility"] = True
+        chosen["reduction"]["residual_flexibility"] = reduction.residual_flexibility
     for title, table in chosen.items():
         lines += ["", f"[{title}]"]
         for name, one in table.items():

@@ -167,11 +167,15 @@ def _uneven(search: Search, plenty: int, tried: list[Tried], most: int) -> None:
 
 
 def _improvable(tried: list[Tried]) -> list[Tried]:
-    """Formulations of which fewer frames would be worth having."""
-    cheap = [one for one in tried if not one.linear and one.formulation.mass is Mass.CONSTANT]
-    if any(one.enough is not None for one in cheap):
-        return cheap
-    return [one for one in tried if not one.linear]
+    """Formulations of which fewer frames would be worth having, or other ones might do."""
+    turned = [one for one in tried if not one.linear]
+    if any(one.enough is not None for one in turned):
+        return [
+            one
+            for one in turned
+            if one.enough is not None or not (one.stuck or one.formulation.mass is not Mass.CONSTANT)
+        ]
+    return turned
 
 
 def _rotation(

@@ -2,11 +2,14 @@
 
 from collections.abc import Callable, Sequence
 
-from ...errors import AccuracyError
+import numpy as np
+
+from ...errors import AccuracyError, BodyFileError
 from ...mesh.model import IntArray
 from ...runtime.reduced_body import Formulation, Mass, ReducedBody
 from ..config import BasisChoice
 from ..measure import Errors
+from ..scene import AXES, Scene
 from .frames import LADDER
 from .motion import contributions
 from .subspace import joined_numbers, normal_frequencies, pairs, subset
@@ -43,14 +46,42 @@ def modes_needed(
         choice = fewest(search, basis, formulation, frames, plenty, allowed)
         if choice is not None:
             found.append(choice)
+    loaded = loaded_inputs(search.scene)
+    if BasisChoice.RESIDUAL in search.scene.file.sweep.basis and loaded and not search.scene.config.cut:
+        choice = _fewest(search, BasisChoice.RESIDUAL, formulation, frames, plenty, allowed, loaded)
+        if choice is not None:
+            found.append(choice)
     return found
 
 
+def loaded_inputs(scene: Scene) -> tuple[str, ...]:
+    """Names of the forces and moments on interfaces that a scene has."""
+    every = [case.peak for case in scene.static]
+    every += [loads for case in scene.transient for loads in (*case.start_loads, *case.end_loads)]
+    found = []
+    for kind in ("force", "moment"):
+        used = np.any([getattr(loads, kind) != 0.0 for loads in every], axis=0)
+        found += [
+            f"{name}.{kind}.{AXES[axis]}" for i, name in enumerate(scene.names) for axis in np.flatnonzero(used[i])
+        ]
+    return tuple(found)
+
+
 def _fewest(
-    search: Search, basis: BasisChoice, formulation: Formulation, frames: int | Joints, plenty: int, allowed: float
+    search: Search,
+    basis: BasisChoice,
+    formulation: Formulation,
+    frames: int | Joints,
+    plenty: int,
+    allowed: float,
+    residual: tuple[str, ...] = (),
 ) -> Choice | None:
     """Of a body in one piece: those that move most are taken first, then whatever can be spared is left out again."""
-    body = search.body(Plan(basis, plenty, frames), [formulation])
+    try:
+        body = search.body(Plan(basis, plenty, frames), [formulation])
+    except (AccuracyError, BodyFileError):
+        # Interfaces that cannot be held one by one, for Craig-Bampton.
+        return None
     groups = mode_groups(body, basis, plenty)
     part = contributions(search.scene, body, formulation, basis)
     order = sorted(groups, key=lambda group: -float(part[group].max()))
@@ -60,7 +91,7 @@ def _fewest(
         numbers = joined_numbers(chosen)
         key = tuple(numbers.tolist())
         if key not in tried:
-            tried[key] = search.errors(subset(body, basis, numbers), formulation)
+            tried[key] = search.errors(subset(body, basis, numbers, residual), formulation)
         return tried[key].share
 
     quick = formulation.mass is Mass.CONSTANT
@@ -76,7 +107,7 @@ def _fewest(
     errors = tried[tuple(numbers.tolist())]
     lowest = int(numbers[-1]) + 1 == numbers.size
     modes = numbers.size if lowest else tuple(int(k) + 1 for k in numbers)
-    return Choice(Plan(basis, modes, frames), formulation, subset(body, basis, numbers), errors)
+    return Choice(Plan(basis, modes, frames, residual), formulation, subset(body, basis, numbers, residual), errors)
 
 
 def mode_groups(body: ReducedBody, basis: BasisChoice, plenty: int) -> list[IntArray]:
@@ -118,16 +149,21 @@ def _fewest_of_parts(
     """Of a cut body: the lowest modes of each part, which always gets residual flexibility."""
     if basis is BasisChoice.NORMAL and BasisChoice.RESIDUAL in search.scene.file.sweep.basis:
         return None
-    for count in (n for n in LADDER if n <= plenty):
+    # All of them first: each try is a reduction, and where they do not do fewer will not.
+    for count in (plenty, *(n for n in LADDER if n < plenty), plenty):
         plan = Plan(basis, count, frames)
         try:
             body = search.body(plan, [formulation])
-        except AccuracyError:
+        except (AccuracyError, BodyFileError):
+            if count == plenty:
+                return None
             continue
         found = search.errors(body, formulation)
-        if found.share <= allowed:
+        if count == plenty and found.share > allowed:
+            return None
+        if count < plenty and found.share <= allowed:
             return Choice(plan, formulation, body, found)
-    return None
+    return Choice(plan, formulation, body, found)
 
 
 def cheapest(search: Search, found: list[Choice]) -> Choice:

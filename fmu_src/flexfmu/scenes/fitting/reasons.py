@@ -16,7 +16,7 @@ from .modes import mode_groups
 from .motion import contributions, courses
 from .subspace import normal_frequencies
 from .trial import Choice, Joints, Plan, Search
-from .words import BASES, formulation_words, frames_words, short
+from .words import basis_words, formulation_words, frames_words, short
 
 # Groups of modes that a comment lists.
 _LISTED = 6
@@ -58,7 +58,7 @@ def reasons(search: Search, tried: list[Tried], found: list[Choice], best: Choic
         result["kinematics"] = f"Linear is not enough: with {plenty} modes {seen}."
         own = next(one for one in tried if one.formulation == formulation)
         where = {int: "frames", tuple: "branch"}[type(best.plan.frames)]
-        result["frame" if best.plan.frames == GIVEN else where] = _frames(own, best, plenty)
+        result["frame" if best.plan.frames == GIVEN else where] = _frames(own, best, scene, plenty)
         result["loads"] = _others([one for one in tried if one.formulation != formulation and not one.linear])
     result["basis"] = _bases([choice for choice in found if choice.formulation == formulation])
     if not scene.config.cut:
@@ -68,7 +68,7 @@ def reasons(search: Search, tried: list[Tried], found: list[Choice], best: Choic
     return result
 
 
-def _frames(own: Tried, best: Choice, plenty: int) -> str:
+def _frames(own: Tried, choice: Choice, scene: Scene, plenty: int) -> str:
     """Error by division, and the rotation that is left within frames."""
     equal = [f"{'own' if d == GIVEN else d}: {short(e.share)}" for d, e in own.shares.items() if isinstance(d, int)]
     uneven = [
@@ -79,9 +79,8 @@ def _frames(own: Tried, best: Choice, plenty: int) -> str:
     words = f"Error over tolerance by the number of frames, {plenty} modes: {', '.join(equal)} at equal levels"
     if uneven:
         words += f"; divided where the body turns, {', '.join(uneven)}"
-    elif isinstance(best.plan.frames, int):
-        words += "; fewer, divided where the body turns, there are none to try"
-    return f"{words}."
+    left = rotation_left(scene, choice)
+    return f"{words}. The material turns by {left:.2g} rad at most within a frame."
 
 
 def _others(others: list[Tried]) -> str:
@@ -99,7 +98,7 @@ def _others(others: list[Tried]) -> str:
 
 def _bases(found: list[Choice]) -> str:
     compared = ", ".join(
-        f"{BASES[c.plan.basis]} {len(c.plan.numbers)} ({c.body.mode_count} in all, {1e6 * c.cost:.3g} µs)"
+        f"{basis_words(c.plan)} {len(c.plan.numbers)} ({c.body.mode_count} in all, {1e6 * c.cost:.3g} µs)"
         for c in found
     )
     return f"Fewest modes that will do, by basis: {compared}."
@@ -122,7 +121,7 @@ def _modes(search: Search, best: Choice, found: list[Choice], plenty: int) -> st
         BasisChoice.CRAIG_BAMPTON: "the strain, since constraint modes hold what follows the interfaces",
     }[plan.basis]
     if not np.any(part[np.concatenate(groups)] > _NOTHING):
-        return "The lowest: no mode adds anything to what static shapes hold already."
+        return "Static shapes hold what follows the loads; of the modes just as many are kept as the error asks for."
     listed = ", ".join(f"{_numbers(g)}: {_percent(float(part[g].max()))}" for g in kept[:_LISTED])
     words = f"Chosen by their part in {of} (the largest over all cases): {listed}"
     words += f", and {len(kept) - _LISTED} more" if len(kept) > _LISTED else ""
@@ -137,15 +136,16 @@ def _beyond_band(scene: Scene, best: Choice, found: list[Choice], omega: np.ndar
     if scene.transient and len(bands) < len(scene.transient):
         return ""
     highest = max(bands, default=0.0)
-    where = f"above the {highest:g} Hz that count" if bands else "of a scene that holds still"
+    where = f", above the {highest:g} Hz that count," if bands else ""
     normal = next((c for c in found if c.plan.basis is BasisChoice.NORMAL), None)
     if best.plan.basis is BasisChoice.NORMAL:
         above = [n for n in best.plan.numbers if omega[n - 1] > 2.0 * np.pi * highest]
-        other = next((c for c in found if c.plan.basis is BasisChoice.RESIDUAL), None)
+        residual = [c for c in found if c.plan.basis is BasisChoice.RESIDUAL]
+        other = min(residual, key=lambda c: c.cost, default=None)
         if not above or other is None:
             return ""
         return (
-            f" {_list(above)} {where} contribute statically; residual flexibility instead would make "
+            f" {_list(above)}{where} contribute statically; residual flexibility instead would make "
             f"{other.body.mode_count} modes, {1e6 * other.cost:.3g} µs a step: not cheaper."
         )
     if best.plan.basis is BasisChoice.RESIDUAL and normal is not None:

@@ -17,7 +17,7 @@ _HELD_ALREADY = 1e-12
 _PAIR = 1e-4
 
 
-def subset(body: ReducedBody, basis: BasisChoice, chosen: IntArray) -> ReducedBody:
+def subset(body: ReducedBody, basis: BasisChoice, chosen: IntArray, residual: Sequence[str] = ()) -> ReducedBody:
     """The body as a build with only some of the normal modes makes it, in the same basis.
 
     Parameters
@@ -27,6 +27,8 @@ def subset(body: ReducedBody, basis: BasisChoice, chosen: IntArray) -> ReducedBo
     basis : BasisChoice
     chosen : (k,) int
         Normal modes (of Craig-Bampton: with the interfaces held) to keep, from 0, ascending.
+    residual : sequence of str
+        Loads by name whose residual flexibility is wanted; none: of all of them.
 
     Returns
     -------
@@ -41,6 +43,11 @@ def subset(body: ReducedBody, basis: BasisChoice, chosen: IntArray) -> ReducedBo
     elastic = squares > 0.0
     # Work of unit loads, one column a load: what residual flexibility and constraint modes answer.
     work = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1).reshape(-1, body.mode_count).T
+    if residual:
+        names = [
+            f"{name}.{kind}.{axis}" for name in body.interface_names for kind in ("force", "moment") for axis in "xyz"
+        ]
+        work = work[:, [names.index(name) for name in residual]]
     statics = np.zeros_like(work)
     statics[elastic] = work[elastic] / squares[elastic, None]
     energy = np.einsum("ij,i,ij->j", statics, squares, statics)

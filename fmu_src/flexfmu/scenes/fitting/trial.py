@@ -31,11 +31,14 @@ class Plan:
         The lowest so many normal modes, or their numbers, from 1.
     frames : int or Joints
         Equal levels, `GIVEN`, or joints of branches.
+    residual : tuple of str
+        Loads by name whose residual flexibility is wanted; none: of all, where the basis has it.
     """
 
     basis: BasisChoice
     modes: int | tuple[int, ...]
     frames: int | Joints
+    residual: tuple[str, ...] = ()
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -85,6 +88,8 @@ def plan_config(config: BodyFile, plan: Plan, formulations: list[Formulation]) -
         found = found.model_copy(update={"frames": None})
     modes = plan.modes if isinstance(plan.modes, int) else list(plan.modes)
     table = found.reduction.model_copy(update={"modes": modes})
+    if plan.residual:
+        table = table.model_copy(update={"residual_flexibility": list(plan.residual)})
     return found.model_copy(update={"branch": branch, "reduction": table})
 
 

@@ -6,13 +6,18 @@ from ...runtime.reduced_body import Formulation, Kinematics, Mass, Stiffness
 from ..candidates import GIVEN
 from ..config import BasisChoice
 from ..measure import Errors
-from .trial import Joints
+from .trial import Joints, Plan
 
 BASES = {
     BasisChoice.NORMAL: "normal",
     BasisChoice.RESIDUAL: "normal with residual flexibility",
     BasisChoice.CRAIG_BAMPTON: "Craig-Bampton",
 }
+
+
+def basis_words(plan: Plan) -> str:
+    """A basis, with the loads whose residual flexibility it has if not all of them."""
+    return BASES[plan.basis] + (f" of {', '.join(plan.residual)}" if plan.residual else "")
 
 
 def frames_words(division: int | Joints) -> str:
