@@ -1,17 +1,21 @@
 """What was found, written as a body file and an FMU, read back and measured."""
 
 import math
+import tempfile
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...config import read_body_file
 from ...fmu.package import package_fmu
+from ...runtime.body import FlexibleBody
 from ...runtime.errors import RuntimeBodyError
 from ...runtime.reduced_body import Formulation, ReducedBody
+from ...runtime.stepping import StepLimits
 from ...targets import whole_file
 from ..body_text import body_text
+from ..fmu_cost import FmuTimer
 from ..measure import Errors
 from .trial import Choice, Plan, Search, plan_config, reduced
 from .words import in_percent, short
@@ -33,6 +37,9 @@ class Fit:
         Of the search, of the file, and of the body as the user has it.
     step, given_step : float
         Time of a step of the bare model, s; not a number where the body as given has no answer.
+    fmu_step, given_fmu_step, fmu_ratio : float
+        The same through their FMUs, s, and the first of them over that of an empty FMU; not numbers where no FMU was
+        written.
     mode_count, given_mode_count, frame_count, given_frame_count : int
     reasons : dict of str to str
         By the key of the body file.
@@ -52,6 +59,9 @@ class Fit:
     given: Errors
     step: float
     given_step: float
+    fmu_step: float
+    given_fmu_step: float
+    fmu_ratio: float
     mode_count: int
     given_mode_count: int
     frame_count: int
@@ -72,15 +82,24 @@ class Fit:
         ]
         if math.isfinite(self.given_step):
             gain = self.given_step / self.step
-            words = f"{gain:.2g} times as fast" if gain >= 1.0 else f"{1.0 / gain:.2g} times as slow"
             lines.append(
                 f"As given: {short(self.given.share)} of the tolerance, "
                 f"{_counts(self.given_mode_count, self.given_frame_count)}, {1e6 * self.given_step:.3g} µs; this is "
-                f"{words}."
+                f"{_times(gain)}."
             )
+            if math.isfinite(self.fmu_step):
+                gain = self.given_fmu_step / self.fmu_step
+                lines.append(
+                    f"Through the FMU a step takes {1e6 * self.fmu_step:.3g} µs, {self.fmu_ratio:.2g} times that of an "
+                    f"empty FMU; as given {1e6 * self.given_fmu_step:.3g} µs: {_times(gain)}."
+                )
         else:
             lines.append(f"As given the body has no answer in this scene: {self.given.failure}")
         return [*lines, self.limit] if self.limit else lines
+
+
+def _times(gain: float) -> str:
+    return f"{gain:.2g} times as fast" if gain >= 1.0 else f"{1.0 / gain:.2g} times as slow"
 
 
 def _counts(modes: int, frames: int) -> str:
@@ -123,7 +142,8 @@ def deliver(
         part = files.enter_context(whole_file(target))
         part.write_text(body_text(config, target.parent, [title], reasons), encoding="utf-8")
         body = reduced(read_body_file(part), search.store)
-        result = _measured(search, best, body, reasons, limit, begun)
+        result = _measured(search, best, body, reasons, limit, fmu is not None)
+        result = replace(result, seconds=time.perf_counter() - begun)
         part.write_text(body_text(config, target.parent, [title, *result.summary], reasons), encoding="utf-8")
         if fmu is not None:
             with search.report.stage(f"Write {fmu}"):
@@ -133,7 +153,7 @@ def deliver(
 
 
 def _measured(
-    search: Search, best: Choice, body: ReducedBody, reasons: dict[str, str], limit: str, begun: float
+    search: Search, best: Choice, body: ReducedBody, reasons: dict[str, str], limit: str, through_fmu: bool
 ) -> Fit:
     """Measure a body against the scene, and its steps against those of the body as given."""
     given = None
@@ -148,6 +168,8 @@ def _measured(
         if given is not None and not given_errors.failure:
             times["given"] = min(times["given"], search.cost(given, given.formulation))
     measured = search.errors(body, best.formulation)
+    bodies = [body] if given is None or given_errors.failure else [body, given]
+    fmu_times = _through_fmu(search, bodies) if through_fmu else []
     return Fit(
         plan=best.plan,
         formulation=best.formulation,
@@ -157,12 +179,22 @@ def _measured(
         given=given_errors,
         step=times["fit"],
         given_step=times["given"] if math.isfinite(times["given"]) else math.nan,
+        fmu_step=fmu_times[0]["fmu_us"] * 1e-6 if fmu_times else math.nan,
+        given_fmu_step=fmu_times[1]["fmu_us"] * 1e-6 if len(fmu_times) > 1 else math.nan,
+        fmu_ratio=fmu_times[0]["fmu_ratio"] if fmu_times else math.nan,
         mode_count=body.mode_count,
         given_mode_count=0 if given is None else given.mode_count,
         frame_count=body.frame_count,
         given_frame_count=0 if given is None else given.frame_count,
         reasons=reasons,
         limit=limit,
-        seconds=time.perf_counter() - begun,
+        seconds=math.nan,
         tried=search.tried,
     )
+
+
+def _through_fmu(search: Search, bodies: list[ReducedBody]) -> list[dict[str, float]]:
+    """Time steps of bodies, each under its own formulation, through their FMUs."""
+    step = search.step(FlexibleBody(bodies[0]))
+    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder, FmuTimer(Path(folder)) as timer:
+        return [timer.times(body, search.scene, step, body.formulation, StepLimits()) for body in bodies]

@@ -136,9 +136,13 @@ class Search:
     def cost(self, body: ReducedBody, formulation: Formulation) -> float:
         """Fastest step, s."""
         model = FlexibleBody(lean(body, formulation))
+        return step_cost(self.scene, model, self.step(model)).fastest
+
+    def step(self, model: FlexibleBody) -> float:
+        """Step (s) at which all models are timed."""
         if self._step is None:
             self._step = communication_step(self.scene, model)
-        return step_cost(self.scene, model, self._step).fastest
+        return self._step
 
 
 def reduced(config: BodyFile, store: Store) -> ReducedBody:

@@ -1,0 +1,80 @@
+"""Fit a model to each of four scenes, and print what was found as a Markdown table: the one of docs/fit.md.
+
+Run from the repository's root: python -m demo.fit [--output FOLDER] [SCENE ...]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from demo.fit.scenes import DEMONSTRATIONS, Outcome, run
+
+from flexfmu.progress import ConsoleReporter
+from flexfmu.scenes.measure import Errors
+from flexfmu.store import Store, default_folder
+
+HEAD = (
+    "scene",
+    "as given: modes, frames",
+    "found: modes, frames, formulation",
+    "error / tolerance, expected",
+    "against CalculiX",
+    "as given",
+    "step, µs: given, found",
+    "through the FMU, µs",
+    "search, s",
+)
+
+
+def in_percent(found: Errors) -> str:
+    """Largest relative errors."""
+    statics = found.static_displacement, found.static_rotation
+    motion = found.transient_displacement, found.transient_rotation
+    u, r = statics if not np.isnan(statics[0]) else motion
+    return f"{100.0 * u:.2g} %, {100.0 * r:.2g} %"
+
+
+def row(title: str, outcome: Outcome) -> list[str]:
+    """A row of the table."""
+    fit, toe = outcome.fit, ["", ""]
+    if not np.isnan(outcome.toe):
+        toe = [f", toe {outcome.toe:.2g}°", f", toe {outcome.given_toe:.2g}°"]
+    words = [fit.formulation.kinematics.value]
+    if fit.frame_count:
+        words.append(f"loads {fit.formulation.loads.value}")
+    if fit.formulation.stiffness.value != "constant":
+        words.append(fit.formulation.stiffness.value)
+    return [
+        title,
+        f"{fit.given_mode_count}, {fit.given_frame_count}",
+        f"**{fit.mode_count}, {fit.frame_count}**, {', '.join(words)}",
+        f"{fit.measured.share:.2f}",
+        f"**{outcome.calculix.share:.2f}** ({in_percent(outcome.calculix)}{toe[0]})",
+        f"{outcome.given.share:.2f} ({in_percent(outcome.given)}{toe[1]})",
+        f"{1e6 * fit.given_step:.3g}, **{1e6 * fit.step:.3g}**: {fit.given_step / fit.step:.2g} ×",
+        f"{1e6 * fit.given_fmu_step:.3g}, {1e6 * fit.fmu_step:.3g}",
+        f"{fit.seconds:.0f}",
+    ]
+
+
+def main(folder: Path, names: list[str]) -> None:
+    """Fit, and print the table."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for name in names or list(DEMONSTRATIONS):
+        outcome, target = run(name, folder, ConsoleReporter(), Store(default_folder()))
+        print("\n".join([f"{target}", *outcome.fit.summary]), flush=True)
+        rows.append(row(DEMONSTRATIONS[name].title, outcome))
+    print("\n| " + " | ".join(HEAD) + " |\n" + "|---" * len(HEAD) + "|")
+    for cells in rows:
+        print("| " + " | ".join(cells) + " |")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=Path("output/fit"))
+    parser.add_argument("scenes", nargs="*", choices=[[], *DEMONSTRATIONS], default=[])
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.scenes)
