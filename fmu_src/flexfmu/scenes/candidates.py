@@ -165,7 +165,9 @@ def _frame_count(config: BodyFile, frames: int) -> int:
 def is_exact(config: BodyFile, formulation: Formulation) -> bool:
     """Whether no load depends on the motion, so that a step of any length is exact."""
     plain = formulation.stiffness is Stiffness.CONSTANT and formulation.mass is Mass.CONSTANT
-    return plain and formulation.loads is LoadPlacement.REFERENCE and not config.cut
+    # What joins the parts of a cut body follows its frames, where they turn.
+    joined = bool(config.cut) and formulation.kinematics is not Kinematics.LINEAR
+    return plain and formulation.loads is LoadPlacement.REFERENCE and not joined
 
 
 def _reduction_key(reduction: Reduction) -> tuple[int, int, str]:

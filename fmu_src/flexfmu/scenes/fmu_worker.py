@@ -9,13 +9,12 @@ import math
 import os
 import statistics
 import sys
-import time
 from typing import Any
 
 import fmpy
 from fmpy.fmi2 import FMU2Slave
 
-from .pace import BLOCK_TIME, calm_blocks
+from .pace import BLOCK_TIME, Clock, calm_blocks
 
 MARK = "RESULT "
 SHORTEST_STEPS, LONGEST_STEPS = 10, 300
@@ -59,12 +58,12 @@ class Driven:
     def run(self, rows: list[list[float]], step: float) -> float:
         """Time (s) of setting all inputs, stepping and getting all outputs, once for each row."""
         slave, references, outputs = self.slave, self.input_references, self.outputs
-        start = time.perf_counter()
+        clock = Clock()
         for number, row in enumerate(rows):
             slave.setReal(references, row)
             slave.doStep(currentCommunicationPoint=number * step, communicationStepSize=step)
             slave.getReal(outputs)
-        return time.perf_counter() - start
+        return clock.elapsed()
 
 
 def timed(

@@ -18,7 +18,7 @@ from ..runtime.body import FlexibleBody
 from ..runtime.errors import RuntimeBodyError
 from ..runtime.loads import Loads
 from .config import AcceptedTable
-from .pace import BLOCK_TIME, calm_blocks
+from .pace import BLOCK_TIME, Clock, calm_blocks
 from .reference import Reference, follow
 from .scene import Scene, StaticCase, TransientCase
 
@@ -283,13 +283,12 @@ def step_cost(scene: Scene, model: FlexibleBody, step: float) -> StepCost:
     piece = piece[: max(_SHORTEST_STEPS, affordable)]
 
     def block() -> tuple[float, float]:
-        state, iterations = model.rest(), 0
-        start = time.perf_counter()
+        state, iterations, clock = model.rest(), 0, Clock()
         for inputs in piece:
             state, work = model.step_packed(state, inputs, step)
             model.motion(state)
             iterations += work.iterations
-        return (time.perf_counter() - start) / len(piece), iterations / len(piece)
+        return clock.elapsed() / len(piece), iterations / len(piece)
 
     done = calm_blocks(block)
     times = [took for _, (took, _) in done]
@@ -321,9 +320,9 @@ def equilibrium_time(scene: Scene, model: FlexibleBody) -> float:
     loads = _on_interfaces(scene, model, case.peak.scaled(case.factors[-1]))
     times = []
     for _ in range(_EQUILIBRIA):
-        start = time.perf_counter()
+        clock = Clock()
         model.static(loads)
-        times.append(time.perf_counter() - start)
+        times.append(clock.elapsed())
     return min(times)
 
 

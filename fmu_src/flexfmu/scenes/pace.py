@@ -1,6 +1,7 @@
 """Timing on a machine that does other things too: blocks of work, of which those count that met it calm."""
 
 import math
+import sys
 import time
 from collections.abc import Callable
 from typing import TypeVar
@@ -12,7 +13,7 @@ T = TypeVar("T")
 # A fixed piece of work is done so many times to see how busy the machine is; up to such a slowdown it counts as calm.
 _WORK, _CALM = 150, 1.25
 # Where it is not, blocks are repeated up to so many, with pauses (s).
-_MOST_BLOCKS, _PAUSE = 40, 0.02
+_MOST_BLOCKS, _PAUSE = 16, 0.02
 # Long blocks are not repeated once they have taken this long (s), if there are at least so many.
 _LONG, _FEWEST_BLOCKS = 2.0, 3
 
@@ -20,6 +21,20 @@ BLOCKS = 7
 """Blocks that count."""
 BLOCK_TIME = 0.02
 """Time that a block may take, s, if that is enough for a few steps."""
+
+
+class Clock:
+    """Time of a piece of work that neither waits nor has threads, without what other programs took of the processor."""
+
+    def __init__(self) -> None:
+        self._own = time.thread_time()
+        self._wall = time.perf_counter()
+
+    def elapsed(self) -> float:
+        """Time since the clock was made, s."""
+        wall = time.perf_counter() - self._wall
+        # Windows counts a thread's time in ticks that are much too long.
+        return wall if sys.platform == "win32" else min(wall, time.thread_time() - self._own)
 
 
 class Pace:
@@ -59,8 +74,11 @@ def calm_blocks(block: Callable[[], T]) -> list[tuple[float, T]]:
     begun = time.perf_counter()
     for _ in range(_MOST_BLOCKS):
         before = _PACE.slowdown()
+        wall, own = time.perf_counter(), time.thread_time()
         told = block()
-        done.append((max(before, _PACE.slowdown()), told))
+        wall, own = time.perf_counter() - wall, time.thread_time() - own
+        shared = wall / own if own > 0.0 else 1.0
+        done.append((max(before, shared, _PACE.slowdown()), told))
         calm = sum(busy <= _CALM for busy, _ in done)
         if calm >= BLOCKS or (len(done) >= _FEWEST_BLOCKS and time.perf_counter() - begun > _LONG):
             break
