@@ -15,6 +15,7 @@ from .exchange import EnergyCount, counted
 from .growth import FED, GrowthWatch, fed
 from .layout import Wiring
 from .participants import Participant
+from .resolution import ResolutionWatch
 from .results import CREATED_ENERGY, ITERATIONS, SUFFIXES, Result, write_result
 from .schemes import Point, Stage, scheme
 from .wiring import wire
@@ -116,6 +117,7 @@ def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
     advance, said, rounds = scheme(stage, settings), clock.monotonic(), 0
     energies, odd = EnergyCount(0.0, 0.0, 0.0), set[str]()
     growth = GrowthWatch(report.warning, settings.scheme is Scheme.ITERATED)
+    resolution = ResolutionWatch(stage.wiring, report.warning)
     try:
         while point.number < settings.steps:
             point = advance(point)
@@ -126,6 +128,7 @@ def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
                 _warn_of_stiff_springs(stage, point, report)
             if point.number % coupling.output.every == 0 or point.number == settings.steps:
                 recorder.take(point.number * settings.step, point.iterations, energies.created)
+            resolution.look(point.signals, point.number * settings.step)
             if (runaway := growth.look(energies, point.number * settings.step)) is not None:
                 raise SimulationError(runaway)
             if clock.monotonic() - said > _PAUSE:

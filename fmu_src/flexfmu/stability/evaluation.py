@@ -24,8 +24,8 @@ _VARIANTS = (
     ("explicit", Evaluation.EXPLICIT, 1.0),
     ("implicit", Evaluation.IMPLICIT, 1.0),
 )
-# The reference's internal error, against 1e-4 of what it judges.
-_TOLERANCE = 1e-6
+# The reference's internal error, against 1e-4 of what it judges, and its steps.
+_TOLERANCE, _FINER = 1e-6, 4
 
 
 def reason_against(subject: Subject) -> str | None:
@@ -84,7 +84,7 @@ def _truth(
     subject: Subject, body: ReducedBody, placement: LoadPlacement, damping: float, inputs: FloatArray, reader: int
 ) -> FloatArray | None:
     """Displacement (n, 3) of an interface at as many points a period as all numbers of steps divide."""
-    finest = int(np.lcm.reduce(subject.table.steps_per_period))
+    finest = _FINER * int(np.lcm.reduce(subject.table.steps_per_period))
     formulation = Formulation(Kinematics.COROTATED, placement)
     model = FlexibleBody(body, formulation, damping, StepLimits(tolerance=_TOLERANCE))
     state, points = model.rest(), []

@@ -77,14 +77,12 @@ def _draw(kind: Map, rows: Sequence[Run], target: Path) -> None:
     figure, grid = plt.subplots(lines, columns, figsize=(width, height), squeeze=False, layout="constrained")
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
-    for number, (axes, panel) in enumerate(zip(grid.flat, panels, strict=False)):
+    for axes, panel in zip(grid.flat, panels, strict=False):
         _panel(axes, [run for run in rows if run.panel == panel], named)
         if len(panels) > 1:
             axes.set_title(panel, fontsize="small")
-        if number >= len(panels) - columns:
-            axes.set_xlabel(_AXES[kind][0], fontsize="small")
-        if number % columns == 0:
-            axes.set_ylabel(_AXES[kind][1], fontsize="small")
+    figure.supxlabel(_AXES[kind][0], fontsize="small")
+    figure.supylabel(_AXES[kind][1], fontsize="small")
     found = {run.verdict for run in rows}
     handles = [
         Patch(facecolor=colour, hatch=hatch, edgecolor="0.3", linewidth=0.5, label=words)
@@ -127,4 +125,4 @@ def _words(error: float) -> str:
     percent = 100.0 * error
     if not percent < 1000.0:
         return ">999"
-    return f"{percent:.0f}" if percent >= 10.0 else f"{percent:.1g}"
+    return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}" if percent >= 0.001 else "0"

@@ -25,6 +25,20 @@ _REFERENCE_MODES, _REFERENCE_FRAMES = 20, 16
 _ROUND_OFF = 1e-6
 
 
+class _Quiet(Reporter):
+    """Passes warnings on, once each."""
+
+    def __init__(self, report: Reporter):
+        self._report = report
+        self._said: set[str] = set()
+
+    def warning(self, text: str) -> None:
+        """Pass it on."""
+        if text not in self._said:
+            self._said.add(text)
+            self._report.warning(text)
+
+
 @dataclass(frozen=True, slots=True)
 class Subject:
     """A body and a scene.
@@ -36,6 +50,8 @@ class Subject:
     digest : str
     store : Store
     report : Reporter
+    quiet : Reporter
+        For the many reductions: warnings only.
     """
 
     config: BodyFile
@@ -43,6 +59,7 @@ class Subject:
     digest: str
     store: Store
     report: Reporter
+    quiet: Reporter
 
     @property
     def table(self) -> StabilityTable:
@@ -66,7 +83,7 @@ class Subject:
                 kinematics=f.kinematics, loads=f.loads, stiffness=f.stiffness, mass=f.mass, division=f.division
             )
         update["reduction"] = self.config.reduction.model_copy(update=changes)
-        return reduce_body(self.config.model_copy(update=update), self.report, self.store)
+        return reduce_body(self.config.model_copy(update=update), self.quiet, self.store)
 
     def reference(self) -> FlexibleBody:
         """The finest body: many modes with residual flexibility, many frames, stiffness by load."""
@@ -138,7 +155,7 @@ def read_subject(body: Path, scene: Path, report: Reporter, store: Store) -> Sub
     varied |= {"mass_ratios", "stiffness_ratios", "coupling_steps_per_period"}
     digest.update(file.stability.model_dump_json(exclude=varied).encode())
     digest.update(repr([(case.name, case.loads) for case in file.static[:1]]).encode())
-    return Subject(config, file, digest.hexdigest()[:12], store, report)
+    return Subject(config, file, digest.hexdigest()[:12], store, report, _Quiet(report))
 
 
 def linear_response(body: ReducedBody, inputs: FloatArray) -> FloatArray:
