@@ -308,7 +308,10 @@ class _Picture:
         low, high = axes.get_ylim()
         strip.set_xscale("log")
         strip.set_yscale("log")
-        strip.set_xlim(min(costs) / 2.5, max(costs) * 2.5)
+        # Whole decades, so that one at least is told.
+        strip.set_xlim(
+            *(10.0 ** round_(math.log10(x)) for round_, x in ((math.floor, min(costs)), (math.ceil, max(costs))))
+        )
         strip.set_ylim(low, high)
         for row, cost in zip(whole, costs, strict=True):
             value = max(100.0 * getattr(row, quantity), low)

@@ -301,15 +301,16 @@ def plain_front(
         Cheapest first.
     """
     costs, errors = ([getattr(row, name) for row in rows] for name in (cost, error))
-    members = []
+    members: dict[Record, None] = {}
     for k in pareto_front(costs, errors, margin):
         as_good = [
             n
             for n in range(len(rows))
             if costs[n] <= (1.0 + same_cost) * costs[k] and errors[n] <= errors[k] / (1.0 - margin)
         ]
-        members.append(rows[min(as_good, key=lambda n: (rows[n].plainness, costs[n]))])
-    return members
+        # One may stand for two.
+        members[rows[min(as_good, key=lambda n: (rows[n].plainness, costs[n]))]] = None
+    return list(members)
 
 
 def pareto_front(costs: Sequence[float], errors: Sequence[float], margin: float = 0.0) -> list[int]:
