@@ -167,7 +167,7 @@ def _numbers(group: np.ndarray) -> str:
 
 
 def _percent(part: float) -> str:
-    return f"{100.0 * part:.2g} %" if part > _NOTHING else "nothing"
+    return f"{100.0 * part:.{2 if part < 0.995 else 3}g} %" if part > _NOTHING else "nothing"
 
 
 def rotation_left(scene: Scene, choice: Choice) -> float:
