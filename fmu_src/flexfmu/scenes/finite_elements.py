@@ -3,6 +3,7 @@
 import math
 import statistics
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from ..progress import Reporter
 from . import calculix
@@ -60,11 +61,8 @@ def finite_element_records(
         found = _solve(case, solver, known[case.name], scene, whole, report)
         if found is not None:
             errors = equilibria_errors(scene, case, found.motion, known[case.name])
-            yield _timed(
-                plain,
-                solver.value,
-                case.name,
-                found.seconds / found.increments,
+            yield replace(
+                _timed(plain, solver.value, case.name, found.seconds / found.increments),
                 equilibrium_ms=1e3 * found.seconds,
                 iterations=found.iterations / found.increments,
                 mode_count=whole.size,
@@ -103,11 +101,8 @@ def _of_results(plain: Record, case: StaticCase, known: Reference) -> Record:
     """The run that made what the user brings: as many equilibria as it has rows."""
     assert case.results_seconds is not None
     seconds = case.results_seconds
-    return _timed(
-        plain,
-        BROUGHT,
-        case.name,
-        seconds / known.equilibria,
+    return replace(
+        _timed(plain, BROUGHT, case.name, seconds / known.equilibria),
         equilibrium_ms=1e3 * seconds,
         note=f"{known.equilibria} equilibria in {seconds:.3g} s",
         static_displacement=0.0,
@@ -117,35 +112,25 @@ def _of_results(plain: Record, case: StaticCase, known: Reference) -> Record:
 
 def _of_motion(plain: Record, case: TransientCase) -> Record:
     assert case.seconds_per_second is not None
-    return _timed(
-        plain,
-        BROUGHT,
-        case.name,
-        case.seconds_per_second * plain.step,
+    return replace(
+        _timed(plain, BROUGHT, case.name, case.seconds_per_second * plain.step),
         note=f"{case.seconds_per_second:.3g} s per simulated second",
         transient_displacement=0.0,
         share=0.0,
     )
 
 
-def _timed(plain: Record, solver: str, case: str, seconds: float, **words: float | int | str) -> Record:
+def _timed(plain: Record, solver: str, case: str, seconds: float) -> Record:
     """Record of what takes so many seconds where a reduced model takes a step."""
-    per_second = 1e3 * seconds / plain.step
-    costs: dict[str, object] = {
-        "step_us": 1e6 * seconds,
-        "step_us_median": 1e6 * seconds,
-        "bare_ms_per_s": per_second,
-        "fmu_ms_per_s": per_second,
-        "fmu_us": 1e6 * seconds,
-        "fmu_ratio": 1e6 * seconds / plain.empty_us,
-    }
-    return Record(
-        plain.scene,
-        plain.body,
-        solver,
-        case,
-        step=plain.step,
-        empty_us=plain.empty_us,
-        **costs,  # type: ignore[arg-type]
-        **words,  # type: ignore[arg-type]
+    per_second, us = 1e3 * seconds / plain.step, 1e6 * seconds
+    return replace(
+        plain,
+        solver=solver,
+        case=case,
+        step_us=us,
+        step_us_median=us,
+        fmu_us=us,
+        bare_ms_per_s=per_second,
+        fmu_ms_per_s=per_second,
+        fmu_ratio=us / plain.empty_us,
     )

@@ -13,7 +13,7 @@ T = TypeVar("T")
 # A fixed piece of work is done so many times to see how busy the machine is; up to such a slowdown it counts as calm.
 _WORK, _CALM = 150, 1.25
 # Where it is not, blocks are repeated up to so many, with pauses (s).
-_MOST_BLOCKS, _PAUSE = 16, 0.02
+_MOST_BLOCKS, _PAUSE = 9, 0.01
 # Long blocks are not repeated once they have taken this long (s), if there are at least so many.
 _LONG, _FEWEST_BLOCKS = 2.0, 3
 
