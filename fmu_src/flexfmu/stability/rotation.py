@@ -45,14 +45,13 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     angles = [a for a in subject.table.angles if not subject.config.cut or a <= _CUT]
     truth = {a: _static(finest, np.radians(a) * pattern, reader) for a in angles}
     least = 1 if subject.config.cut else 0
-    own = [-1] if subject.config.cut and subject.config.frame else []
-    for frames in (least, *(n for n in subject.table.frames if n > least), *own):
+    for frames in (least, *(n for n in subject.table.frames if n > least)):
         rows = [("linear", _LINEAR)] if frames == least else []
-        rows += [("own frames" if frames < 0 else f"{frames} × corotated", Formulation())] if frames else []
+        rows += [(f"{frames} × corotated", Formulation())] if frames else []
         keys = [subject.blank(Map.ROTATION, "frames", f"{a:g}", label) for label, _ in rows for a in angles]
         if all(run.key in done for run in keys):
             continue
-        body = subject.reduced(**({} if frames < 0 else {"frames": frames or None}), formulation=rows[-1][1])
+        body = subject.reduced(frames=frames or None, formulation=rows[-1][1])
         with Aboard(body) as aboard:
             for label, formulation in rows:
                 for run in keys:

@@ -1,0 +1,166 @@
+"""Across each boundary of buckling and rotation: right and silent on this side, warned or refused on the other."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bodies import COROTATED, COROTATED_REFERENCE, LINEAR, Beam, beam_body
+from flexfmu.build import reduce_body
+from flexfmu.config import read_body_file
+from flexfmu.progress import Reporter
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.buckling import BY_FRAMES, BY_INTERFACES, BY_LOAD
+from flexfmu.runtime.errors import EquilibriumError
+from flexfmu.runtime.reduced_body import Kinematics
+from flexfmu.stability.slave import Aboard, Told
+
+BEAM = Beam()
+SIDE = 10.0
+STATIC = {"initialization": "static"}
+DEMO = Path(__file__).parents[1] / "demo"
+
+
+def column(press):
+    """Tip deflection of the clamped column under an axial press and SIDE, in closed form (Timoshenko and Gere)."""
+    u = BEAM.length * np.sqrt(press / BEAM.bending_stiffness)
+    return SIDE * BEAM.length / press * (np.tan(u) / u - 1.0)
+
+
+def pressed(body, share):
+    inputs = np.zeros(6)
+    inputs[:2] = -share * BEAM.critical_load, SIDE
+    with Aboard(body) as aboard:
+        return Told(aboard, STATIC, inputs)
+
+
+@pytest.mark.parametrize(
+    ("frames", "formulation", "right", "wrong"),
+    [
+        (0, LINEAR, 0.07, 0.3),
+        (2, LINEAR, 0.07, 0.3),
+        (4, COROTATED_REFERENCE, 0.07, 0.3),
+        (1, COROTATED, 0.2, 0.7),
+        (2, COROTATED, 0.5, 0.93),
+        (4, COROTATED, 0.7, 0.93),
+    ],
+)
+def test_a_column_is_right_until_the_fmu_says_that_stiffness_is_missed(frames, formulation, right, wrong):
+    body = beam_body(frames, modes=6, formulation=formulation)
+    below, above = pressed(body, right), pressed(body, wrong)
+    assert below.motion()[0, 0, 1] == pytest.approx(column(right * BEAM.critical_load), rel=0.1)
+    assert not below.warned
+    assert below.words == ""
+    assert above.motion()[0, 0, 1] != pytest.approx(column(wrong * BEAM.critical_load), rel=0.1)
+    assert above.warned
+    assert "the formulation misses what the loads do to the stiffness" in above.words
+    assert "tip.force.x" in above.words
+    assert above.real("diagnostics.stiffness_missed") > 0.1 > below.real("diagnostics.stiffness_missed")
+
+
+def test_a_linear_column_beyond_eulers_load_says_so():
+    above = pressed(beam_body(4, formulation=LINEAR), 1.3)
+    assert "beyond the critical load" in above.words
+    assert above.real("diagnostics.stiffness_missed") == 1.0
+
+
+def test_a_column_beyond_its_critical_load_is_refused_where_the_formulation_knows():
+    # Straight, since it is not pushed aside: there is a stable equilibrium below, and none above.
+    body = FlexibleBody(beam_body(8, formulation=COROTATED))
+    body.static({"tip": [-0.97 * BEAM.critical_load, 0.0, 0.0]})
+    with pytest.raises(EquilibriumError, match="critical load"):
+        body.static({"tip": [-1.05 * BEAM.critical_load, 0.0, 0.0]})
+
+
+def test_a_static_start_beyond_a_limit_fails_where_it_is_to_end_the_simulation():
+    body = beam_body(4, formulation=LINEAR)
+    inputs = np.array([-0.5 * BEAM.critical_load, 0.0, 0.0, 0.0, 0.0, 0.0])
+    with Aboard(body) as aboard:
+        assert Told(aboard, {**STATIC, "watch.stiffness_missed.on_limit": "terminate"}, inputs).refused
+        assert not Told(aboard, STATIC, inputs).refused
+
+
+@pytest.mark.parametrize(("frames", "source"), [(0, BY_INTERFACES), (4, BY_FRAMES)])
+def test_the_second_opinion_knows_eulers_load(frames, source):
+    judge = FlexibleBody(beam_body(frames, modes=8), LINEAR).judge
+    assert judge.source == source
+    load = np.array([-BEAM.critical_load, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert judge.margin(0.9 * load) > 0.0
+    assert judge.margin(1.1 * load) < 0.0
+    # The bound that costs nothing never hides what is there.
+    for share in (0.01, 0.05, 0.1, 0.5):
+        assert judge.may_exceed(share * load, 0.1) or judge.error(share * load) <= 0.1
+
+
+def test_geometric_stiffness_aboard_is_the_second_opinion_of_the_demo_beam():
+    config = read_body_file(DEMO / "clamped_beam" / "body.toml")
+    reduction = config.reduction.model_copy(update={"geometric_stiffness": ["by_load"]})
+    body = reduce_body(config.model_copy(update={"reduction": reduction}), Reporter())
+    judge = FlexibleBody(body, LINEAR).judge
+    assert judge.source == BY_LOAD
+    lines = (DEMO / "clamped_beam" / "calculix" / "buckling.csv").read_text(encoding="utf-8").splitlines()
+    critical = next(float(line.split(",")[1]) for line in lines if line.startswith("1,"))
+    load = np.zeros(6)
+    load[0] = -1.0
+    assert judge.margin(critical * load) == pytest.approx(0.0, abs=5e-3)
+    # A linear body is as wrong as what it misses: x of the critical load, x of the deflection.
+    assert judge.error(0.3 * critical * load) == pytest.approx(0.3, rel=0.01)
+
+
+def turned(body, angle):
+    """Static start under the end moment that bends the beam into an arc of an angle (rad)."""
+    inputs = np.zeros(6)
+    inputs[5] = BEAM.bending_stiffness * angle / BEAM.length
+    with Aboard(body) as aboard:
+        return Told(aboard, {**STATIC, "watch.stiffness_missed.limit": 0.0}, inputs)
+
+
+@pytest.mark.parametrize(("frames", "right", "beyond"), [(0, 10, 45), (1, 35, 100), (2, 80, 150)])
+def test_an_arc_is_right_until_the_fmu_says_that_material_turns_too_far_within_a_frame(frames, right, beyond):
+    body = beam_body(frames, modes=8, formulation=COROTATED if frames else LINEAR)
+    for angle, warned in ((np.radians(right), False), (np.radians(beyond), True)):
+        told = turned(body, angle)
+        radius = BEAM.length / angle
+        arc = np.array([radius * np.sin(angle) - BEAM.length, radius * (1.0 - np.cos(angle)), 0.0])
+        error = np.linalg.norm(told.motion()[0, 0] - arc) / np.linalg.norm(arc)
+        assert told.warned == warned
+        assert error < 0.1 or warned
+    assert "within" in told.words
+    assert ("frames" if frames else "corotated") in told.words
+
+
+def test_what_was_seen_is_part_of_the_state():
+    body = replace(beam_body(3, modes=3), formulation=LINEAR)
+    inputs = np.array([-0.5 * BEAM.critical_load, SIDE, 0.0, 0.0, 0.0, 0.0])
+    with Aboard(body) as aboard:
+        told = Told(aboard, {}, inputs)
+        kept = told._slave._get_fmu_state()
+        assert told.step(1e-3)
+        lines = len(told._slave._get_log_queue())
+        assert lines == 1
+        told._slave._set_fmu_state(kept)
+        assert not told.warned
+        assert told.step(1e-3)
+        assert len(told._slave._get_log_queue()) == 2 * lines
+
+
+def test_kinematics_that_are_wrong_by_the_angle_are_watched_more_closely():
+    body = beam_body(1, modes=6)
+    inputs = np.zeros(6)
+    inputs[5] = BEAM.bending_stiffness * np.radians(30.0)
+    with Aboard(body) as aboard:
+        found = {
+            kind: Told(
+                aboard,
+                {**STATIC, "formulation.kinematics": kind.value, "formulation.loads": "reference"},
+                inputs,
+            ).warned
+            for kind in Kinematics
+        }
+    assert found == {
+        Kinematics.LINEAR: True,
+        Kinematics.LITERAL: True,
+        Kinematics.SECANT: False,
+        Kinematics.COROTATED: False,
+    }
