@@ -10,8 +10,8 @@ from .layout import Wiring
 
 FloatArray = NDArray[np.float64]
 
-# Steps a period of the motion below which an iterated coupling is off by some ten per cent within a few periods.
-_STEPS_PER_PERIOD = 17.0
+# Phase, rad, by which the motion may lag: an error of some 8 % of it, rms, until then.
+_PHASE = 0.2
 # Steps before anything is said: what a start makes jump has to be small against what follows.
 _FEWEST = 24
 
@@ -20,7 +20,8 @@ class ResolutionWatch:
     """Adds up how far the ends of springs move, and how sharply they turn from step to step.
 
     Of a vibration the second difference is (ωh)² times its amplitude: its rms over that of the motion tells ωh of what
-    the motion is made of, however fast a stiff spring may ring beside it.
+    the motion is made of, however fast a stiff spring may ring beside it. With the mean of its force held over each
+    step, a spring's vibration lags by (ωh)³/12 a step.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class ResolutionWatch:
         self._count, self._said = 0, False
         # Of displacement and rotation of each end: sums of motion, of its square, and of the turns' square.
         self._sum, self._square = np.zeros((ends, 2, 3)), np.zeros((ends, 2))
-        self._sharp = np.zeros((ends, 2))
+        self._sharp, self._largest = np.zeros((ends, 2)), np.zeros((ends, 2))
 
     def look(self, signals: FloatArray, time: float) -> None:
         """Look at a step's end.
@@ -60,15 +61,20 @@ class ResolutionWatch:
         if self._count < _FEWEST:
             return
         # About its mean: where the body hangs still under a load says nothing of how it vibrates.
-        moved = self._square - np.sum(self._sum**2, axis=2) / self._count
+        mean = self._sum / self._count
+        moved = self._square - self._count * np.sum(mean**2, axis=2)
+        self._largest = np.maximum(self._largest, np.sum((motion - mean) ** 2, axis=2))
         # Next to the end that moves farthest what others do is no matter.
-        moved = np.maximum(moved, np.max(moved, axis=0))
-        ratio = np.divide(self._sharp, moved, out=np.zeros_like(moved), where=moved > 0.0)
-        worst, kind = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-        steps = 2.0 * math.pi / float(ratio[worst, kind]) ** 0.25 if ratio[worst, kind] > 0.0 else math.inf
-        if steps < _STEPS_PER_PERIOD:
+        moved, largest = np.maximum(moved, np.max(moved, axis=0)), np.max(self._largest, axis=0)
+        angle = np.divide(self._sharp, moved, out=np.zeros_like(moved), where=moved > 0.0) ** 0.25
+        # Steps at full amplitude: what has died away lags no more.
+        full = np.minimum(np.divide(2.0 * moved, largest, out=np.zeros_like(moved), where=largest > 0.0), self._count)
+        phase = full * angle**3 / 12.0
+        worst, kind = np.unravel_index(int(np.argmax(phase)), phase.shape)
+        if phase[worst, kind] > _PHASE:
             self._said = True
+            steps = 2.0 * math.pi / angle[worst, kind]
             self._warn(
-                f"the step does not resolve the motion of {self._wiring.ends.names[worst]}: by {time:.6g} s it takes "
-                f"{steps:.3g} steps a period, expected {_STEPS_PER_PERIOD:g} or more: take a shorter step"
+                f"the step does not resolve the motion of {self._wiring.ends.names[worst]}: with {steps:.3g} steps a "
+                f"period it lags by some {phase[worst, kind]:.2g} rad at {time:.6g} s: take a shorter step"
             )
