@@ -33,12 +33,14 @@ _SEPARATE = "tab:orange"
 # Kinematics for comparison, beside the frames' own colours.
 _OTHERS = {"literal": "tab:red", "secant": "tab:pink"}
 # Shades of the frames, one map a body.
-_MAPS = ("viridis", "autumn", "cool")
+_MAPS = ("viridis", "cool", "autumn")
 _STARS = {"flexfmu": "*", "calculix": "P", "results": "X"}
 # Panels, inches: with and without the strip for the finite element model.
 _WIDTH, _STRIP, _HEIGHT = 5.6, 0.9, 3.6
 # Axes of less than so many times their start: two decades nearly, and less than one.
 _FEW, _SHORT = 60.0, 6.0
+# Names of the front that are longer, in characters, are set smaller.
+_LONG_LINE = 95
 QUANTITIES = {
     "static_displacement": "static displacement error",
     "transient_displacement": "displacement error over time, rms",
@@ -99,7 +101,8 @@ def chart(
     check_targets(paths, picture, html)
     every = [row for path in paths for row in read_records(path) if row.status == "ok"]
     rows = [row for row in every if row.solver == REDUCED]
-    whole = [row for row in every if row.solver != REDUCED]
+    # Of descriptions of the same body one will do.
+    whole = list({(row.solver, row.case): row for row in reversed(every) if row.solver != REDUCED}.values())[::-1]
     if not rows:
         raise SceneError(f"{', '.join(map(str, paths))}: no record with an answer, nothing to draw")
     title = title or f"{', '.join(_bodies(rows))}: {len(rows)} models"
@@ -193,7 +196,7 @@ class _Picture:
         names = {quantity: self._names(members, quantity) for quantity, members in fronts.items()}
         handles = self._handles()
         width = (_WIDTH + _STRIP) * len(fronts)
-        columns = 6 if len(fronts) > 1 else 3
+        columns = (5 if len(self._bodies) > 1 else 6) if len(fronts) > 1 else 3
         below = 0.125 * max(len(lines) for lines in names.values()) + 0.15
         above = 0.42 + 0.17 * math.ceil(len(handles) / columns) + 0.4
         height = _HEIGHT + below + above + 0.45
@@ -203,7 +206,8 @@ class _Picture:
             bottom, tall = (below + 0.45) / height, _HEIGHT / height
             self._panel(figure, quantity, members, (left, bottom, 0.87 / len(fronts), tall))
             place = (number + 0.07) / len(fronts), (below - 0.02) / height
-            figure.text(*place, "\n".join(names[quantity]), fontsize="x-small", va="top", linespacing=1.2)
+            size = "xx-small" if max(map(len, names[quantity])) > _LONG_LINE else "x-small"
+            figure.text(*place, "\n".join(names[quantity]), fontsize=size, va="top", linespacing=1.3)
         figure.legend(
             handles=handles,
             fontsize="x-small",
@@ -328,7 +332,7 @@ class _Picture:
         several = len(self._bodies) > 1
         lines = [
             f"{n}  {describe(row, self._axis, several)}, {100.0 * getattr(row, quantity):.2g} %"
-            + ("" if row.share <= 1.0 else " (beyond tolerance)")
+            + ("" if row.share <= 1.0 else " (beyond)")
             for n, row in enumerate(members, start=1)
         ]
         for row in self._finite_elements(quantity):

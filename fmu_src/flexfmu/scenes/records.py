@@ -152,7 +152,7 @@ class Record:
         if self.internal_step == "single":
             words.append("one internal step")
         elif self.internal_step not in _USUAL_STEPS:
-            words.append(f"internal step to {self.internal_step}")
+            words.append(f"step error {self.internal_step}")
         return f"{', '.join(words)}; {modes}"
 
     @property
