@@ -20,7 +20,7 @@ from ..measure import Errors
 from .trial import Choice, Plan, Search, plan_config, reduced
 from .words import in_percent, short
 
-_TIMINGS = 3
+_TIMINGS = 2
 
 
 @dataclass(frozen=True, slots=True)

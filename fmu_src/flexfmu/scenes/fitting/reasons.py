@@ -1,5 +1,6 @@
 """The reason of each choice, for the body file's comments; and what limits a scene that no model meets."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -98,10 +99,14 @@ def _others(others: list[Tried]) -> str:
 
 def _bases(found: list[Choice]) -> str:
     compared = ", ".join(
-        f"{basis_words(c.plan)} {len(c.plan.numbers)} ({c.body.mode_count} in all, {1e6 * c.cost:.3g} µs)"
-        for c in found
+        f"{basis_words(c.plan)} {len(c.plan.numbers)} ({c.body.mode_count} in all{_microseconds(c)})" for c in found
     )
     return f"Fewest modes that will do, by basis: {compared}."
+
+
+def _microseconds(choice: Choice) -> str:
+    """Cost of a step, of those that were timed."""
+    return f", {1e6 * choice.cost:.3g} µs" if math.isfinite(choice.cost) else ""
 
 
 def _modes(search: Search, best: Choice, found: list[Choice], plenty: int) -> str:
@@ -141,12 +146,12 @@ def _beyond_band(scene: Scene, best: Choice, found: list[Choice], omega: np.ndar
     if best.plan.basis is BasisChoice.NORMAL:
         above = [n for n in best.plan.numbers if omega[n - 1] > 2.0 * np.pi * highest]
         residual = [c for c in found if c.plan.basis is BasisChoice.RESIDUAL]
-        other = min(residual, key=lambda c: c.cost, default=None)
+        other = min(residual, key=lambda c: (c.cost, c.body.mode_count), default=None)
         if not above or other is None:
             return ""
         return (
             f" {_list(above)}{where} contribute statically; residual flexibility instead would make "
-            f"{other.body.mode_count} modes, {1e6 * other.cost:.3g} µs a step: not cheaper."
+            f"{other.body.mode_count} modes{_microseconds(other)}: not cheaper."
         )
     if best.plan.basis is BasisChoice.RESIDUAL and normal is not None:
         above = [n for n in normal.plan.numbers if n not in best.plan.numbers]
