@@ -8,47 +8,42 @@ from pathlib import Path
 import numpy as np
 
 from . import __version__
-from .config import Basis, BodyFile, BranchTable
+from .config import BodyFile
 from .errors import BodyFileError
 from .fe.assembly import volume_matrices
 from .fe.faces import FaceBlock, element_faces
 from .fe.stress import point_stress
 from .mesh.checks import checked
 from .mesh.formats import read_mesh
-from .mesh.model import FloatArray, IntArray, Mesh
+from .mesh.model import FloatArray, Mesh
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
-from .reduction.division import Branch, divide, divide_branches, open_loops
+from .reduction.frames import body_subdomains, fixable_root, several, whole_frame
 from .reduction.inertia import inertia_integrals
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.joining import Weld, joined
-from .reduction.masses import sub_masses
+from .reduction.masses import mass_shares, sub_masses
 from .reduction.model import Model, assemble_model, element_set, node_set
 from .reduction.modes import Modes
 from .reduction.rigid_fit import by_node, modal_fit
+from .reduction.second_order import (
+    node_readings,
+    second_order,
+)
 from .reduction.subdomains import (
-    FrameRequest,
     Subdomain,
     carrying_frame,
-    division_warnings,
-    floating_frame,
     frame_operators,
-    on_floating_frame,
-    requested_subdomains,
-    section,
-    volume_weighted,
 )
 from .reduction.surface import body_surface
-from .runtime.reduced_body import GROUND, Mass, ReducedBody, Stiffness, StressSet, Ties, WholeFrame
+from .runtime.reduced_body import GROUND, Kinematics, Mass, ReducedBody, Stiffness, StressSet, Ties
 from .store import Store, content_key
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
 NUMBERS = "normal_modes"
 """Where a body's origin tells the numbers of its normal modes, if the body file chose them."""
-# Of a body that nothing holds.
-_RIGID_MOTIONS = 6
 
 
 def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) -> ReducedBody:
@@ -107,7 +102,7 @@ def _reduced(
     with report.stage("Divide into frames and fit interfaces"):
         volumes = volume_matrices(mesh)
         faces = element_faces(mesh)
-        subdomains, cuts = _subdomains(config, model, volumes, faces)
+        subdomains, cuts = body_subdomains(config, model, volumes, faces)
         interfaces = _interfaces(config, model, faces, subdomains, report)
     for text in cuts:
         report.warning(text)
@@ -131,6 +126,16 @@ def _reduced(
     if "by_mode" in wanted:
         by_mode = stiffness_by_mode(matrices, modes, key, store, report)
 
+    second = None
+    if _curved(config) and subdomains:
+        shares = (
+            mass_shares(mesh, volumes, subdomains) if config.input.acceleration else np.zeros((0, len(mesh.points)))
+        )
+        readings = node_readings(mesh.points, subdomains, interfaces, shares, [by_node(s.nodes) for s in springs])
+        with report.stage(f"Find what motions within frames lack at second order, at {len(readings)} places"):
+            rotation = frames.frame_rotation
+            second = second_order(mesh, matrices.supported, modes.shapes, subdomains, rotation, readings)
+
     body = ReducedBody(
         name=config.name,
         angular_frequency=modes.angular_frequency,
@@ -140,7 +145,7 @@ def _reduced(
         interface_displacement=motion[:, :3],
         interface_rotation=motion[:, 3:],
         interface_frame=np.array([interface.frame for interface in interfaces]),
-        root_interface=_fixable_root(config, model),
+        root_interface=fixable_root(config, model),
         floating=any(domain.floating for domain in subdomains),
         frame_names=tuple(domain.name for domain in subdomains),
         frame_parent=np.array([domain.parent for domain in subdomains], dtype=np.int64),
@@ -148,7 +153,7 @@ def _reduced(
         joint_displacement=frames.joint_displacement,
         joint_rotation=frames.joint_rotation,
         frame_rotation=frames.frame_rotation,
-        whole=_whole(model, volumes, faces, modes.shapes, config) if _several(subdomains) else None,
+        whole=whole_frame(model, volumes, faces, modes.shapes, config) if several(subdomains) else None,
         masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
         inertia=inertia_integrals(mesh, volumes, modes.shapes, subdomains, frames) if _heavy(config) else None,
         stress_sets=_stress_sets(config, mesh, modes.shapes),
@@ -156,6 +161,7 @@ def _reduced(
         stiffness_by_mode=by_mode,
         surface=body_surface(mesh, modes.shapes, faces, subdomains) if config.output.surface else None,
         ties=_springs(springs, mesh, modes.shapes, subdomains, frames.frame_rotation),
+        second=second,
     )
     return body, warping.T @ modes.shapes
 
@@ -285,6 +291,12 @@ def _heavy(config: BodyFile) -> bool:
     return config.formulation.mass is Mass.CONFIGURATION if wanted is None else wanted
 
 
+def _curved(config: BodyFile) -> bool:
+    """Whether second-order motions within frames go aboard: as asked, or where the formulation needs them."""
+    wanted = config.reduction.second_order
+    return config.formulation.kinematics is Kinematics.SECOND_ORDER if wanted is None else wanted
+
+
 def _damping(ratio: float | list[float], count: int) -> FloatArray:
     values = np.asarray(ratio, dtype=np.float64)
     if values.ndim and values.size != count:
@@ -308,100 +320,6 @@ def _check_sets(config: BodyFile, mesh: Mesh) -> None:
             node_set(mesh, frame.joint, f"frame {frame.name!r}, joint")
         for name in frame.rotation_points or ():
             node_set(mesh, name, f"frame {frame.name!r}, rotation_points")
-
-
-def _subdomains(
-    config: BodyFile, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
-) -> tuple[list[Subdomain], tuple[str, ...]]:
-    """Frames by hand or by themselves; without either key the body gets one.
-
-    Those of a free body hang on a floating frame.
-    """
-    mesh = model.mesh
-    floats = model.rigid.shape[1] == _RIGID_MOTIONS
-    anchored = _hanging(model, config)
-    held = anchored if floats else model.held
-    top = [floating_frame(mesh, volumes)] if floats else []
-    if config.branch:
-        branches = [
-            Branch(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), tuple(b.joints))
-            for b in config.branch
-        ]
-        division = divide_branches(mesh, volumes, faces, anchored, branches)
-        return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
-    if not config.frame:
-        levels = 1 if config.frames is None else config.frames
-        if levels == 0:
-            return top, ()
-        division = divide(mesh, volumes, faces, anchored, levels)
-        return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
-    requests = []
-    for table in config.frame:
-        joint: IntArray | FloatArray | None = None
-        if isinstance(table.joint, str):
-            joint = node_set(mesh, table.joint, f"frame {table.name!r}, joint")
-        elif table.joint is not None:
-            joint = np.array(table.joint)
-        nodes = node_set(mesh, table.nodes, f"frame {table.name!r}, nodes")
-        key = f"frame {table.name!r}, rotation_points"
-        points = tuple(node_set(mesh, name, key) for name in table.rotation_points or ())
-        requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
-    subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
-    warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
-    return top + on_floating_frame(subdomains, len(top)), warnings
-
-
-def _end(config: BodyFile, branch: BranchTable) -> str:
-    """Node set at which a branch ends: an interface's, or that of a section in a part of a cut body."""
-    return next((i.nodes for i in config.interface if i.name == branch.toward), branch.toward)
-
-
-def _advised(loops: Sequence[str]) -> tuple[str, ...]:
-    """Say what to do about loops that the tree cuts."""
-    return tuple(
-        f"{loop}: the tree does not know that the body hangs together there, its modes do so linearly; where it turns "
-        "far, add a [[cut]] table with the nodes of a section of the loop"
-        for loop in loops
-    )
-
-
-def _several(subdomains: list[Subdomain]) -> bool:
-    """Whether there is more than one frame beside a floating one."""
-    return sum(not domain.floating for domain in subdomains) > 1
-
-
-def _whole(
-    model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], shapes: FloatArray, config: BodyFile
-) -> WholeFrame:
-    """A frame for the whole body about its supports, to be compared with the tree."""
-    mesh = model.mesh
-    body = volume_weighted(mesh, volumes, np.arange(mesh.element_count))
-    joint = section(mesh.points, faces, _hanging(model, config))
-    domain = Subdomain("whole", GROUND, np.arange(mesh.element_count), body, joint, joint.centre(mesh.points))
-    found = frame_operators(mesh.points, shapes, [domain])
-    operators = found.joint_displacement[0], found.joint_rotation[0], found.frame_rotation[0]
-    return WholeFrame(domain.joint_point, *operators)
-
-
-def _hanging(model: Model, config: BodyFile) -> IntArray:
-    """Nodes from which frames are counted: the best supports, or a free body's root interface."""
-    if model.rigid.shape[1] < _RIGID_MOTIONS:
-        return model.anchored
-    root = config.interface[_root(config)]
-    return np.sort(node_set(model.mesh, root.nodes, f"interface {root.name!r}, nodes"))
-
-
-def _root(config: BodyFile) -> int:
-    """The interface from which a free body is divided."""
-    names = [interface.name for interface in config.interface]
-    return 0 if config.root is None else names.index(config.root)
-
-
-def _fixable_root(config: BodyFile, model: Model) -> int:
-    """The same where a scene may fix it: the body moves freely, and the basis holds its constraint modes."""
-    if model.rigid.shape[1] and config.reduction.basis is Basis.CRAIG_BAMPTON:
-        return _root(config)
-    return GROUND
 
 
 def _interfaces(

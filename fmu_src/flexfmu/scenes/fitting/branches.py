@@ -18,6 +18,7 @@ from ...mesh.formats import read_mesh
 from ...mesh.model import FloatArray
 from ...reduction.cut import SIDES, cut_parts, part_configs, side_set
 from ...reduction.division import distance_along, divide
+from ...reduction.frames import hanging, is_free
 from ...reduction.model import Model, assemble_model, node_set
 from ...reduction.subdomains import carrying_frame
 from ...runtime.reduced_body import GROUND, ReducedBody
@@ -67,7 +68,7 @@ def find_branches(config: BodyFile) -> list[Branch]:
     """
     model = assemble_model(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
     if not config.cut:
-        return _branches(model, config, 0, 1 if model.rigid.shape[1] == 6 else 0)[0]
+        return _branches(model, config, 0, int(is_free(model)))[0]
     opened, parts = cut_parts(model, [table.nodes for table in config.cut], config.support)
     found: list[Branch] = []
     count = 0
@@ -82,11 +83,7 @@ def _branches(model: Model, config: BodyFile, part: int, offset: int) -> tuple[l
     """Branches of a model in one piece, and its number of frames."""
     mesh = model.mesh
     volumes, faces = volume_matrices(mesh), element_faces(mesh)
-    supported = model.anchored
-    if model.rigid.shape[1] == 6:
-        names = [table.name for table in config.interface]
-        root = config.interface[0 if config.root is None else names.index(config.root)]
-        supported = node_set(mesh, root.nodes, root.name)
+    supported = hanging(model, config)
     domains = divide(mesh, volumes, faces, supported, LEVELS).subdomains
     distance = distance_along(mesh, supported)
     middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])

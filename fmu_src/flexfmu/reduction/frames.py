@@ -1,0 +1,140 @@
+"""The frames that a body file asks for: at equal levels, at distances branch by branch, or by hand."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..config import Basis, BodyFile, BranchTable
+from ..fe.faces import FaceBlock
+from ..mesh.model import FloatArray, IntArray
+from ..runtime.reduced_body import GROUND, WholeFrame
+from .division import Branch, divide, divide_branches, open_loops
+from .model import Model, node_set
+from .subdomains import (
+    FrameRequest,
+    Subdomain,
+    division_warnings,
+    floating_frame,
+    frame_operators,
+    on_floating_frame,
+    requested_subdomains,
+    section,
+    volume_weighted,
+)
+
+# Of a body that nothing holds.
+_RIGID_MOTIONS = 6
+
+
+def body_subdomains(
+    config: BodyFile, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
+) -> tuple[list[Subdomain], tuple[str, ...]]:
+    """Frames by hand or by themselves; without any key the body gets one. Those of a free body hang on a floating one.
+
+    Parameters
+    ----------
+    config : BodyFile
+    model : Model
+    volumes : tuple of (n_elements, node_count, node_count) float
+    faces : tuple of FaceBlock
+
+    Returns
+    -------
+    subdomains : list of Subdomain
+    warnings : tuple of str
+
+    Raises
+    ------
+    BodyFileError
+        Frames that the body cannot be divided into.
+    """
+    mesh = model.mesh
+    floats = is_free(model)
+    anchored = hanging(model, config)
+    held = anchored if floats else model.held
+    top = [floating_frame(mesh, volumes)] if floats else []
+    if config.branch:
+        branches = [
+            Branch(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), tuple(b.joints))
+            for b in config.branch
+        ]
+        division = divide_branches(mesh, volumes, faces, anchored, branches)
+        return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
+    if not config.frame:
+        levels = 1 if config.frames is None else config.frames
+        if levels == 0:
+            return top, ()
+        division = divide(mesh, volumes, faces, anchored, levels)
+        return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
+    requests = []
+    for table in config.frame:
+        joint: IntArray | FloatArray | None = None
+        if isinstance(table.joint, str):
+            joint = node_set(mesh, table.joint, f"frame {table.name!r}, joint")
+        elif table.joint is not None:
+            joint = np.array(table.joint)
+        nodes = node_set(mesh, table.nodes, f"frame {table.name!r}, nodes")
+        key = f"frame {table.name!r}, rotation_points"
+        points = tuple(node_set(mesh, name, key) for name in table.rotation_points or ())
+        requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
+    subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
+    warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
+    return top + on_floating_frame(subdomains, len(top)), warnings
+
+
+def is_free(model: Model) -> bool:
+    """Whether nothing holds the body, so that its frames hang on a floating one."""
+    return model.rigid.shape[1] == _RIGID_MOTIONS
+
+
+def _end(config: BodyFile, branch: BranchTable) -> str:
+    """Node set at which a branch ends: an interface's, or that of a section in a part of a cut body."""
+    return next((i.nodes for i in config.interface if i.name == branch.toward), branch.toward)
+
+
+def _advised(loops: Sequence[str]) -> tuple[str, ...]:
+    """Say what to do about loops that the tree cuts."""
+    return tuple(
+        f"{loop}: the tree does not know that the body hangs together there, its modes do so linearly; where it turns "
+        "far, add a [[cut]] table with the nodes of a section of the loop"
+        for loop in loops
+    )
+
+
+def several(subdomains: list[Subdomain]) -> bool:
+    """Whether there is more than one frame beside a floating one."""
+    return sum(not domain.floating for domain in subdomains) > 1
+
+
+def whole_frame(
+    model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], shapes: FloatArray, config: BodyFile
+) -> WholeFrame:
+    """A frame for the whole body about its supports, to be compared with the tree."""
+    mesh = model.mesh
+    body = volume_weighted(mesh, volumes, np.arange(mesh.element_count))
+    joint = section(mesh.points, faces, hanging(model, config))
+    domain = Subdomain("whole", GROUND, np.arange(mesh.element_count), body, joint, joint.centre(mesh.points))
+    found = frame_operators(mesh.points, shapes, [domain])
+    operators = found.joint_displacement[0], found.joint_rotation[0], found.frame_rotation[0]
+    return WholeFrame(domain.joint_point, *operators)
+
+
+def hanging(model: Model, config: BodyFile) -> IntArray:
+    """Nodes from which frames are counted: the best supports, or a free body's root interface."""
+    if not is_free(model):
+        return model.anchored
+    root = config.interface[_root(config)]
+    return np.sort(node_set(model.mesh, root.nodes, f"interface {root.name!r}, nodes"))
+
+
+def _root(config: BodyFile) -> int:
+    """The interface from which a free body is divided."""
+    names = [interface.name for interface in config.interface]
+    return 0 if config.root is None else names.index(config.root)
+
+
+def fixable_root(config: BodyFile, model: Model) -> int:
+    """The same where a scene may fix it: the body moves freely, and the basis holds its constraint modes."""
+    if model.rigid.shape[1] and config.reduction.basis is Basis.CRAIG_BAMPTON:
+        return _root(config)
+    return GROUND
