@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from flexfmu.runtime.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, ReducedBody
+from flexfmu.runtime.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, ReducedBody, SecondOrder
 
 FloatArray = NDArray[np.float64]
 
@@ -51,6 +51,17 @@ def random_body(
         "provenance": {"seed": str(seed)},
     }
     return ReducedBody(**(values | changes))  # type: ignore[arg-type]
+
+
+def with_second_order(body: ReducedBody, size: float = 1.0) -> ReducedBody:
+    """The body with second-order parts of any shape."""
+    masses = 0 if body.masses is None else len(body.masses.mass)
+    ties = 0 if body.ties is None else 2 * len(body.ties.stiffness)
+    count, modes = body.frame_count + body.interface_count + masses + ties, body.mode_count
+    rng = np.random.default_rng(1000)
+    displacement, rotation = size * rng.standard_normal((2, count, 3, modes, modes))
+    parts = displacement + displacement.swapaxes(2, 3), rotation + rotation.swapaxes(2, 3)
+    return replace(body, second=SecondOrder(*parts, size * rng.standard_normal((count, 3, 3, 3))))
 
 
 def turning_body(axis: FloatArray, pivot: FloatArray) -> ReducedBody:

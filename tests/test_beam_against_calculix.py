@@ -119,7 +119,7 @@ def test_sudden_load_follows_the_nonlinear_transient(bodies):
     expected = displacement(table)
     model = bodies.beam(frames=8).model
     errors = {}
-    for kinematics in Kinematics:
+    for kinematics in (Kinematics.LINEAR, Kinematics.LITERAL, Kinematics.SECANT, Kinematics.COROTATED):
         body = FlexibleBody(model, Formulation(kinematics), damping_scale=0.0)
         state, found = body.rest(), [np.zeros(3)]
         for step in np.diff(table["time_s"]):

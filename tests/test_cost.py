@@ -8,7 +8,8 @@ from references import BEAM
 
 def test_every_formulation_whose_data_is_aboard_is_timed(bodies):
     costs = {cost.formulation: cost for cost in step_costs(bodies.beam().model, Reporter())}
-    assert set(costs) == {Formulation(k, p) for k in Kinematics for p in LoadPlacement}
+    aboard = [kinematics for kinematics in Kinematics if kinematics is not Kinematics.SECOND_ORDER]
+    assert set(costs) == {Formulation(k, p) for k in aboard for p in LoadPlacement}
     assert all(0.0 < cost.fastest <= cost.median for cost in costs.values())
     # Linear formulations have nothing to iterate; those whose loads move with the body do.
     assert costs[Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)].iterations == 0

@@ -48,7 +48,7 @@ def brought(tmp_path):
 
 
 def test_a_body_with_some_of_its_modes_is_the_one_that_is_reduced_to_them(bodies):
-    every = {"geometric_stiffness": ["by_load", "by_mode"], "inertia": True}
+    every = {"geometric_stiffness": ["by_load", "by_mode"], "inertia": True, "second_order": True}
     config = bodies.config(BEAM)
     many, few = (
         reduce_body(
@@ -65,6 +65,7 @@ def test_a_body_with_some_of_its_modes_is_the_one_that_is_reduced_to_them(bodies
         Formulation(stiffness=Stiffness.BY_LOAD),
         Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE),
         Formulation(mass=Mass.CONFIGURATION),
+        Formulation(Kinematics.SECOND_ORDER),
     ):
         models = [FlexibleBody(body, formulation) for body in (kept, few)]
         states = [model.step(model.static(load), load.scaled(0.5), 1e-3) for model in models]

@@ -29,7 +29,7 @@ def beam():
 
     def make(frames=1, modes=10):
         if (frames, modes) not in known:
-            wanted = {"modes": modes, "geometric_stiffness": ["by_load", "by_mode"]}
+            wanted = {"modes": modes, "geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
             reduction = config.reduction.model_copy(update=wanted)
             changed = config.model_copy(update={"frames": frames, "reduction": reduction})
             known[frames, modes] = reduce_body(changed, Reporter())
@@ -88,6 +88,11 @@ def test_adding_both_as_they_stand_would_buckle_at_less_than_half(beam):
     values = scipy.linalg.eigvals(-change, stiffness)
     real = values.real[np.abs(values.imag) < 1e-9 * np.abs(values).max()]
     assert 1.0 / real.max() / EULER == pytest.approx(0.445, rel=0.015)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 4])
+def test_of_second_order_any_frames_buckle_at_eulers_load(beam, frames):
+    assert critical_load(beam(frames=frames), Formulation(Kinematics.SECOND_ORDER)) == pytest.approx(1.0015, abs=1.5e-3)
 
 
 def test_critical_load_of_the_tree_converges_to_eulers_from_above(beam):
@@ -242,7 +247,7 @@ def rows_at_four_loads():
 
 def test_errors_at_two_to_twenty_kilonewton_are_those_of_the_page(beam):
     rows = list(rows_at_four_loads())
-    assert len(rows) == 8
+    assert len(rows) == 11
     assert {kinematics for kinematics, _, _ in rows} == set(Kinematics)
     for kinematics, placement, expected in rows:
         formulation = Formulation(kinematics, placement)

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from bodies import Beam, beam_body, random_body
+from bodies import Beam, beam_body, random_body, with_second_order
 from flexfmu.runtime import kernel
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.errors import OptionError, StepError
@@ -37,11 +37,12 @@ def body_of_everything(random):
     )  # fmt: skip
     by_load = random.standard_normal((6 * interfaces + 3, modes, modes))
     by_mode = 30.0 * random.standard_normal((modes, modes, modes))
-    return random_body(
+    body = random_body(
         masses=masses,
         stiffness_by_load=by_load + by_load.transpose(0, 2, 1),
         stiffness_by_mode=by_mode + by_mode.transpose(0, 2, 1),
     )
+    return with_second_order(body)
 
 
 def pair(model, formulation, limits=None):

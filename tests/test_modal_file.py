@@ -7,10 +7,10 @@ import h5py
 import numpy as np
 import pytest
 
-from bodies import LINEAR, beam_body, random_body
+from bodies import LINEAR, beam_body, random_body, with_second_order
 from flexfmu.runtime.errors import ModalFileError
 from flexfmu.runtime.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
-from flexfmu.runtime.reduced_body import GROUND, ReducedBody, Surface
+from flexfmu.runtime.reduced_body import GROUND, ReducedBody, SecondOrder, Surface
 
 
 def with_surface(body):
@@ -28,6 +28,7 @@ BODIES = {
     "tree": random_body(formulation=LINEAR, velocity_outputs=True, provenance={"mesh": "ä.inp", "flexfmu": "1"}),
     "without frames": beam_body(0),
     "with a surface": with_surface(random_body()),
+    "of second order": with_second_order(random_body()),
 }
 
 
@@ -37,7 +38,7 @@ def assert_same(a, b):
         if isinstance(x, np.ndarray):
             assert x.dtype == y.dtype, field.name
             np.testing.assert_array_equal(x, y, err_msg=field.name)
-        elif isinstance(x, Surface):
+        elif isinstance(x, Surface | SecondOrder):
             assert_same(x, y)
         else:
             assert x == y, field.name

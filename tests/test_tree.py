@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bodies import COROTATED, LINEAR, random_body, turning_body
+from bodies import COROTATED, LINEAR, random_body, turning_body, with_second_order
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.reduced_body import GROUND, Kinematics
 from flexfmu.runtime.rotations import exponential, skew
@@ -32,8 +32,8 @@ def central(function, q):
 @pytest.fixture(params=["branched", "with an interface on the ground"])
 def body(request):
     if request.param == "branched":
-        return random_body()
-    return random_body(3, interface_frame=(2, GROUND, 0))
+        return with_second_order(random_body(), 0.1)
+    return with_second_order(random_body(3, interface_frame=(2, GROUND, 0)), 0.1)
 
 
 @pytest.fixture(params=[kinematics for kinematics in Kinematics if kinematics is not Kinematics.LINEAR])

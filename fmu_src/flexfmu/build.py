@@ -27,15 +27,8 @@ from .reduction.masses import mass_shares, sub_masses
 from .reduction.model import Model, assemble_model, element_set, node_set
 from .reduction.modes import Modes
 from .reduction.rigid_fit import by_node, modal_fit
-from .reduction.second_order import (
-    node_readings,
-    second_order,
-)
-from .reduction.subdomains import (
-    Subdomain,
-    carrying_frame,
-    frame_operators,
-)
+from .reduction.second_order import node_readings, second_order
+from .reduction.subdomains import Subdomain, carrying_frame, frame_operators
 from .reduction.surface import body_surface
 from .runtime.reduced_body import GROUND, Kinematics, Mass, ReducedBody, Stiffness, StressSet, Ties
 from .store import Store, content_key
@@ -128,9 +121,8 @@ def _reduced(
 
     second = None
     if _curved(config) and subdomains:
-        shares = (
-            mass_shares(mesh, volumes, subdomains) if config.input.acceleration else np.zeros((0, len(mesh.points)))
-        )
+        heavy = config.input.acceleration
+        shares = mass_shares(mesh, volumes, subdomains) if heavy else np.zeros((0, len(mesh.points)))
         readings = node_readings(mesh.points, subdomains, interfaces, shares, [by_node(s.nodes) for s in springs])
         with report.stage(f"Find what motions within frames lack at second order, at {len(readings)} places"):
             rotation = frames.frame_rotation

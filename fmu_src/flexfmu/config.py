@@ -146,6 +146,7 @@ class ReductionTable(_Table):
     residual_flexibility: bool | Annotated[list[str], Field(min_length=1)] = False
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
     inertia: bool | None = None
+    second_order: bool | None = None
 
     @field_validator("modes")
     @classmethod
@@ -276,6 +277,10 @@ class BodyFile(_Table):
             )
         if self.formulation.mass is Mass.CONFIGURATION and self.reduction.inertia is False:
             raise ValueError('formulation.mass is "configuration", but reduction.inertia is false: take that out')
+        if self.formulation.kinematics is Kinematics.SECOND_ORDER and self.reduction.second_order is False:
+            raise ValueError(
+                'formulation.kinematics is "second_order", but reduction.second_order is false: take that out'
+            )
         ratio = self.damping.ratio
         plain = self.reduction.basis is Basis.NORMAL and not self.reduction.residual_flexibility
         count = len(self.reduction.numbers)

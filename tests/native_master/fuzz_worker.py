@@ -62,7 +62,8 @@ class Prediction:
         sound["internal_step.tolerance"] &= values["internal_step.tolerance"] > 0.0
         if not all(sound[name] for name in ("damping.scale", "internal_step.limit", "internal_step.tolerance")):
             return {FATAL}
-        if texts["formulation.stiffness"] != "constant":  # there are no data for the others
+        if texts["formulation.stiffness"] != "constant" or texts["formulation.kinematics"] == "second_order":
+            # There are no data for them.
             return {FATAL}
         if self.started:
             return {OK}

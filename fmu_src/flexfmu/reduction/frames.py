@@ -84,7 +84,7 @@ def body_subdomains(
 
 def is_free(model: Model) -> bool:
     """Whether nothing holds the body, so that its frames hang on a floating one."""
-    return model.rigid.shape[1] == _RIGID_MOTIONS
+    return bool(model.rigid.shape[1] == _RIGID_MOTIONS)
 
 
 def _end(config: BodyFile, branch: BranchTable) -> str:

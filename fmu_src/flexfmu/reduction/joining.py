@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..mesh.model import FloatArray, IntArray
-from ..runtime.reduced_body import GROUND, Masses, ReducedBody, StressSet, Surface, Ties
+from ..runtime.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
 from ..runtime.rotations import skew
 
 # Springs of the joints take up this share of an interface's displacement under a load on it, all together. Stiffer ones
@@ -167,6 +167,7 @@ def joined(
         stress_sets=_stress_sets(parts, stack, modes),
         surface=_surface(parts, stack, on, modes),
         ties=ties,
+        second=_second_order(parts, welds, places, stack, modes),
     )
     return body, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
 
@@ -214,6 +215,40 @@ def _stiffness(stiffness: FloatArray, gap: FloatArray, loads: FloatArray) -> tup
     free = compliance > _HELD * compliance.max()
     pull, turn = (felt[:, free] ** 2 / compliance[free]).max(axis=1) * 2.0 / _SHARE
     return float(pull), float(turn)
+
+
+def _second_order(
+    parts: Sequence[ReducedBody],
+    welds: Sequence[Weld],
+    places: Sequence[tuple[int, int]],
+    stack: _Stack,
+    modes: FloatArray,
+) -> SecondOrder | None:
+    """Second-order parts of the motions of all parts' nodes, in the order of the joined tree."""
+    found = [part.second for part in parts]
+    if any(second is None for second in found):
+        return None
+    frames = [part.frame_count for part in parts]
+    masses = [0 if part.masses is None else len(part.masses.mass) for part in parts]
+    ties = [0 if part.ties is None else len(part.ties.stiffness) for part in parts]
+    ends = [f + p.interface_count + m for f, p, m in zip(frames, parts, masses, strict=True)]
+    every = range(len(parts))
+    rows = [(p, k) for p in every for k in range(frames[p])]
+    rows += [(p, frames[p] + i) for p, i in places]
+    rows += [(p, ends[p] - masses[p] + k) for p in every for k in range(masses[p])]
+    for side, weld_ends in ((0, [w.first for w in welds]), (1, [w.second for w in welds])):
+        rows += [(p, ends[p] + side * ties[p] + k) for p in every for k in range(ties[p])]
+        rows += [(p, frames[p] + i) for p, i in weld_ends]
+
+    def of_whole(name: str) -> FloatArray:
+        turned = []
+        for p, second in enumerate(found):
+            own = modes[stack.first[p] : stack.first[p] + parts[p].mode_count]
+            turned.append(np.einsum("kiab,ac,bd->kicd", getattr(second, name), own, own, optimize=True))
+        return np.array([turned[p][k] for p, k in rows])
+
+    section = np.array([second.section[k] for p, k in rows if (second := found[p]) is not None])
+    return SecondOrder(of_whole("displacement"), of_whole("rotation"), section)
 
 
 def _masses(

@@ -29,6 +29,26 @@ def sub_masses(
     -------
     Masses
     """
+    share = _shares(mesh, volumes, subdomains)
+    mass = share.sum(axis=1)
+    frame = np.append(np.arange(len(subdomains)), GROUND)
+    kept = mass > 0.0
+    mean = share[kept] / mass[kept, None]
+    displacement = np.tensordot(mean, shapes.reshape(len(mesh.points), 3, -1), axes=1)
+    return Masses(mass[kept], mean @ mesh.points, displacement, frame[kept])
+
+
+def mass_shares(mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]) -> FloatArray:
+    """Share (P, n) of each node in the centre of each of these masses: rows that sum up to one."""
+    share = _shares(mesh, volumes, subdomains)
+    mass = share.sum(axis=1, keepdims=True)
+    kept = mass[:, 0] > 0.0
+    result: FloatArray = share[kept] / mass[kept]
+    return result
+
+
+def _shares(mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]) -> FloatArray:
+    """Mass (S + 1, n) that each node has in each sub-domain and, in the last row, in none, kg."""
     owner = element_owner(mesh, subdomains)
     density = np.array([material.density for material in mesh.materials])
     share = np.zeros((len(subdomains) + 1, len(mesh.points)))
@@ -39,9 +59,4 @@ def sub_masses(
         # Row GROUND is the last.
         np.add.at(share, (np.broadcast_to(rows, nodal.shape), block.connectivity), nodal)
         first += len(block.labels)
-    mass = share.sum(axis=1)
-    frame = np.append(np.arange(len(subdomains)), GROUND)
-    kept = mass > 0.0
-    mean = share[kept] / mass[kept, None]
-    displacement = np.tensordot(mean, shapes.reshape(len(mesh.points), 3, -1), axes=1)
-    return Masses(mass[kept], mean @ mesh.points, displacement, frame[kept])
+    return share

@@ -86,7 +86,7 @@ class FlexibleBody:
             raise OptionError(f"internal step tolerance is {limits.tolerance}, expected a positive number")
         self.formulation = formulation or model.formulation
         model = with_fixed_interfaces(model, fixed, self.formulation.kinematics)
-        self.model = model = divided(model, self.formulation.division, self.formulation.mass)
+        self.model = model = divided(model, self.formulation)
         self.limits = limits
         self._dynamics = build_dynamics(model, self.formulation)
         if self.explicit and self._dynamics.ties is not None:

@@ -18,7 +18,7 @@ from .tree import build_tree
 
 FloatArray = NDArray[np.float64]
 
-# Times 1/n²: what n frames in a chain overestimate a cantilever's critical load by (section 4a: 0.223, 0.056, 0.016 for
+# Times 1/n²: what n frames in a chain overestimate a cantilever's critical load by (section 4b: 0.223, 0.056, 0.016 for
 # 1, 2, 4).
 _CHAIN = 0.25
 # Critical load of the clamped column over what the moment u' × F alone makes of it.

@@ -9,18 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from .errors import OptionError
-from .reduced_body import GROUND, Division, Mass, ReducedBody, WholeFrame
+from .reduced_body import GROUND, Division, Formulation, Kinematics, Mass, ReducedBody, WholeFrame
 
 
-def divided(body: ReducedBody, division: Division, mass: Mass) -> ReducedBody:
+def divided(body: ReducedBody, formulation: Formulation) -> ReducedBody:
     """The body with its frames as the division asks for.
 
     Parameters
     ----------
     body : ReducedBody
-    division : Division
-    mass : Mass
-        What the body will be used with.
+    formulation : Formulation
 
     Returns
     -------
@@ -31,12 +29,17 @@ def divided(body: ReducedBody, division: Division, mass: Mass) -> ReducedBody:
     OptionError
         The whole body's frame is not aboard, or the mass follows the tree.
     """
+    division, mass = formulation.division, formulation.mass
     own = body.frame_count - int(body.floating)
     if division is Division.TREE or own < 2:
         return body
     if mass is not Mass.CONSTANT:
         raise OptionError(
             f'mass "{mass.value}" follows the tree of frames; take division "tree", or mass "{Mass.CONSTANT.value}"'
+        )
+    if formulation.kinematics is Kinematics.SECOND_ORDER:
+        raise OptionError(
+            f'kinematics "second_order" follow the tree of frames; take division "tree" instead of "{division.value}"'
         )
     if division is Division.ONE and body.ties is not None:
         raise OptionError(
@@ -78,4 +81,5 @@ def _as_one(body: ReducedBody) -> ReducedBody:
         masses=masses,
         surface=surface,
         inertia=None,
+        second=None,
     )

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from .errors import OptionError
 from .inertia import without_frames
-from .reduced_body import GROUND, Kinematics, ReducedBody, WholeFrame
+from .reduced_body import GROUND, Kinematics, ReducedBody, SecondOrder, WholeFrame
+from .rotations import skew
 
 FloatArray = NDArray[np.float64]
 
@@ -82,6 +83,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics:
     if inertia is not None:
         motions = np.concatenate([body.joint_displacement, body.frame_rotation], axis=1)
         inertia = without_frames(inertia, turn, motions, gone)
+    second = None if body.second is None else _second_order_fixed(body, body.second, turn)
     return replace(
         body,
         angular_frequency=np.sqrt(squares),
@@ -101,9 +103,24 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics:
         stiffness_by_mode=by_mode,
         surface=surface,
         inertia=inertia,
+        second=second,
         root_interface=GROUND,
         floating=False,
     )
+
+
+def _second_order_fixed(body: ReducedBody, second: SecondOrder, turn: FloatArray) -> SecondOrder:
+    """The same displacements within frames, moved as one so that the root interface stays where it is."""
+    gone, root = int(body.floating), body.frame_count + body.root_interface
+    points = [body.joint_point, body.interface_point, *([] if body.masses is None else [body.masses.point])]
+    arm = np.concatenate(points) - body.interface_point[body.root_interface]
+    parts = (
+        np.einsum("kiab,ac,bd->kicd", part, turn, turn, optimize=True)
+        for part in (second.displacement, second.rotation)
+    )
+    displacement, rotation = parts
+    displacement = displacement - displacement[root] + np.einsum("kij,jab->kiab", skew(arm), rotation[root])
+    return SecondOrder(displacement[gone:], (rotation - rotation[root])[gone:], second.section[gone:])
 
 
 def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> FloatArray:

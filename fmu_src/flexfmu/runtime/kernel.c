@@ -14,7 +14,7 @@
 #endif
 
 /* Raised whenever the struct or a signature changes; kernel.py asks for it. */
-#define KERNEL_VERSION 3
+#define KERNEL_VERSION 4
 
 enum { REFERENCE = 0, CORRECTIVE_MOMENT = 1, DEFORMED = 2 };
 enum { DONE = 0, UNSETTLED = 1, INACCURATE = 2 };
@@ -28,6 +28,8 @@ typedef struct {
     const int64_t *parent;                                /* (K), -1 for the ground */
     const double *offset, *base, *point;                  /* (K, 3) */
     const double *operator_;                              /* (6K, m): D of all nodes, then C of all nodes */
+    const double *curvature;                              /* (6K, m, m): their derivatives, or null */
+    const int64_t *curved;                                /* (6K): whether there is any */
     const double *load_operator;                          /* (6I, m): displacements, then rotations */
     const double *mass;                                   /* (P) */
     const double *inertia;                                /* (3, m) */
@@ -46,6 +48,7 @@ typedef struct {
 typedef struct {
     double *q;                              /* (m) */
     double *local;                          /* (6K): b and φ of all nodes */
+    double *varying;                        /* (6K, m): their derivatives, where the tree has a curvature */
     double *position;                       /* (K, 3) */
     double *rotation, *parent, *jacobian;   /* (K, 3, 3) */
 } Configuration;
@@ -118,12 +121,28 @@ static void exponential(const double *phi, double *rotation, double *jacobian) {
     }
 }
 
+/* Derivatives (6K, m) of b and φ at a configuration. */
+static const double *derivative(const Body *body, const Configuration *at) {
+    return body->curvature ? at->varying : body->operator_;
+}
+
 /* The pass outwards, (5) and (6). */
 static void configure(const Body *body, const double *q, Configuration *at) {
     const int64_t k_count = body->nodes;
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     if (at->q != q) memcpy(at->q, q, body->modes * sizeof(double));
     rows_times(body->operator_, q, at->local, 6 * k_count, body->modes);
+    if (body->curvature) {
+        const int64_t m = body->modes;
+        memcpy(at->varying, body->operator_, 6 * k_count * m * sizeof(double));
+        for (int64_t i = 0; i < 6 * k_count; i++) {
+            if (!body->curved[i]) continue;
+            double *row = at->varying + i * m;
+            rows_times(body->curvature + i * m * m, q, row, m, m);
+            at->local[i] += 0.5 * dot(row, q, m);
+            for (int64_t j = 0; j < m; j++) row[j] += body->operator_[i * m + j];
+        }
+    }
     for (int64_t k = 0; k < k_count; k++) {
         const int64_t p = body->parent[k];
         double turned[3], relative[9];
@@ -216,7 +235,7 @@ static void modal_force(const Body *body, const Loads *loads, int with_moments, 
                 moment[3 * p + i] += moment[3 * k + i] + about[i];
             }
         }
-        add_times_rows(row, body->operator_, out, 6 * k_count, m);
+        add_times_rows(row, derivative(body, at), out, 6 * k_count, m);
     } else {
         memcpy(out, constant, m * sizeof(double));
         if (body->placement == CORRECTIVE_MOMENT)
@@ -264,6 +283,7 @@ static double *take(double **free, int64_t count) {
 static void take_configuration(const Body *body, double **free, Configuration *at) {
     at->q = take(free, body->modes);
     at->local = take(free, 6 * body->nodes);
+    at->varying = take(free, body->curvature ? 6 * body->nodes * body->modes : 0);
     at->position = take(free, 3 * body->nodes);
     at->rotation = take(free, 9 * body->nodes);
     at->parent = take(free, 9 * body->nodes);
@@ -286,8 +306,8 @@ EXPORT void *PyInit__kernel(void) { return 0; }
 EXPORT int64_t kernel_version(void) { return KERNEL_VERSION; }
 
 /* Numbers of type double that `work` must hold. */
-EXPORT int64_t kernel_work_size(int64_t modes, int64_t nodes, int64_t interfaces) {
-    return 2 * (modes + 36 * nodes) + 6 * nodes + 2 * modes + 2 * modes * modes + 12 * nodes + modes * modes +
+EXPORT int64_t kernel_work_size(int64_t modes, int64_t nodes, int64_t interfaces, int64_t curved) {
+    return 2 * (modes + 36 * nodes + (curved ? 6 * nodes * modes : 0)) + 6 * nodes + 2 * modes + 2 * modes * modes + 12 * nodes + modes * modes +
            12 * modes + 6 * interfaces + 3;
 }
 
@@ -505,7 +525,7 @@ static void rotation_vector(const double *r, double *out) {
 static void move(const Body *body, const Configuration *at, const double *v, double *rates, double *velocity,
                  double *spin) {
     const int64_t k_count = body->nodes;
-    rows_times(body->operator_, v, rates, 6 * k_count, body->modes);
+    rows_times(derivative(body, at), v, rates, 6 * k_count, body->modes);
     for (int64_t k = 0; k < k_count; k++) {
         const int64_t p = body->parent[k];
         const double *parent = at->parent + 9 * k;

@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 PATTERN = "_kernel.*"
 """File names of the library, which end in what the platform asks for."""
-_VERSION = 3
+_VERSION = 4
 _PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
 # Rotation, rad, and displacement relative to the body's size, over which forces are differenced.
 _DIFFERENCE = 1e-6
@@ -37,7 +37,8 @@ class _Body(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("modes", "nodes", "frames", "interfaces", "masses")),
         *((name, ctypes.c_int64) for name in ("placement", "nonlinear", "turnings")),
-        *((name, _POINTER) for name in ("parent", "offset", "base", "point", "operator", "load_operator", "mass")),
+        *((name, _POINTER) for name in ("parent", "offset", "base", "point", "operator", "curvature", "curved")),
+        *((name, _POINTER) for name in ("load_operator", "mass")),
         *((name, _POINTER) for name in ("inertia", "by_load", "by_mode", "omega", "weight", "turning", "work")),
     ]
 
@@ -61,7 +62,7 @@ def _library() -> ctypes.CDLL | None:
             continue
         integer, number, place = ctypes.c_int64, ctypes.c_double, _POINTER
         library.kernel_work_size.restype = integer
-        library.kernel_work_size.argtypes = [integer] * 3
+        library.kernel_work_size.argtypes = [integer] * 4
         library.kernel_substeps.restype = integer
         library.kernel_substeps.argtypes = [*[place] * 6, integer, number, place, place]
         library.kernel_linear_step.restype = integer
@@ -107,12 +108,13 @@ class Kernel:
         tree = dynamics.tree
         modes, nodes, masses = dynamics.stiffness.size, len(tree.parent), dynamics.mass.size
         self._library = library
-        work = np.zeros(library.kernel_work_size(modes, nodes, tree.interface_count))
+        work = np.zeros(library.kernel_work_size(modes, nodes, tree.interface_count, int(tree.curvature is not None)))
         arrays = {
             "offset": tree.offset,
             "base": tree.base,
             "point": tree.point,
             "operator": tree.operator,
+            "curvature": tree.curvature,
             "load_operator": dynamics.load_operator,
             "mass": dynamics.mass,
             "inertia": dynamics.inertia_operator,
@@ -124,6 +126,8 @@ class Kernel:
         }
         owned = {k: np.ascontiguousarray(a, dtype=np.float64) for k, a in arrays.items() if a is not None}
         parent = np.ascontiguousarray(tree.parent, dtype=np.int64)
+        bent = np.zeros(6 * nodes) if tree.curvature is None else np.any(tree.curvature, axis=(1, 2))
+        curved = np.ascontiguousarray(bent, dtype=np.int64)
         self._body = _Body(
             modes=modes,
             nodes=nodes,
@@ -134,11 +138,12 @@ class Kernel:
             nonlinear=int(dynamics.nonlinear),
             turnings=len(turning) // 3,
             parent=parent.ctypes.data,
+            curved=curved.ctypes.data,
             work=work.ctypes.data,
             **{name: array.ctypes.data for name, array in owned.items()},
         )
         # What the struct points to must live as long as it does.
-        self._owned = (*owned.values(), parent, work)
+        self._owned = (*owned.values(), parent, curved, work)
         # Small against every rotation and displacement that matters, large against round-off.
         d, c = np.abs(tree.operator).reshape(2, -1, modes).max(axis=1)
         size = float(np.abs(tree.point - tree.point[0]).max()) or 1.0

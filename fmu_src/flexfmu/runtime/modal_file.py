@@ -21,6 +21,7 @@ from .reduced_body import (
     Mass,
     Masses,
     ReducedBody,
+    SecondOrder,
     Stiffness,
     StressSet,
     Surface,
@@ -109,6 +110,12 @@ TIES: dict[str, Entry] = {
     "stiffness": Entry("ties/stiffness", "N/m", "(T, 3) along the global axes"),
     "lever": Entry("ties/lever", "m", "(T, 3, 3) in columns, points of the springs that resist tilting"),
 }
+# Rows are the nodes of the tree: frames, interfaces, centres of mass, ends of ties.
+SECOND: dict[str, Entry] = {
+    "displacement": Entry("second/displacement", "kg^-1 m^-1", "(K, 3, m, m) quadratic part of displacements"),
+    "rotation": Entry("second/rotation", "rad/(kg m^2)", "(K, 3, m, m) quadratic part of rotations"),
+    "section": Entry("second/section", "1", "(K, 3, 3, 3) rotation read off displacements S (x - X)"),
+}
 SURFACE: dict[str, Entry] = {
     "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),
     "faces": Entry("surface/faces", "1", "(f, 4) rows of points; a triangle repeats its last corner"),
@@ -158,6 +165,8 @@ class _Digest:
             arrays += [getattr(body.inertia, name) for name in INERTIA]
         if body.ties is not None:
             arrays += [getattr(body.ties, name) for name in TIES]
+        if body.second is not None:
+            arrays += [getattr(body.second, name) for name in SECOND]
         for part in body.stress_sets:
             texts.append(part.name)
             arrays += [part.point, part.stress]
@@ -222,6 +231,9 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             if body.ties is not None:
                 for field, entry in TIES.items():
                     _write(file, entry, getattr(body.ties, field))
+            if body.second is not None:
+                for field, entry in SECOND.items():
+                    _write(file, entry, getattr(body.second, field))
             for number, stresses in enumerate(body.stress_sets):
                 for field, entry in STRESS.items():
                     place = f"stress/{number:03d}_{stresses.name}/{entry.path}"
@@ -279,7 +291,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         raise ModalFileError(
             f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
         )
-    masses = surface = inertia = ties = None
+    masses = surface = inertia = ties = second = None
     whole = None
     if "whole" in file:
         whole = WholeFrame(**{field: file[entry.path][()] for field, entry in WHOLE.items()})
@@ -289,6 +301,8 @@ def _read(file: Any, name: str) -> ReducedBody:
         inertia = InertiaIntegrals(**{field: file[entry.path][()] for field, entry in INERTIA.items()})
     if "ties" in file:
         ties = Ties(**{field: file[entry.path][()] for field, entry in TIES.items()})
+    if "second" in file:
+        second = SecondOrder(**{field: file[entry.path][()] for field, entry in SECOND.items()})
     if "surface" in file:
         surface = Surface(**{field: file[entry.path][()] for field, entry in SURFACE.items()})
     contents: dict[str, Any] = {
@@ -321,6 +335,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         ),
         surface=surface,
         ties=ties,
+        second=second,
     )
     if _Digest(body).hexdigest() != file.attrs["sha256"]:
         raise ModalFileError(f"{name}: contents do not match their checksum: the file was altered; build it again")

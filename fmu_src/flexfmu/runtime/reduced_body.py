@@ -34,6 +34,8 @@ class Kinematics(Enum):
     """Displacements turned by half the averaged rotation: onto the chord of the arc."""
     COROTATED = "corotated"
     """The tree of corotated frames."""
+    SECOND_ORDER = "second_order"
+    """The same, with what motions within the frames lack at second order."""
 
 
 class LoadPlacement(Enum):
@@ -223,6 +225,25 @@ class Ties:
 
 
 @dataclass(frozen=True, slots=True)
+class SecondOrder:
+    """What motions within the frames lack at second order, docs/theory.md equation (18).
+
+    One row for each node of the tree: frames (their joints), interfaces, centres of mass, ends a of all ties, ends b.
+
+    Attributes
+    ----------
+    displacement, rotation : (K, 3, m, m) float
+        A motion is ½ qᵀ (·) q; symmetric, m/(kg m²) and rad/(kg m²).
+    section : (K, 3, 3, 3) float
+        Rotation that the node's fit reads off displacements S (x − X), per component of the symmetric S.
+    """
+
+    displacement: FloatArray
+    rotation: FloatArray
+    section: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class StressSet:
     """Modal stress at points of a named part of the body.
 
@@ -299,6 +320,8 @@ class ReducedBody:
         What the mass of the deformed body is made of.
     ties : Ties or None
         What joins the parts of a body that was cut.
+    second : SecondOrder or None
+        What kinematics "second_order" need.
     """
 
     name: str
@@ -329,6 +352,7 @@ class ReducedBody:
     surface: Surface | None = None
     inertia: "InertiaIntegrals | None" = None
     ties: Ties | None = None
+    second: SecondOrder | None = None
 
     def __post_init__(self) -> None:
         """Bring the arrays into their types and check shapes and physics.
@@ -370,6 +394,12 @@ class ReducedBody:
                 raise ModalFileError(f"ties have shapes {found}, expected {ends}")
             if np.any(self.ties.frame >= frames) or np.any(self.ties.frame < GROUND) or np.any(self.ties.stiffness < 0):
                 raise ModalFileError("ties must name frames, or -1, and have a stiffness that is not negative")
+        if self.second is not None:
+            count = frames + interfaces + (0 if self.masses is None else np.size(self.masses.mass))
+            count += 0 if self.ties is None else 2 * len(self.ties.stiffness)
+            found = [np.shape(getattr(self.second, name)) for name in self.second.__slots__]
+            if found != [(count, 3, modes, modes), (count, 3, modes, modes), (count, 3, 3, 3)]:
+                raise ModalFileError(f"second-order parts have shapes {found}, expected {count} nodes, {modes} modes")
         for part in self.stress_sets:
             count = len(part.point)
             if part.point.shape != (count, 3) or part.stress.shape != (count, 6, modes) or not count:

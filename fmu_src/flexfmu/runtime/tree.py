@@ -14,6 +14,8 @@ A node on the ground has R_p = I, x_p = 0: without frames this is modal superpos
 
 The paper's own readings, where displacements turn but positions do not (`LITERAL`, `SECANT`), are the same tree with
 x_k = X_k + y_k, y_k = y_p + R_p (u(X_k) − u(X_p)), and R_p made of the whole or half the averaged rotation.
+
+With `SECOND_ORDER` b_k and φ_k are quadratic in q: their second derivatives are the tree's curvature.
 """
 
 from dataclasses import dataclass
@@ -21,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import OptionError
 from .reduced_body import GROUND, Kinematics, ReducedBody
 from .rotations import cross, exponential_and_jacobian, skew, transposed_jacobian_derivative
 
@@ -55,6 +58,8 @@ class Tree:
         The same for the parent of k: zero where a is k itself.
     tie_count : int
         T; the ends a of all ties, then the ends b.
+    curvature : (6K, m, m) float or None
+        Second derivatives of b_k and φ_k with respect to q, in the order of `operator`; None where they are linear.
     """
 
     parent: IntArray
@@ -67,6 +72,7 @@ class Tree:
     path: FloatArray
     parent_path: FloatArray
     tie_count: int = 0
+    curvature: FloatArray | None = None
 
     @property
     def interfaces(self) -> slice:
@@ -94,6 +100,8 @@ class Configuration:
         φ_k, rad, frame of the parent.
     jacobian : (K, 3, 3) float
         T(φ_k): the relative angular velocity is R_p T φ̇.
+    operator : (6K, m) float
+        Derivatives of b_k and φ_k with respect to q: those of the tree, and what its curvature adds.
     """
 
     q: FloatArray
@@ -103,6 +111,7 @@ class Configuration:
     offset: FloatArray
     relative: FloatArray
     jacobian: FloatArray
+    operator: FloatArray
 
 
 def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
@@ -166,7 +175,60 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
             path[k] += path[frame]
     operator = np.concatenate([d.reshape(-1, body.mode_count), c.reshape(-1, body.mode_count)])
     parent_path = path - np.eye(len(parent))
-    return Tree(parent, frames, body.interface_count, point, offset, operator, base, path, parent_path, ties)
+    curvature = None
+    if kinematics is Kinematics.SECOND_ORDER:
+        section = np.concatenate([body.joint_rotation, rotation[frames:]])
+        curvature = _curvature(body, parent, offset, section)
+    return Tree(parent, frames, body.interface_count, point, offset, operator, base, path, parent_path, ties, curvature)
+
+
+def _curvature(body: ReducedBody, parent: IntArray, offset: FloatArray, section: FloatArray) -> FloatArray:
+    """Second derivatives (6K, m, m) of offsets and relative rotations, docs/theory.md equations (19) and (20).
+
+    Parameters
+    ----------
+    body : ReducedBody
+    parent : (K,) int
+    offset : (K, 3) float
+    section : (K, 3, m) float
+        Linear rotations of the nodes' sections.
+    """
+    data = body.second
+    if data is None:
+        raise OptionError(
+            'kinematics "second_order" needs data that this body was built without: build it with second_order = true '
+            "in [reduction]"
+        )
+    frames, averaged = body.frame_count, body.frame_rotation
+    hung = np.flatnonzero(parent >= 0)
+    p = parent[hung]
+    # A frame's own material is clamped at its joint, whose section has turned by exp(ω) in it.
+    own = section[:frames] - averaged
+    clamp = data.rotation[:frames] - _read_off(data.section[:frames], own)
+    inside = section.copy()
+    inside[hung] -= averaged[p]
+    d = data.displacement.copy()
+    d[hung] -= data.displacement[p] - np.einsum("kij,kjab->kiab", skew(offset[hung]), clamp[p])
+    c = data.rotation - _read_off(data.section, inside)
+    c[hung] -= clamp[p]
+    # exp(ω in the parent) exp(−ω in the frame) to second order.
+    turned = np.einsum("kija,kjb->kiab", _skew_columns(inside[:frames]), own)
+    c[:frames] -= 0.5 * (turned + turned.swapaxes(2, 3))
+    return np.concatenate([d.reshape(-1, *d.shape[2:]), c.reshape(-1, *c.shape[2:])])
+
+
+def _skew_columns(vectors: FloatArray) -> FloatArray:
+    """Matrices (K, 3, 3, m) of the vector products with the columns of (K, 3, m)."""
+    return np.moveaxis(skew(np.swapaxes(vectors, 1, 2)), 1, 3)
+
+
+def _read_off(section: FloatArray, turn: FloatArray) -> FloatArray:
+    """Rotation (K, 3, m, m) that fits (K, 3, 3, 3) read off the second-order part ½ ω̂² (x − X) of turns (K, 3, m)."""
+    outer = np.einsum("kja,klb->kjlab", turn, turn)
+    stretch = 0.5 * (outer + outer.swapaxes(3, 4))
+    stretch -= np.einsum("kiiab,jl->kjlab", outer, np.eye(3))
+    result: FloatArray = np.einsum("kijl,kjlab->kiab", section, stretch, optimize=True)
+    return result
 
 
 def configuration(tree: Tree, q: FloatArray) -> Configuration:
@@ -183,7 +245,13 @@ def configuration(tree: Tree, q: FloatArray) -> Configuration:
     Configuration
     """
     count = len(tree.parent)
-    linear = (tree.operator @ q).reshape(2, count, 3)
+    operator = tree.operator
+    linear = operator @ q
+    if tree.curvature is not None:
+        change = tree.curvature @ q
+        operator = operator + change
+        linear = linear + 0.5 * (change @ q)
+    linear = linear.reshape(2, count, 3)
     offset = tree.offset + linear[0]
     relative = linear[1]
     exponential, jacobian = exponential_and_jacobian(relative)
@@ -196,7 +264,7 @@ def configuration(tree: Tree, q: FloatArray) -> Configuration:
     first = tree.frame_count
     np.matmul(parent_rotation[first:], exponential[first:], out=rotation[first:-1])
     position = tree.base + tree.path @ (parent_rotation @ offset[:, :, None])[:, :, 0]
-    return Configuration(q, position, rotation[:-1], parent_rotation, offset, relative, jacobian)
+    return Configuration(q, position, rotation[:-1], parent_rotation, offset, relative, jacobian, operator)
 
 
 def outboard_loads(
@@ -241,7 +309,7 @@ def generalised_force(tree: Tree, state: Configuration, force: FloatArray, momen
     # Row vectors times R_p are the components in the parent's frame.
     local_force = total[:, None, :] @ state.parent_rotation
     local_moment = about[:, None, :] @ state.parent_rotation @ state.jacobian
-    result: FloatArray = np.concatenate([local_force.ravel(), local_moment.ravel()]) @ tree.operator
+    result: FloatArray = np.concatenate([local_force.ravel(), local_moment.ravel()]) @ state.operator
     return result
 
 
@@ -261,7 +329,7 @@ def jacobians(tree: Tree, state: Configuration) -> tuple[FloatArray, FloatArray]
         W_k with angular velocity ω_k = W_k q̇, global frame.
     """
     count = len(tree.parent)
-    d, c = tree.operator.reshape(2, count, 3, -1)
+    d, c = state.operator.reshape(2, count, 3, -1)
     turn = state.parent_rotation @ (state.jacobian @ c)
     spin = np.tensordot(tree.path, turn, axes=1)
     parent_spin = np.tensordot(tree.parent_path, turn, axes=1)
@@ -286,7 +354,7 @@ def load_stiffness(tree: Tree, state: Configuration, force: FloatArray, moment: 
         Symmetric under forces; moments about fixed axes have no potential and make it unsymmetric.
     """
     count = len(tree.parent)
-    d, c = tree.operator.reshape(2, count, 3, -1)
+    d, c = state.operator.reshape(2, count, 3, -1)
     translation, spin = jacobians(tree, state)
     parent_spin = np.zeros_like(spin)
     hung = tree.parent >= 0
@@ -306,4 +374,8 @@ def load_stiffness(tree: Tree, state: Configuration, force: FloatArray, moment: 
     result: FloatArray = np.tensordot(d, force_change, axes=([0, 1], [0, 1])) + np.tensordot(
         c, moment_change, axes=([0, 1], [0, 1])
     )
+    if tree.curvature is not None:
+        local_force = (total[:, None, :] @ state.parent_rotation)[:, 0]
+        turned = (local_moment[:, None, :] @ state.jacobian)[:, 0]
+        result = result + np.tensordot(np.concatenate([local_force.ravel(), turned.ravel()]), tree.curvature, axes=1)
     return result

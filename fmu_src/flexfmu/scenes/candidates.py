@@ -17,6 +17,7 @@ from ..runtime.reduced_body import (
     LoadPlacement,
     Mass,
     ReducedBody,
+    SecondOrder,
     Stiffness,
 )
 from ..runtime.stepping import StepLimits
@@ -145,7 +146,11 @@ def _meaningful(
         if config.cut:
             return None
         division = Division.TREE
-    if division is not Division.TREE and mass is not Mass.CONSTANT:
+    curved = kinematics is Kinematics.SECOND_ORDER
+    if division is not Division.TREE and (curved or mass is not Mass.CONSTANT):
+        return None
+    if curved and loads is LoadPlacement.DEFORMED and stiffness is Stiffness.BY_LOAD:
+        # Such loads are the geometric stiffness already.
         return None
     try:
         return Formulation(kinematics, loads, stiffness, mass, division)
@@ -216,6 +221,7 @@ def reduction_config(config: BodyFile, reduction: Reduction, formulations: list[
             "residual_flexibility": reduction.basis is BasisChoice.RESIDUAL,
             "geometric_stiffness": needed,
             "inertia": any(f.mass is Mass.CONFIGURATION for f in formulations),
+            "second_order": any(f.kinematics is Kinematics.SECOND_ORDER for f in formulations),
         }
     )
     first = formulations[0]
@@ -239,6 +245,7 @@ def lean(body: ReducedBody, formulation: Formulation) -> ReducedBody:
         stiffness_by_load=body.stiffness_by_load if formulation.stiffness is Stiffness.BY_LOAD else None,
         stiffness_by_mode=body.stiffness_by_mode if formulation.stiffness is Stiffness.BY_MODE else None,
         inertia=body.inertia if formulation.mass is Mass.CONFIGURATION else None,
+        second=body.second if formulation.kinematics is Kinematics.SECOND_ORDER else None,
     )
 
 
@@ -257,6 +264,11 @@ def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
     """
     square = np.ix_(kept, kept)
     whole, masses, surface, inertia, ties = body.whole, body.masses, body.surface, body.inertia, body.ties
+    second = body.second
+    if second is not None:
+        chosen = kept[:, None], kept
+        displacement, rotation = second.displacement[:, :, *chosen], second.rotation[:, :, *chosen]
+        second = SecondOrder(displacement, rotation, second.section)
     if whole is not None:
         names = ("joint_displacement", "joint_rotation", "frame_rotation")
         whole = replace(whole, **{name: getattr(whole, name)[..., kept] for name in names})
@@ -285,6 +297,7 @@ def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
         surface=surface,
         inertia=inertia,
         ties=ties,
+        second=second,
         stress_sets=tuple(replace(part, stress=part.stress[..., kept]) for part in body.stress_sets),
         stiffness_by_load=None if by_load is None else by_load[:, kept][:, :, kept],
         stiffness_by_mode=None if by_mode is None else by_mode[np.ix_(kept, kept, kept)],

@@ -81,8 +81,9 @@ def _draw(kind: Map, rows: Sequence[Run], target: Path) -> None:
         _panel(axes, [run for run in rows if run.panel == panel], named)
         if len(panels) > 1:
             axes.set_title(panel, fontsize="small")
-    figure.supxlabel(_AXES[kind][0], fontsize="small")
-    figure.supylabel(_AXES[kind][1], fontsize="small")
+    # One label for all panels: longer than a panel is high, they would run into each other.
+    grid[-1, columns // 2 if len(panels) == lines * columns else 0].set_xlabel(_AXES[kind][0], fontsize="small")
+    grid[lines // 2, 0].set_ylabel(_AXES[kind][1], fontsize="small")
     found = {run.verdict for run in rows}
     handles = [
         Patch(facecolor=colour, hatch=hatch, edgecolor="0.3", linewidth=0.5, label=words)
