@@ -102,6 +102,18 @@ def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):
     )
 
 
+def test_joints_at_distances_and_numbers_of_modes_hold_in_each_part(tmp_path):
+    def build(modes):
+        tables = {"frames": None, "branch": [{"toward": "MID", "joints": [0.1]}], "reduction": {"modes": modes}}
+        return reduced(tmp_path, cut=[{"nodes": "MID"}], **tables)
+
+    few = build([1, 2, 4])
+    assert few.frame_parent.tolist() == [-1, 0, -1, 2]
+    assert few.joint_point[:, 1] == pytest.approx([0.0, 0.1, 0.0, 0.1], abs=0.011)
+    # One mode less in each of two parts.
+    assert few.mode_count == build(4).mode_count - 2
+
+
 def test_constraint_modes_make_no_difference(whole, tmp_path):
     """Two cuts would leave a part without support: of the portal the second one opens nothing but a leg."""
     basis = {"basis": "craig_bampton", "modes": 10}
