@@ -2,8 +2,11 @@
 
 import io
 import re
+import subprocess
+import sys
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from rich.console import Console
 
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
+from flexfmu.errors import OutputError
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.info import describe
 from flexfmu.mesh.model import ElementType
@@ -23,6 +27,7 @@ from flexfmu.scenes.body_text import body_text
 from flexfmu.scenes.candidates import Reduction, reduction_config, with_modes
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.fit import fit
+from flexfmu.scenes.fitting import delivery
 from flexfmu.scenes.fitting.branches import Branch, find_branches, spread_joints
 from flexfmu.scenes.fitting.motion import contributions
 from flexfmu.scenes.fitting.subspace import subset
@@ -374,3 +379,32 @@ def test_modes_above_the_frequencies_that_count_give_way_to_residual_flexibility
     outcome, _ = fitted("sudden_load")
     assert outcome.fit.plan.residual == ("tip.force.y",)
     assert re.search(r"Modes 3, 4, .* are replaced by residual flexibility", outcome.fit.reasons["modes"])
+
+
+# --- the command
+
+
+@pytest.mark.usefixtures("brought")
+def test_the_command_writes_a_body_file_and_its_fmu(tmp_path):
+    command = ["fit", "body.toml", "--scene", "scene.toml", "--output", "lean.toml"]
+    program = str(Path(sys.executable).parent / "flexfmu")
+    result = subprocess.run([program, *command], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "lean.toml, lean.fmu" in result.stdout
+    assert "times that of an empty FMU" in result.stdout
+    written_modes = read_body_file(tmp_path / "lean.toml").reduction.numbers
+    assert read_packaged_body(tmp_path / "lean.fmu").mode_count == len(written_modes)
+
+
+def test_nothing_is_left_where_the_fmu_cannot_be_written(brought, tmp_path, store, monkeypatch):
+    target = tmp_path / "lean.toml"
+    with pytest.raises(OutputError, match="expected a file name that ends in"):
+        fit(brought, target, Reporter(), store, tmp_path / "lean.zip")
+
+    def refuse(*_):
+        raise OutputError("no room")
+
+    monkeypatch.setattr(delivery, "package_fmu", refuse)
+    with pytest.raises(OutputError, match="no room"):
+        fit(brought, target, Reporter(), store, tmp_path / "lean.fmu")
+    assert not list(tmp_path.glob("*lean*"))
