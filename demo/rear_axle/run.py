@@ -50,7 +50,7 @@ CASES = {
 }
 
 # Label, frames (None: the body file's arms and pieces of the beam), formulation; all but the last in one piece.
-CUT = "cut in the middle"
+CUT, SECOND = "cut in the middle", "cut, second order"
 DEFORMED, REFERENCE = LoadPlacement.DEFORMED, LoadPlacement.REFERENCE
 MODELS = (
     ("linear modes", None, Formulation(Kinematics.LINEAR, REFERENCE)),
@@ -59,6 +59,7 @@ MODELS = (
     ("frames = 4", 4, Formulation(Kinematics.COROTATED, DEFORMED)),
     ("arms and beam, by load", None, Formulation(Kinematics.COROTATED, DEFORMED, Stiffness.BY_LOAD)),
     (CUT, None, Formulation(Kinematics.COROTATED, DEFORMED)),
+    (SECOND, None, Formulation(Kinematics.SECOND_ORDER, DEFORMED)),
 )
 
 
@@ -141,7 +142,7 @@ def models(body_file: Path, report: Reporter) -> dict[str, FlexibleBody]:
     for count in {frames for _, frames, _ in MODELS if frames}:
         reduced[count] = reduce_body(stiff.model_copy(update={"frame": [], "frames": count}), report)
     return {
-        label: FlexibleBody(joined if label == CUT else reduced[frames], formulation)
+        label: FlexibleBody(joined if label in (CUT, SECOND) else reduced[frames], formulation)
         for label, frames, formulation in MODELS
     }
 

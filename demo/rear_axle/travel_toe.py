@@ -1,4 +1,4 @@
-"""Rear axle: toe against wheel travel by six models, the figures of docs/rear_axle.md.
+"""Rear axle: toe against wheel travel by seven models, the figures of docs/rear_axle.md.
 
 Run from the repository's root: python -m demo.rear_axle.travel_toe [--output FOLDER]
 """
@@ -33,7 +33,8 @@ STYLES = {
     "one floating frame": {"color": "C0", "linestyle": "--"},
     "arms as separate sub-domains": {"color": "C1", "linestyle": "-."},
     "tree: arms and beam": {"color": "C4", "linestyle": "-"},
-    "cut in the middle": {"color": "C2", "linestyle": "-"},
+    "cut in the middle": {"color": "C3", "linestyle": "--"},
+    "cut, second order": {"color": "C2", "linestyle": "-"},
 }
 # Corners of each arm's tetrahedron with the joint: places on the right arm, m; the nearest nodes are taken.
 CORNERS = ((0.45, 0.615, 0.0), (0.30, 0.525, 0.035), (0.30, 0.575, -0.035))
@@ -59,6 +60,7 @@ def models(folder: Path, report: Reporter) -> dict[str, FlexibleBody]:
     cut = read_body_file(HERE / "body.toml")
     whole = cut.model_copy(update={"cut": []})
     tree = reduce_body(whole, report, store)
+    halves = reduce_body(cut, report, store)
     points = reduce_body(with_corners(whole, folder / "rear_axle_corners.inp"), report, store)
     turning, deformed = Kinematics.COROTATED, LoadPlacement.DEFORMED
     return {
@@ -68,7 +70,8 @@ def models(folder: Path, report: Reporter) -> dict[str, FlexibleBody]:
             points, Formulation(turning, deformed, division=Division.SEPARATE)
         ),
         "tree: arms and beam": FlexibleBody(tree, Formulation(turning, deformed)),
-        "cut in the middle": FlexibleBody(reduce_body(cut, report, store)),
+        "cut in the middle": FlexibleBody(halves, Formulation(turning, deformed)),
+        "cut, second order": FlexibleBody(halves),
     }
 
 
