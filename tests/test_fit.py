@@ -88,7 +88,7 @@ def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced
 
     def build(modes):
         reduction = reduction_config(config, Reduction(basis, 12, 2), [Formulation(stiffness=Stiffness.BY_LOAD)])
-        table = reduction.reduction.model_copy(update={"modes": modes, "inertia": True})
+        table = reduction.reduction.model_copy(update={"modes": modes, "inertia": True, "second_order": True})
         if residual and isinstance(modes, list):
             table = table.model_copy(update={"residual_flexibility": residual})
         return reduce_body(reduction.model_copy(update={"reduction": table}), Reporter())
@@ -98,7 +98,11 @@ def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced
     np.testing.assert_allclose(kept.angular_frequency, listed.angular_frequency, rtol=1e-7)
     assert listed.provenance["normal_modes"] == "1 2 5 6"
     loads = {"tip": [500.0, 3e3, 1e3, 20.0, 30.0, 40.0]}
-    for formulation in (Formulation(stiffness=Stiffness.BY_LOAD), Formulation(mass=Mass.CONFIGURATION)):
+    for formulation in (
+        Formulation(stiffness=Stiffness.BY_LOAD),
+        Formulation(mass=Mass.CONFIGURATION),
+        Formulation(Kinematics.SECOND_ORDER),
+    ):
         models = [FlexibleBody(body, formulation) for body in (kept, listed)]
         motions = [model.motion(model.step(model.static(loads), {"tip": [0.0, 1e3, 0.0]}, 1e-3)) for model in models]
         np.testing.assert_allclose(*motions, rtol=1e-7, atol=1e-10)

@@ -60,7 +60,7 @@ def reasons(search: Search, tried: list[Tried], found: list[Choice], best: Choic
         own = next(one for one in tried if one.formulation == formulation)
         where = {int: "frames", tuple: "branch"}[type(best.plan.frames)]
         result["frame" if best.plan.frames == GIVEN else where] = _frames(own, best, scene, plenty)
-        result["loads"] = _others([one for one in tried if one.formulation != formulation and not one.linear])
+        result["loads"] = _others([one for one in tried if one.formulation != formulation and not one.linear], found)
     result["basis"] = _bases([choice for choice in found if choice.formulation == formulation])
     if not scene.config.cut:
         result["modes"] = _modes(search, best, [c for c in found if c.formulation == formulation], plenty)
@@ -84,17 +84,30 @@ def _frames(own: Tried, choice: Choice, scene: Scene, plenty: int) -> str:
     return f"{words}. The material turns by {left:.2g} rad at most within a frame."
 
 
-def _others(others: list[Tried]) -> str:
+def _others(others: list[Tried], found: list[Choice]) -> str:
+    """What the other formulations need, and their fastest steps."""
+    fastest = {
+        one.formulation: min((c for c in found if c.formulation == one.formulation), key=lambda c: c.cost, default=None)
+        for one in others
+    }
     words = [
         f"{formulation_words(one.formulation)} "
         + (
-            f"needs {one.counts[one.enough]} frames"
+            f"needs {_plural(one.counts[one.enough], 'frame')}{_told(fastest[one.formulation])}"
             if one.enough is not None
-            else f"does not reach it with {max(one.counts.values())} frames"
+            else f"does not reach it with {_plural(max(one.counts.values()), 'frame')}"
         )
         for one in others
     ]
     return f"Beside it, {'; '.join(words)}." if words else ""
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def _told(choice: Choice | None) -> str:
+    return "" if choice is None else f" ({_plural(choice.body.mode_count, 'mode')}{_microseconds(choice)})"
 
 
 def _bases(found: list[Choice]) -> str:

@@ -112,6 +112,10 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
             second=np.einsum("pijab,ik,jl->pklab", inertia.second, more, more, optimize=True),
             ground=turn.T @ inertia.ground @ turn,
         )
+    second = body.second
+    if second is not None:
+        displacement, rotation = (turn.T @ part @ turn for part in (second.displacement, second.rotation))
+        second = replace(second, displacement=displacement, rotation=rotation)
     by_load, by_mode = body.stiffness_by_load, body.stiffness_by_mode
     if by_mode is not None:
         by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
@@ -124,6 +128,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
         surface=surface and replace(surface, **turned(surface, "modes")),
         ties=ties and replace(ties, **turned(ties, "displacement", "rotation")),
         inertia=inertia,
+        second=second,
         stress_sets=tuple(replace(part, **turned(part, "stress")) for part in body.stress_sets),
         stiffness_by_load=None if by_load is None else turn.T @ by_load @ turn,
         stiffness_by_mode=by_mode,
