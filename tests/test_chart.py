@@ -268,6 +268,9 @@ def test_of_models_that_are_as_good_the_plainest_is_named():
     dearer = made_up(3, static_displacement=0.010, step_us=12.0, mode_count=3)
     assert plain_front([by_load, plain, dearer], "step_us", "static_displacement", 0.1, 0.03) == [plain]
     assert plain_front([by_load, plain, dearer], "step_us", "static_displacement") == [by_load]
+    better = made_up(10, static_displacement=0.005, step_us=10.1, mode_count=10)
+    assert plain_front([by_load, plain, better], "step_us", "static_displacement", 0.1, 0.03)[-1] is better
+    assert plain not in plain_front([by_load, plain, better], "step_us", "static_displacement", 0.1, 0.03)
     # One that stands for two comes once.
     near = made_up(30, static_displacement=0.0112, step_us=9.95, mode_count=30)
     assert plain_front([near, by_load, plain], "step_us", "static_displacement", 0.1, 0.03) == [plain]

@@ -310,7 +310,15 @@ def plain_front(
         ]
         # One may stand for two.
         members[rows[min(as_good, key=lambda n: (rows[n].plainness, costs[n]))]] = None
-    return list(members)
+    # Where a costlier one stands for a member, the next member may beat it.
+    left = [one for one in members if not any(_beats(other, one, cost, error) for other in members)]
+    return sorted(left, key=lambda row: float(getattr(row, cost)))
+
+
+def _beats(row: Record, other: Record, cost: str, error: str) -> bool:
+    """Whether a record is at least as good as another one in both, and is not the same in both."""
+    here, there = ((getattr(one, cost), getattr(one, error)) for one in (row, other))
+    return bool(here[0] <= there[0] and here[1] <= there[1] and here != there)
 
 
 def pareto_front(costs: Sequence[float], errors: Sequence[float], margin: float = 0.0) -> list[int]:
