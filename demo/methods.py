@@ -81,12 +81,16 @@ METHODS: tuple[tuple[int, Formulation], ...] = (
     (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD)),
     (8, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
     (8, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD)),
+    (1, Formulation(Kinematics.SECOND_ORDER, LoadPlacement.REFERENCE)),
+    (1, Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)),
+    (2, Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)),
+    (4, Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)),
 )
 
 
 def label(frames: int, formulation: Formulation) -> str:
     """Name of a method in the table."""
-    parts = [formulation.kinematics.value]
+    parts = [formulation.kinematics.value.replace("_", " ")]
     if formulation.kinematics is not Kinematics.LINEAR:
         parts = [f"{frames} × {parts[0]}" if frames > 1 else f"{parts[0]}"]
         parts.append(formulation.loads.value.replace("_", " "))
@@ -98,8 +102,9 @@ def label(frames: int, formulation: Formulation) -> str:
 
 
 def reduced(config: BodyFile, frames: int) -> ReducedBody:
-    """A body with a number of frames and all geometric stiffness aboard."""
-    reduction = config.reduction.model_copy(update={"geometric_stiffness": ["by_load", "by_mode"]})
+    """A body with a number of frames and what every formulation needs aboard."""
+    aboard = {"geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
+    reduction = config.reduction.model_copy(update=aboard)
     return reduce_body(config.model_copy(update={"frames": frames, "reduction": reduction}), Reporter())
 
 
