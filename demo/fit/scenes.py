@@ -79,7 +79,7 @@ DEMONSTRATIONS = {
         {},
     ),
     "torsion": Demonstration(
-        "torsion: rear axle, ±1.5 kN at its wheels",
+        "torsion: rear axle, ±2.4 kN at its wheels",
         DEMO / "rear_axle" / "body.toml",
         HERE / "torsion.toml",
         {"opposite": DEMO / "rear_axle" / "calculix" / "opposite.csv"},
