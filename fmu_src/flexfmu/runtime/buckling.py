@@ -59,6 +59,17 @@ class Judge:
         missed = float(size @ self.missed_bound)
         return not missed <= limit * (stiffness - missed)
 
+    def within(self, inputs: FloatArray, limit: float) -> bool:
+        """Whether `error` is below a limit; faster than finding it."""
+        true = np.eye(self.change.shape[1]) + np.tensordot(inputs, self.change, axes=1)
+        missed = np.tensordot(inputs, self.missed, axes=1)
+        try:
+            np.linalg.cholesky(limit / (1.0 - limit) * true - missed)
+            np.linalg.cholesky(limit / (1.0 + limit) * true + missed)
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
     def error(self, inputs: FloatArray) -> float:
         """Largest relative error of any deflection of the loaded body by what its formulation misses.
 

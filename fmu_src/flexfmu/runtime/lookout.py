@@ -133,7 +133,9 @@ class Lookout:
         found: list[Finding | None] = [rotation_finding(body, state, limits), None, None, None]
         if (limits.stability > 0.0 or limits.missed > 0.0) and loads_changed(inputs, seen.inputs, largest):
             found[1] = stability_finding(body, state, inputs, self._names, limits)
-            found[2] = missed_finding(body, inputs, self._names, limits)
+            # What was warned of is not looked for again.
+            if not (seen.warned[2] and limits.on_missed is OnLimit.WARN):
+                found[2] = missed_finding(body, inputs, self._names, limits)
             seen = replace(seen, inputs=inputs.copy(), largest=largest)
         elif largest > seen.largest:
             seen = replace(seen, largest=largest)

@@ -186,9 +186,10 @@ def missed_finding(body: FlexibleBody, inputs: FloatArray, names: tuple[str, ...
     judge = body.judge
     if judge is None or not judge.may_exceed(inputs, limits.missed):
         return None
-    error = judge.error(inputs)
-    if error <= limits.missed:
+    # An error of 1 is beyond the critical load, and no limit lies above it.
+    if limits.missed < 1.0 and judge.within(inputs, limits.missed):
         return None
+    error = judge.error(inputs)
     worst = int(np.argmax(np.abs(inputs) * judge.missed_bound))
     margin = judge.margin(inputs)
     words = f"deflections are off by up to {100.0 * error:.3g} %"
