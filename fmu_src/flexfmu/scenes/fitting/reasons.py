@@ -240,7 +240,9 @@ def _more(
 ) -> dict[str, tuple[Plan, Formulation]]:
     """Models that have more of one thing each."""
     residual = BasisChoice.RESIDUAL
-    turned = replace(formulation, kinematics=Kinematics.COROTATED, loads=LoadPlacement.DEFORMED)
+    corotated = replace(formulation, kinematics=Kinematics.COROTATED, loads=LoadPlacement.DEFORMED)
+    second = formulation.kinematics is Kinematics.SECOND_ORDER
+    turned = replace(formulation, loads=LoadPlacement.DEFORMED) if second else corotated
     now = frames if isinstance(frames, int) and frames != GIVEN else count
     twice = 2 * max(now, 1)
     found = {
@@ -252,7 +254,7 @@ def _more(
     }
     at = Plan(residual, plenty, frames or 1)
     if formulation.stiffness is Stiffness.CONSTANT:
-        found['stiffness = "by_load"'] = (at, replace(turned, stiffness=Stiffness.BY_LOAD))
+        found['stiffness = "by_load"'] = (at, replace(corotated, stiffness=Stiffness.BY_LOAD))
     if scene.transient and formulation.mass is Mass.CONSTANT:
-        found['mass = "configuration"'] = (at, replace(turned, mass=Mass.CONFIGURATION))
+        found['mass = "configuration"'] = (at, replace(corotated, mass=Mass.CONFIGURATION))
     return found
