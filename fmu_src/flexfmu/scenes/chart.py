@@ -30,10 +30,13 @@ _MARKERS = {"normal": "o", "residual": "s", "craig_bampton": "^"}
 _BASES = {"normal": "normal modes", "residual": "with residual flexibility", "craig_bampton": "Craig-Bampton"}
 _LINEAR = "0.55"
 _SEPARATE = "tab:orange"
-# Kinematics for comparison, beside the frames' own colours.
+# Kinematics with a shade for each number of frames.
+_SHADED = ("corotated", "second_order")
+# Kinematics for comparison.
 _OTHERS = {"literal": "tab:red", "secant": "tab:pink"}
 # Shades of the frames, one map a body.
 _MAPS = ("viridis", "cool", "autumn")
+_CURVED_MAPS = ("RdPu", "YlOrBr", "Greys")
 _STARS = {"flexfmu": "*", "calculix": "P", "results": "X"}
 # Panels, inches: with and without the strip for the finite element model.
 _WIDTH, _STRIP, _HEIGHT = 5.6, 0.9, 3.6
@@ -228,13 +231,17 @@ class _Picture:
         body = self._bodies.index(row.body)
         if row.kinematics == "linear":
             return _LINEAR if body == 0 else "0.78"
-        if row.kinematics != "corotated":
+        if row.kinematics not in _SHADED:
             return _OTHERS.get(row.kinematics, "tab:brown")
         if row.division == "separate":
             return _SEPARATE
-        counts = sorted({r.frames for r in self._rows if r.kinematics == "corotated" and r.body == row.body})
+        counts = sorted({r.frames for r in self._rows if r.kinematics == row.kinematics and r.body == row.body})
         place = counts.index(row.frames) / max(len(counts) - 1, 1)
-        shade: tuple[float, ...] = plt.get_cmap(_MAPS[body % len(_MAPS)])(0.92 - 0.87 * place)
+        shade: tuple[float, ...]
+        if row.kinematics == "second_order":
+            shade = plt.get_cmap(_CURVED_MAPS[body % len(_CURVED_MAPS)])(0.5 + 0.5 * place)
+        else:
+            shade = plt.get_cmap(_MAPS[body % len(_MAPS)])(0.92 - 0.87 * place)
         return shade
 
     def _finite_elements(self, quantity: str) -> list[Record]:
@@ -348,9 +355,9 @@ class _Picture:
 
         rows, several = self._rows, len(self._bodies) > 1
         known: dict[str, str | tuple[float, ...]] = {}
-        ranks = {"linear": 0, "corotated": 1}
+        ranks = {"linear": 0, "corotated": 1, "second_order": 2}
         for row in sorted(
-            rows, key=lambda r: (self._bodies.index(r.body), ranks.get(r.kinematics, 2), r.division, r.frames)
+            rows, key=lambda r: (self._bodies.index(r.body), ranks.get(r.kinematics, 3), r.division, r.frames)
         ):
             known.setdefault((f"{row.body}: " if several else "") + _colour_words(row), self._colours[row])
         handles = [dot(words, markerfacecolor=c, markeredgecolor=c) for words, c in known.items()]
@@ -383,9 +390,10 @@ def _colour_words(row: Record) -> str:
     """What a colour stands for."""
     if row.kinematics == "linear":
         return "linear"
-    if row.kinematics != "corotated" or row.division == "separate":
-        return f"{row.kinematics}{', separate frames' if row.division == 'separate' else ''}"
-    return f"{row.kinematics}, frames = {row.frames}" if row.frames >= 0 else f"{row.kinematics}, the body's own frames"
+    words = row.kinematics.replace("_", " ")
+    if row.kinematics not in _SHADED or row.division == "separate":
+        return f"{words}{', separate frames' if row.division == 'separate' else ''}"
+    return f"{words}, frames = {row.frames}" if row.frames >= 0 else f"{words}, the body's own frames"
 
 
 def describe_time(row: Record) -> str:

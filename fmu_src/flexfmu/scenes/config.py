@@ -143,7 +143,7 @@ class SweepTable(_Table):
     modes: list[Annotated[int, Field(ge=1)]] = Field(default=[5, 10, 20], min_length=1)
     frames: list[Annotated[int, Field(ge=1)]] = Field(default=[1, 2, 4, 8], min_length=1)
     kinematics: list[Annotated[Kinematics, Field(strict=False)]] = Field(
-        default=[Kinematics.LINEAR, Kinematics.COROTATED], min_length=1
+        default=[Kinematics.LINEAR, Kinematics.COROTATED, Kinematics.SECOND_ORDER], min_length=1
     )
     loads: list[Annotated[LoadPlacement, Field(strict=False)]] = Field(
         default=[LoadPlacement.REFERENCE, LoadPlacement.DEFORMED], min_length=1

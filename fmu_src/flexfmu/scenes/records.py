@@ -142,7 +142,7 @@ class Record:
         words = [self.kinematics]
         if self.kinematics != "linear":
             own = f"own {self.frame_count}" if self.frames < 0 else str(self.frames)
-            words = [f"{own} × {self.kinematics}", self.loads.replace("_", " ")]
+            words = [f"{own} × {self.kinematics.replace('_', ' ')}", self.loads.replace("_", " ")]
         if self.stiffness != "constant":
             words.append(self.stiffness.replace("_", " "))
         if self.mass != "constant":
