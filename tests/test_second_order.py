@@ -1,10 +1,14 @@
 """Motions within frames to second order, against geometric stiffness, closed forms and CalculiX."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flexfmu.config import Basis, FormulationTable, InputTable, InterfaceTable
 from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.buckling import BY_LOAD as BY_LOAD_SOURCE
+from flexfmu.runtime.buckling import BY_SECOND_ORDER, judge
 from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
 from flexfmu.runtime.errors import OptionError
 from flexfmu.runtime.loads import Loads
@@ -149,6 +153,21 @@ def test_what_second_order_needs_and_what_it_does_not_go_with(reduced, bodies):
         FlexibleBody(reduced(BEAM, 2), Formulation(Kinematics.SECOND_ORDER, division=Division.SEPARATE))
     with pytest.raises(OptionError, match='mass "configuration"'):
         Formulation(Kinematics.SECOND_ORDER, mass=Mass.CONFIGURATION)
+
+
+def test_stiffness_that_other_formulations_miss_is_judged_by_it(reduced):
+    """A column under half of Euler's load; the finite element model's own geometric stiffness agrees."""
+    inputs = np.array([-16.7e3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    wanted = LEAN | {"geometric_stiffness": ["by_load"]}
+    body = reduced(BEAM, 1, wanted)
+    by_load = replace(body, second=None)
+    for formulation in (Formulation(), Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)):
+        judges = [judge(model, build_dynamics(model, formulation)) for model in (body, by_load)]
+        assert [one.source for one in judges] == [BY_SECOND_ORDER, BY_LOAD_SOURCE]
+        first, second = (one.error(inputs) for one in judges)
+        assert 0.1 < first < 0.6
+        assert first == pytest.approx(second, rel=0.02)
+    assert judge(body, build_dynamics(body, SECOND)) is None
 
 
 def test_data_goes_aboard_where_the_formulation_asks_for_it(bodies):

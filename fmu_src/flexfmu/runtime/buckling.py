@@ -2,8 +2,8 @@
 
 A formulation knows of buckling what its own tangent stiffness says; one with loads on the undeformed body knows
 nothing, and one frame overestimates a cantilever's critical load by 22 %. Beside it stands a second tangent stiffness
-of the undeformed body under the same loads: that of geometric stiffness by load, or of the frames, or of the moments
-that forces make about where the interfaces were.
+of the undeformed body under the same loads: that of the frames to second order, of geometric stiffness by load, of the
+frames, or of the moments that forces make about where the interfaces were.
 """
 
 from dataclasses import dataclass, replace
@@ -25,6 +25,7 @@ _CHAIN = 0.25
 _MOMENT = 8.0 / np.pi**2
 
 BY_LOAD = "geometric stiffness by load"
+BY_SECOND_ORDER = "the frames to second order"
 BY_FRAMES = "the frames"
 BY_INTERFACES = "the displacement of the loaded interfaces, an estimate"
 
@@ -115,12 +116,19 @@ def judge(body: ReducedBody, dynamics: Dynamics) -> Judge | None:
     """
     if dynamics.by_load is not None or dynamics.ties is not None:
         return None
+    if dynamics.tree.curvature is not None and dynamics.placement is LoadPlacement.DEFORMED:
+        # There is none better.
+        return None
     interfaces, loads = body.interface_count, 6 * body.interface_count + (0 if body.masses is None else 3)
     own = -unit_load_stiffness(dynamics, interfaces, loads)
     if dynamics.by_mode is not None:
         own = own + _by_mode(dynamics, dynamics.by_mode, loads)
     depth = _depth(body)
-    if body.stiffness_by_load is not None:
+    if body.second is not None:
+        tree = build_tree(body, Kinematics.SECOND_ORDER)
+        framed = replace(dynamics, tree=tree, placement=LoadPlacement.DEFORMED, by_mode=None, nonlinear=True)
+        source, change = BY_SECOND_ORDER, -unit_load_stiffness(framed, interfaces, loads)
+    elif body.stiffness_by_load is not None:
         source, change = BY_LOAD, np.asarray(body.stiffness_by_load)
     elif depth:
         tree = build_tree(body, Kinematics.COROTATED)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .body import FlexibleBody
-from .buckling import BY_LOAD, Judge
+from .buckling import BY_LOAD, BY_SECOND_ORDER, Judge
 from .evaluation import Feed
 from .reduced_body import Kinematics
 from .stepping import State
@@ -232,11 +232,15 @@ def _remedy(body: FlexibleBody) -> str:
         return 'take formulation.kinematics = "corotated"' + (
             "" if body.model.frame_count else " and build with frames"
         )
+    if body.formulation.kinematics is Kinematics.COROTATED and body.model.second is not None:
+        return 'take formulation.kinematics = "second_order", or build with more frames'
     return "build with more frames"
 
 
 def _knowing(body: FlexibleBody, judge: Judge) -> str:
     """What to do about stiffness that is missed."""
+    if judge.source == BY_SECOND_ORDER:
+        return 'take formulation.kinematics = "second_order" with loads "deformed"'
     if judge.source == BY_LOAD:
         return 'take formulation.stiffness = "by_load"'
     aboard = 'geometric_stiffness = ["by_load"] and take formulation.stiffness = "by_load"'

@@ -22,6 +22,8 @@ from .subject import Subject, linear_response, unit
 _SIDE = 1e-3
 _LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
 _BLIND = Formulation(Kinematics.COROTATED, LoadPlacement.REFERENCE)
+# With more frames the second order has little to add.
+_FEW = 2
 _MOMENT = Formulation(Kinematics.COROTATED, LoadPlacement.CORRECTIVE_MOMENT)
 
 
@@ -84,12 +86,16 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
         if all(run.key in done for run in keys):
             continue
         body = subject.reduced(
-            frames=frames or None, geometric_stiffness=["by_load"], formulation=Formulation() if frames else _LINEAR
+            frames=frames or None,
+            geometric_stiffness=["by_load"],
+            second_order=bool(frames),
+            formulation=Formulation() if frames else _LINEAR,
         )
         for label, formulation in rows:
             # What a formulation does not need is not aboard, as in an FMU that was built for it.
             data = body.stiffness_by_load if formulation.stiffness is Stiffness.BY_LOAD else None
-            with Aboard(replace(body, stiffness_by_load=data, formulation=formulation)) as aboard:
+            second = body.second if formulation.kinematics is Kinematics.SECOND_ORDER else None
+            with Aboard(replace(body, stiffness_by_load=data, second=second, formulation=formulation)) as aboard:
                 for run in keys:
                     if run.y == label and run.key not in done:
                         share = float(run.x)
@@ -102,6 +108,8 @@ def _formulations(frames: int, most: int) -> list[tuple[str, Formulation]]:
     if not frames:
         return [("linear", _LINEAR), ("linear, by load", replace(_LINEAR, stiffness=by_load))]
     rows = [(f"{frames} × deformed", Formulation())]
+    if frames <= _FEW:
+        rows.append((f"{frames} × second order", Formulation(Kinematics.SECOND_ORDER)))
     if frames == most:
         rows = [(f"{frames} × reference", _BLIND), (f"{frames} × corrective moment", _MOMENT), *rows]
         rows += [(f"{frames} × deformed, by load", replace(Formulation(), stiffness=by_load))]

@@ -47,11 +47,13 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     least = 1 if subject.config.cut else 0
     for frames in (least, *(n for n in subject.table.frames if n > least)):
         rows = [("linear", _LINEAR)] if frames == least else []
-        rows += [(f"{frames} × corotated", Formulation())] if frames else []
+        if frames:
+            rows += [(f"{frames} × corotated", Formulation())]
+            rows += [(f"{frames} × second order", Formulation(Kinematics.SECOND_ORDER))]
         keys = [subject.blank(Map.ROTATION, "frames", f"{a:g}", label) for label, _ in rows for a in angles]
         if all(run.key in done for run in keys):
             continue
-        body = subject.reduced(frames=frames or None, formulation=rows[-1][1])
+        body = subject.reduced(frames=frames or None, second_order=bool(frames), formulation=rows[-1][1])
         with Aboard(body) as aboard:
             for label, formulation in rows:
                 for run in keys:
