@@ -22,9 +22,7 @@ SIDES = ("left", "right")
 GRAVITY = 9.81
 AXLE, AXLE_CUT, WHEEL = "axle.fmu", "axle_cut.fmu", "RoadWheel.fmu"
 
-# Wheel bearings, and coil springs between the seats and the car, N/m. The dampers stand at the wheels: there they act
-# on a mass whose velocity is smooth. On a seat, whose fastest modes a step does not resolve, a damper that goes by
-# velocities at communication points feeds what it should stop.
+# Wheel bearings, and coil springs between the seats and the car, N/m.
 BEARING, COIL = 1e7, 20e3
 
 
@@ -46,6 +44,8 @@ class Ride:
         Force between a tyre and the flat road, N, and mass, kg.
     damper : float
         Between each wheel's hub and the car, N s/m.
+    damper_at_seat : bool
+        Between each spring seat and the car instead; of the axle in one piece.
     axle : dict of str to float or str
         Parameters of the axle's FMU.
     cut : bool
@@ -61,6 +61,7 @@ class Ride:
     wheel_load: float = 3000.0
     wheel_mass: float = 20.0
     damper: float = 1000.0
+    damper_at_seat: bool = False
     axle: dict[str, float | str] = field(default_factory=dict)
     cut: bool = False
 
@@ -105,7 +106,8 @@ def coupling(ride: Ride, preload: float, folder: Path) -> CouplingFile:
         springs.append({"a": f"axle.wheel_{side}", "b": f"{side}.hub", "stiffness": bearing})
         if not ride.cut:
             springs.append({"a": f"axle.seat_{side}", "stiffness": [0.0, 0.0, COIL, 0.0, 0.0, 0.0]})
-        springs.append({"a": f"{side}.hub", "stiffness": [0.0] * 6, "damping": [0.0, 0.0, ride.damper, 0.0, 0.0, 0.0]})
+        place = f"axle.seat_{side}" if ride.damper_at_seat else f"{side}.hub"
+        springs.append({"a": place, "stiffness": [0.0] * 6, "damping": [0.0, 0.0, ride.damper, 0.0, 0.0, 0.0]})
         # The wheel's turn about the vertical, and the moment of the side force that the hub does not bear itself.
         links.append({"from": f"axle.wheel_{side}.rotation.z", "to": f"{side}.steer", "factor": 1.0})
         links.append({"from": f"{side}.tyre.moment.x", "to": f"axle.wheel_{side}.moment.x", "factor": 1.0})

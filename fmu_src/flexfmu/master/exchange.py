@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,20 @@ def base_inputs(wiring: Wiring, time: float, step: float, before: bool = False) 
     return result
 
 
-def coupled_inputs(wiring: Wiring, signals: FloatArray, before: FloatArray, step: float) -> FloatArray:
+class Dampers(Enum):
+    """What dampers go by."""
+
+    NOW = "now"
+    """The ends' velocities where they are offered, else the change since the last communication point."""
+    MEAN = "mean"
+    """The change since the last communication point: of a force held over the step the power is never positive."""
+    NONE = "none"
+    """They are left out."""
+
+
+def coupled_inputs(
+    wiring: Wiring, signals: FloatArray, before: FloatArray, step: float, dampers: Dampers = Dampers.NOW
+) -> FloatArray:
     """What connections and springs ask the driven inputs to be, in addition to the base.
 
     Parameters
@@ -58,6 +72,7 @@ def coupled_inputs(wiring: Wiring, signals: FloatArray, before: FloatArray, step
         A step ago, for the rates of ends without velocities.
     step : float
         s.
+    dampers : Dampers, optional
 
     Returns
     -------
@@ -65,7 +80,8 @@ def coupled_inputs(wiring: Wiring, signals: FloatArray, before: FloatArray, step
     """
     result: FloatArray = wiring.matrix @ signals
     if len(wiring.springs.a):
-        places, values = wiring.ends.loads, loads(wiring.springs, *_motion(wiring, signals, before, step))
+        motion, rates = _motion(wiring, signals, before, step, dampers)
+        places, values = wiring.ends.loads, loads(wiring.springs, motion, rates)
         there = places >= 0
         result[places[there]] += values[there]
     return result
@@ -78,6 +94,7 @@ def answer(
     step: float,
     compliance: Mapping[tuple[int, int], FloatArray],
     share: float = 1.0,
+    dampers: Dampers = Dampers.NOW,
 ) -> Model | None:
     """Derivative of the coupled inputs with respect to themselves, held over a step, from the ends' compliance.
 
@@ -95,6 +112,7 @@ def answer(
         on the second held over it.
     share : float, optional
         Part that the step's end has in what is held.
+    dampers : Dampers, optional
 
     Returns
     -------
@@ -111,8 +129,12 @@ def answer(
         return None
     known_springs = Springs(springs.a[told], springs.b[told], springs.stiffness[told], springs.damping[told])
     motion, _ = _motion(wiring, signals, before, step)
-    # A load held over the step changes the velocity at its end twice as much as the motion suggests.
-    by_motion = np.where(ends.rates[:, 0] >= 0, 2.0, 1.0) / step
+    if dampers is Dampers.MEAN:
+        # Their part in what is held is one, whatever that of the springs.
+        by_motion = np.full(count, 1.0 / (share * step))
+    else:
+        # A load held over the step changes the velocity at its end twice as much as the motion suggests.
+        by_motion = np.where(ends.rates[:, 0] >= 0, 2.0, 1.0) / step
     slope = tangent(known_springs, motion, by_motion)
     whole = np.zeros((6 * count, 6 * count))
     for (a, b), block in sound.items():
@@ -211,12 +233,16 @@ def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:
     return _ROUND_OFF * result + _NOTHING
 
 
-def _motion(wiring: Wiring, signals: FloatArray, before: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+def _motion(
+    wiring: Wiring, signals: FloatArray, before: FloatArray, step: float, dampers: Dampers = Dampers.NOW
+) -> tuple[FloatArray, FloatArray]:
     """Motion of the ends and, for dampers, their rates, (E, 6) each; what an FMU does not offer is zero."""
     # Place −1 is the zero at the end.
     now, then = np.append(signals, 0.0), np.append(before, 0.0)
     motion = now[wiring.ends.motion]
-    if not np.any(wiring.springs.damping):
+    if dampers is Dampers.NONE or not np.any(wiring.springs.damping):
         return motion, np.zeros_like(motion)
     difference = backward_rates(motion, then[wiring.ends.motion], step)
+    if dampers is Dampers.MEAN:
+        return motion, difference
     return motion, np.where(wiring.ends.rates >= 0, now[wiring.ends.rates], difference)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..errors import SimulationError
 from .acceleration import Model, Secants, change, joined, no_secants
 from .config import ExperimentTable, Held, Scheme
-from .exchange import answer, base_inputs, coupled_inputs, noise
+from .exchange import Dampers, answer, base_inputs, coupled_inputs, noise
 from .layout import Wiring
 from .participants import Participant, StepRefusedError
 
@@ -80,11 +80,13 @@ class Stage:
         participant.step(number * self.step, self.step)
         signals[participant.role.signal_share] = participant.signals()
 
-    def requested(self, signals: FloatArray, before: FloatArray) -> FloatArray:
+    def requested(self, signals: FloatArray, before: FloatArray, dampers: Dampers = Dampers.NOW) -> FloatArray:
         """What connections and springs ask the inputs to be."""
-        return coupled_inputs(self.wiring, signals, before, self.step)
+        return coupled_inputs(self.wiring, signals, before, self.step, dampers)
 
-    def answer(self, signals: FloatArray, before: FloatArray, share: float = 1.0) -> Model | None:
+    def answer(
+        self, signals: FloatArray, before: FloatArray, share: float = 1.0, dampers: Dampers = Dampers.NOW
+    ) -> Model | None:
         """What the ends' compliance, of the step just taken, tells beforehand."""
         ends = self.wiring.ends
         if not ends.compliance:
@@ -93,7 +95,7 @@ class Stage:
             pair: self.participants[ends.role[pair[0]]].reals(references).reshape(6, 6)
             for pair, references in ends.compliance.items()
         }
-        return answer(self.wiring, signals, before, self.step, compliance, share)
+        return answer(self.wiring, signals, before, self.step, compliance, share, dampers)
 
 
 def jacobi(stage: Stage, point: Point) -> Point:
@@ -176,7 +178,7 @@ class Iterated:
             The inputs do not settle, or an FMU refuses the step also with small changes of its inputs.
         """
         stage, settings = self._stage, self._settings
-        base, first = self._base(point), stage.requested(point.signals, point.before)
+        base, first = self._base(point), stage.requested(point.signals, point.before, Dampers.NONE)
         for participant in stage.coupled:
             participant.save()
         signals = point.signals.copy()
@@ -188,10 +190,10 @@ class Iterated:
         past: tuple[FloatArray, FloatArray] | None = None
         for iteration in range(1, settings.max_iterations + 1):
             held = self._evaluate(point, base, held, guess, signals, iteration)
-            asked = (1.0 - self._share) * first + self._share * stage.requested(signals, point.signals)
+            asked = self._asked(first, signals, point)
             residual = asked - held
             if iteration == 1:
-                model = stage.answer(signals, point.signals, self._share)
+                model = stage.answer(signals, point.signals, self._share, Dampers.MEAN)
             if past is not None:
                 differences = ((residual - past[1])[:, None], (held - past[0])[:, None])
                 here = joined(Secants(*differences), here)
@@ -216,6 +218,13 @@ class Iterated:
         if self._settings.held is Held.END:
             return start
         return 0.5 * (start + base_inputs(self._stage.wiring, time + step, step, before=True))
+
+    def _asked(self, first: FloatArray, signals: FloatArray, point: Point) -> FloatArray:
+        """What the inputs held over the step should be: of springs at its ends, of dampers by the motion over it."""
+        springs = self._stage.requested(signals, point.signals, Dampers.NONE)
+        both = self._stage.requested(signals, point.signals, Dampers.MEAN)
+        result: FloatArray = (1.0 - self._share) * first + self._share * springs + (both - springs)
+        return result
 
     def _predicted(self, first: FloatArray) -> FloatArray:
         """Inputs to begin with: on the line through the last two steps."""
