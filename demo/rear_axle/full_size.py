@@ -30,7 +30,7 @@ from demo.rear_axle.run import read_reference, solve
 from fmpy.fmi2 import FMU2Slave
 
 from flexfmu.build import reduce_body
-from flexfmu.config import MeshTable, read_body_file
+from flexfmu.config import FormulationTable, MeshTable, read_body_file
 from flexfmu.fmu.package import package_fmu
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
@@ -99,7 +99,8 @@ def build(deck: Path, folder: Path, name: str, frames: int | None, cut: bool = F
     report = StageRecorder()
     config = read_body_file(HERE / "body.toml").model_copy(update={"mesh": MeshTable(file=deck)})
     if not cut:
-        config = config.model_copy(update={"cut": []})
+        # What the loop is off by, the second order does not mend.
+        config = config.model_copy(update={"cut": [], "formulation": FormulationTable()})
     if frames is not None:
         config = config.model_copy(update={"frame": [], "frames": frames})
     body = reduce_body(config, report, Store(folder / "store"))

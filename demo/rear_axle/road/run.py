@@ -26,12 +26,12 @@ LOOSE = {"internal_step.tolerance": 1e-2}
 MODELS = {
     "linear modes": {"axle": {"formulation.kinematics": "linear"}},
     "corotated": {"axle": {"formulation.kinematics": "corotated"}},
-    "corotated, cut": {"axle": LOOSE, "cut": True},
+    "cut, second order": {"axle": LOOSE, "cut": True},
 }
 STYLES = {
     "linear modes": {"color": "0.55", "linestyle": ":"},
     "corotated": {"color": "C2"},
-    "corotated, cut": {"color": "C3", "linestyle": "--"},
+    "cut, second order": {"color": "C3", "linestyle": "--"},
 }
 SIGNS = {"left": LEFT, "right": RIGHT}
 
