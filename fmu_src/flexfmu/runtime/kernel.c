@@ -1,5 +1,5 @@
-/* The step of stepping.py and the outputs of body.py, compiled. A transcription of tree.py, dynamics.py and stepping.py
- * for speed alone: the same formulas, the same tolerances, the same results to round-off. What it cannot settle by fixed
+/* The steps of stepping.py and tied_stepping.py and the outputs of body.py, compiled. A transcription of them, tree.py,
+ * dynamics.py and ties.py for speed alone: the same formulas, the same tolerances, the same results to round-off. What it cannot settle by fixed
  * point it leaves to Newton's method there. No global data: everything is in the struct Body, whose arrays belong to the
  * caller, row by row (C order), in SI units. Equation numbers are those of docs/theory.md. */
 
@@ -14,7 +14,7 @@
 #endif
 
 /* Raised whenever the struct or a signature changes; kernel.py asks for it. */
-#define KERNEL_VERSION 4
+#define KERNEL_VERSION 5
 
 enum { REFERENCE = 0, CORRECTIVE_MOMENT = 1, DEFORMED = 2 };
 enum { DONE = 0, UNSETTLED = 1, INACCURATE = 2 };
@@ -24,12 +24,14 @@ static const double TOLERANCE = 1e-12, SETTLED = 1e-5, ROUND_OFF = 64.0 * 2.2204
 enum { ROUNDS = 6 };
 
 typedef struct {
-    int64_t modes, nodes, frames, interfaces, masses, placement, nonlinear, turnings;
+    int64_t modes, nodes, frames, interfaces, masses, placement, nonlinear, turnings, parts, ties, pulls;
     const int64_t *parent;                                /* (K), -1 for the ground */
     const double *offset, *base, *point;                  /* (K, 3) */
     const double *operator_;                              /* (6K, m): D of all nodes, then C of all nodes */
-    const double *curvature;                              /* (6K, m, m): their derivatives, or null */
-    const int64_t *curved;                                /* (6K): whether there is any */
+    const double *curvature;                              /* (r, r) of each row that has one, or null */
+    const int64_t *part, *core;                           /* (6K): the row's part, or -1, and where its (r, r) begins */
+    const int64_t *extent;                                /* (parts): r, how many coordinates bend a part */
+    const double *basis;                                  /* (r, m) of each part: these coordinates; null for q itself */
     const double *load_operator;                          /* (6I, m): displacements, then rotations */
     const double *mass;                                   /* (P) */
     const double *inertia;                                /* (3, m) */
@@ -37,6 +39,10 @@ typedef struct {
     const double *by_mode;                                /* (m, m, m), or null */
     const double *omega, *weight;                         /* (m) */
     const double *turning;                                /* (3T, m): rotations within frames */
+    const double *tie_stiffness, *tie_lever, *tie_apart;  /* (T, 3), (T, 3, 3), (T, 3) */
+    const double *tie_initial, *material;                 /* (m, m): H, and damping off its diagonal */
+    const int64_t *pull;                                  /* (pulls): which of a tie's (T, 6) coordinates resist */
+    double noise;                                         /* change of q that means nothing */
     double *work;                                         /* see kernel_work_size */
 } Body;
 
@@ -48,7 +54,9 @@ typedef struct {
 typedef struct {
     double *q;                              /* (m) */
     double *local;                          /* (6K): b and φ of all nodes */
-    double *varying;                        /* (6K, m): their derivatives, where the tree has a curvature */
+    double *straight;                       /* (6K): their part that is linear in q */
+    double *bent;                           /* (parts, m): coordinates that bend each part, where there is curvature */
+    double *turned;                         /* (6K, m): its share of the derivatives, in a part's coordinates */
     double *position;                       /* (K, 3) */
     double *rotation, *parent, *jacobian;   /* (K, 3, 3) */
 } Configuration;
@@ -121,28 +129,44 @@ static void exponential(const double *phi, double *rotation, double *jacobian) {
     }
 }
 
-/* Derivatives (6K, m) of b and φ at a configuration. */
-static const double *derivative(const Body *body, const Configuration *at) {
-    return body->curvature ? at->varying : body->operator_;
+/* Coordinates x that bend each part at q, (parts, m) with r of them in each row. */
+static void part_coordinates(const Body *body, const double *q, double *x) {
+    const int64_t m = body->modes;
+    const double *basis = body->basis;
+    if (!basis) memcpy(x, q, m * sizeof(double));
+    for (int64_t p = 0; basis && p < body->parts; basis += body->extent[p++] * m)
+        rows_times(basis, q, x + p * m, body->extent[p], m);
+}
+
+/* out (m) += factors (6K) times the derivatives of b and φ; `scratch` holds (parts, m). */
+static void add_times_derivative(const Body *body, const Configuration *at, const double *factors, double *scratch,
+                                 double *out) {
+    const int64_t m = body->modes;
+    add_times_rows(factors, body->operator_, out, 6 * body->nodes, m);
+    if (!body->curvature) return;
+    memset(scratch, 0, body->parts * m * sizeof(double));
+    for (int64_t i = 0; i < 6 * body->nodes; i++)
+        if (body->part[i] >= 0 && factors[i] != 0.0)
+            add_times_rows(factors + i, at->turned + i * m, scratch + body->part[i] * m, 1, body->extent[body->part[i]]);
+    const double *basis = body->basis;
+    for (int64_t j = 0; !basis && j < m; j++) out[j] += scratch[j];
+    for (int64_t p = 0; basis && p < body->parts; basis += body->extent[p++] * m)
+        add_times_rows(scratch + p * m, basis, out, body->extent[p], m);
+}
+
+/* b and φ from their linear part and the curvature's share in their derivatives. */
+static void bend(const Body *body, Configuration *at) {
+    memcpy(at->local, at->straight, 6 * body->nodes * sizeof(double));
+    for (int64_t i = 0; body->curvature && i < 6 * body->nodes; i++)
+        if (body->part[i] >= 0)
+            at->local[i] += 0.5 * dot(at->turned + i * body->modes, at->bent + body->part[i] * body->modes,
+                                      body->extent[body->part[i]]);
 }
 
 /* The pass outwards, (5) and (6). */
-static void configure(const Body *body, const double *q, Configuration *at) {
+static void place(const Body *body, Configuration *at) {
     const int64_t k_count = body->nodes;
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    if (at->q != q) memcpy(at->q, q, body->modes * sizeof(double));
-    rows_times(body->operator_, q, at->local, 6 * k_count, body->modes);
-    if (body->curvature) {
-        const int64_t m = body->modes;
-        memcpy(at->varying, body->operator_, 6 * k_count * m * sizeof(double));
-        for (int64_t i = 0; i < 6 * k_count; i++) {
-            if (!body->curved[i]) continue;
-            double *row = at->varying + i * m;
-            rows_times(body->curvature + i * m * m, q, row, m, m);
-            at->local[i] += 0.5 * dot(row, q, m);
-            for (int64_t j = 0; j < m; j++) row[j] += body->operator_[i * m + j];
-        }
-    }
     for (int64_t k = 0; k < k_count; k++) {
         const int64_t p = body->parent[k];
         double turned[3], relative[9];
@@ -158,6 +182,41 @@ static void configure(const Body *body, const double *q, Configuration *at) {
             at->position[3 * k + i] = body->base[3 * k + i] + from + turned[i];
         }
     }
+}
+
+static void configure(const Body *body, const double *q, Configuration *at) {
+    const int64_t m = body->modes;
+    if (at->q != q) memcpy(at->q, q, m * sizeof(double));
+    rows_times(body->operator_, q, at->straight, 6 * body->nodes, m);
+    if (body->curvature) {
+        part_coordinates(body, q, at->bent);
+        for (int64_t i = 0; i < 6 * body->nodes; i++) {
+            if (body->part[i] < 0) continue;
+            const int64_t r = body->extent[body->part[i]];
+            rows_times(body->curvature + body->core[i], at->bent + body->part[i] * m, at->turned + i * m, r, r);
+        }
+    }
+    bend(body, at);
+    place(body, at);
+}
+
+static void mean_of(const double *a, const double *b, double *out, int64_t n) {
+    for (int64_t i = 0; i < n; i++) out[i] = 0.5 * (a[i] + b[i]);
+}
+
+/* The configuration halfway between the q of two others: the derivatives are linear in q. */
+static void configure_halfway(const Body *body, const Configuration *a, const Configuration *b, Configuration *at) {
+    const int64_t m = body->modes, rows = 6 * body->nodes;
+    mean_of(a->q, b->q, at->q, m);
+    mean_of(a->straight, b->straight, at->straight, rows);
+    if (body->curvature) {
+        mean_of(a->bent, b->bent, at->bent, body->parts * m);
+        for (int64_t i = 0; i < rows; i++)
+            if (body->part[i] >= 0)
+                mean_of(a->turned + i * m, b->turned + i * m, at->turned + i * m, body->extent[body->part[i]]);
+    }
+    bend(body, at);
+    place(body, at);
 }
 
 /* Put the interfaces' loads (I, 2, 3) and the acceleration (3) on the tree: spread() of dynamics.py. */
@@ -200,44 +259,99 @@ static void spread(const Body *body, const double *inputs, Loads *loads) {
             add_times_rows(loads->moment + 3 * first, body->by_load + 3 * interfaces * m * m, loads->geometric,
                            3 * interfaces, m * m);
     }
-    loads->active = body->by_mode != 0 || (body->nonlinear && (any || loads->has_moments));
+    loads->active = body->by_mode != 0 || body->ties || (body->nonlinear && (any || loads->has_moments));
 }
 
-/* The pass back: Q(q), modal_force() of dynamics.py. `scratch` holds 12K + m². */
+/* The pass back: out (m) += generalised force of loads (K, 3) on the nodes, which are gathered in place.
+ * `scratch` holds 6K + parts m. */
+static void pass_back(const Body *body, const Configuration *at, double *force, double *moment, double *scratch,
+                      double *out) {
+    const int64_t k_count = body->nodes;
+    double *row = scratch;
+    /* Children stand after their parents. */
+    for (int64_t k = k_count - 1; k >= 0; k--) {
+        const int64_t p = body->parent[k];
+        const double *parent = at->parent + 9 * k;
+        double turned[3];
+        apply_back(parent, force + 3 * k, row + 3 * k);
+        apply_back(parent, moment + 3 * k, turned);
+        apply_back(at->jacobian + 9 * k, turned, row + 3 * (k_count + k));
+        if (p < 0) continue;
+        double arm[3], about[3];
+        for (int i = 0; i < 3; i++)
+            arm[i] = (at->position[3 * k + i] - body->base[3 * k + i]) -
+                     (at->position[3 * p + i] - body->base[3 * p + i]);
+        cross(arm, force + 3 * k, about);
+        for (int i = 0; i < 3; i++) {
+            force[3 * p + i] += force[3 * k + i];
+            moment[3 * p + i] += moment[3 * k + i] + about[i];
+        }
+    }
+    add_times_derivative(body, at, row, row + 6 * k_count, out);
+}
+
+/* Levers R l_c of a tie's end at node k, c by c. */
+static void levers(const Body *body, const Configuration *at, int64_t tie, int64_t k, double *out) {
+    double turned[9];
+    multiply(at->rotation + 9 * k, body->tie_lever + 9 * tie, turned);
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < 3; i++) out[3 * c + i] = turned[3 * i + c];
+}
+
+/* Forces (T, 4, 3) in the ties' springs, and what these hold. */
+static double tension(const Body *body, const Configuration *at, double *tense) {
+    double held = 0.0;
+    for (int64_t t = 0; t < body->ties; t++) {
+        const int64_t a = body->nodes - 2 * body->ties + t, b = a + body->ties;
+        double gap[12], other[9];
+        for (int i = 0; i < 3; i++)
+            gap[i] = at->position[3 * a + i] - at->position[3 * b + i] - body->tie_apart[3 * t + i];
+        levers(body, at, t, a, gap + 3);
+        levers(body, at, t, b, other);
+        for (int i = 0; i < 9; i++) gap[3 + i] -= other[i];
+        for (int i = 0; i < 12; i++) {
+            tense[12 * t + i] = body->tie_stiffness[3 * t + i % 3] * gap[i];
+            held += 0.5 * tense[12 * t + i] * gap[i];
+        }
+    }
+    return held;
+}
+
+/* Add the loads of springs of a given tension to those on the nodes. */
+static void add_tie_loads(const Body *body, const Configuration *at, const double *tense, double *force,
+                          double *moment) {
+    for (int64_t t = 0; t < body->ties; t++)
+        for (int end = 0; end < 2; end++) {
+            const int64_t k = body->nodes - (2 - end) * body->ties + t;
+            const double sign = end ? 1.0 : -1.0;
+            double arms[9], about[3];
+            levers(body, at, t, k, arms);
+            for (int i = 0; i < 3; i++) force[3 * k + i] += sign * tense[12 * t + i];
+            for (int c = 0; c < 3; c++) {
+                cross(arms + 3 * c, tense + 12 * t + 3 + 3 * c, about);
+                for (int i = 0; i < 3; i++) moment[3 * k + i] += sign * about[i];
+            }
+        }
+}
+
+/* Q(q), modal_force() of dynamics.py, of ties without Hq; `tense` is null where their tension is that at q.
+ * `scratch` holds 12K + 12T + max(m², parts m). */
 static void modal_force(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
-                        double *scratch, double *out) {
+                        const double *tense, double *scratch, double *out) {
     const int64_t m = body->modes, k_count = body->nodes;
     const double *constant = with_moments ? loads->constant : loads->force_constant;
     memset(out, 0, m * sizeof(double));
-    if (body->placement == DEFORMED) {
-        double *force = scratch, *moment = force + 3 * k_count, *row = moment + 3 * k_count;
-        memcpy(force, loads->force, 3 * k_count * sizeof(double));
-        if (with_moments)
-            memcpy(moment, loads->moment, 3 * k_count * sizeof(double));
-        else
-            memset(moment, 0, 3 * k_count * sizeof(double));
-        /* Children stand after their parents. */
-        for (int64_t k = k_count - 1; k >= 0; k--) {
-            const int64_t p = body->parent[k];
-            const double *parent = at->parent + 9 * k;
-            double turned[3];
-            apply_back(parent, force + 3 * k, row + 3 * k);
-            apply_back(parent, moment + 3 * k, turned);
-            apply_back(at->jacobian + 9 * k, turned, row + 3 * (k_count + k));
-            if (p < 0) continue;
-            double arm[3], about[3];
-            for (int i = 0; i < 3; i++)
-                arm[i] = (at->position[3 * k + i] - body->base[3 * k + i]) -
-                         (at->position[3 * p + i] - body->base[3 * p + i]);
-            cross(arm, force + 3 * k, about);
-            for (int i = 0; i < 3; i++) {
-                force[3 * p + i] += force[3 * k + i];
-                moment[3 * p + i] += moment[3 * k + i] + about[i];
-            }
-        }
-        add_times_rows(row, derivative(body, at), out, 6 * k_count, m);
-    } else {
-        memcpy(out, constant, m * sizeof(double));
+    if (body->placement == DEFORMED || body->ties) {
+        double *own = scratch, *force = own + 12 * body->ties, *moment = force + 3 * k_count;
+        memset(force, 0, 6 * k_count * sizeof(double));
+        if (body->placement == DEFORMED) memcpy(force, loads->force, 3 * k_count * sizeof(double));
+        if (body->placement == DEFORMED && with_moments) memcpy(moment, loads->moment, 3 * k_count * sizeof(double));
+        if (!tense) tension(body, at, own);
+        add_tie_loads(body, at, tense ? tense : own, force, moment);
+        pass_back(body, at, force, moment, moment + 3 * k_count, out);
+    }
+    if (body->placement != DEFORMED) {
+        for (int64_t j = 0; j < m; j++) out[j] += constant[j];
         if (body->placement == CORRECTIVE_MOMENT)
             for (int64_t i = 0; i < body->interfaces; i++) {
                 const int64_t k = body->frames + i;
@@ -259,7 +373,7 @@ static void modal_force(const Body *body, const Loads *loads, int with_moments, 
     }
 }
 
-/* J(q) of the forces; whether there is one is has_potential(). */
+/* J(q) of the forces, without ties; whether there is one is has_potential(). */
 static double force_work(const Body *body, const Loads *loads, const Configuration *at) {
     const int64_t m = body->modes;
     double work = 0.0;
@@ -283,7 +397,9 @@ static double *take(double **free, int64_t count) {
 static void take_configuration(const Body *body, double **free, Configuration *at) {
     at->q = take(free, body->modes);
     at->local = take(free, 6 * body->nodes);
-    at->varying = take(free, body->curvature ? 6 * body->nodes * body->modes : 0);
+    at->straight = take(free, 6 * body->nodes);
+    at->bent = take(free, body->parts * body->modes);
+    at->turned = take(free, body->curvature ? 6 * body->nodes * body->modes : 0);
     at->position = take(free, 3 * body->nodes);
     at->rotation = take(free, 9 * body->nodes);
     at->parent = take(free, 9 * body->nodes);
@@ -305,10 +421,17 @@ EXPORT void *PyInit__kernel(void) { return 0; }
 
 EXPORT int64_t kernel_version(void) { return KERNEL_VERSION; }
 
+static int64_t scratch_size(const Body *body) {
+    const int64_t m = body->modes, most = body->parts > m ? body->parts : m;
+    return 12 * body->nodes + 12 * body->ties + m * most;
+}
+
 /* Numbers of type double that `work` must hold. */
-EXPORT int64_t kernel_work_size(int64_t modes, int64_t nodes, int64_t interfaces, int64_t curved) {
-    return 2 * (modes + 36 * nodes + (curved ? 6 * nodes * modes : 0)) + 6 * nodes + 2 * modes + 2 * modes * modes + 12 * nodes + modes * modes +
-           12 * modes + 6 * interfaces + 3;
+EXPORT int64_t kernel_work_size(const Body *body) {
+    const int64_t m = body->modes, n = body->pulls;
+    const int64_t configuration = m + 39 * body->nodes + body->parts * m + (body->curvature ? 6 * body->nodes * m : 0);
+    return 3 * configuration + 6 * body->nodes + 2 * m + 2 * m * m + scratch_size(body) + 20 * m + 6 * body->interfaces +
+           3 + 12 * body->nodes + 2 * n * m + 2 * n * n + 2 * n + 12 * body->ties;
 }
 
 /* Equal sub-steps from (q, v), which are overwritten where the result is DONE: _substeps() of stepping.py.
@@ -323,7 +446,7 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
     take_configuration(body, &free, &middle);
     take_configuration(body, &free, &here);
     take_loads(body, &free, &loads);
-    double *scratch = take(&free, 12 * body->nodes + m * m);
+    double *scratch = take(&free, scratch_size(body));
     double *q0 = take(&free, m), *v0 = take(&free, m), *q1 = take(&free, m), *target = take(&free, m);
     double *start = take(&free, m), *end = take(&free, m), *force = take(&free, m), *mean = take(&free, m);
     double *difference = take(&free, m), *bare = take(&free, m), *growth = take(&free, m), *half = take(&free, m);
@@ -346,7 +469,7 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
     memcpy(v0, v, m * sizeof(double));
     configure(body, q0, &here);
     if (!inputs_end) {
-        modal_force(body, &loads, 1, &here, scratch, start);
+        modal_force(body, &loads, 1, &here, 0, scratch, start);
         start_work = force_work(body, &loads, &here);
     }
     for (int64_t number = 0; number < substeps; number++) {
@@ -354,7 +477,7 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
             const double share = ((double)number + 0.5) / (double)substeps;
             for (int64_t i = 0; i < width; i++) between[i] = inputs[i] + share * (inputs_end[i] - inputs[i]);
             spread(body, between, &loads);
-            modal_force(body, &loads, 1, &here, scratch, start);
+            modal_force(body, &loads, 1, &here, 0, scratch, start);
             start_work = force_work(body, &loads, &here);
         }
         double reach = fabs(start_work), speed = 0.0;
@@ -376,14 +499,14 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
                 square += difference[j] * difference[j];
             }
             configure(body, half, &middle);
-            modal_force(body, &loads, 1, &middle, scratch, force);
+            modal_force(body, &loads, 1, &middle, 0, scratch, force);
             const int corrected = size <= SETTLED;
             if (corrected && potential && square > 0.0) {
                 configure(body, q1, &here);
                 end_work = force_work(body, &loads, &here);
                 const double *conservative = force;
                 if (loads.has_moments) {
-                    modal_force(body, &loads, 0, &middle, scratch, bare);
+                    modal_force(body, &loads, 0, &middle, 0, scratch, bare);
                     conservative = bare;
                 }
                 const double bracket = end_work - start_work - dot(conservative, difference, m);
@@ -411,7 +534,7 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
             q0[j] = q1[j] + p->ramp[j] * growth[j];
         }
         configure(body, q0, &here);
-        modal_force(body, &loads, 1, &here, scratch, end);
+        modal_force(body, &loads, 1, &here, 0, scratch, end);
         end_work = force_work(body, &loads, &here);
         for (int64_t j = 0; j < m; j++) {
             const double lost = body->weight[j] * p->ramp[j] * (end[j] - start[j]), strained = body->omega[j] * q0[j];
@@ -425,6 +548,227 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
         start_work = end_work;
     }
     memcpy(q, q0, m * sizeof(double));
+    memcpy(v, v0, m * sizeof(double));
+    return DONE;
+}
+
+/* Steps of a body with ties: tied_stepping.py. */
+static const double TIED_TOLERANCE = 1e-11;
+enum { TIED_ROUNDS = 16 };
+
+typedef struct {
+    const double *response, *lag;           /* (m, m), (m) */
+    double step;
+} TiedRule;
+
+/* How ties pull on q in one place, and what that makes of the response: `Pull` of tied_stepping.py. */
+typedef struct {
+    double *rows, *answer;                  /* (pulls, m): J and J B */
+    double *hold;                           /* (pulls, pulls): (1 + ½ S J B Jᵀ)⁻¹ S */
+    double *square, *strain, *force;        /* (pulls, pulls), (pulls), (pulls) */
+} Pull;
+
+static double norm(const double *x, int64_t n) { return sqrt(dot(x, x, n)); }
+
+/* Solve a x = b in place, a (n, n), b (n, columns), with pivoting; 0 where a is singular. */
+static int solve(double *a, double *b, int64_t n, int64_t columns) {
+    for (int64_t i = 0; i < n; i++) {
+        int64_t best = i;
+        for (int64_t k = i + 1; k < n; k++)
+            if (fabs(a[k * n + i]) > fabs(a[best * n + i])) best = k;
+        if (!(fabs(a[best * n + i]) > 0.0)) return 0;
+        for (int64_t j = 0; j < n && best != i; j++) {
+            const double kept = a[i * n + j];
+            a[i * n + j] = a[best * n + j];
+            a[best * n + j] = kept;
+        }
+        for (int64_t j = 0; j < columns && best != i; j++) {
+            const double kept = b[i * columns + j];
+            b[i * columns + j] = b[best * columns + j];
+            b[best * columns + j] = kept;
+        }
+        for (int64_t k = i + 1; k < n; k++) {
+            const double factor = a[k * n + i] / a[i * n + i];
+            for (int64_t j = i; j < n; j++) a[k * n + j] -= factor * a[i * n + j];
+            for (int64_t j = 0; j < columns; j++) b[k * columns + j] -= factor * b[i * columns + j];
+        }
+    }
+    for (int64_t i = n - 1; i >= 0; i--)
+        for (int64_t j = 0; j < columns; j++) {
+            for (int64_t k = i + 1; k < n; k++) b[i * columns + j] -= a[i * n + k] * b[k * columns + j];
+            b[i * columns + j] /= a[i * n + i];
+        }
+    return 1;
+}
+
+/* Entry of the stiffness (6, 6) of a tie against motions of its end a relative to its end b, levers `arms`. */
+static double tie_entry(const double *k, const double *arms, int64_t i, int64_t j) {
+    double sum = 0.0;
+    if (i < 3 || j < 3) return i == j ? k[i] : 0.0;
+    for (int c = 0; c < 3; c++) {
+        const double *r = arms + 3 * c;
+        const double hat[9] = {0.0, -r[2], r[1], r[2], 0.0, -r[0], -r[1], r[0], 0.0};
+        for (int l = 0; l < 3; l++) sum += hat[3 * l + i - 3] * k[l] * hat[3 * l + j - 3];
+    }
+    return sum;
+}
+
+static int pull_at(const Body *body, const Propagator *p, const TiedRule *rule, const Configuration *at,
+                   double *scratch, double *loads, Pull *pull) {
+    const int64_t m = body->modes, n = body->pulls, k_count = body->nodes;
+    memset(pull->rows, 0, n * m * sizeof(double));
+    memset(pull->answer, 0, n * m * sizeof(double));
+    memset(pull->hold, 0, n * n * sizeof(double));
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t tie = body->pull[i] / 6, c = body->pull[i] % 6;
+        const int64_t a = k_count - 2 * body->ties + tie, b = a + body->ties;
+        double *side = loads + (c < 3 ? 0 : 3 * k_count), arms[9];
+        memset(loads, 0, 6 * k_count * sizeof(double));
+        side[3 * a + c % 3] = 1.0;
+        side[3 * b + c % 3] = -1.0;
+        pass_back(body, at, loads, loads + 3 * k_count, scratch, pull->rows + i * m);
+        levers(body, at, tie, a, arms);
+        for (int64_t j = 0; j < n; j++)
+            if (body->pull[j] / 6 == tie)
+                pull->hold[i * n + j] = tie_entry(body->tie_stiffness + 3 * tie, arms, c, body->pull[j] % 6);
+    }
+    for (int64_t i = 0; i < n; i++) {
+        add_times_rows(pull->rows + i * m, rule->response, pull->answer + i * m, m, m);
+        for (int64_t j = 0; j < m; j++) pull->answer[i * m + j] *= p->gq[j];
+    }
+    memset(pull->square, 0, n * n * sizeof(double));
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < n; j++) {
+            const double shared = dot(pull->answer + i * m, pull->rows + j * m, m);
+            for (int64_t k = 0; k < n; k++) pull->square[k * n + j] += 0.5 * pull->hold[k * n + i] * shared;
+        }
+    for (int64_t i = 0; i < n; i++) pull->square[i * n + i] += 1.0;
+    return solve(pull->square, pull->hold, n, n);
+}
+
+/* out = what q does under x = g_q f, the ties giving way as they do in the place of `pull`. */
+static void respond(const Body *body, const TiedRule *rule, Pull *pull, const double *x, double *out) {
+    const int64_t m = body->modes, n = body->pulls;
+    rows_times(rule->response, x, out, m, m);
+    rows_times(pull->rows, out, pull->strain, n, m);
+    rows_times(pull->hold, pull->strain, pull->force, n, n);
+    for (int64_t i = 0; i < n; i++) pull->force[i] *= -0.5;
+    add_times_rows(pull->force, pull->answer, out, n, m);
+}
+
+/* Equal sub-steps of a body with ties: as kernel_substeps. */
+EXPORT int64_t kernel_tied_substeps(const Body *body, const Propagator *p, const TiedRule *rule, const double *inputs,
+                                    const double *inputs_end, double *q, double *v, int64_t substeps,
+                                    double tolerance, int64_t *rounds, double *worst) {
+    const int64_t m = body->modes, n = body->pulls, width = 6 * body->interfaces + (body->masses ? 3 : 0);
+    double *free = body->work;
+    Configuration states[2], middle, *here = states, *there = states + 1;
+    Loads loads;
+    Pull pull;
+    take_configuration(body, &free, here);
+    take_configuration(body, &free, there);
+    take_configuration(body, &free, &middle);
+    take_loads(body, &free, &loads);
+    double *scratch = take(&free, scratch_size(body)), *between = take(&free, width);
+    double *target = take(&free, m), *v0 = take(&free, m), *q1 = take(&free, m), *force = take(&free, m);
+    double *bare = take(&free, m), *mean = take(&free, m), *way = take(&free, m), *rate = take(&free, m);
+    double *off = take(&free, m), *change = take(&free, m), *tense = take(&free, 12 * body->ties);
+    double *unit = take(&free, 6 * body->nodes);
+    pull.rows = take(&free, n * m), pull.answer = take(&free, n * m), pull.hold = take(&free, n * n);
+    pull.square = take(&free, n * n), pull.strain = take(&free, n), pull.force = take(&free, n);
+    const int potential = has_potential(body);
+
+    *rounds = 0;
+    *worst = 0.0;
+    memcpy(v0, v, m * sizeof(double));
+    configure(body, q, here);
+    if (!inputs_end) spread(body, inputs, &loads);
+    for (int64_t number = 0; number < substeps; number++) {
+        if (inputs_end) {
+            const double share = ((double)number + 0.5) / (double)substeps;
+            for (int64_t i = 0; i < width; i++) between[i] = inputs[i] + share * (inputs_end[i] - inputs[i]);
+            spread(body, between, &loads);
+        }
+        const double start_work = force_work(body, &loads, here) - tension(body, here, tense);
+        const double speed = norm(v0, m);
+        double reach = fabs(start_work), last = HUGE_VAL;
+        for (int64_t i = 0; i < 3 * body->nodes; i++) reach += fabs(loads.force[i]) * fabs(body->point[i]);
+        for (int64_t j = 0; j < m; j++) {
+            target[j] = p->p11[j] * here->q[j] + p->p12[j] * v0[j];
+            q1[j] = here->q[j] + rule->step * v0[j];
+        }
+        configure(body, q1, there);
+        configure_halfway(body, here, there, &middle);
+        if (!pull_at(body, p, rule, &middle, scratch, unit, &pull)) return UNSETTLED;
+        int settled = 0;
+        for (int round = 1; !settled; round++) {
+            double correction = 0.0;
+            ++*rounds;
+            if (round > 1) {
+                configure(body, q1, there);
+                configure_halfway(body, here, there, &middle);
+            }
+            for (int64_t j = 0; j < m; j++) {
+                way[j] = q1[j] - here->q[j];
+                rate[j] = way[j] / rule->step;
+            }
+            modal_force(body, &loads, 1, &middle, 0, scratch, force);
+            const double square = dot(way, way, m);
+            if (potential && square > 0.0) {
+                const double end_work = force_work(body, &loads, there) - tension(body, there, tense);
+                const double *conservative = force;
+                if (loads.has_moments) {
+                    modal_force(body, &loads, 0, &middle, 0, scratch, bare);
+                    conservative = bare;
+                }
+                const double bracket = end_work - start_work - dot(conservative, way, m);
+                if (fabs(bracket) > ROUND_OFF * (reach + fabs(end_work))) correction = bracket / square;
+            }
+            for (int64_t j = 0; j < m; j++) {
+                mean[j] = force[j] + correction * way[j] + dot(body->tie_initial + j * m, middle.q, m) -
+                          dot(body->material + j * m, rate, m);
+                off[j] = q1[j] - target[j] - p->gq[j] * mean[j];
+            }
+            respond(body, rule, &pull, off, change);
+            for (int64_t j = 0; j < m; j++) q1[j] -= change[j];
+            const double size = norm(change, m), enough = TIED_TOLERANCE * (norm(q1, m) + rule->step * speed);
+            if (!isfinite(size)) return UNSETTLED;
+            settled = size <= (enough > body->noise ? enough : body->noise);
+            if (!settled && (size > 0.5 * last || round >= TIED_ROUNDS)) return UNSETTLED;
+            last = size;
+        }
+        configure(body, q1, there);
+        configure_halfway(body, here, there, &middle);
+        /* Error: what the force's change does beyond its mean, at the tension in the middle. */
+        tension(body, &middle, tense);
+        modal_force(body, &loads, 1, there, tense, scratch, force);
+        modal_force(body, &loads, 1, here, tense, scratch, bare);
+        for (int64_t j = 0; j < m; j++) {
+            way[j] = q1[j] - here->q[j];
+            v0[j] = p->p21[j] * here->q[j] + p->p22[j] * v0[j] + p->gv[j] * mean[j];
+        }
+        double strain = 2.0 * tension(body, there, tense), error = 0.0;
+        for (int64_t j = 0; j < m; j++) {
+            const double held = dot(body->tie_initial + j * m, way, m), stiffness = body->omega[j] * body->omega[j];
+            rate[j] = stiffness * way[j];
+            off[j] = p->gq[j] * (force[j] - bare[j] + held - rate[j]);
+            strain += q1[j] * (stiffness * q1[j] - dot(body->tie_initial + j * m, q1, m));
+        }
+        respond(body, rule, &pull, off, change);
+        for (int64_t j = 0; j < m; j++) {
+            const double moved = rule->lag[j] * change[j], followed = moved + p->ramp[j] * rate[j];
+            const double lost = body->omega[j] * fmin(fabs(moved), fabs(followed));
+            error += lost * lost;
+        }
+        const double size = fabs(strain) + dot(v0, v0, m);
+        error = size > 0.0 ? sqrt(error / size) : 0.0;
+        if (!(error <= *worst)) *worst = error;
+        if (!(*worst <= tolerance)) return INACCURATE;
+        Configuration *passed = here;
+        here = there;
+        there = passed;
+    }
+    memcpy(q, here->q, m * sizeof(double));
     memcpy(v, v0, m * sizeof(double));
     return DONE;
 }
@@ -481,16 +825,16 @@ EXPORT void kernel_force_derivative(const Body *body, const double *inputs, cons
     Loads loads;
     take_configuration(body, &free, &at);
     take_loads(body, &free, &loads);
-    double *scratch = take(&free, 12 * body->nodes + m * m);
+    double *scratch = take(&free, scratch_size(body));
     double *moved = take(&free, m), *here = take(&free, m), *ahead = take(&free, m);
     spread(body, inputs, &loads);
     memcpy(moved, q, m * sizeof(double));
     configure(body, moved, &at);
-    modal_force(body, &loads, 1, &at, scratch, here);
+    modal_force(body, &loads, 1, &at, 0, scratch, here);
     for (int64_t j = 0; j < m; j++) {
         moved[j] = q[j] + change[j];
         configure(body, moved, &at);
-        modal_force(body, &loads, 1, &at, scratch, ahead);
+        modal_force(body, &loads, 1, &at, 0, scratch, ahead);
         moved[j] = q[j];
         for (int64_t i = 0; i < m; i++) out[j * m + i] = (ahead[i] - here[i]) / change[j];
     }
@@ -522,10 +866,17 @@ static void rotation_vector(const double *r, double *out) {
 }
 
 /* Velocity and angular velocity of each node for rates q' = v, by differentiating the pass outwards; `rates` (6K). */
-static void move(const Body *body, const Configuration *at, const double *v, double *rates, double *velocity,
-                 double *spin) {
+static void move(const Body *body, const Configuration *at, const double *v, double *scratch, double *rates,
+                 double *velocity, double *spin) {
     const int64_t k_count = body->nodes;
-    rows_times(derivative(body, at), v, rates, 6 * k_count, body->modes);
+    rows_times(body->operator_, v, rates, 6 * k_count, body->modes);
+    if (body->curvature) {
+        part_coordinates(body, v, scratch);
+        for (int64_t i = 0; i < 6 * k_count; i++)
+            if (body->part[i] >= 0)
+                rates[i] += dot(at->turned + i * body->modes, scratch + body->part[i] * body->modes,
+                                body->extent[body->part[i]]);
+    }
     for (int64_t k = 0; k < k_count; k++) {
         const int64_t p = body->parent[k];
         const double *parent = at->parent + 9 * k;
@@ -558,7 +909,7 @@ EXPORT void kernel_motion(const Body *body, const double *q, const double *v, do
     if (!rate) return;
     double *rates = take(&free, 6 * body->nodes), *velocity = take(&free, 3 * body->nodes);
     double *spin = take(&free, 3 * body->nodes);
-    move(body, &at, v, rates, velocity, spin);
+    move(body, &at, v, take(&free, body->parts * body->modes), rates, velocity, spin);
     for (int64_t i = 0; i < body->interfaces; i++) {
         memcpy(rate + 6 * i, velocity + 3 * (body->frames + i), 3 * sizeof(double));
         memcpy(rate + 6 * i + 3, spin + 3 * (body->frames + i), 3 * sizeof(double));

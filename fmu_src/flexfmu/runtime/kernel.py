@@ -14,17 +14,24 @@ from numpy.typing import NDArray
 from .dynamics import Dynamics
 from .propagation import Propagator
 from .reduced_body import LoadPlacement
+from .tied_stepping import TiedRule, TiedSteps
+from .ties import resisting
+from .tree import Tree
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 PATTERN = "_kernel.*"
 """File names of the library, which end in what the platform asks for."""
-_VERSION = 4
+_VERSION = 5
 _PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
 # Rotation, rad, and displacement relative to the body's size, over which forces are differenced.
 _DIFFERENCE = 1e-6
 # What kernel_substeps answers.
 _DONE, _UNSETTLED = 0, 1
+# Share of the largest below which a direction bends nothing but by round-off, and of all coordinates up to which those
+# of a part are worth turning to.
+_NO_BEND, _WORTH = 1e-13, 0.75
 # As many as the cache of propagators holds.
 _MOST_PROPAGATORS = 16
 _POINTER = ctypes.c_void_p
@@ -36,11 +43,20 @@ class _Body(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("modes", "nodes", "frames", "interfaces", "masses")),
-        *((name, ctypes.c_int64) for name in ("placement", "nonlinear", "turnings")),
-        *((name, _POINTER) for name in ("parent", "offset", "base", "point", "operator", "curvature", "curved")),
-        *((name, _POINTER) for name in ("load_operator", "mass")),
-        *((name, _POINTER) for name in ("inertia", "by_load", "by_mode", "omega", "weight", "turning", "work")),
+        *((name, ctypes.c_int64) for name in ("placement", "nonlinear", "turnings", "parts", "ties", "pulls")),
+        *((name, _POINTER) for name in ("parent", "offset", "base", "point", "operator", "curvature")),
+        *((name, _POINTER) for name in ("part", "core", "extent", "basis", "load_operator", "mass")),
+        *((name, _POINTER) for name in ("inertia", "by_load", "by_mode", "omega", "weight", "turning")),
+        *((name, _POINTER) for name in ("tie_stiffness", "tie_lever", "tie_apart", "tie_initial", "material", "pull")),
+        ("noise", ctypes.c_double),
+        ("work", _POINTER),
     ]
+
+
+class _TiedRule(ctypes.Structure):
+    """`TiedRule` of kernel.c."""
+
+    _fields_ = [("response", _POINTER), ("lag", _POINTER), ("step", ctypes.c_double)]
 
 
 class _Propagator(ctypes.Structure):
@@ -62,9 +78,11 @@ def _library() -> ctypes.CDLL | None:
             continue
         integer, number, place = ctypes.c_int64, ctypes.c_double, _POINTER
         library.kernel_work_size.restype = integer
-        library.kernel_work_size.argtypes = [integer] * 4
+        library.kernel_work_size.argtypes = [place]
         library.kernel_substeps.restype = integer
         library.kernel_substeps.argtypes = [*[place] * 6, integer, number, place, place]
+        library.kernel_tied_substeps.restype = integer
+        library.kernel_tied_substeps.argtypes = [*[place] * 7, integer, number, place, place]
         library.kernel_linear_step.restype = integer
         library.kernel_linear_step.argtypes = [place] * 6
         library.kernel_largest_rotation.restype = number
@@ -77,7 +95,7 @@ def _library() -> ctypes.CDLL | None:
     return None
 
 
-def compiled(dynamics: Dynamics, turning: FloatArray) -> "Kernel | None":
+def compiled(dynamics: Dynamics, turning: FloatArray, tied: TiedSteps | None = None) -> "Kernel | None":
     """The compiled step of a body under a formulation; None where there is none.
 
     Parameters
@@ -85,13 +103,15 @@ def compiled(dynamics: Dynamics, turning: FloatArray) -> "Kernel | None":
     dynamics : Dynamics
     turning : (3n, m) float
         Rotations within frames, as of `indicators.Turning`.
+    tied : TiedSteps, optional
+        Steps in NumPy of a body with ties.
 
     Returns
     -------
     Kernel or None
     """
     library = _library()
-    return None if library is None else Kernel(library, dynamics, turning)
+    return None if library is None else Kernel(library, dynamics, turning, tied)
 
 
 class Kernel:
@@ -102,19 +122,18 @@ class Kernel:
     library : ctypes.CDLL
     dynamics : Dynamics
     turning : (3n, m) float
+    tied : TiedSteps or None
     """
 
-    def __init__(self, library: ctypes.CDLL, dynamics: Dynamics, turning: FloatArray):
+    def __init__(self, library: ctypes.CDLL, dynamics: Dynamics, turning: FloatArray, tied: TiedSteps | None):
         tree = dynamics.tree
         modes, nodes, masses = dynamics.stiffness.size, len(tree.parent), dynamics.mass.size
         self._library = library
-        work = np.zeros(library.kernel_work_size(modes, nodes, tree.interface_count, int(tree.curvature is not None)))
         arrays = {
             "offset": tree.offset,
             "base": tree.base,
             "point": tree.point,
             "operator": tree.operator,
-            "curvature": tree.curvature,
             "load_operator": dynamics.load_operator,
             "mass": dynamics.mass,
             "inertia": dynamics.inertia_operator,
@@ -124,10 +143,20 @@ class Kernel:
             "weight": dynamics.weight,
             "turning": turning,
         }
+        ties = dynamics.ties
+        integers = {"parent": tree.parent}
+        noise = 0.0
+        if ties is not None and tied is not None:
+            arrays |= {"tie_stiffness": ties.stiffness, "tie_lever": ties.lever, "tie_apart": ties.apart}
+            arrays |= {"tie_initial": ties.initial, "material": tied.coupled_damping}
+            integers["pull"] = resisting(ties)
+            noise = tied.noise
+        if tree.curvature is not None:
+            numbers, places = _curvature_by_parts(tree, tree.curvature)
+            arrays |= numbers
+            integers |= places
         owned = {k: np.ascontiguousarray(a, dtype=np.float64) for k, a in arrays.items() if a is not None}
-        parent = np.ascontiguousarray(tree.parent, dtype=np.int64)
-        bent = np.zeros(6 * nodes) if tree.curvature is None else np.any(tree.curvature, axis=(1, 2))
-        curved = np.ascontiguousarray(bent, dtype=np.int64)
+        counted = {k: np.ascontiguousarray(a, dtype=np.int64) for k, a in integers.items()}
         self._body = _Body(
             modes=modes,
             nodes=nodes,
@@ -137,13 +166,16 @@ class Kernel:
             placement=_PLACEMENT[dynamics.placement],
             nonlinear=int(dynamics.nonlinear),
             turnings=len(turning) // 3,
-            parent=parent.ctypes.data,
-            curved=curved.ctypes.data,
-            work=work.ctypes.data,
-            **{name: array.ctypes.data for name, array in owned.items()},
+            parts=len(counted["extent"]) if "extent" in counted else 0,
+            ties=0 if ties is None else len(ties.apart),
+            pulls=len(counted["pull"]) if "pull" in counted else 0,
+            noise=noise,
+            **{name: array.ctypes.data for name, array in (*owned.items(), *counted.items())},
         )
+        work = np.zeros(library.kernel_work_size(ctypes.addressof(self._body)))
+        self._body.work = work.ctypes.data
         # What the struct points to must live as long as it does.
-        self._owned = (*owned.values(), parent, curved, work)
+        self._owned = (*owned.values(), *counted.values(), work)
         # Small against every rotation and displacement that matters, large against round-off.
         d, c = np.abs(tree.operator).reshape(2, -1, modes).max(axis=1)
         size = float(np.abs(tree.point - tree.point[0]).max()) or 1.0
@@ -158,6 +190,7 @@ class Kernel:
         self._results = self._motion.ctypes.data, self._rate.ctypes.data
         self._counters = ctypes.addressof(self._rounds), ctypes.addressof(self._worst)
         self._propagators: dict[int, tuple[Propagator, _Propagator, int]] = {}
+        self._rules: dict[int, tuple[TiedRule, _TiedRule, int]] = {}
 
     def linear_step(
         self, p: Propagator, inputs: FloatArray, end_inputs: FloatArray | None, q: FloatArray, v: FloatArray
@@ -189,6 +222,7 @@ class Kernel:
         v: FloatArray,
         count: int,
         tolerance: float,
+        rule: TiedRule | None = None,
     ) -> tuple[tuple[FloatArray, FloatArray] | None, int, float] | None:
         """`count` equal sub-steps; None where a fixed point does not settle them.
 
@@ -201,6 +235,8 @@ class Kernel:
         count : int
         tolerance : float
             Error accepted in a sub-step.
+        rule : TiedRule, optional
+            Of a body with ties, in place of p.
 
         Returns
         -------
@@ -213,9 +249,12 @@ class Kernel:
         """
         at_start, at_end, at_q, at_v = self._places
         end = self._load(inputs, end_inputs, q, v, at_end)
-        answer = self._library.kernel_substeps(
-            self._at, self._place(p), at_start, end, at_q, at_v, count, tolerance, *self._counters
-        )
+        rest = at_start, end, at_q, at_v, count, tolerance, *self._counters
+        if rule is None:
+            answer = self._library.kernel_substeps(self._at, self._place(p), *rest)
+        else:
+            places = self._place(rule.p), self._rule_place(rule)
+            answer = self._library.kernel_tied_substeps(self._at, *places, *rest)
         if answer == _UNSETTLED:
             return None
         state = (self._q.copy(), self._v.copy()) if answer == _DONE else None
@@ -266,3 +305,52 @@ class Kernel:
             struct = _Propagator(**{name: getattr(p, name).ctypes.data for name in _PROPAGATOR})
             found = self._propagators[id(p)] = (p, struct, ctypes.addressof(struct))
         return found[2]
+
+    def _rule_place(self, rule: TiedRule) -> int:
+        """Address of a rule's struct."""
+        found = self._rules.get(id(rule))
+        if found is None or found[0] is not rule:
+            if len(self._rules) > _MOST_PROPAGATORS:
+                self._rules.clear()
+            struct = _TiedRule(rule.response.ctypes.data, rule.lag.ctypes.data, rule.p.step)
+            found = self._rules[id(rule)] = (rule, struct, ctypes.addressof(struct))
+        return found[2]
+
+
+def _curvature_by_parts(tree: Tree, curvature: FloatArray) -> tuple[dict[str, FloatArray], dict[str, IntArray]]:
+    """Curvature in the coordinates that bend each part: nodes of one root, of a body that was cut one of its pieces.
+
+    There are far fewer of them than q has, and the step's cost goes by their square. A body in one piece keeps q itself.
+
+    Returns
+    -------
+    numbers : dict
+        "curvature": (r, r) of each row that has one, in turn; "basis": (r, m) of each part in turn, unless it is q.
+    places : dict
+        "part": (6K,) part of each row, or −1; "core": (6K,) where its (r, r) begins; "extent": (parts,) r.
+    """
+    modes, root = curvature.shape[-1], tree.parent.copy()
+    for node, parent in enumerate(tree.parent):
+        root[node] = node if parent < 0 else root[parent]
+    size = np.abs(curvature).max(axis=(1, 2))
+    owner = np.where(size > 0.0, np.tile(np.repeat(root, 3), 2), -1)
+    part = np.full(len(owner), -1)
+    bases = []
+    for number, name in enumerate(np.unique(owner[owner >= 0])):
+        rows = np.flatnonzero(owner == name)
+        part[rows] = number
+        scaled = curvature[rows] / size[rows, None, None]
+        _, strength, directions = np.linalg.svd(scaled.reshape(-1, modes), full_matrices=False)
+        bases.append(directions[strength > _NO_BEND * strength[0]])
+    if not bases or max(len(basis) for basis in bases) > _WORTH * modes:
+        part, bases = np.where(size > 0.0, 0, -1), []
+    cores, core, start = [], np.zeros(len(owner)), 0
+    for row in np.flatnonzero(part >= 0):
+        basis = bases[part[row]] if bases else None
+        cores.append(curvature[row] if basis is None else basis @ curvature[row] @ basis.T)
+        core[row], start = start, start + cores[-1].size
+    numbers = {"curvature": np.concatenate([c.ravel() for c in cores]) if cores else np.zeros(1)}
+    if bases:
+        numbers["basis"] = np.concatenate(bases)
+    extent = np.array([len(basis) for basis in bases] or [modes])
+    return numbers, {"part": part, "core": core.astype(np.int64), "extent": extent}

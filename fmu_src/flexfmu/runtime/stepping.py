@@ -167,9 +167,9 @@ class Stepper:
         evaluation: Evaluation = Evaluation.IMPLICIT,
     ):
         self.kernel = None
-        if use_compiled and dynamics.inertia is None and dynamics.ties is None:
-            self.kernel = compiled(dynamics, turning)
         self.tied = None if dynamics.ties is None else TiedSteps(dynamics, dynamics.ties, damping_ratio)
+        if use_compiled and dynamics.inertia is None:
+            self.kernel = compiled(dynamics, turning, self.tied)
         self.configuration = ConfigurationMemo(dynamics)
         self._explicit = evaluation is Evaluation.EXPLICIT
         self._damping_ratio = damping_ratio
@@ -288,7 +288,8 @@ class Stepper:
         """Try a number of equal sub-steps; None for the state where one of them fails or errs too much."""
         p, tolerance = self._cache(step / substeps), self._limits.tolerance
         if self.kernel is not None:
-            found = self.kernel.substeps(p, inputs, end_inputs, state.q, state.v, substeps, tolerance)
+            rule = None if self.tied is None else self.tied.rule(p.step)
+            found = self.kernel.substeps(p, inputs, end_inputs, state.q, state.v, substeps, tolerance, rule)
             if found is not None:
                 return found
         start, end = self._spread(inputs, end_inputs)

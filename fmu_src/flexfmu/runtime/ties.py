@@ -20,6 +20,7 @@ from .rotations import cross, skew
 from .tree import Configuration, Tree, configuration, jacobians
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _ROUND_OFF = 64.0 * np.finfo(np.float64).eps
 
@@ -140,6 +141,32 @@ def gap_derivative(ties: TieForces, state: Configuration, translation: FloatArra
     result[:, 0] = translation[ties.first] - translation[ties.second]
     result[:, 1:] = skew(b) @ spin[ties.second][:, None] - skew(a) @ spin[ties.first][:, None]
     return result
+
+
+def relative_motion(ties: TieForces, tree: Tree, state: Configuration) -> FloatArray:
+    """Derivative of how ends a move and turn against ends b with respect to q: six rows a tie, (6T, m)."""
+    translation, spin = jacobians(tree, state)
+    both = np.stack([x[ties.first] - x[ties.second] for x in (translation, spin)], axis=1)
+    return both.reshape(-1, both.shape[-1])
+
+
+def relative_stiffness(ties: TieForces, state: Configuration) -> FloatArray:
+    """What ties resist such motions with, (6T, 6T), as long as their ends stay close."""
+    arms = skew(_levers(ties, state)[0])
+    count = len(arms)
+    result = np.zeros((count, 6, count, 6))
+    each = np.arange(count)
+    result[each, :3, each, :3] = ties.stiffness * np.eye(3)
+    result[each, 3:, each, 3:] = np.einsum("tcli,tl,tclj->tij", arms, ties.stiffness[:, 0], arms)
+    return result.reshape(6 * count, 6 * count)
+
+
+def resisting(ties: TieForces) -> IntArray:
+    """Which of the 6T motions of `relative_motion` ties resist, in some position of their ends."""
+    directions = np.broadcast_to(ties.stiffness[:, 0] > 0.0, (len(ties.apart), 3))
+    turns = np.any(ties.stiffness > 0.0, axis=(1, 2)) & np.any(ties.lever != 0.0, axis=(1, 2))
+    kept = np.concatenate([directions, np.repeat(turns[:, None], 3, axis=1)], axis=1)
+    return np.flatnonzero(kept)
 
 
 def moment_stiffness(ties: TieForces, state: Configuration, tense: FloatArray, spin: FloatArray) -> FloatArray:
