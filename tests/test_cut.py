@@ -19,6 +19,7 @@ from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import ElementType
 from flexfmu.mesh.units import UnitSystem
 from flexfmu.progress import Reporter
+from flexfmu.runtime import kernel, kernel_data
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.dynamics import configuration_at, force_work, modal_force, spread, tangent_stiffness
 from flexfmu.runtime.errors import OptionError
@@ -267,6 +268,98 @@ def test_ties_have_a_potential_and_an_exact_tangent(cut):
 def test_a_body_without_ties_takes_no_notice():
     body = random_body(np.random.default_rng(3))
     assert FlexibleBody(body)._stepper.tied is None
+
+
+def both(body, formulation=None, longest=0.0):
+    """The body with compiled code and without."""
+    if kernel._library() is None:
+        pytest.skip("built without a C compiler")
+    limits = StepLimits(longest, 1e-2)
+    made = [FlexibleBody(body, formulation, limits=limits, use_compiled=use) for use in (True, False)]
+    assert made[0]._stepper.kernel is not None
+    assert made[1]._stepper.kernel is None
+    return made
+
+
+def agree(bodies, start, end, steps):
+    """Compiled steps of a swing that begins at rest against those in NumPy; how many sub-steps they took."""
+    states, largest = [body.rest() for body in bodies], 0
+    for step in steps:
+        results = [body.step_with_work(s, start, step, end) for body, s in zip(bodies, states, strict=True)]
+        states = [state for state, _ in results]
+        assert results[0][1].substeps == results[1][1].substeps
+        largest = max(largest, results[0][1].substeps)
+        # Springs so stiff make some 1e-9 of the round-off of places: of energy, next to nothing.
+        for one, other in ((states[0].q, states[1].q), (states[0].v, states[1].v)):
+            assert np.linalg.norm(one - other) < 1e-7 * np.linalg.norm(other)
+        found, expected = (np.concatenate(body.motion_and_rates(states[1])) for body in bodies)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+        assert bodies[0].motion(states[0]) == pytest.approx(bodies[1].motion(states[1]), rel=1e-8, abs=1e-12)
+    return largest
+
+
+@pytest.mark.parametrize("placement", LoadPlacement)
+@pytest.mark.parametrize("kinematics", [Kinematics.COROTATED, Kinematics.SECANT])
+def test_compiled_steps_are_those_of_numpy(cut, kinematics, placement):
+    bodies = both(cut, Formulation(kinematics, placement), 5e-4)
+    start, end = {"corner": [100.0, 300.0, 900.0, 2.0, -1.0, 3.0]}, {"corner": [0.0, 200.0, 1200.0]}
+    agree(bodies, start, None, [2e-4] * 3)
+    assert agree(bodies, start, end, [2e-4, 1e-3, 2e-3, 1e-3]) >= 4
+
+
+def test_compiled_steps_are_those_of_numpy_to_second_order(one_frame_a_part):
+    bodies = both(one_frame_a_part)
+    start, end = {"wheel_left": [0.0, 500.0, 1500.0]}, {"wheel_left": [0.0, 0.0, 1800.0, 3.0, 5.0, -8.0]}
+    agree(bodies, start, None, [1e-3] * 6)
+    agree(bodies, start, end, [1e-3] * 4)
+    tree = bodies[0]._dynamics.tree
+    numbers, places = kernel_data.kernel_arrays(bodies[0]._dynamics, bodies[0]._turning.operator, None)
+    assert len(places["extent"]) == 2
+    assert np.all(places["extent"] < 0.55 * one_frame_a_part.mode_count)
+    curved = np.count_nonzero(np.any(tree.curvature, axis=(1, 2)))
+    assert numbers["curvature"].size < 0.3 * curved * tree.curvature[0].size
+
+
+def test_a_step_follows_from_the_state_and_the_inputs_alone(cut):
+    """Whatever was done before: a master may take steps back."""
+    loads, model = {"corner": [50.0, 200.0, 700.0]}, FlexibleBody(cut, limits=StepLimits(tolerance=1e-2))
+    state = model.step(model.step(model.rest(), loads, 2e-4), loads, 2e-4)
+    for step in (1e-4, 3e-4, 1e-3):
+        model.step(model.step(state, {"corner": [0.0, -300.0, 100.0]}, step), {}, step)
+    fresh = FlexibleBody(cut, limits=StepLimits(tolerance=1e-2))
+    for step in (2e-4, 3e-4):
+        found, expected = (each.step(state, loads, step) for each in (model, fresh))
+        assert found.q.tobytes() == expected.q.tobytes()
+        assert found.v.tobytes() == expected.v.tobytes()
+
+
+def test_energy_of_the_axle_is_kept_to_second_order(one_frame_a_part):
+    """Let go with both arms turned, 12 cm down at the one wheel."""
+    for use_compiled in (True, False):
+        limits = StepLimits(tolerance=1e-2)
+        model = FlexibleBody(one_frame_a_part, damping_scale=0.0, limits=limits, use_compiled=use_compiled)
+        state = model.static({"wheel_left": [0.0, 0.0, 1800.0]})
+        start = sum(model.energies(state))
+        for _ in range(100 if use_compiled else 10):
+            state = model.step(state, {}, 1e-3)
+            assert sum(model.energies(state)) == pytest.approx(start, rel=1e-8)
+
+
+def test_a_long_step_far_from_rest_finds_what_short_ones_do(one_frame_a_part):
+    """Steps of 1 ms, in which welds and all but the lowest modes are not resolved, where the arms turn by 15°."""
+
+    def swing(step):
+        model = FlexibleBody(one_frame_a_part, limits=StepLimits(tolerance=1e-2))
+        state, path = model.rest(), []
+        for number in range(round(0.1 / step)):
+            rise = 1000.0 * np.sin(2.0 * np.pi * 5.0 * np.floor(number * step / 1e-3 + 1e-9) * 1e-3)
+            state = model.step(state, {"wheel_left": [0.0, 0.0, rise]}, step)
+            path.append(model.response(state).displacement[0])
+        every = round(1e-3 / step)
+        return np.array(path)[every - 1 :: every]
+
+    expected = swing(1e-4)
+    assert np.max(np.abs(swing(1e-3) - expected)) < 2e-3 * np.max(np.abs(expected))
 
 
 @pytest.mark.parametrize("step", [5e-4, 1e-4])

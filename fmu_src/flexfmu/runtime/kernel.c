@@ -1,6 +1,6 @@
 /* The steps of stepping.py and tied_stepping.py and the outputs of body.py, compiled. A transcription of them, tree.py,
- * dynamics.py and ties.py for speed alone: the same formulas, the same tolerances, the same results to round-off. What it cannot settle by fixed
- * point it leaves to Newton's method there. No global data: everything is in the struct Body, whose arrays belong to the
+ * dynamics.py and ties.py for speed alone: the same formulas, the same tolerances, the same results to round-off. What
+ * it cannot settle by fixed point it leaves to Newton's method there. No global data: everything is in the struct Body, whose arrays belong to the
  * caller, row by row (C order), in SI units. Equation numbers are those of docs/theory.md. */
 
 #include <math.h>
@@ -31,7 +31,7 @@ typedef struct {
     const double *curvature;                              /* (r, r) of each row that has one, or null */
     const int64_t *part, *core;                           /* (6K): the row's part, or -1, and where its (r, r) begins */
     const int64_t *extent;                                /* (parts): r, how many coordinates bend a part */
-    const double *basis;                                  /* (r, m) of each part: these coordinates; null for q itself */
+    const double *basis;                                  /* (r, m) of each part; null for q itself */
     const double *load_operator;                          /* (6I, m): displacements, then rotations */
     const double *mass;                                   /* (P) */
     const double *inertia;                                /* (3, m) */
@@ -146,8 +146,9 @@ static void add_times_derivative(const Body *body, const Configuration *at, cons
     if (!body->curvature) return;
     memset(scratch, 0, body->parts * m * sizeof(double));
     for (int64_t i = 0; i < 6 * body->nodes; i++)
-        if (body->part[i] >= 0 && factors[i] != 0.0)
-            add_times_rows(factors + i, at->turned + i * m, scratch + body->part[i] * m, 1, body->extent[body->part[i]]);
+        if (body->part[i] >= 0)
+            add_times_rows(factors + i, at->turned + i * m, scratch + body->part[i] * m, 1,
+                           body->extent[body->part[i]]);
     const double *basis = body->basis;
     for (int64_t j = 0; !basis && j < m; j++) out[j] += scratch[j];
     for (int64_t p = 0; basis && p < body->parts; basis += body->extent[p++] * m)
@@ -430,8 +431,9 @@ static int64_t scratch_size(const Body *body) {
 EXPORT int64_t kernel_work_size(const Body *body) {
     const int64_t m = body->modes, n = body->pulls;
     const int64_t configuration = m + 39 * body->nodes + body->parts * m + (body->curvature ? 6 * body->nodes * m : 0);
-    return 3 * configuration + 6 * body->nodes + 2 * m + 2 * m * m + scratch_size(body) + 20 * m + 6 * body->interfaces +
-           3 + 12 * body->nodes + 2 * n * m + 2 * n * n + 2 * n + 12 * body->ties;
+    const int64_t pull = 2 * n * m + 2 * n * n + 2 * n + 12 * body->ties;
+    return 3 * configuration + 6 * body->nodes + 2 * m + 2 * m * m + scratch_size(body) + pull + 20 * m +
+           6 * body->interfaces + 3 + 12 * body->nodes;
 }
 
 /* Equal sub-steps from (q, v), which are overwritten where the result is DONE: _substeps() of stepping.py.
@@ -691,7 +693,7 @@ EXPORT int64_t kernel_tied_substeps(const Body *body, const Propagator *p, const
         }
         const double start_work = force_work(body, &loads, here) - tension(body, here, tense);
         const double speed = norm(v0, m);
-        double reach = fabs(start_work), last = HUGE_VAL;
+        double reach = fabs(start_work), last = HUGE_VAL, earlier = HUGE_VAL;
         for (int64_t i = 0; i < 3 * body->nodes; i++) reach += fabs(loads.force[i]) * fabs(body->point[i]);
         for (int64_t j = 0; j < m; j++) {
             target[j] = p->p11[j] * here->q[j] + p->p12[j] * v0[j];
@@ -734,7 +736,8 @@ EXPORT int64_t kernel_tied_substeps(const Body *body, const Propagator *p, const
             const double size = norm(change, m), enough = TIED_TOLERANCE * (norm(q1, m) + rule->step * speed);
             if (!isfinite(size)) return UNSETTLED;
             settled = size <= (enough > body->noise ? enough : body->noise);
-            if (!settled && (size > 0.5 * last || round >= TIED_ROUNDS)) return UNSETTLED;
+            if (!settled && (size > 0.5 * earlier || round >= TIED_ROUNDS)) return UNSETTLED;
+            earlier = last;
             last = size;
         }
         configure(body, q1, there);

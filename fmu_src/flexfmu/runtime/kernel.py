@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .dynamics import Dynamics
+from .kernel_data import kernel_arrays
 from .propagation import Propagator
 from .reduced_body import LoadPlacement
 from .tied_stepping import TiedRule, TiedSteps
-from .ties import resisting
-from .tree import Tree
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 PATTERN = "_kernel.*"
 """File names of the library, which end in what the platform asks for."""
@@ -29,9 +27,6 @@ _PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, Lo
 _DIFFERENCE = 1e-6
 # What kernel_substeps answers.
 _DONE, _UNSETTLED = 0, 1
-# Share of the largest below which a direction bends nothing but by round-off, and of all coordinates up to which those
-# of a part are worth turning to.
-_NO_BEND, _WORTH = 1e-13, 0.75
 # As many as the cache of propagators holds.
 _MOST_PROPAGATORS = 16
 _POINTER = ctypes.c_void_p
@@ -129,33 +124,8 @@ class Kernel:
         tree = dynamics.tree
         modes, nodes, masses = dynamics.stiffness.size, len(tree.parent), dynamics.mass.size
         self._library = library
-        arrays = {
-            "offset": tree.offset,
-            "base": tree.base,
-            "point": tree.point,
-            "operator": tree.operator,
-            "load_operator": dynamics.load_operator,
-            "mass": dynamics.mass,
-            "inertia": dynamics.inertia_operator,
-            "by_load": dynamics.by_load,
-            "by_mode": dynamics.by_mode,
-            "omega": np.sqrt(dynamics.stiffness),
-            "weight": dynamics.weight,
-            "turning": turning,
-        }
-        ties = dynamics.ties
-        integers = {"parent": tree.parent}
-        noise = 0.0
-        if ties is not None and tied is not None:
-            arrays |= {"tie_stiffness": ties.stiffness, "tie_lever": ties.lever, "tie_apart": ties.apart}
-            arrays |= {"tie_initial": ties.initial, "material": tied.coupled_damping}
-            integers["pull"] = resisting(ties)
-            noise = tied.noise
-        if tree.curvature is not None:
-            numbers, places = _curvature_by_parts(tree, tree.curvature)
-            arrays |= numbers
-            integers |= places
-        owned = {k: np.ascontiguousarray(a, dtype=np.float64) for k, a in arrays.items() if a is not None}
+        arrays, integers = kernel_arrays(dynamics, turning, tied)
+        owned = {k: np.ascontiguousarray(a, dtype=np.float64) for k, a in arrays.items()}
         counted = {k: np.ascontiguousarray(a, dtype=np.int64) for k, a in integers.items()}
         self._body = _Body(
             modes=modes,
@@ -166,10 +136,10 @@ class Kernel:
             placement=_PLACEMENT[dynamics.placement],
             nonlinear=int(dynamics.nonlinear),
             turnings=len(turning) // 3,
-            parts=len(counted["extent"]) if "extent" in counted else 0,
-            ties=0 if ties is None else len(ties.apart),
-            pulls=len(counted["pull"]) if "pull" in counted else 0,
-            noise=noise,
+            parts=len(counted.get("extent", ())),
+            ties=tree.tie_count,
+            pulls=len(counted.get("pull", ())),
+            noise=0.0 if tied is None else tied.noise,
             **{name: array.ctypes.data for name, array in (*owned.items(), *counted.items())},
         )
         work = np.zeros(library.kernel_work_size(ctypes.addressof(self._body)))
@@ -315,42 +285,3 @@ class Kernel:
             struct = _TiedRule(rule.response.ctypes.data, rule.lag.ctypes.data, rule.p.step)
             found = self._rules[id(rule)] = (rule, struct, ctypes.addressof(struct))
         return found[2]
-
-
-def _curvature_by_parts(tree: Tree, curvature: FloatArray) -> tuple[dict[str, FloatArray], dict[str, IntArray]]:
-    """Curvature in the coordinates that bend each part: nodes of one root, of a body that was cut one of its pieces.
-
-    There are far fewer of them than q has, and the step's cost goes by their square. A body in one piece keeps q itself.
-
-    Returns
-    -------
-    numbers : dict
-        "curvature": (r, r) of each row that has one, in turn; "basis": (r, m) of each part in turn, unless it is q.
-    places : dict
-        "part": (6K,) part of each row, or −1; "core": (6K,) where its (r, r) begins; "extent": (parts,) r.
-    """
-    modes, root = curvature.shape[-1], tree.parent.copy()
-    for node, parent in enumerate(tree.parent):
-        root[node] = node if parent < 0 else root[parent]
-    size = np.abs(curvature).max(axis=(1, 2))
-    owner = np.where(size > 0.0, np.tile(np.repeat(root, 3), 2), -1)
-    part = np.full(len(owner), -1)
-    bases = []
-    for number, name in enumerate(np.unique(owner[owner >= 0])):
-        rows = np.flatnonzero(owner == name)
-        part[rows] = number
-        scaled = curvature[rows] / size[rows, None, None]
-        _, strength, directions = np.linalg.svd(scaled.reshape(-1, modes), full_matrices=False)
-        bases.append(directions[strength > _NO_BEND * strength[0]])
-    if not bases or max(len(basis) for basis in bases) > _WORTH * modes:
-        part, bases = np.where(size > 0.0, 0, -1), []
-    cores, core, start = [], np.zeros(len(owner)), 0
-    for row in np.flatnonzero(part >= 0):
-        basis = bases[part[row]] if bases else None
-        cores.append(curvature[row] if basis is None else basis @ curvature[row] @ basis.T)
-        core[row], start = start, start + cores[-1].size
-    numbers = {"curvature": np.concatenate([c.ravel() for c in cores]) if cores else np.zeros(1)}
-    if bases:
-        numbers["basis"] = np.concatenate(bases)
-    extent = np.array([len(basis) for basis in bases] or [modes])
-    return numbers, {"part": part, "core": core.astype(np.int64), "extent": extent}

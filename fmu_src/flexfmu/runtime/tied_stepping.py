@@ -1,17 +1,17 @@
 """Time steps of a body whose cut parts ties join (docs/theory.md, section 10).
 
-The modes of Λ hold the ties as they pull at q = 0; at turned frames these stiff springs pull in other directions. So only
-the modes that a step resolves are propagated exactly. The others follow the rule of the middle,
+The modes of Λ hold the ties as they pull at q = 0; at turned frames these stiff springs pull in other directions. So
+only the modes that a step resolves are propagated exactly. The others follow the rule of the middle,
 
     2 (q₁ − q₀ − h q̇₀)/h² + 2ζω (q₁ − q₀)/h + ω² q̄ = Q̄,     q̇₁ = 2 (q₁ − q₀)/h − q̇₀,                           (17)
 
 which leaves the body where the springs want it. Either way a mode gains exactly the energy Q̄·Δq, with Q̄ the discrete
-gradient (9) of all forces beyond Λ: energy is kept to round-off for any step, and the rule is of second order. Source of
-(17): J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757.
+gradient (9) of all forces beyond Λ: energy is kept to round-off for any step, and the rule is of second order. Source
+of (17): J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757.
 
-q₁ is found by a chord iteration. Of the ties' stiffness, which alone is large beyond Λ, it knows J (n, m), how the ties'
-ends move against each other in the middle that the velocity foresees, and S (n, n), what they resist it with. With
-B⁻¹ = g_q⁻¹ − ½ H + C'/h, the same for all steps of a length, its matrix has the inverse
+q₁ is found by a chord iteration. Of the ties' stiffness, which alone is large beyond Λ, it knows J (n, m), how their
+ends move against each other in the middle that the velocity foresees, and S (n, n), what they resist it with. With C'
+the damping between modes and B⁻¹ = g_q⁻¹ − ½ H + C'/h, the same for all steps of a length, its matrix has the inverse
 
     (B⁻¹ + ½ Jᵀ S J)⁻¹ = B − ½ (JB)ᵀ (1 + ½ S J B Jᵀ)⁻¹ S (JB),                                              (17a)
 
@@ -145,7 +145,7 @@ class TiedSteps:
             p.ramp_rate,
         )
         coupling = (p.gq / step)[:, None] * self.coupled_damping - 0.5 * p.gq[:, None] * self._ties.initial
-        response = np.linalg.inv(np.eye(square.size) + coupling)
+        response: FloatArray = np.linalg.inv(np.eye(square.size) + coupling).astype(np.float64, copy=False)
         return TiedRule(p, response, np.where(p.ramp == 0.0, 0.0, p.ramp / p.gq))
 
     def substeps(
@@ -209,8 +209,8 @@ class TiedSteps:
         rows = relative_motion(self._ties, self._dynamics.tree, middle)[kept]
         stiffness = relative_stiffness(self._ties, middle)[np.ix_(kept, kept)]
         answer = (rows @ rule.response) * rule.p.gq
-        hold = np.linalg.solve(np.eye(len(rows)) + 0.5 * stiffness @ (answer @ rows.T), stiffness)
-        return _Pull(rows, answer, hold)
+        matrix = np.eye(len(rows)) + 0.5 * stiffness @ (answer @ rows.T)
+        return _Pull(rows, answer, np.linalg.solve(matrix, stiffness).astype(np.float64, copy=False))
 
     def _implicit_step(
         self, rule: TiedRule, pull: _Pull, loads: NodeLoads, q0: FloatArray, v0: FloatArray, here: Configuration
@@ -222,7 +222,8 @@ class TiedSteps:
         reach = float(np.vdot(np.abs(loads.force), np.abs(d.tree.point)))
         free = p.p11 * q0 + p.p12 * v0
         q1 = q0 + p.step * v0
-        last = np.inf
+        # Of a round, and of the one before it: the first two need not come closer yet.
+        last = earlier = np.inf
         newton = False
         for rounds in range(1, _CHORD_ROUNDS + _NEWTON_ROUNDS + 1):
             middle, there = configuration_at(d, 0.5 * (q0 + q1)), configuration_at(d, q1)
@@ -253,8 +254,8 @@ class TiedSteps:
                 return None, rounds
             if size <= max(_TOLERANCE * scale, self.noise):
                 return (q1, p.p21 * q0 + p.p22 * v0 + p.gv * mean), rounds
-            newton = newton or size > 0.5 * last or rounds >= _CHORD_ROUNDS
-            last = size
+            newton = newton or size > 0.5 * earlier or rounds >= _CHORD_ROUNDS
+            earlier, last = last, size
         return None, _CHORD_ROUNDS + _NEWTON_ROUNDS
 
     def _slope(
