@@ -320,6 +320,20 @@ def test_compiled_steps_are_those_of_numpy_to_second_order(one_frame_a_part):
     assert numbers["curvature"].size < 0.3 * curved * tree.curvature[0].size
 
 
+@pytest.mark.parametrize("step", [1e-4, 1e-3])
+def test_compliance_is_what_loads_over_a_step_do_to_its_end(one_frame_a_part, step):
+    model = FlexibleBody(one_frame_a_part, limits=StepLimits(tolerance=10.0))
+    loads = {"wheel_left": [0.0, 0.0, 200.0]}
+    start = model.static(loads)
+    end = model.step(start, loads, step)
+    found = model.compliance(end, model.loads(loads).packed(one_frame_a_part.masses is not None), step, [0])
+    size = np.array([20.0] * 3 + [2.0] * 3)
+    for column, extra in enumerate(np.diag(size)):
+        pushed = model.step(start, {"wheel_left": np.array([0.0, 0.0, 200.0, 0.0, 0.0, 0.0]) + extra}, step)
+        change = (model.motion(pushed) - model.motion(end))[:6] / size[column]
+        assert np.linalg.norm(change - found[:, column]) < 0.03 * np.linalg.norm(change)
+
+
 def test_a_step_follows_from_the_state_and_the_inputs_alone(cut):
     """Whatever was done before: a master may take steps back."""
     loads, model = {"corner": [50.0, 200.0, 700.0]}, FlexibleBody(cut, limits=StepLimits(tolerance=1e-2))

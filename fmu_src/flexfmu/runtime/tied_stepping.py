@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, tangent_stiffness
 from .indicators import interface_jacobian
 from .propagation import Propagator, propagator
-from .ties import TieForces, energy, relative_motion, relative_stiffness, resisting, tension
-from .tree import Configuration
+from .ties import TieForces, energy, foreseen_tension, relative_motion, relative_stiffness, resisting, tension
+from .tree import Configuration, jacobians
 
 FloatArray = NDArray[np.float64]
 
@@ -319,10 +319,17 @@ class TiedSteps:
 
     def compliance(self, step: float, loads: NodeLoads, state: Configuration, interfaces: Sequence[int]) -> FloatArray:
         """As `indicators.compliance`, of this rule."""
-        motion = interface_jacobian(self._dynamics, state, interfaces)
-        tangent = tangent_stiffness(self._dynamics, loads, state)
-        matrix = 2.0 / step**2 * np.eye(len(tangent)) + self._damping / step + 0.5 * tangent
-        result: FloatArray = motion @ np.linalg.solve(matrix, motion.T)
+        d, rule = self._dynamics, self.rule(step)
+        motion = interface_jacobian(d, state, interfaces)
+        # Between steps stiff springs ring; halfway through what they do next, their tension is that of the motion.
+        force = modal_force(d, loads, state) - d.stiffness * state.q
+        change = self._pull(rule, state.q, np.zeros_like(state.q)).respond(rule, rule.p.gq * force)
+        tense = foreseen_tension(self._ties, state, *jacobians(d.tree, state), 0.5 * change)
+        tangent = tangent_stiffness(d, loads, state, tense)
+        gq = rule.p.gq[:, None]
+        matrix = np.eye(len(tangent)) + gq * (0.5 * (tangent - np.diag(d.stiffness)))
+        matrix += gq / step * self.coupled_damping
+        result: FloatArray = motion @ np.linalg.solve(matrix, gq * motion.T)
         return result
 
 
