@@ -67,7 +67,8 @@ def build_body(folder: Path) -> tuple[Path, Path]:
     from flexfmu.progress import Reporter
 
     config = read_body_file(ROOT / "demo" / "clamped_beam" / "body.toml")
-    reduction = config.reduction.model_copy(update={"modes": MODES, "geometric_stiffness": ["by_load", "by_mode"]})
+    aboard = {"geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
+    reduction = config.reduction.model_copy(update={"modes": MODES, **aboard})
     changes = {
         "interface": [InterfaceTable(name=name, nodes=nodes) for name, nodes in INTERFACES.items()],
         "reduction": reduction,
