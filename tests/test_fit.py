@@ -250,6 +250,7 @@ loads = {{ "{load}" = {force} }}
 displacement = 0.001
 
 [sweep]
+kinematics = ["linear", "corotated"]
 stiffness = ["constant"]
 loads = ["deformed"]
 """
@@ -365,7 +366,7 @@ def test_scene_of_a_small_load_is_met_by_a_linear_model_and_its_fmu(fitted):
 def test_scene_of_a_large_load_is_met_with_fewer_modes_and_frames(name, fitted):
     outcome, folder = fitted(name)
     assert check_scene(name, outcome, folder) > 2.0
-    assert outcome.fit.formulation.kinematics is Kinematics.COROTATED
+    assert outcome.fit.formulation.kinematics is not Kinematics.LINEAR
     # At the levels and times that CalculiX has, not those of the search: no worse than foreseen.
     assert outcome.calculix.share < 1.1 * outcome.fit.predicted.share
 

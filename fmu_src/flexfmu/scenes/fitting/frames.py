@@ -99,7 +99,8 @@ def _formulations(scene: Scene) -> list[Formulation]:
     if Stiffness.BY_LOAD in sweep.stiffness:
         found.append(Formulation(linear, undeformed, Stiffness.BY_LOAD))
     found.append(Formulation(turned, deformed))
-    found.append(Formulation(Kinematics.SECOND_ORDER, deformed))
+    if Kinematics.SECOND_ORDER in sweep.kinematics:
+        found.append(Formulation(Kinematics.SECOND_ORDER, deformed))
     if Stiffness.BY_LOAD in sweep.stiffness:
         found.append(Formulation(turned, deformed, Stiffness.BY_LOAD))
     if scene.transient and Mass.CONFIGURATION in sweep.mass:
