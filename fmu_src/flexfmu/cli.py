@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from . import __version__
-from .errors import FlexfmuError
+from .errors import INTERRUPTED, FlexfmuError
 from .progress import ConsoleReporter
 from .runtime.errors import RuntimeBodyError
 
@@ -36,12 +36,15 @@ def _options(
 
 
 def _run(job: Callable[[], None]) -> None:
-    """Turn a user's errors into a message and exit code 1."""
+    """Turn a user's errors, and Ctrl-C, into a message and an exit code."""
     try:
         job()
     except (FlexfmuError, RuntimeBodyError, OSError) as error:
         Console(stderr=True, highlight=False).print(f"[red]error:[/] {escape(str(error))}", soft_wrap=True)
-        raise typer.Exit(1) from error
+        raise typer.Exit(error.exit_code if isinstance(error, FlexfmuError) else 1) from error
+    except KeyboardInterrupt as error:
+        Console(stderr=True, highlight=False).print("[red]ended by Ctrl-C[/]")
+        raise typer.Exit(INTERRUPTED) from error
 
 
 @app.command()

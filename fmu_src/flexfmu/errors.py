@@ -1,8 +1,19 @@
 """What can go wrong on the build side; each message says what, where, what was expected, and what to do."""
 
+INTERRUPTED = 130
+"""Exit code of a job that Ctrl-C ended, as shells have it."""
+
 
 class FlexfmuError(Exception):
-    """Base of every error that a user's input can cause."""
+    """Base of every error that a user's input can cause.
+
+    Attributes
+    ----------
+    exit_code : int
+        Of the command that it ends.
+    """
+
+    exit_code = 1
 
 
 class BodyFileError(FlexfmuError):

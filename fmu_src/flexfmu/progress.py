@@ -1,11 +1,25 @@
-"""What a long job says while it runs: stages with their time, notes and warnings."""
+"""What a long job says while it runs: stages with their time, how far they are, notes and warnings.
 
+On a terminal a stage is a line that moves; elsewhere (a file, a pipe) a counted stage prints a plain line now and then.
+"""
+
+import signal
+import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
 
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
+
+# Seconds between two states of a line on a terminal, and between two lines elsewhere.
+_REFRESH, _PAUSE = 0.1, 10.0
+_HOURS, _MINUTES = 3600.0, 60.0
+
+Tell = Callable[[float], None]
+"""Says how much of a counted stage is done."""
 
 
 class Reporter:
@@ -21,6 +35,25 @@ class Reporter:
         """
         yield
 
+    @contextmanager
+    def counted(self, title: str, total: float, unit: str = "") -> Iterator[Tell]:  # noqa: ARG002
+        """Enclose a stage that can tell how far it is; call what it yields as often as you like.
+
+        Parameters
+        ----------
+        title : str
+        total : float
+            All there is to do: a number of things, or the last time of a simulation.
+        unit : str
+            Of `total`, such as "models" or "s".
+
+        Yields
+        ------
+        callable
+            Takes how much of `total` is done.
+        """
+        yield _silence
+
     def note(self, text: str) -> None:
         """Say what was found or chosen."""
 
@@ -29,24 +62,45 @@ class Reporter:
 
 
 class ConsoleReporter(Reporter):
-    """Writes to the terminal: a spinner while a stage runs, its time when it is done.
+    """Writes to the terminal: a moving line while a stage runs, its time when it is done.
 
     Parameters
     ----------
     console : rich.console.Console, optional
         Default: standard error, so that results on standard output stay clean.
+    clock : callable, optional
+        Seconds from any start.
     """
 
-    def __init__(self, console: Console | None = None):
+    def __init__(self, console: Console | None = None, clock: Callable[[], float] = time.perf_counter):
         self._console = console or Console(stderr=True, highlight=False)
+        self._clock = clock
+        # One display for all stages that are open at a time.
+        self._lines = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            _Bar(bar_width=24),
+            TextColumn("[dim]{task.fields[words]}[/]"),
+            console=self._console,
+            transient=True,
+            disable=not self._console.is_terminal,
+        )
 
     @contextmanager
     def stage(self, title: str) -> Iterator[None]:
         """Show `title` with a spinner, then with the time it took."""
-        start = time.perf_counter()
-        with self._console.status(escape(title) + " …"):
+        start = self._clock()
+        with self._line(title, None):
             yield
-        self._console.print(f"[green]✓[/] {escape(title)} [dim]{time.perf_counter() - start:.2f} s[/]")
+        self._done(title, start)
+
+    @contextmanager
+    def counted(self, title: str, total: float, unit: str = "") -> Iterator[Tell]:
+        """Show `title` with a bar, how much of `total` is done and the time left, then with the time it took."""
+        start = self._clock()
+        with self._line(title, total) as line:
+            yield _Count(self, line, total, unit, start).tell
+        self._done(title, start)
 
     def note(self, text: str) -> None:
         """Print an indented line."""
@@ -55,3 +109,126 @@ class ConsoleReporter(Reporter):
     def warning(self, text: str) -> None:
         """Print a line that stands out."""
         self._console.print(f"[yellow]! {escape(text)}[/]")
+
+    @contextmanager
+    def _line(self, title: str, total: float | None) -> Iterator[TaskID]:
+        """A line of the display, which stands as long as one stage is open."""
+        line = self._lines.add_task(escape(title) + (" …" if total is None else ""), total=total, words="")
+        self._lines.start()
+        try:
+            yield line
+        finally:
+            self._lines.remove_task(line)
+            if not self._lines.tasks:
+                self._lines.stop()
+
+    def _done(self, title: str, start: float) -> None:
+        self._console.print(f"[green]✓[/] {escape(title)} [dim]{self._clock() - start:.2f} s[/]")
+
+    def _show(self, line: TaskID, done: float, words: str) -> None:
+        if self._console.is_terminal:
+            self._lines.update(line, completed=done, words=escape(words))
+        else:
+            self.note(words)
+
+
+class _Bar(BarColumn):
+    """A bar where it is known how much there is to do."""
+
+    def render(self, task):  # type: ignore[no-untyped-def]
+        return "" if task.total is None else super().render(task)
+
+
+class _Count:
+    """How far one stage is.
+
+    Parameters
+    ----------
+    reporter : ConsoleReporter
+    line : rich.progress.TaskID
+    total : float
+    unit : str
+    start : float
+        s.
+    """
+
+    def __init__(self, reporter: ConsoleReporter, line: TaskID, total: float, unit: str, start: float):
+        self._reporter, self._line, self._total, self._unit, self._start = reporter, line, total, unit, start
+        self._pause = _REFRESH if reporter._console.is_terminal else _PAUSE
+        self._said = start
+
+    def tell(self, done: float) -> None:
+        """Show it, unless something was shown a moment ago."""
+        now = self._reporter._clock()
+        if now - self._said >= self._pause:
+            self._said = now
+            words = progress_words(done, self._total, self._unit, now - self._start)
+            self._reporter._show(self._line, done, words)
+
+
+def progress_words(done: float, total: float, unit: str, elapsed: float) -> str:
+    """How far a job is and how long it will still take, at the mean pace so far.
+
+    Parameters
+    ----------
+    done, total : float
+    unit : str
+    elapsed : float
+        s.
+
+    Returns
+    -------
+    str
+        As "3 of 12 models, 40 s left".
+    """
+    words = f"{done:.6g} of {total:.6g} {unit}".rstrip()
+    return words if done <= 0.0 else f"{words}, {duration_words(elapsed * max(total - done, 0.0) / done)} left"
+
+
+def duration_words(seconds: float) -> str:
+    """A time as a person would say it: 40 s, 3 min, 1.5 h."""
+    if seconds >= _HOURS:
+        return f"{seconds / _HOURS:.1f} h"
+    return f"{seconds / _MINUTES:.0f} min" if seconds >= 2.0 * _MINUTES else f"{seconds:.0f} s"
+
+
+def _silence(_done: float) -> None:
+    """Say nothing."""
+
+
+@contextmanager
+def ends_on_interrupt(report: Reporter, after: str = "the step under way") -> Iterator[Callable[[], bool]]:
+    """Let Ctrl-C end a job at a place of its own choice, with its results so far, instead of anywhere.
+
+    A KeyboardInterrupt may otherwise rise inside an FMU's Python code, which makes an error of it. A second Ctrl-C does
+    what it always does.
+
+    Parameters
+    ----------
+    report : Reporter
+    after : str
+        What is still finished, for the message.
+
+    Yields
+    ------
+    callable
+        Whether Ctrl-C was pressed; ask it where the job can end.
+    """
+    pressed, before = threading.Event(), signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before in (signal.SIG_IGN, None):
+        # Signals reach the main thread only; a job in the background may be meant to go on.
+        yield pressed.is_set
+        return
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        pressed.set()
+        signal.signal(signal.SIGINT, before)
+        # The signal may come amid another line.
+        with suppress(RuntimeError):
+            report.note(f"Ctrl-C: ends after {after}; press it again to end at once")
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield pressed.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)

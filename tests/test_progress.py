@@ -1,0 +1,84 @@
+"""What long jobs say while they run, and how Ctrl-C ends them."""
+
+import io
+import os
+import signal
+
+import pytest
+from rich.console import Console
+
+from flexfmu.progress import ConsoleReporter, Reporter, duration_words, ends_on_interrupt, progress_words
+
+
+class _Clock:
+    """Seconds that pass as told."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_time_left_is_what_the_rest_takes_at_the_mean_pace():
+    assert progress_words(3.0, 12.0, "models", 30.0) == "3 of 12 models, 90 s left"
+    assert progress_words(0.25, 1.0, "s", 60.0) == "0.25 of 1 s, 3 min left"
+    # Nothing is known of the pace before something is done.
+    assert progress_words(0.0, 12.0, "models", 30.0) == "0 of 12 models"
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(4.2, "4 s"), (119.0, "119 s"), (600.0, "10 min"), (5400.0, "1.5 h")])
+def test_times_are_said_as_a_person_would(seconds, words):
+    assert duration_words(seconds) == words
+
+
+def test_a_file_gets_a_plain_line_now_and_then_and_no_bar():
+    text, clock = io.StringIO(), _Clock()
+    reporter = ConsoleReporter(Console(file=text, width=120), clock)
+    with reporter.counted("Try models", 100, "models") as tell:
+        for done in range(1, 101):
+            clock.now += 0.25
+            tell(done)
+    lines = text.getvalue().splitlines()
+    assert [line.strip() for line in lines] == [
+        "40 of 100 models, 15 s left",
+        "80 of 100 models, 5 s left",
+        "✓ Try models 25.00 s",
+    ]
+    assert "\x1b" not in text.getvalue()
+
+
+def test_a_terminal_shows_stages_within_stages():
+    text, clock = io.StringIO(), _Clock()
+    reporter = ConsoleReporter(Console(file=text, width=120, force_terminal=True, legacy_windows=False), clock)
+    with reporter.counted("All", 4, "models") as tell:
+        for done in range(1, 5):
+            with reporter.stage(f"Model {done}"):
+                clock.now += 10.0
+            tell(done)
+            reporter._lines.refresh()
+    shown = text.getvalue()
+    assert "2 of 4 models, 20 s left" in shown
+    assert shown.count("✓") == 5
+
+
+def test_ctrl_c_is_noted_and_the_job_ends_where_it_asks():
+    steps = 0
+    with ends_on_interrupt(Reporter()) as pressed:
+        for _ in range(10):
+            steps += 1
+            if steps == 3:
+                os.kill(os.getpid(), signal.SIGINT)
+            if pressed():
+                break
+    assert steps == 3
+
+
+def test_a_second_ctrl_c_ends_at_once():
+    before = signal.getsignal(signal.SIGINT)
+    with ends_on_interrupt(Reporter()) as pressed:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert pressed()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
