@@ -1,6 +1,7 @@
 """Tables of loads and results, and the `simulate` command from the shell."""
 
 import os
+import re
 import subprocess
 import sys
 
@@ -163,6 +164,76 @@ def test_simulate_refuses_what_it_cannot_do_in_words_and_writes_nothing(tmp_path
         assert word in done.stderr
     assert "Traceback" not in done.stderr
     assert [path.name for path in tmp_path.iterdir() if path.suffix == ".csv"] == ["loads.csv"]
+
+
+INTERRUPTED = """
+import os, signal, sys, threading
+from contextlib import contextmanager
+from pathlib import Path
+from flexfmu.errors import FlexfmuError
+from flexfmu.fmu.simulation import simulate_csv
+from flexfmu.progress import Reporter
+
+class Impatient(Reporter):
+    # Presses Ctrl-C from outside once ten steps are done, so that it comes amid any code.
+    @contextmanager
+    def counted(self, title, total, unit=""):
+        threads = []
+        def tell(done):
+            if done > 9.5e-3 and not threads:
+                threads.append(threading.Thread(target=os.kill, args=(os.getpid(), signal.SIGINT)))
+                threads[0].start()
+        yield tell
+
+try:
+    simulate_csv(Path(sys.argv[1]), Path("loads.csv"), Path("motion.csv"), 1e-3, 500.0, {}, Impatient())
+except FlexfmuError as error:
+    print(error, file=sys.stderr, flush=True)
+    # Past the interpreter's exit, which an FMU's library may disturb.
+    os._exit(error.exit_code)
+"""
+
+
+def test_ctrl_c_ends_a_run_between_two_steps_and_keeps_the_motion_so_far(tmp_path, fmu):
+    table(tmp_path / "loads.csv", "time,tip.force.y\n0,3000\n500,3000\n")
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, str(fmu)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        cwd=tmp_path,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+    assert done.returncode == 130, done.stderr
+    assert re.search(r"stopped at [\d.]+ s of 500 s: ended by Ctrl-C", done.stderr), done.stderr
+    assert "motion.partial.csv" in done.stderr
+    assert not (tmp_path / "motion.csv").exists()
+    names, values = read_table(tmp_path / "motion.partial.csv")
+    assert 11 <= len(values) < 100_000
+    np.testing.assert_allclose(values[:, 0], 1e-3 * np.arange(len(values)), atol=1e-9)
+    flexible = FlexibleBody(beam_body(2, modes=2))
+    state = flexible.rest()
+    for _ in range(10):
+        state = flexible.step(state, {"tip": (0.0, 3000.0, 0.0)}, 1e-3)
+    expected = flexible.response(state).displacement[0, 1]
+    assert values[10, 1 + names.index("tip.displacement.y")] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("option", [("--stop", "1e9"), ("--step", "1e-300")])
+def test_a_run_whose_results_cannot_be_kept_is_refused_before_it_begins(tmp_path, fmu, option):
+    loads = table(tmp_path / "loads.csv", "time,tip.force.y\n0,3000\n0.02,3000\n")
+    done = flexfmu(tmp_path, "simulate", fmu, "-i", loads, "-o", "motion.csv", *option)
+    assert re.search(r"steps of \d+ values each, expected at most \S+ steps", done.stderr), done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_what_came_out_before_a_refused_step_is_kept(tmp_path, fmu):
+    loads = table(tmp_path / "loads.csv", "time,tip.force.y\n0,3000\n0.01,3000\n0.01,1e300\n0.02,1e300\n")
+    done = flexfmu(tmp_path, "simulate", fmu, "-i", loads, "-o", "motion.csv", "--step", "0.002")
+    assert "stopped at 0.01 s of 0.02 s" in done.stderr, done.stderr
+    _, values = read_table(tmp_path / "motion.partial.csv")
+    np.testing.assert_allclose(values[:, 0], 0.002 * np.arange(6), atol=1e-12)
 
 
 def test_simulate_says_why_the_fmu_refused_a_step_and_writes_nothing(tmp_path, fmu):

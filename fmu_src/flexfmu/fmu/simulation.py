@@ -10,14 +10,36 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
-from ..errors import SimulationError
-from ..progress import Reporter
+from ..errors import INTERRUPTED, SimulationError
+from ..progress import Reporter, ends_on_interrupt
 from ..targets import check_target, whole_file
 
 FloatArray = NDArray[np.float64]
 
 # FMI 2.0 statuses from here on mean that a call was not honoured.
 _FMI_DISCARD = 2
+MOST_VALUES = 5e7
+"""Results that a run keeps, rows times columns: some 2 GB while it runs."""
+
+
+class SimulationStoppedError(SimulationError):
+    """A run that ended before its time.
+
+    Parameters
+    ----------
+    message : str
+    outputs : list of str
+    result : (steps + 1, 1 + len(outputs)) float
+        What came out until then: time, then the outputs.
+    interrupted : bool
+        Whether the user ended it.
+    """
+
+    def __init__(self, message: str, outputs: list[str], result: FloatArray, interrupted: bool = False):
+        super().__init__(message)
+        self.outputs, self.result = outputs, result
+        if interrupted:
+            self.exit_code = INTERRUPTED
 
 
 def read_table(path: Path) -> tuple[list[str], FloatArray]:
@@ -150,7 +172,9 @@ def simulate(
     Raises
     ------
     SimulationError
-        An unknown input or parameter, a step that the FMU refuses, or a file that is no FMU.
+        An unknown input or parameter, more steps than can be kept, an FMU that fails its start, or a file that is none.
+    SimulationStoppedError
+        A step that the FMU refuses, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
     try:
@@ -168,16 +192,37 @@ def simulate(
         raise SimulationError(
             f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0"
         )
+    _check_size(start, end, interval, 1 + len(outputs))
     signals = _signals(inputs, names, loads)
     messages: list[str] = []
     refusals: list[str] = []
+    recorders: list[fmpy.simulation.Recorder] = []
 
     def log(_environment: object, _instance: object, status: int, category: bytes | None, text: bytes) -> None:
         # Lines without a category are the library's own, and say only which call failed.
         if category:
             (refusals if status >= _FMI_DISCARD else messages).append(text.decode(errors="replace"))
 
-    with report.stage(f"Simulate {fmu.name} from {start:g} s to {end:g} s in steps of {interval:g} s"):
+    def stopped(why: str, interrupted: bool = False) -> SimulationError:
+        """What is raised in mid-run, with the rows so far if there are any."""
+        rows = recorders[0].rows if recorders else []
+        if not rows:
+            return SimulationError(f"{fmu.name} stopped: {why}")
+        result = _columns(recorders[0].result(), outputs)
+        # fmpy records the state before a refused step once more.
+        result = result[np.append(True, np.diff(result[:, 0]) > 0.0)]
+        words = f"{fmu.name} stopped at {result[-1, 0]:.9g} s of {end:g} s: {why}"
+        return SimulationStoppedError(words, outputs, result, interrupted)
+
+    title = f"Simulate {fmu.name} from {start:g} s to {end:g} s in steps of {interval:g} s"
+    with report.counted(title, end - start, "s") as tell, ends_on_interrupt(report) as pressed:
+
+        def step_finished(time: float, recorder: fmpy.simulation.Recorder) -> bool:
+            recorders[:] = [recorder]
+            tell(time - start)
+            # A refused step would be tried again and again.
+            return not (pressed() or refusals)
+
         try:
             result = fmpy.simulate_fmu(
                 str(fmu),
@@ -189,16 +234,35 @@ def simulate(
                 start_values=settings,
                 logger=log,
                 debug_logging=True,
+                step_finished=step_finished,
             )
         except Exception as error:  # fmpy's FMICallException and what its loader raises
-            why = "; ".join(refusals) or str(error)
-            raise SimulationError(f"{fmu.name} stopped: {why}") from error
+            raise stopped("; ".join(refusals) or str(error)) from error
         # fmpy ends a run quietly where the FMU discards a step.
         if refusals:
-            raise SimulationError(f"{fmu.name} stopped at {result['time'][-1]:g} s: {'; '.join(refusals)}")
+            raise stopped("; ".join(refusals))
+        if pressed() and result["time"][-1] < end - 0.5 * interval:
+            raise stopped("ended by Ctrl-C", interrupted=True)
     for text in messages:
         report.warning(text)
-    return outputs, np.column_stack([result[name] for name in ("time", *outputs)])
+    return outputs, _columns(result, outputs)
+
+
+def _columns(result: NDArray[np.void], outputs: Sequence[str]) -> FloatArray:
+    """Time and outputs of fmpy's structured array."""
+    return np.column_stack([result[name] for name in ("time", *outputs)])
+
+
+def _check_size(start: float, end: float, interval: float, columns: int) -> None:
+    """Refuse a run whose results are more than can be kept, before it begins."""
+    steps = (end - start) / interval
+    most = MOST_VALUES / columns
+    if steps > most:
+        raise SimulationError(
+            f"from {start:g} s to {end:g} s in steps of {interval:g} s are {steps:.3g} steps of {columns} values each, "
+            f"expected at most {most:.3g} steps, whose results can be kept; take an earlier stop or a longer step, or "
+            "run it in pieces"
+        )
 
 
 def _known(description: ModelDescription, causality: str, names: Iterable[str], fmu: Path) -> list[str]:
@@ -230,7 +294,7 @@ def simulate_csv(
     parameters: Mapping[str, object],
     report: Reporter,
 ) -> None:
-    """Drive an FMU by a CSV of loads and write a CSV of its motion; see `simulate`.
+    """Drive an FMU by a CSV of loads and write a CSV of its motion, of a run that stops early as NAME.partial.csv.
 
     Parameters
     ----------
@@ -243,8 +307,16 @@ def simulate_csv(
     Raises
     ------
     SimulationError
+        See `simulate`.
     """
     check_target(output, (".csv",), inputs=(fmu, loads))
     names, values = read_table(loads)
-    outputs, result = simulate(fmu, names, values, step=step, stop=stop, parameters=parameters, report=report)
+    try:
+        outputs, result = simulate(fmu, names, values, step=step, stop=stop, parameters=parameters, report=report)
+    except SimulationStoppedError as stopped:
+        partial = output.with_suffix(f".partial{output.suffix}")
+        write_table(partial, stopped.outputs, stopped.result)
+        words = f"{stopped}\nWhat came out until then is in {partial}"
+        interrupted = stopped.exit_code == INTERRUPTED
+        raise SimulationStoppedError(words, stopped.outputs, stopped.result, interrupted) from stopped
     write_table(output, outputs, result)
