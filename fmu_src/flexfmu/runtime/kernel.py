@@ -25,6 +25,8 @@ _VERSION = 5
 _PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
 # Rotation, rad, and displacement relative to the body's size, over which forces are differenced.
 _DIFFERENCE = 1e-6
+# Extent of the nodes over their coordinates below which they are all at one place, and the body's size is not known.
+_ONE_PLACE = 1e-9
 # What kernel_substeps answers.
 _DONE, _UNSETTLED = 0, 1
 # As many as the cache of propagators holds.
@@ -146,10 +148,7 @@ class Kernel:
         self._body.work = work.ctypes.data
         # What the struct points to must live as long as it does.
         self._owned = (*owned.values(), *counted.values(), work)
-        # Small against every rotation and displacement that matters, large against round-off.
-        d, c = np.abs(tree.operator).reshape(2, -1, modes).max(axis=1)
-        size = float(np.abs(tree.point - tree.point[0]).max()) or 1.0
-        self._change = _DIFFERENCE / np.maximum(np.maximum(c, d / size), np.finfo(float).tiny)
+        self._change = _difference_steps(dynamics)
         self._derivative = np.zeros((modes, modes))
         self._q, self._v = np.zeros(modes), np.zeros(modes)
         self._inputs, self._end = (np.zeros(6 * tree.interface_count + (3 if masses else 0)) for _ in range(2))
@@ -285,3 +284,19 @@ class Kernel:
             struct = _TiedRule(rule.response.ctypes.data, rule.lag.ctypes.data, rule.p.step)
             found = self._rules[id(rule)] = (rule, struct, ctypes.addressof(struct))
         return found[2]
+
+
+def _difference_steps(dynamics: Dynamics) -> FloatArray:
+    """Steps (m,) of q for differences: small against every motion that matters, large against round-off.
+
+    All have the same strain energy, that of the softest motion by `_DIFFERENCE`. A mode that moves no node at first
+    order, by symmetry say, has nothing but round-off to derive a step of its own from.
+    """
+    tree = dynamics.tree
+    d, c = np.abs(tree.operator).reshape(2, -1, dynamics.stiffness.size).max(axis=1)
+    size = float(np.abs(tree.point - tree.point[0]).max())
+    if size <= _ONE_PLACE * float(np.abs(tree.point).max()):
+        size = 1.0
+    softness = float(np.max(np.maximum(c, d / size) / dynamics.weight))
+    result: FloatArray = _DIFFERENCE / (dynamics.weight * (softness or 1.0))
+    return result

@@ -149,6 +149,9 @@ def stability_finding(
     if limits.stability <= 0.0 or body.is_stable(state, inputs, limits.stability):
         return None
     margin, shape = body.stability(state, inputs)
+    if margin > limits.stability:
+        # The quick look goes by differences; what is said goes by the tangent itself.
+        return None
     mode = int(np.argmax(np.abs(shape)))
     hertz = body.model.angular_frequency[mode] / (2.0 * np.pi)
     shares = []
