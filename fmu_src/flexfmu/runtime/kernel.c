@@ -430,7 +430,7 @@ static int64_t scratch_size(const Body *body) {
 /* Numbers of type double that `work` must hold. */
 EXPORT int64_t kernel_work_size(const Body *body) {
     const int64_t m = body->modes, n = body->pulls;
-    const int64_t configuration = m + 39 * body->nodes + body->parts * m + (body->curvature ? 6 * body->nodes * m : 0);
+    const int64_t configuration = m + 42 * body->nodes + body->parts * m + (body->curvature ? 6 * body->nodes * m : 0);
     const int64_t pull = 2 * n * m + 2 * n * n + 2 * n + 12 * body->ties;
     return 3 * configuration + 6 * body->nodes + 2 * m + 2 * m * m + scratch_size(body) + pull + 20 * m +
            6 * body->interfaces + 3 + 12 * body->nodes;

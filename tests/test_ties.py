@@ -1,0 +1,135 @@
+"""One turning coordinate on springs that frames carry: closed forms of their moment, stiffness, energy and damping.
+
+A rigid body turns by θ about z on springs at three levers of length r along the axes. Two of the levers turn, each to a
+stretch of 2 r sin(θ/2): the springs hold 2 k r² (1 − cos θ), resist with 2 k r² sin θ, and give way by 2 k r² cos θ.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bodies import random_body
+from flexfmu.runtime import kernel
+from flexfmu.runtime.body import FlexibleBody
+from flexfmu.runtime.reduced_body import GROUND, Ties
+from flexfmu.runtime.stepping import State, StepLimits
+
+INERTIA, SPRING, LEVER = 0.5, 4000.0, 0.1
+# Of all springs against a small turn, N m/rad.
+STIFFNESS = 2.0 * SPRING * LEVER**2
+COMPILED = [False, pytest.param(True, marks=pytest.mark.skipif(kernel._library() is None, reason="no C compiler"))]
+
+
+def on_springs(material=0.0, ratio=0.0, joined=False):
+    """The body, its one coordinate being √I θ; `material` (N m/rad) turns it back as well.
+
+    The springs pull from the ground, or, `joined`, from a second frame that does not move.
+    """
+    parents, turning = ((GROUND, GROUND), [1]) if joined else ((GROUND,), [0])
+    body = random_body(parents=parents, interface_frame=(turning[0],), modes=1)
+    still = np.zeros((len(parents), 3, 1))
+    spin = still.copy()
+    spin[turning, 2] = 1.0 / np.sqrt(INERTIA)
+    ends = np.array([[turning[0], 0 if joined else GROUND]])
+    rotation = np.zeros((1, 2, 3, 1))
+    rotation[0, 0] = spin[turning[0]]
+    ties = Ties(
+        ends,
+        np.zeros((1, 2, 3)),
+        np.zeros((1, 2, 3, 1)),
+        rotation,
+        np.full((1, 3), SPRING),
+        LEVER * np.eye(3)[None],
+    )
+    return replace(
+        body,
+        angular_frequency=np.sqrt([(material + STIFFNESS) / INERTIA]),
+        damping_ratio=np.array([ratio]),
+        interface_point=np.zeros((1, 3)),
+        interface_displacement=np.zeros((1, 3, 1)),
+        interface_rotation=spin[turning],
+        joint_point=np.zeros_like(body.joint_point),
+        joint_displacement=still,
+        joint_rotation=spin,
+        frame_rotation=spin,
+        ties=ties,
+    )
+
+
+def at(angle, speed=0.0):
+    return State(np.sqrt([INERTIA]) * angle, np.sqrt([INERTIA]) * speed)
+
+
+def angle(state):
+    return float(state.q[0] / np.sqrt(INERTIA))
+
+
+@pytest.mark.parametrize("joined", [False, True])
+def test_turned_springs_hold_and_resist_by_the_cosine_and_sine_of_the_turn(joined):
+    body = FlexibleBody(on_springs(joined=joined))
+    assert body.energies(at(0.7))[0] == pytest.approx(STIFFNESS * (1.0 - np.cos(0.7)), rel=1e-12)
+    found = body.static({"port_0": [0.0, 0.0, 0.0, 0.0, 0.0, STIFFNESS * np.sin(0.7)]})
+    assert body.response(found).rotation[0] == pytest.approx([0.0, 0.0, 0.7], abs=1e-10)
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.7, 1.2])
+@pytest.mark.parametrize("joined", [False, True])
+def test_stiffness_of_turned_springs_falls_with_the_cosine_of_the_turn(joined, turn):
+    body = FlexibleBody(on_springs(joined=joined))
+    moment = np.array([0.0, 0.0, 0.0, 0.0, 0.0, STIFFNESS * np.sin(turn)])
+    assert body.stability(at(turn), moment)[0] == pytest.approx(np.cos(turn), rel=1e-9)
+    # A step far shorter than the period: the load's own impulse less what the springs give way by, ½ g K cos θ.
+    step = 0.2 / body.model.angular_frequency[0]
+    expected = (angle(body.step(at(turn), {"port_0": moment * [1, 1, 1, 1, 1, 1.0 + 1e-6]}, step)) - turn) / (
+        1e-6 * moment[5]
+    )
+    found = body.compliance(at(turn), moment, step, [0])[5, 5]
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("use_compiled", COMPILED)
+@pytest.mark.parametrize("joined", [False, True])
+def test_what_a_mode_too_fast_for_the_step_loses_is_the_work_of_its_damper(joined, use_compiled):
+    """The damper's constant is 2ζω times the material's share of the stiffness, by each side: joints have no damping."""
+    material, ratio = 0.6 * STIFFNESS, 0.08
+    body = FlexibleBody(
+        on_springs(material, ratio, joined), limits=StepLimits(tolerance=10.0), use_compiled=use_compiled
+    )
+    omega = body.model.angular_frequency[0]
+    share = material / (material + STIFFNESS) if joined else 1.0
+    damper = 2.0 * ratio * omega * INERTIA * share**2
+    for step in (2.0 / omega, 5.0 / omega):
+        state = at(0.8)
+        for _ in range(6):
+            before, state = state, body.step(state, {}, step)
+            lost = damper * (angle(state) - angle(before)) ** 2 / step
+            assert lost > 1e-6 * STIFFNESS
+            assert sum(body.energies(before)) - sum(body.energies(state)) == pytest.approx(lost, rel=1e-8)
+
+
+@pytest.mark.parametrize("use_compiled", COMPILED)
+def test_springs_between_sections_alone_take_no_energy_whatever_the_damping_of_the_material(use_compiled):
+    body = FlexibleBody(on_springs(0.0, 0.1, joined=True), use_compiled=use_compiled)
+    omega = body.model.angular_frequency[0]
+    state = at(0.5)
+    start = sum(body.energies(state))
+    for _ in range(20):
+        state = body.step(state, {}, 0.3 / omega)
+    assert sum(body.energies(state)) == pytest.approx(start, rel=1e-10)
+    assert abs(angle(state)) < 0.5
+
+
+@pytest.mark.skipif(kernel._library() is None, reason="built without a C compiler")
+@pytest.mark.parametrize("joined", [False, True])
+def test_the_error_of_a_step_is_that_of_the_motion_with_all_its_strain_energy(joined):
+    """Compiled and in NumPy. Springs turned by half a right angle hold most of the energy, beyond the modes' own."""
+    errors = []
+    for use_compiled in (True, False):
+        body = FlexibleBody(on_springs(0.0, 0.01, joined), limits=StepLimits(tolerance=10.0), use_compiled=use_compiled)
+        _, work = body.step_with_work(
+            at(0.8, 1.0), {"port_0": [0, 0, 0, 0, 0, 5.0]}, 0.5 / body.model.angular_frequency[0]
+        )
+        errors.append(work.error)
+    assert errors[0] > 1e-4
+    assert errors[0] == pytest.approx(errors[1], rel=1e-9)
