@@ -406,6 +406,18 @@ def test_the_energy_that_the_coupling_creates_is_what_the_masses_and_the_spring_
     assert any("the coupling itself fed the motion" in said for said in found.said) == (sign > 0)
 
 
+@pytest.mark.parametrize("file", ["mass", "mass_v"])
+def test_a_coupling_whose_mean_is_held_creates_nothing_beside_what_its_damper_takes(run, file):
+    """What masses and springs lose is the damper's."""
+    found = run(experiment("iterated", 1e-3, 0.1, held="mean", tolerance=1e-9) + pair(file, damping=8.0))
+    ahead = exact([0.1, 0.1 + 1e-7], damping=8.0)
+    speed, strain = np.diff(ahead, axis=0)[0] / 1e-7, ahead[0]
+    energy = 0.5 * speed**2 @ MASSES + 0.5 * OWN @ strain**2 + 0.5 * JOINT * np.diff(strain)[0] ** 2
+    lost = 0.5 * (OWN[0] + JOINT) * START**2 - energy
+    assert lost > 0.3 * 0.5 * JOINT * START**2
+    assert np.max(np.abs(found["master.created_energy"])) < 1e-6 * lost
+
+
 # Iterations.
 
 

@@ -288,6 +288,7 @@ def agree(bodies, start, end, steps):
         results = [body.step_with_work(s, start, step, end) for body, s in zip(bodies, states, strict=True)]
         states = [state for state, _ in results]
         assert results[0][1].substeps == results[1][1].substeps
+        assert results[0][1].error == pytest.approx(results[1][1].error, rel=1e-5)
         largest = max(largest, results[0][1].substeps)
         # Springs so stiff make some 1e-9 of the round-off of places: of energy, next to nothing.
         for one, other in ((states[0].q, states[1].q), (states[0].v, states[1].v)):

@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
+from flexfmu.build import reduce_body
 from flexfmu.config import Basis, InputTable, InterfaceTable, SupportTable
 from flexfmu.errors import ModelError
+from flexfmu.mesh.model import ElementType, Material
+from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.errors import EquilibriumError, OptionError
 from flexfmu.runtime.loads import Loads
 from flexfmu.runtime.reduced_body import Formulation, Kinematics, Mass
+from flexfmu.runtime.rotations import exponential
 from flexfmu.runtime.stepping import State
+from meshes import STEEL, body_file, box
 from references import BEAM, relative
 
 LENGTH, SIDE, DENSITY, YOUNG = 1.0, 0.03, 7850.0, 2.0e11
@@ -211,3 +216,82 @@ def test_a_support_on_springs_gives_by_force_over_stiffness(bodies):
     assert found[1] - found[0] == pytest.approx(1e4 / stiffness[0], rel=1e-2)
     with pytest.raises(ModelError, match="free to move in 3 rigid motions"):
         bodies.beam(support=[SupportTable(nodes="ROOT", stiffness=[1e6, 0.0, 0.0])])
+
+
+# Steel at the one end, aluminium at the other: the centre of mass lies well off the middle.
+ALLOY = Material("ALLOY", 7e10, 0.33, 2700.0)
+HALVES = ((0.5, STEEL), (1.5, ALLOY))
+
+
+@pytest.fixture(scope="module")
+def two_materials(tmp_path_factory):
+    """A free bar of 2 × 0.1 × 0.1 m along x, the first metre of steel, the second of aluminium."""
+    mesh = box(
+        ElementType.C3D20,
+        (8, 1, 1),
+        (2.0, 0.1, 0.1),
+        materials=(STEEL, ALLOY),
+        material=lambda centres: (centres[:, 0] > 4.0).astype(int),
+    )
+    config = body_file(
+        mesh,
+        tmp_path_factory.mktemp("two"),
+        interface=["ROOT", "TIP"],
+        support="ROOT",
+        free=True,
+        frames=2,
+        input={"acceleration": True},
+        reduction={"basis": "craig_bampton", "modes": 6},
+    ).model_copy(update={"support": []})
+    return FlexibleBody(reduce_body(config, Reporter()))
+
+
+def test_a_free_body_of_two_materials_turns_about_its_centre_of_mass(two_materials):
+    centre = sum(x * part.density for x, part in HALVES) / sum(part.density for _, part in HALVES)
+    assert centre < 0.8
+    for axis in (1, 2):
+        spin = np.zeros(3)
+        spin[axis] = 1.0
+        state = spinning(two_materials, spin)
+        for angle in (0.5, 1.0, 2.0):
+            state = two_materials.step(state, {}, 0.5 if angle < 2.0 else 1.0)
+            points = two_materials.model.interface_point + two_materials.response(state).displacement
+            # Each end stays as far from the centre of mass as it was, on the two sides of it.
+            middle = np.array([centre, 0.05, 0.05])
+            along = exponential(angle * spin) @ [1.0, 0.0, 0.0]
+            np.testing.assert_allclose(points, middle + np.outer([-centre, 2.0 - centre], along), atol=1e-8)
+
+
+def test_a_free_body_of_two_materials_falls_without_turning_or_bending(two_materials):
+    loads = Loads(np.zeros((2, 3)), np.zeros((2, 3)), np.array([0.0, 9.81, 3.0]))
+    state = two_materials.rest()
+    for _ in range(5):
+        state = two_materials.step(state, loads, 0.1)
+    found = two_materials.response(state)
+    np.testing.assert_allclose(found.displacement, np.tile([0.0, -0.5 * 9.81 * 0.25, -0.375], (2, 1)), atol=1e-8)
+    np.testing.assert_allclose(found.rotation, 0.0, atol=1e-8)
+
+
+def test_a_push_along_a_free_body_of_two_materials_moves_its_mass_as_newton_says(two_materials):
+    """Sideways at the steel end, while the bar turns by half a radian."""
+    mass = 0.01 * sum(part.density for _, part in HALVES)
+    centre = sum(x * part.density for x, part in HALVES) / sum(part.density for _, part in HALVES)
+    state, force = two_materials.rest(), np.array([0.0, 500.0, 0.0])
+    for _ in range(50):
+        state = two_materials.step(state, {"root": force}, 1e-2)
+    found = two_materials.response(state)
+    turn = found.rotation[0]
+    assert abs(turn[2]) > 0.5
+    # Bending is a thousandth of the motion: the centre of mass lies on the line between the ends.
+    place = two_materials.model.interface_point + found.displacement
+    share = centre / 2.0
+    moved = (1.0 - share) * place[0] + share * place[1] - [centre, 0.05, 0.05]
+    np.testing.assert_allclose(moved, 0.5 * force / mass * 0.25, atol=2e-3)
+
+
+def test_a_free_body_has_its_rigid_motions_once_in_a_craig_bampton_basis(floating):
+    """Of 6 constraint modes an interface, 6 are the rigid motions: as many modes as of the supported body."""
+    body = floating(modes=8).model
+    assert body.mode_count == 8 + 6 * len(ROOT_AND_TIP)
+    assert body.rigid_count == 6
+    assert FlexibleBody(body, fixed=["root"]).model.mode_count == 8 + 6

@@ -69,6 +69,7 @@ def test_compiled_steps_and_outputs_are_those_of_numpy(formulation, ramp, random
         (states, works) = zip(*results, strict=True)
         assert works[0].substeps == works[1].substeps
         assert works[0].iterations == works[1].iterations
+        assert works[0].error == pytest.approx(works[1].error, rel=1e-6, abs=1e-12)
         scale = np.linalg.norm(states[1].q), np.linalg.norm(states[1].v)
         np.testing.assert_allclose(states[0].q, states[1].q, rtol=0.0, atol=1e-11 * scale[0])
         np.testing.assert_allclose(states[0].v, states[1].v, rtol=0.0, atol=1e-11 * scale[1])

@@ -12,7 +12,7 @@ from flexfmu.master import Result, read_coupling_file, run, write_result
 from flexfmu.master.acceleration import Model, Secants, change, joined, no_secants
 from flexfmu.master.config import Held, Scheme
 from flexfmu.master.exchange import base_inputs, coupled_inputs, noise
-from flexfmu.master.springs import Springs, backward_rates, energy, loads, relative_motion, tangent
+from flexfmu.master.springs import Springs, backward_rates, energy, loads, losses, relative_motion, tangent
 from flexfmu.master.wiring import wire
 from flexfmu.progress import Reporter
 from flexfmu.runtime.rotations import exponential, rotation_vector
@@ -367,6 +367,20 @@ def test_dampers_take_energy_and_only_from_relative_motion(springs, random):
     spin = np.array([0.4, 2.0, -1.0])
     rigid = np.concatenate([np.cross(spin, motion[:, :3]) + 5.0, np.tile(spin, (3, 1))], axis=1)
     np.testing.assert_allclose(loads(inner, motion, rigid), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_what_dampers_take_over_a_step_is_the_work_against_them(random, turning):
+    """Over straight ways at an even speed force times way, over even turns about one axis moment times angle."""
+    index, step, motion = np.array([0, 1, 2]), 0.02, np.zeros((3, 6))
+    if turning:
+        motion[:, 3:] = np.outer(random.uniform(-0.5, 0.5, 3), [0.0, 0.6, 0.8])
+    else:
+        motion[:, :3] = random.uniform(-0.1, 0.1, (3, 3))
+    dampers = Springs(index, index + 1, np.zeros((3, 6)), np.tile([[3.0], [5.0], [7.0]], (1, 6)))
+    work = -np.sum(loads(dampers, 0.5 * motion, motion / step) * motion)
+    assert work > 0.0
+    assert losses(dampers, motion, np.zeros((3, 6)), step) == pytest.approx(work, rel=1e-10)
 
 
 def test_rates_are_those_of_the_relative_motion(random):

@@ -91,7 +91,7 @@ def test_stiffness_of_turned_springs_falls_with_the_cosine_of_the_turn(joined, t
 @pytest.mark.parametrize("use_compiled", COMPILED)
 @pytest.mark.parametrize("joined", [False, True])
 def test_what_a_mode_too_fast_for_the_step_loses_is_the_work_of_its_damper(joined, use_compiled):
-    """The damper's constant is 2ζω times the material's share of the stiffness, by each side: joints have no damping."""
+    """Its constant is 2ζω times the square of the material's share of the stiffness: joints have no damping."""
     material, ratio = 0.6 * STIFFNESS, 0.08
     body = FlexibleBody(
         on_springs(material, ratio, joined), limits=StepLimits(tolerance=10.0), use_compiled=use_compiled
