@@ -26,6 +26,9 @@ LOADS = {"tip.force.x": -500.0, "tip.force.y": 2000.0}
 LATER = {"tip.force.z": 1500.0, "tip.moment.x": 40.0}
 OUTPUTS = [f"tip.{quantity}.{axis}" for quantity in ("displacement", "rotation") for axis in "xyz"]
 STARTS = {"rest": {}, "static": {"initialization": "static"}}
+# Those that set texts start in either way; the others know numbers only.
+MASTERS = [(name, start) for name in ("fmpy", "libcosimpy", "ecospy") for start in STARTS]
+MASTERS += [(name, "rest") for name in ("pathsim_fmi", "cofmupy", "gemseo_fmu")]
 
 
 @pytest.fixture(scope="module")
@@ -71,14 +74,24 @@ def in_master(name, path, start):
     return json.loads(lines[-1][len(MARK) :])
 
 
-@pytest.mark.parametrize("start", STARTS)
-@pytest.mark.parametrize("name", ["fmpy", "libcosimpy", "ecospy"])
+@pytest.mark.parametrize(("name", "start"), MASTERS)
 def test_masters_give_the_numbers_of_the_body_itself(beam, expected, name, start):
     if importlib.util.find_spec(name) is None:
-        pytest.skip(f"{name} is not installed: pip install {name}")
+        pytest.skip(f"{name} is not installed: pip install {name.replace('_', '-')}")
     found = in_master(name, beam[1], start)
     assert np.max(np.abs(expected[start])) > 0.05
     np.testing.assert_allclose(found, expected[start], rtol=0, atol=1e-12)
+
+
+def test_every_output_is_a_real_number_as_masters_take_it_for(beam):
+    with zipfile.ZipFile(beam[1]) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    variables = {v.get("name"): v for v in root.find("ModelVariables")}
+    outputs = [v for v in variables.values() if v.get("causality") == "output"]
+    assert [v.get("name") for v in outputs] == OUTPUTS
+    assert {v[0].tag for v in outputs} == {"Real"}
+    assert variables["status.code"].get("causality") == "local"
+    assert variables["status.code"][0].tag == "Integer"
 
 
 # A master that is no Python program.

@@ -94,6 +94,83 @@ def run_ecospy(path, texts, loads, later, step, count, outputs):
     return rows
 
 
+def run_pathsim_fmi(path, texts, loads, later, step, count, outputs):
+    """PathSim: a block among others, with a source on every input."""
+    from pathsim import Connection, Simulation
+    from pathsim.blocks import Source
+    from pathsim_fmi import CoSimulationFMU
+
+    # PathSim takes the sources' values from a step's end; halfway between two points round-off of time is no matter.
+    change = (count // 2 + 0.5) * step
+
+    def held(name):
+        return lambda time: later.get(name, loads.get(name, 0.0)) if time > change else loads.get(name, 0.0)
+
+    body = CoSimulationFMU(path, start_values={**texts, **loads}, dt=step)
+    names = list({**loads, **later})
+    sources = [Source(held(name)) for name in names]
+    wires = [Connection(source, body[name]) for source, name in zip(sources, names, strict=True)]
+    simulation = Simulation([body, *sources], wires, dt=step, log=False)
+    rows = []
+    for _ in range(count):
+        simulation.timestep(step)
+        rows.append([float(body.outputs[name]) for name in outputs])
+    return rows
+
+
+def run_cofmupy(path, texts, loads, later, step, count, outputs):
+    """CoFMUPy: a configuration file, with a literal series of values for every input."""
+    from cofmupy import Coordinator
+
+    # Values hold from their time on.
+    change = (count // 2 - 0.5) * step
+    series = {
+        name: {"0": loads.get(name, 0.0), repr(change): later.get(name, loads.get(name, 0.0))}
+        for name in {**loads, **later}
+    }
+    configuration = {
+        "fmus": [{"id": "body", "path": path, "name": "body", "initialization": {**texts, **loads}}],
+        "connections": [
+            {
+                "source": {"type": "literal", "id": f"of {name}", "variable": name, "values": values},
+                "target": {"type": "fmu", "id": "body", "variable": name},
+            }
+            for name, values in series.items()
+        ],
+    }
+    file = Path(tempfile.mkdtemp()) / "configuration.json"
+    file.write_text(json.dumps(configuration), encoding="utf-8")
+    coordinator = Coordinator()
+    coordinator.start(conf_path=str(file))
+    for _ in range(count):
+        coordinator.do_step(step)
+    found = coordinator.get_results()
+    return [[found["body", name][k] for name in outputs] for k in range(count)]
+
+
+def run_gemseo_fmu(path, texts, loads, later, step, count, outputs):
+    """GEMSEO: a discipline that takes one step a call."""
+    from gemseo_fmu.disciplines.fmu_discipline import FMUDiscipline
+    from numpy import array
+
+    body = FMUDiscipline(
+        path,
+        input_names=[*texts, *loads, *later],
+        output_names=outputs,
+        time_step=step,
+        final_time=count * step,
+        do_step=True,
+        restart=False,
+    )
+    rows, values = [], {**{name: array([value]) for name, value in loads.items()}, **texts}
+    for k in range(count):
+        if k == count // 2:
+            values |= {name: array([value]) for name, value in later.items()}
+        found = body.execute(values)
+        rows.append([float(found[name][0]) for name in outputs])
+    return rows
+
+
 def main():
     name, arguments = sys.argv[1], json.loads(sys.argv[2])
     print(MARK + json.dumps(globals()[f"run_{name}"](*arguments)), flush=True)

@@ -5,7 +5,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from .. import __version__
 from ..runtime.reduced_body import ReducedBody
-from ..runtime.variables import Group, Variable, variable_table
+from ..runtime.variables import Variable, variable_table
 
 LOG_CATEGORIES = {
     "logStatusWarning": "something that the user should look at",
@@ -130,7 +130,5 @@ def _structure(structure: Element, table: tuple[Variable, ...]) -> None:
     # At the start they may depend on every load and parameter: that is what leaving the dependencies out says.
     initial = SubElement(structure, "InitialUnknowns")
     for index, variable in enumerate(table, start=1):
-        if variable.causality == "output" and variable.group is not Group.STATUS:
+        if variable.causality == "output":
             SubElement(initial, "Unknown", index=str(index))
-        elif variable.group is Group.STATUS:
-            SubElement(initial, "Unknown", index=str(index), dependencies="")

@@ -247,7 +247,8 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
     status = (
         "0: sound; 1: a step was refused or the start failed; 2: a limit was passed; see the log; stays until reset"
     )
-    table.append(Variable(STATUS_CODE, "Integer", Group.STATUS, "output", "discrete", "calculated", None, None, status))
+    # Not an output: masters that take every output for a real number would stop at an integer.
+    table.append(Variable(STATUS_CODE, "Integer", Group.STATUS, "local", "discrete", "calculated", None, None, status))
     table += _parameters(body)
     table += _diagnostics()
     table += [
