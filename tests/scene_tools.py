@@ -1,5 +1,7 @@
 """Scenes of the demo bodies, with their CalculiX results as the user would bring them."""
 
+from contextlib import contextmanager
+
 import numpy as np
 
 from flexfmu.progress import Reporter
@@ -27,10 +29,16 @@ finite_elements = []
 
 
 class Listening(Reporter):
-    """Remembers what was said."""
+    """Remembers what was said; of counted stages title, total, unit, and all that was told of them."""
 
     def __init__(self):
-        self.notes, self.warnings = [], []
+        self.notes, self.warnings, self.counts = [], [], []
+
+    @contextmanager
+    def counted(self, title, total, unit=""):
+        told = []
+        self.counts.append((title, total, unit, told))
+        yield told.append
 
     def note(self, text):
         self.notes.append(text)

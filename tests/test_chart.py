@@ -151,7 +151,10 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store,
     target.write_text(begun + begun.splitlines()[-1][:40], encoding="utf-8")
     tried = []
     monkeypatch.setattr(Workshop, "record", lambda self, *a: tried.append(a[0]) or plain(self, *a))
-    rows = sweep(brought, target, Reporter(), store)
+    report = Listening()
+    rows = sweep(brought, target, report, store)
+    # What is left is counted, not what was recorded before.
+    assert ("Try 3 models", 3, "models", [1, 2, 3]) in report.counts
     assert target.read_text(encoding="utf-8").startswith(begun)
     assert {row.key for row in rows} == {candidate.key for candidate in candidates(brought)}
     assert len(tried) == len(rows) - 3 == 3

@@ -182,8 +182,13 @@ frames = [8]
 
 def test_a_large_load_is_given_frames_and_holds_where_it_was_not_looked_at(tmp_path, store):
     scene = scene_of(tmp_path, BEND + FIT)
-    target = tmp_path / "fitted.toml"
-    found = fit(scene, target, Reporter(), store)
+    target, report = tmp_path / "fitted.toml", Listening()
+    found = fit(scene, target, report, store)
+    stages = [title[:6] for title, *_ in report.counts]
+    assert [stage for stage in stages if stage.endswith("of 3")] == ["1 of 3", "2 of 3"]
+    for _, total, _, told in report.counts:
+        assert told == sorted(told)
+        assert 0 < told[-1] <= total
     assert found.met
     assert found.measured.share <= 1.0
     assert found.measured.share == pytest.approx(found.predicted.share, rel=0.02)

@@ -56,12 +56,30 @@ def brought(tmp_path):
             'loads = { "tip.force.y" = 1.0 }',
             "take steps of 0.000444 s or less",
         ),
+        (
+            '[[transient]]\nname = "a"\nstep = 1e-3\nduration = 1e9\nloads = { "tip.force.y" = 1.0 }',
+            r"has 1e\+12 steps of 0.001 s, expected at most 1e\+06",
+        ),
+        (
+            BEND + "[sweep]\nmodes = [1_000_000_000]",
+            r"sweep.modes\[1\]: found 1000000000; .*less than or equal to 1000",
+        ),
+        (BEND + "[sweep]\nframes = [1_000_000_000]", r"sweep.frames\[1\]: found .*less than or equal to 1000"),
+        (BEND + "[reference]\nmodes = 1_000_000_000", r"reference.modes: found .*less than or equal to 1000"),
+        (BEND + "[stability]\nperiods = 1e9", r"stability: .*expected at most 1e\+06; take fewer periods"),
+        (BEND + "[stability]\nsteps_per_period = [159, 160, 161]", "numbers that divide each other"),
         (BEND + '[sweep]\nbasis = ["modal"]', r"sweep.basis\[1\]: found 'modal'; should be 'normal'"),
     ],
 )
 def test_a_wrong_scene_is_refused_with_what_would_do(tmp_path, text, message):
     with pytest.raises(SceneError, match=message):
         scene_of(tmp_path, text)
+
+
+def test_a_table_of_loads_with_more_steps_than_a_scene_can_have_is_refused_before_they_are_made(tmp_path):
+    (tmp_path / "loads.csv").write_text("time,tip.force.y\n0,1\n1e9,1\n", encoding="utf-8")
+    with pytest.raises(SceneError, match=r"loads.csv: a duration of 1e\+09 s has 1e\+12 steps"):
+        scene_of(tmp_path, '[[transient]]\nname = "a"\nstep = 1e-3\nloads = "loads.csv"\n')
 
 
 def test_a_damping_ratio_for_each_mode_has_no_meaning_in_a_sweep(tmp_path):

@@ -8,8 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexfmu.progress import Reporter
+from flexfmu.stability import buckling, coupling, evaluation, rotation
+from flexfmu.stability.maps import chart_stability
 from flexfmu.stability.picture import pictures
 from flexfmu.stability.records import StabilityError, Verdict, read_runs, verdict
+from flexfmu.stability.subject import read_subject
+from flexfmu.store import Store
+from scene_tools import Listening
 
 DEMO = Path(__file__).parents[1] / "demo"
 SCENE = """
@@ -69,6 +75,24 @@ def test_nothing_is_wrong_in_silence_and_every_verdict_is_there(mapped):
     verdicts = {run.verdict for run in read_runs(folder / "runs.csv")}
     assert verdicts == {"right", "warned", "refused"}
     assert out.count("0 wrong in silence") == 4
+
+
+def test_runs_that_are_planned_are_those_that_are_made(mapped):
+    folder, _, _ = mapped
+    body = DEMO / "clamped_beam" / "body.toml"
+    subject = read_subject(body, folder / "scene.toml", Reporter(), Store())
+    planned = [run.key for of_map in (evaluation, buckling, rotation, coupling) for run in of_map.planned(subject)]
+    assert planned == [run.key for run in read_runs(folder / "runs.csv")]
+    # Two placements of two factors, three evaluations and two steps, of which none is left when all are recorded.
+    assert len(evaluation.planned(subject)) == 24
+    report = Listening()
+    chart_stability(body, folder / "scene.toml", folder / "runs.csv", None, report, Store())
+    assert [(title, left) for title, left, *_ in report.counts] == [
+        ("Map of evaluation, 1 of 4", 0),
+        ("Map of buckling, 2 of 4", 0),
+        ("Map of rotation, 3 of 4", 0),
+        ("Map of coupling, 4 of 4", 0),
+    ]
 
 
 def test_pictures_are_drawn_from_records_alone(mapped, tmp_path):

@@ -35,15 +35,15 @@ def _options(
     """Options of all commands."""
 
 
-def _run(job: Callable[[], None]) -> None:
-    """Turn a user's errors, and Ctrl-C, into a message and an exit code."""
+def _run(job: Callable[[], None], kept: str = "nothing was written") -> None:
+    """Turn a user's errors, and Ctrl-C, into a message and an exit code; `kept` says what is left after Ctrl-C."""
     try:
         job()
     except (FlexfmuError, RuntimeBodyError, OSError) as error:
         Console(stderr=True, highlight=False).print(f"[red]error:[/] {escape(str(error))}", soft_wrap=True)
         raise typer.Exit(error.exit_code if isinstance(error, FlexfmuError) else 1) from error
     except KeyboardInterrupt as error:
-        Console(stderr=True, highlight=False).print("[red]ended by Ctrl-C[/]")
+        Console(stderr=True, highlight=False).print(f"[red]ended by Ctrl-C;[/] {escape(kept)}")
         raise typer.Exit(INTERRUPTED) from error
 
 
@@ -184,7 +184,7 @@ def chart(
         for row in best:
             typer.echo(f"{row.share:8.2g} × tolerance  {describe(row, axis, several=len(records) > 1)}")
 
-    _run(job)
+    _run(job, f"what was tried is in {records[0]}, and the same command goes on from there")
 
 
 def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None) -> None:

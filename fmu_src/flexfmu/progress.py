@@ -52,7 +52,7 @@ class Reporter:
         callable
             Takes how much of `total` is done.
         """
-        yield _silence
+        yield tell_nobody
 
     def note(self, text: str) -> None:
         """Say what was found or chosen."""
@@ -192,7 +192,7 @@ def duration_words(seconds: float) -> str:
     return f"{seconds / _MINUTES:.0f} min" if seconds >= 2.0 * _MINUTES else f"{seconds:.0f} s"
 
 
-def _silence(_done: float) -> None:
+def tell_nobody(_done: float) -> None:
     """Say nothing."""
 
 

@@ -9,12 +9,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from ..config import Name
+from ..limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
 from ..runtime.reduced_body import Division, Kinematics, LoadPlacement, Mass, Stiffness
 from ..stability.config import StabilityTable
 from ..toml_files import read_toml, reason, spelled_key
 from .errors import SceneError
 
 Positive = Annotated[float, Field(gt=0.0)]
+Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
+Frames = Annotated[int, Field(ge=1, le=MOST_FRAMES)]
 _KNOWN = "docs/scenes.md lists the known ones"
 # What pydantic adds to the place of an error to tell the types that a key may have.
 _ALTERNATIVES = ("str", "dict[str,float]", "float", "constrained-float", "literal['single']")
@@ -102,12 +105,33 @@ class TransientTable(_Table):
                 raise ValueError("a sudden load needs a duration (s); only a table of loads has an end of its own")
         if self.duration is not None and self.duration < 2.0 * self.step:
             raise ValueError(f"a duration of {self.duration} s has no two steps of {self.step} s")
+        if self.duration is not None:
+            check_steps(self.duration, self.step)
         if self.frequencies is not None and self.frequencies[1] > 0.4 / self.step:
             raise ValueError(
                 f"frequencies up to {self.frequencies[1]} Hz are not seen at steps of {self.step} s; take steps of "
                 f"{0.4 / self.frequencies[1]:.3g} s or less"
             )
         return self
+
+
+def check_steps(duration: float, step: float) -> None:
+    """Refuse more steps than a scene can have.
+
+    Parameters
+    ----------
+    duration, step : float
+        s.
+
+    Raises
+    ------
+    ValueError
+    """
+    if duration > MOST_STEPS * step:
+        raise ValueError(
+            f"a duration of {duration:g} s has {duration / step:.3g} steps of {step:g} s, expected at most "
+            f"{MOST_STEPS:g}; take longer steps, or a shorter piece of the motion"
+        )
 
 
 class AcceptedTable(_Table):
@@ -130,8 +154,8 @@ class ReferenceTable(_Table):
     """`[reference]`: who finds static results, and the model that transients are compared with."""
 
     static: Annotated[Solver, Field(strict=False)] = Solver.FLEXFMU
-    modes: int = Field(default=20, ge=1)
-    frames: int = Field(default=12, ge=0)
+    modes: Modes = 20
+    frames: int = Field(default=12, ge=0, le=MOST_FRAMES)
     mass: Mass = Field(default=Mass.CONFIGURATION, strict=False)
     tolerance: float = Field(default=1e-4, gt=0.0, lt=1.0)
 
@@ -140,8 +164,8 @@ class SweepTable(_Table):
     """`[sweep]`: what is combined with what."""
 
     basis: list[Annotated[BasisChoice, Field(strict=False)]] = Field(default=list(BasisChoice), min_length=1)
-    modes: list[Annotated[int, Field(ge=1)]] = Field(default=[5, 10, 20], min_length=1)
-    frames: list[Annotated[int, Field(ge=1)]] = Field(default=[1, 2, 4, 8], min_length=1)
+    modes: list[Modes] = Field(default=[5, 10, 20], min_length=1)
+    frames: list[Frames] = Field(default=[1, 2, 4, 8], min_length=1)
     kinematics: list[Annotated[Kinematics, Field(strict=False)]] = Field(
         default=[Kinematics.LINEAR, Kinematics.COROTATED, Kinematics.SECOND_ORDER], min_length=1
     )

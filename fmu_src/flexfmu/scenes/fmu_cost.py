@@ -172,6 +172,8 @@ class FmuTimer:
                     stderr=said,
                     text=True,
                     env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+                    # Ctrl-C is for this process, which ends the other: one that died of it would be taken for a fault.
+                    start_new_session=True,
                 )
         into, out = self._process.stdin, self._process.stdout
         assert into is not None

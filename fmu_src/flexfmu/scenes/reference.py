@@ -11,7 +11,7 @@ import numpy as np
 from ..build import reduce_body
 from ..config import Basis
 from ..mesh.model import FloatArray
-from ..progress import Reporter
+from ..progress import Reporter, Tell, tell_nobody
 from ..runtime.body import FlexibleBody
 from ..runtime.errors import EquilibriumError, StepError
 from ..runtime.loads import Loads
@@ -156,11 +156,10 @@ def _tight_model(
         body = reduce_body(tight, report, store)
         model = FlexibleBody(body, Formulation(mass=mass), limits=StepLimits(tolerance=settings.tolerance))
         steps = len(case.start_loads)
-        with report.stage(
-            f"Follow {case.name} with {body.mode_count} modes and {body.frame_count} frames, {steps} steps"
-        ):
+        title = f"Follow {case.name} with {body.mode_count} modes and {body.frame_count} frames, {steps} steps"
+        with report.counted(title, steps, "steps") as tell:
             try:
-                return {"motion": follow(model, case), "doubt": np.array(_static_error(scene, known, model))}
+                return {"motion": follow(model, case, tell), "doubt": np.array(_static_error(scene, known, model))}
             except StepError as error:
                 raise SceneError(
                     f"{case.name}: the reference model refuses a step: {error}; take other numbers in [reference], or "
@@ -207,8 +206,15 @@ def _static_error(scene: Scene, known: Mapping[str, Reference], model: FlexibleB
     return worst
 
 
-def follow(model: FlexibleBody, case: TransientCase) -> FloatArray:
+def follow(model: FlexibleBody, case: TransientCase, tell: Tell = tell_nobody) -> FloatArray:
     """Motion (steps + 1, I, 6) of all interfaces from rest through a transient.
+
+    Parameters
+    ----------
+    model : FlexibleBody
+    case : TransientCase
+    tell : callable, optional
+        Takes the number of steps done.
 
     Raises
     ------
@@ -222,6 +228,7 @@ def follow(model: FlexibleBody, case: TransientCase) -> FloatArray:
         same = np.array_equal(first, last)
         state, _ = model.step_packed(state, first, case.step, None if same else last)
         rows.append(model.motion(state))
+        tell(len(rows) - 1)
     return np.array(rows).reshape(len(rows), -1, 6)
 
 

@@ -13,7 +13,7 @@ from ..fmu.simulation import read_table
 from ..mesh.model import FloatArray
 from ..runtime.loads import Loads
 from ..runtime.variables import ACCELERATION
-from .config import SceneFile, TransientTable, read_scene_file
+from .config import SceneFile, TransientTable, check_steps, read_scene_file
 from .errors import SceneError
 
 AXES = ("x", "y", "z")
@@ -249,9 +249,13 @@ def _transient(
 ) -> TransientCase:
     columns, rows = table
     duration = case.duration if case.duration is not None else float(rows[-1, 0])
+    where = f"{path}: {case.name}"
+    try:
+        check_steps(duration, case.step)
+    except ValueError as error:
+        raise SceneError(f"{where}: {case.loads}: {error}") from error
     count = int(np.ceil(duration / case.step * (1.0 - _ROUNDING)))
     times = case.step * np.arange(count + 1)
-    where = f"{path}: {case.name}"
 
     def at(time: float, side: str) -> Loads:
         values = [_value(rows[:, 0], rows[:, 1 + k], time, side) for k in range(len(columns))]

@@ -180,7 +180,8 @@ def sweep(
     workshop = Workshop(scene, report, store)
     if left:
         _ = workshop.known
-    with _timer(fmu) as timer:
+    done = 0
+    with _timer(fmu) as timer, report.counted(f"Try {len(left)} models", len(left), "models") as tell:
         for reduction, members in grouped(left):
             count = "own" if reduction.frames == GIVEN else reduction.frames
             title = f"{reduction.basis.value}, {reduction.modes} modes, {count} frames"
@@ -189,9 +190,12 @@ def sweep(
                     body, seconds, reused = workshop.reduce(reduction, [member.formulation for member in members])
                 except AccuracyError as error:
                     report.warning(f"{title}: {error}")
+                    done += len(members)
                     continue
                 for member in members:
                     kept.append(workshop.record(member, body, (seconds, reused), timer))
+                    done += 1
+                    tell(done)
     for record in finite_element_records(scene, workshop.known, workshop.whole, kept, report):
         kept.append(record)
     return kept.rows

@@ -56,6 +56,20 @@ def reason_against(subject: Subject) -> str | None:
     return None
 
 
+def _rows(subject: Subject) -> Iterator[tuple[int, list[tuple[str, Formulation]], list[Run]]]:
+    """Numbers of frames, the formulations that each serves, and their runs, of which nothing is known yet."""
+    shares = subject.table.shares
+    for frames in (0, *subject.table.frames):
+        rows = _formulations(frames, max(subject.table.frames))
+        blank = [subject.blank(Map.BUCKLING, "formulations", f"{s:g}", label) for label, _ in rows for s in shares]
+        yield frames, rows, blank
+
+
+def planned(subject: Subject) -> list[Run]:
+    """Runs of the whole map, of which nothing is known yet."""
+    return [run for _, _, runs in _rows(subject) for run in runs]
+
+
 def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     """Run what is not `done`.
 
@@ -76,13 +90,7 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
         f"critical {press.critical:.4g} N"
     )
     truth = {share: _static(finest, press, share, reader) for share in subject.table.shares}
-    for frames in (0, *subject.table.frames):
-        rows = _formulations(frames, max(subject.table.frames))
-        keys = [
-            subject.blank(Map.BUCKLING, "formulations", f"{share:g}", label)
-            for label, _ in rows
-            for share in subject.table.shares
-        ]
+    for frames, rows, keys in _rows(subject):
         if all(run.key in done for run in keys):
             continue
         body = subject.reduced(

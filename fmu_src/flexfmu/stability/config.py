@@ -1,10 +1,15 @@
 """`[stability]` of a scene file: what the maps of stability vary; docs/stability.md describes it."""
 
+import math
 from enum import Enum
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from ..limits import MOST_FRAMES, MOST_STEPS
+
+REFERENCE_STEPS = 4
+"""Steps of the motion that others are compared with, for each of theirs."""
 Positive = Annotated[float, Field(gt=0.0)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -41,8 +46,24 @@ class StabilityTable(BaseModel):
     angles: list[Positive] = Field(
         default=[5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0], min_length=1
     )
-    frames: list[Annotated[int, Field(ge=1)]] = Field(default=[1, 2, 4, 8], min_length=1)
+    frames: list[Annotated[int, Field(ge=1, le=MOST_FRAMES)]] = Field(default=[1, 2, 4, 8], min_length=1)
     direction: Vector | None = None
     mass_ratios: list[Positive] = Field(default=[0.1, 1.0, 10.0], min_length=1)
     stiffness_ratios: list[Positive] = Field(default=[0.01, 0.1, 1.0, 10.0, 100.0, 1000.0], min_length=1)
     coupling_steps_per_period: list[Positive] = Field(default=[160.0, 40.0, 10.0, 2.5], min_length=1)
+
+    @property
+    def finest(self) -> int:
+        """Steps a period of the motion that others are compared with: a multiple of all of theirs."""
+        return REFERENCE_STEPS * math.lcm(*self.steps_per_period)
+
+    @model_validator(mode="after")
+    def _affordable(self) -> "StabilityTable":
+        steps = self.periods * self.finest
+        if steps > MOST_STEPS:
+            raise ValueError(
+                f"periods = {self.periods:g} and steps_per_period = {self.steps_per_period} need a motion of "
+                f"{steps:.3g} steps to compare with, {REFERENCE_STEPS} times their least common multiple a period, "
+                f"expected at most {MOST_STEPS:g}; take fewer periods, or numbers that divide each other, such as [160, 80, 40]"
+            )
+        return self

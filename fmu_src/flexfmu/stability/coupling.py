@@ -4,10 +4,12 @@ import tempfile
 import time
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
+from ..errors import INTERRUPTED
 from ..fmu.package import package_fmu
 from ..master import couple
 from ..master.config import parse_coupling
@@ -76,6 +78,19 @@ def reason_against(subject: Subject) -> str | None:
     return None
 
 
+def _cells(subject: Subject, mass_ratio: float) -> Iterator[tuple[Run, str, float, float]]:
+    """Runs of which nothing is known yet, with scheme, steps a period and stiffness ratio."""
+    table = subject.table
+    for scheme, count, ratio in product(SCHEMES, table.coupling_steps_per_period, table.stiffness_ratios):
+        run = subject.blank(Map.COUPLING, f"{scheme}, mass × {mass_ratio:g}", f"{ratio:g}", f"{count:g}")
+        yield run, scheme, count, ratio
+
+
+def planned(subject: Subject) -> list[Run]:
+    """Runs of the whole map, of which nothing is known yet."""
+    return [run for mass_ratio in subject.table.mass_ratios for run, *_ in _cells(subject, mass_ratio)]
+
+
 def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     """Run what is not `done`.
 
@@ -88,7 +103,6 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     ------
     Run
     """
-    table = subject.table
     body = subject.reduced()
     interface = _interface(subject, body)
     subject.report.note(
@@ -98,24 +112,12 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as name:
         folder = Path(name)
         package_fmu(body, folder / "body.fmu")
-        for mass_ratio in table.mass_ratios:
+        for mass_ratio in subject.table.mass_ratios:
             mass = mass_ratio * interface.mass
             package_fmu(_point_mass(mass), folder / "mass.fmu")
-            for scheme in SCHEMES:
-                for count in table.coupling_steps_per_period:
-                    for ratio in table.stiffness_ratios:
-                        panel = f"{scheme}, mass × {mass_ratio:g}"
-                        run = Run(
-                            subject.digest,
-                            subject.config.name,
-                            Map.COUPLING.value,
-                            panel,
-                            f"{ratio:g}",
-                            f"{count:g}",
-                            "",
-                        )
-                        if run.key not in done:
-                            yield _one(subject, folder, run, body, interface, mass, ratio, count, scheme)
+            for run, scheme, count, ratio in _cells(subject, mass_ratio):
+                if run.key not in done:
+                    yield _one(subject, folder, run, body, interface, mass, ratio, count, scheme)
 
 
 def _interface(subject: Subject, body: ReducedBody) -> _Interface:
@@ -188,6 +190,9 @@ def _one(
     try:
         result = couple(coupling, words)
     except CouplingStoppedError as stopped:
+        if stopped.exit_code == INTERRUPTED:
+            # Of the user, not of the coupling.
+            raise
         refused, said, result = True, str(stopped), stopped.result
     error = _error(result, axes, interface, growth, shapes, source)
     found = verdict(error, bool(words.said), refused, subject.table.tolerance)

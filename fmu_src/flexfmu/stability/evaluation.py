@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Container, Iterator
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -24,8 +26,8 @@ _VARIANTS = (
     ("explicit", Evaluation.EXPLICIT, 1.0),
     ("implicit", Evaluation.IMPLICIT, 1.0),
 )
-# The reference's internal error, against 1e-4 of what it judges, and its steps.
-_TOLERANCE, _FINER = 1e-6, 4
+# The reference's internal error, against 1e-4 of what it judges.
+_TOLERANCE = 1e-6
 
 
 def reason_against(subject: Subject) -> str | None:
@@ -35,6 +37,47 @@ def reason_against(subject: Subject) -> str | None:
     if subject.config.free:
         return "a free body under a load that is held flies away: the map is of vibrations"
     return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Cell:
+    """A point of the map.
+
+    Attributes
+    ----------
+    run : Run
+        Of which nothing is known yet.
+    placement : LoadPlacement
+    factor : float
+        Of the scene's peak load.
+    evaluation : Evaluation
+    damping : float
+        Scale of the body's.
+    count : int
+        Steps a period.
+    """
+
+    run: Run
+    placement: LoadPlacement
+    factor: float
+    evaluation: Evaluation
+    damping: float
+    count: int
+
+
+def _cells(subject: Subject) -> Iterator[_Cell]:
+    table = subject.table
+    for placement, factor, variant in product(_PLACEMENTS, table.factors, _VARIANTS):
+        name, evaluation, damping = variant
+        panel = f"{placement.value.replace('_', ' ')}: {name}"
+        for count in table.steps_per_period:
+            run = subject.blank(Map.EVALUATION, panel, str(count), f"{factor:g}")
+            yield _Cell(run, placement, factor, evaluation, damping, count)
+
+
+def planned(subject: Subject) -> list[Run]:
+    """Runs of the whole map, of which nothing is known yet."""
+    return [cell.run for cell in _cells(subject)]
 
 
 def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
@@ -49,42 +92,29 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     ------
     Run
     """
-    table = subject.table
     body = subject.reduced(formulation=Formulation())
     peak, reader = subject.peak(body), subject.interface(body)
+    truth: dict[tuple[LoadPlacement, float, float], FloatArray | None] = {}
     with Aboard(body) as aboard:
-        for placement in _PLACEMENTS:
-            for factor in table.factors:
-                truth: dict[float, FloatArray | None] = {}
-                for name, evaluation, damping in _VARIANTS:
-                    for count in table.steps_per_period:
-                        panel = f"{placement.value.replace('_', ' ')}: {name}"
-                        run = Run(
-                            subject.digest,
-                            subject.config.name,
-                            Map.EVALUATION.value,
-                            panel,
-                            str(count),
-                            f"{factor:g}",
-                            "",
-                        )
-                        if run.key in done:
-                            continue
-                        if damping not in truth:
-                            truth[damping] = _truth(subject, body, placement, damping, factor * peak, reader)
-                        parameters = {
-                            "formulation.loads": placement.value,
-                            "formulation.evaluation": evaluation.value,
-                            "damping.scale": damping,
-                        }
-                        yield _one(subject, aboard, run, parameters, factor * peak, count, truth[damping], reader)
+        for cell in _cells(subject):
+            if cell.run.key in done:
+                continue
+            inputs, key = cell.factor * peak, (cell.placement, cell.factor, cell.damping)
+            if key not in truth:
+                truth[key] = _truth(subject, body, cell.placement, cell.damping, inputs, reader)
+            parameters = {
+                "formulation.loads": cell.placement.value,
+                "formulation.evaluation": cell.evaluation.value,
+                "damping.scale": cell.damping,
+            }
+            yield _one(subject, aboard, cell.run, parameters, inputs, cell.count, truth[key], reader)
 
 
 def _truth(
     subject: Subject, body: ReducedBody, placement: LoadPlacement, damping: float, inputs: FloatArray, reader: int
 ) -> FloatArray | None:
     """Displacement (n, 3) of an interface at as many points a period as all numbers of steps divide."""
-    finest = _FINER * int(np.lcm.reduce(subject.table.steps_per_period))
+    finest = subject.table.finest
     formulation = Formulation(Kinematics.COROTATED, placement)
     model = FlexibleBody(body, formulation, damping, StepLimits(tolerance=_TOLERANCE))
     state, points = model.rest(), []

@@ -14,8 +14,6 @@ from .records import Run, Runs, Verdict
 from .subject import read_subject
 
 _MAPS = {Map.EVALUATION: evaluation, Map.BUCKLING: buckling, Map.ROTATION: rotation, Map.COUPLING: coupling}
-# Runs between words on how far a map is.
-_TOLD = 50
 
 
 def chart_stability(
@@ -50,18 +48,18 @@ def chart_stability(
     subject = read_subject(body, scene, report, store)
     kept = Runs(records, subject.digest)
     lines = []
-    for kind in Map:
-        if kind not in subject.table.maps:
-            continue
+    wanted = [kind for kind in Map if kind in subject.table.maps]
+    for place, kind in enumerate(wanted, start=1):
         reason = _MAPS[kind].reason_against(subject)
         if reason is not None:
             lines.append(f"{kind.value}: left out, {reason}")
             continue
-        with report.stage(f"Map of {kind.value}"):
+        left = sum(run.key not in kept for run in _MAPS[kind].planned(subject))
+        title = f"Map of {kind.value}, {place} of {len(wanted)}"
+        with report.counted(title, left, "runs") as tell:
             for number, run in enumerate(_MAPS[kind].runs(subject, kept), start=1):
                 kept.append(run)
-                if number % _TOLD == 0:
-                    report.note(f"{number} runs")
+                tell(number)
         lines.append(f"{kind.value}: {_summary([run for run in kept.rows if run.map == kind.value])}")
     if picture is not None:
         lines += [str(path) for path in pictures(records, picture)]

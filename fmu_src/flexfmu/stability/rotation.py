@@ -27,6 +27,31 @@ def reason_against(subject: Subject) -> str | None:
     return None
 
 
+def _rows(subject: Subject) -> Iterator[tuple[int, list[tuple[str, Formulation]], list[Run]]]:
+    """Numbers of frames, the formulations that each serves, and their runs, of which nothing is known yet."""
+    least = 1 if subject.config.cut else 0
+    for frames in (least, *(n for n in subject.table.frames if n > least)):
+        rows = [("linear", _LINEAR)] if frames == least else []
+        if frames:
+            rows += [(f"{frames} × corotated", Formulation())]
+            rows += [(f"{frames} × second order", Formulation(Kinematics.SECOND_ORDER))]
+        angles = _angles(subject)
+        yield (
+            frames,
+            rows,
+            [subject.blank(Map.ROTATION, "frames", f"{a:g}", label) for label, _ in rows for a in angles],
+        )
+
+
+def _angles(subject: Subject) -> list[float]:
+    return [a for a in subject.table.angles if not subject.config.cut or a <= _CUT]
+
+
+def planned(subject: Subject) -> list[Run]:
+    """Runs of the whole map, of which nothing is known yet."""
+    return [run for _, _, runs in _rows(subject) for run in runs]
+
+
 def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     """Run what is not `done`.
 
@@ -42,15 +67,8 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     finest = subject.reference()
     reader = subject.interface(finest.model)
     pattern = _pattern(subject, finest.model, reader)
-    angles = [a for a in subject.table.angles if not subject.config.cut or a <= _CUT]
-    truth = {a: _static(finest, np.radians(a) * pattern, reader) for a in angles}
-    least = 1 if subject.config.cut else 0
-    for frames in (least, *(n for n in subject.table.frames if n > least)):
-        rows = [("linear", _LINEAR)] if frames == least else []
-        if frames:
-            rows += [(f"{frames} × corotated", Formulation())]
-            rows += [(f"{frames} × second order", Formulation(Kinematics.SECOND_ORDER))]
-        keys = [subject.blank(Map.ROTATION, "frames", f"{a:g}", label) for label, _ in rows for a in angles]
+    truth = {a: _static(finest, np.radians(a) * pattern, reader) for a in _angles(subject)}
+    for frames, rows, keys in _rows(subject):
         if all(run.key in done for run in keys):
             continue
         body = subject.reduced(frames=frames or None, second_order=bool(frames), formulation=rows[-1][1])

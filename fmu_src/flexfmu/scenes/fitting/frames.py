@@ -6,6 +6,7 @@ import numpy as np
 
 from ...errors import BodyFileError
 from ...mesh.model import FloatArray
+from ...progress import Tell
 from ...runtime.body import FlexibleBody
 from ...runtime.errors import RuntimeBodyError
 from ...runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
@@ -78,13 +79,17 @@ def frames_needed(search: Search, plenty: int) -> list[Tried]:
     """
     scene = search.scene
     tried = [Tried(formulation) for formulation in _formulations(scene)]
-    flat = linear_frames(scene.config)
-    _try(search, plenty, flat, [one for one in tried if one.linear])
-    if not any(one.enough is not None for one in tried):
-        most = max(scene.file.sweep.frames)
-        for levels in offered_frames(scene.config, (n for n in LADDER if n <= most)):
-            _try(search, plenty, levels, [one for one in _open(tried) if not one.stuck])
-        _uneven(search, plenty, tried, most)
+    most = max(scene.file.sweep.frames)
+    levels = offered_frames(scene.config, (n for n in LADDER if n <= most))
+    title = "1 of 3: frames, with plenty of modes"
+    with search.report.counted(title, 1 + len(levels) + most, "divisions at most") as tell:
+        _try(search, plenty, linear_frames(scene.config), [one for one in tried if one.linear])
+        tell(1)
+        if not any(one.enough is not None for one in tried):
+            for done, count in enumerate(levels, start=2):
+                _try(search, plenty, count, [one for one in _open(tried) if not one.stuck])
+                tell(done)
+            _uneven(search, plenty, tried, most, lambda done: tell(1 + len(levels) + done))
     return [one for one in tried if one.shares]
 
 
@@ -138,7 +143,7 @@ def _try(search: Search, plenty: int, division: int | Joints, wanted: list[Tried
     return body
 
 
-def _uneven(search: Search, plenty: int, tried: list[Tried], most: int) -> None:
+def _uneven(search: Search, plenty: int, tried: list[Tried], most: int, tell: Tell) -> None:
     """From one frame a branch, divide where the frames' own indicator of rotation says so, as long as that may pay."""
     scene = search.scene
     if not any(not one.linear for one in tried):
@@ -166,6 +171,7 @@ def _uneven(search: Search, plenty: int, tried: list[Tried], most: int) -> None:
             return
         within = _rotation(scene, body, branches, counts, turns)
         counts[int(np.argmax(within))] += 1
+        tell(sum(counts) - len(counts))
 
 
 def _improvable(tried: list[Tried]) -> list[Tried]:

@@ -184,11 +184,15 @@ def cheapest(search: Search, found: list[Choice]) -> Choice:
     """
     left = [choice for choice in found if not any(_beats(other, choice) for other in found)]
     # In turns, so that what else the machine does meets all of them; those that are slow by far only once.
-    for _ in range(_TIMINGS):
-        for choice in left:
-            choice.cost = min(choice.cost, search.cost(choice.body, choice.formulation))
-        fastest = min(choice.cost for choice in left)
-        left = [choice for choice in left if choice.cost <= (1.0 + _CLOSE) * fastest]
+    with search.report.counted("Time them", _TIMINGS * len(left), "timings at most") as tell:
+        done = 0
+        for _ in range(_TIMINGS):
+            for choice in left:
+                choice.cost = min(choice.cost, search.cost(choice.body, choice.formulation))
+                done += 1
+                tell(done)
+            fastest = min(choice.cost for choice in left)
+            left = [choice for choice in left if choice.cost <= (1.0 + _CLOSE) * fastest]
     close = [choice for choice in left if choice.cost <= (1.0 + _SAME_COST) * fastest]
     return min(close, key=lambda choice: (choice.body.mode_count, choice.cost))
 

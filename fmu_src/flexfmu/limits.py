@@ -1,0 +1,8 @@
+"""Sizes beyond which a job is refused before it begins: it would take days, or more memory than there is."""
+
+MOST_MODES = 1000
+"""Normal modes of a body."""
+MOST_FRAMES = 1000
+"""Frames, or levels of them."""
+MOST_STEPS = 1_000_000
+"""Communication steps that every model of a scene takes."""
