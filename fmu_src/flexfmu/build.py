@@ -16,6 +16,7 @@ from .fe.stress import point_stress
 from .mesh.checks import checked
 from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, Mesh
+from .mesh.plausibility import implausible
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
@@ -23,18 +24,21 @@ from .reduction.frames import body_subdomains, fixable_root, several, whole_fram
 from .reduction.inertia import inertia_integrals
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.joining import Weld, joined
-from .reduction.masses import mass_shares, sub_masses
-from .reduction.model import Model, assemble_model, element_set, node_set
+from .reduction.masses import body_properties, mass_shares, sub_masses
+from .reduction.model import Model, assemble_model, element_set, elements_without_material, node_set
 from .reduction.modes import Modes
 from .reduction.rigid_fit import by_node, modal_fit
 from .reduction.second_order import node_readings, second_order
 from .reduction.subdomains import Subdomain, carrying_frame, frame_operators
 from .reduction.surface import body_surface
-from .runtime.reduced_body import GROUND, Kinematics, Mass, ReducedBody, Stiffness, StressSet, Ties
+from .runtime.reduced_body import GROUND, Kinematics, Mass, Properties, ReducedBody, Stiffness, StressSet, Ties
 from .store import Store, content_key
+from .summary import first_frequency, summary
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
+# Sizes of the body beyond which a reference point is hardly meant.
+_FAR = 3.0
 NUMBERS = "normal_modes"
 """Where a body's origin tells the numbers of its normal modes, if the body file chose them."""
 
@@ -61,14 +65,21 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
     """
     with report.stage(f"Read {config.mesh.file.name}"):
         mesh = checked(read_mesh(config.mesh.file, config.mesh.units))
+        unused = config.material is not None and not elements_without_material(mesh)
         model = assemble_model(mesh, config)
         mesh = model.mesh
         _check_sets(config, mesh)
+        properties = body_properties(mesh, volume_matrices(mesh))
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
-    for text in mesh.notes:
+    for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)
+    for text in (*implausible(mesh, config.mesh.units), *_distant_points(config, properties)):
+        report.warning(text)
+    if unused:
+        report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
     store = store or Store()
     body = _cut_body(config, model, report, store) if config.cut else _reduced(config, model, report, store)[0]
+    report.note(f"first frequency {first_frequency(body.angular_frequency)}")
     return replace(
         body,
         damping_ratio=_damping(config.damping.ratio, body.mode_count),
@@ -76,6 +87,7 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
         formulation=config.formulation.formulation,
         velocity_outputs=config.output.velocities,
         provenance=_provenance(config, mesh),
+        properties=properties,
     )
 
 
@@ -312,6 +324,19 @@ def _check_sets(config: BodyFile, mesh: Mesh) -> None:
             node_set(mesh, frame.joint, f"frame {frame.name!r}, joint")
         for name in frame.rotation_points or ():
             node_set(mesh, name, f"frame {frame.name!r}, rotation_points")
+
+
+def _distant_points(config: BodyFile, properties: Properties) -> list[str]:
+    """Say which reference points lie far from the body: they are in m, whatever the mesh is in."""
+    low, high = properties.box
+    size = float(np.max(high - low))
+    points = [(f"interface {table.name!r}", table.point) for table in config.interface if table.point is not None]
+    return [
+        f"{name}: point = {point} lies {away:.4g} m outside the body, which measures {size:.4g} m; points of the body "
+        f"file are in m (the mesh: {config.mesh.units.factors.length_name})"
+        for name, point in points
+        if (away := float(np.linalg.norm(np.clip(point, low, high) - point))) > _FAR * size
+    ]
 
 
 def _interfaces(

@@ -39,7 +39,7 @@ class MeshTable(_Table):
 
 
 class MaterialTable(_Table):
-    """`[material]`: for elements to which the mesh file gives none; SI."""
+    """`[material]`: for elements to which the mesh file gives none; in the units of `[mesh]`."""
 
     youngs_modulus: float = Field(gt=0.0)
     poissons_ratio: float = Field(gt=-1.0, lt=0.5)

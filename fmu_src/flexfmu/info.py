@@ -4,16 +4,18 @@ import math
 from collections.abc import Sequence
 
 from rich.console import RenderableType
+from rich.markup import escape
 from rich.table import Column, Table
 from rich.tree import Tree
 
 from .build import NUMBERS
 from .cost import Cost
-from .runtime.reduced_body import GROUND, FloatArray, ReducedBody
+from .runtime.reduced_body import GROUND, ReducedBody
+from .summary import first_frequency, point, summary
 
 
 def describe(body: ReducedBody) -> list[RenderableType]:
-    """Tables of modes and interfaces, the tree of frames, and where the body comes from.
+    """Tables of mass, size and materials, of modes and interfaces, the tree of frames, and where the body comes from.
 
     Parameters
     ----------
@@ -28,7 +30,7 @@ def describe(body: ReducedBody) -> list[RenderableType]:
         f"[bold]{body.name}[/]: {body.mode_count} modes, {body.interface_count} interfaces, {body.frame_count} frames; "
         f"kinematics {formulation.kinematics.value}, loads on the {formulation.loads.value} body"
     )
-    return [head, _modes(body), _interfaces(body), _frames(body), _origin(body)]
+    return [head, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
 
 
 def cost_table(costs: Sequence[Cost]) -> Table:
@@ -52,6 +54,14 @@ def cost_table(costs: Sequence[Cost]) -> Table:
     return table
 
 
+def _properties(body: ReducedBody) -> Table:
+    table = Table("body", Column("", overflow="fold"), title="Body", title_justify="left")
+    for label, value in () if body.properties is None else summary(body.properties):
+        table.add_row(escape(label), value)
+    table.add_row("first frequency", first_frequency(body.angular_frequency))
+    return table
+
+
 def _modes(body: ReducedBody) -> Table:
     table = Table("mode", "frequency / Hz", "damping ratio", title="Modes", title_justify="left")
     for name, omega, ratio in zip(_mode_names(body), body.angular_frequency, body.damping_ratio, strict=True):
@@ -72,7 +82,7 @@ def _interfaces(body: ReducedBody) -> Table:
     for i, name in enumerate(body.interface_names):
         frame = int(body.interface_frame[i])
         carrier = "none" if frame == GROUND else body.frame_names[frame]
-        table.add_row(name, _point(body.interface_point[i]), carrier)
+        table.add_row(name, point(body.interface_point[i]), carrier)
     return table
 
 
@@ -83,7 +93,7 @@ def _frames(body: ReducedBody) -> Tree:
         held = [body.interface_names[i] for i in range(body.interface_count) if body.interface_frame[i] == s]
         carries = f"  carries {', '.join(held)}" if held else ""
         parent = branches[int(body.frame_parent[s])]
-        branches[s] = parent.add(f"{name}  {_point(body.joint_point[s])}{carries}")
+        branches[s] = parent.add(f"{name}  {point(body.joint_point[s])}{carries}")
     return root
 
 
@@ -92,8 +102,3 @@ def _origin(body: ReducedBody) -> Table:
     for key, value in sorted(body.provenance.items()):
         table.add_row(key.replace("_", " "), value)
     return table
-
-
-def _point(point: FloatArray) -> str:
-    # Nanometres are round-off of coordinates, not information.
-    return "(" + ", ".join(f"{round(float(x), 9) + 0.0:.5g}" for x in point) + ")"

@@ -5,8 +5,33 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..mesh.model import FloatArray, Mesh
-from ..runtime.reduced_body import GROUND, Masses
+from ..runtime.reduced_body import GROUND, Masses, Properties
 from .subdomains import Subdomain, element_owner
+
+
+def body_properties(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Properties:
+    """Size, and volume and constants of each material.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Every element with a material.
+    volumes : tuple of (n_elements, node_count, node_count) float
+        From `fe.assembly.volume_matrices`.
+
+    Returns
+    -------
+    Properties
+        Materials of no element are left out.
+    """
+    volume = np.zeros(len(mesh.materials))
+    for block, matrices in zip(mesh.blocks, volumes, strict=True):
+        np.add.at(volume, block.material, matrices.sum(axis=(1, 2)))
+    used = np.flatnonzero(volume)
+    made = [mesh.materials[index] for index in used]
+    constants = np.array([(m.youngs_modulus, m.poissons_ratio, m.density) for m in made]).T
+    box = np.array([mesh.points.min(axis=0), mesh.points.max(axis=0)])
+    return Properties(box, tuple(m.name for m in made), volume[used], *constants)
 
 
 def sub_masses(

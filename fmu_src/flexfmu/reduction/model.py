@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config import BodyFile, MaterialTable
+from ..config import BodyFile
 from ..errors import BodyFileError, ModelError
 from ..mesh.checks import connected_parts
 from ..mesh.model import NO_MATERIAL, FloatArray, IntArray, Material, Mesh
@@ -116,7 +116,7 @@ def assemble_model(mesh: Mesh, config: BodyFile) -> Model:
     ModelError
         A part of the body is free to move without the body file's word that it shall.
     """
-    mesh = _with_material(mesh, config.material)
+    mesh = _with_material(mesh, config)
     fixed = mesh.fixed.copy()
     spring = np.zeros(fixed.shape)
     for number, support in enumerate(config.support, start=1):
@@ -129,20 +129,29 @@ def assemble_model(mesh: Mesh, config: BodyFile) -> Model:
     return Model(mesh, fixed, spring, rigid)
 
 
-def _with_material(mesh: Mesh, table: MaterialTable | None) -> Mesh:
-    missing = sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
+def elements_without_material(mesh: Mesh) -> int:
+    """Number of elements to which the mesh file gives no material."""
+    return sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
+
+
+def _with_material(mesh: Mesh, config: BodyFile) -> Mesh:
+    missing = elements_without_material(mesh)
     if not missing:
         return mesh
+    table, units = config.material, config.mesh.units
     if table is None:
         raise BodyFileError(
             f"{missing} of {mesh.element_count} elements have no material in the mesh file: add a [material] table "
-            "with youngs_modulus, poissons_ratio and density (SI)"
+            f"with youngs_modulus, poissons_ratio and density, in the units of [mesh] ({units.factors.stress_name}, "
+            f"–, {units.factors.density_name})"
         )
     index = len(mesh.materials)
     blocks = tuple(
         replace(block, material=np.where(block.material == NO_MATERIAL, index, block.material)) for block in mesh.blocks
     )
-    material = Material("body file", table.youngs_modulus, table.poissons_ratio, table.density)
+    material = Material(
+        "[material]", table.youngs_modulus * units.stress, table.poissons_ratio, table.density * units.density
+    )
     return replace(mesh, blocks=blocks, materials=(*mesh.materials, material))
 
 

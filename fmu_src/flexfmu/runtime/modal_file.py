@@ -20,6 +20,7 @@ from .reduced_body import (
     LoadPlacement,
     Mass,
     Masses,
+    Properties,
     ReducedBody,
     SecondOrder,
     Stiffness,
@@ -122,6 +123,14 @@ SURFACE: dict[str, Entry] = {
     "modes": Entry("surface/modes", "kg^-0.5", "(n, 3, m) mode shapes"),
     "frame": Entry("surface/frame", "1", "(n,) frame that carries the point, -1 for none"),
 }
+PROPERTIES: dict[str, Entry] = {
+    "box": Entry("properties/box", "m", "(2, 3) smallest and largest coordinates of the undeformed body"),
+    "volume": Entry("properties/volume", "m^3", "(K,) volume of each material"),
+    "youngs_modulus": Entry("properties/youngs_modulus", "N/m^2", "(K,) of each material"),
+    "poissons_ratio": Entry("properties/poissons_ratio", "1", "(K,) of each material"),
+    "density": Entry("properties/density", "kg/m^3", "(K,) of each material"),
+}
+MATERIAL_NAMES = Entry("properties/material", "1", "(K,) names of the materials")
 NAMES: dict[str, Entry] = {
     "interface_names": Entry("interfaces/name", "1", "(I,) names"),
     "frame_names": Entry("frames/name", "1", "(S,) names"),
@@ -167,6 +176,9 @@ class _Digest:
             arrays += [getattr(body.ties, name) for name in TIES]
         if body.second is not None:
             arrays += [getattr(body.second, name) for name in SECOND]
+        if body.properties is not None:
+            texts += body.properties.material_names
+            arrays += [getattr(body.properties, name) for name in PROPERTIES]
         for part in body.stress_sets:
             texts.append(part.name)
             arrays += [part.point, part.stress]
@@ -212,8 +224,7 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["floating"] = body.floating
             file.attrs["sha256"] = _Digest(body).hexdigest()
             for field, entry in NAMES.items():
-                names = np.array([name.encode() for name in getattr(body, field)] or [b""], dtype="S")
-                _write(file, entry, names[: len(getattr(body, field))])
+                _write(file, entry, _encoded(getattr(body, field)))
             for field, entry in ARRAYS.items():
                 _write(file, entry, getattr(body, field))
             for field, entry in OPTIONAL.items():
@@ -234,6 +245,10 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             if body.second is not None:
                 for field, entry in SECOND.items():
                     _write(file, entry, getattr(body.second, field))
+            if body.properties is not None:
+                _write(file, MATERIAL_NAMES, _encoded(body.properties.material_names))
+                for field, entry in PROPERTIES.items():
+                    _write(file, entry, getattr(body.properties, field))
             for number, stresses in enumerate(body.stress_sets):
                 for field, entry in STRESS.items():
                     place = f"stress/{number:03d}_{stresses.name}/{entry.path}"
@@ -248,6 +263,15 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
     finally:
         with suppress(FileNotFoundError):
             part.unlink()
+
+
+def _encoded(names: tuple[str, ...]) -> Any:
+    """Names as fixed-length bytes, which HDF5 keeps in the same bytes every time."""
+    return np.array([name.encode() for name in names] or [b""], dtype="S")[: len(names)]
+
+
+def _decoded(file: Any, entry: Entry) -> tuple[str, ...]:
+    return tuple(text.decode() for text in file[entry.path][()])
 
 
 def _write(file: Any, entry: Entry, values: Any) -> None:
@@ -291,7 +315,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         raise ModalFileError(
             f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
         )
-    masses = surface = inertia = ties = second = None
+    masses = surface = inertia = ties = second = properties = None
     whole = None
     if "whole" in file:
         whole = WholeFrame(**{field: file[entry.path][()] for field, entry in WHOLE.items()})
@@ -303,11 +327,12 @@ def _read(file: Any, name: str) -> ReducedBody:
         ties = Ties(**{field: file[entry.path][()] for field, entry in TIES.items()})
     if "second" in file:
         second = SecondOrder(**{field: file[entry.path][()] for field, entry in SECOND.items()})
+    if "properties" in file:
+        made = {field: file[entry.path][()] for field, entry in PROPERTIES.items()}
+        properties = Properties(material_names=_decoded(file, MATERIAL_NAMES), **made)
     if "surface" in file:
         surface = Surface(**{field: file[entry.path][()] for field, entry in SURFACE.items()})
-    contents: dict[str, Any] = {
-        field: tuple(text.decode() for text in file[entry.path][()]) for field, entry in NAMES.items()
-    }
+    contents: dict[str, Any] = {field: _decoded(file, entry) for field, entry in NAMES.items()}
     contents |= {field: file[entry.path][()] for field, entry in ARRAYS.items()}
     contents |= {field: file[entry.path][()] for field, entry in OPTIONAL.items() if entry.path in file}
     body = ReducedBody(
@@ -336,6 +361,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         surface=surface,
         ties=ties,
         second=second,
+        properties=properties,
     )
     if _Digest(body).hexdigest() != file.attrs["sha256"]:
         raise ModalFileError(f"{name}: contents do not match their checksum: the file was altered; build it again")

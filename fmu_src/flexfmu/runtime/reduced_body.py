@@ -262,6 +262,37 @@ class StressSet:
 
 
 @dataclass(frozen=True, slots=True)
+class Properties:
+    """What the body is made of, and how large it is, of K materials: nothing is computed from it.
+
+    Attributes
+    ----------
+    box : (2, 3) float
+        Smallest and largest coordinates of the undeformed body, m.
+    material_names : tuple of str
+    volume : (K,) float
+        Of each material, m³.
+    youngs_modulus : (K,) float
+        N/m².
+    poissons_ratio : (K,) float
+    density : (K,) float
+        kg/m³.
+    """
+
+    box: FloatArray
+    material_names: tuple[str, ...]
+    volume: FloatArray
+    youngs_modulus: FloatArray
+    poissons_ratio: FloatArray
+    density: FloatArray
+
+    @property
+    def mass(self) -> float:
+        """Of the whole body, kg."""
+        return float(self.volume @ self.density)
+
+
+@dataclass(frozen=True, slots=True)
 class ReducedBody:
     """A flexible body in m modal coordinates with I interfaces and S frames.
 
@@ -322,6 +353,8 @@ class ReducedBody:
         What joins the parts of a body that was cut.
     second : SecondOrder or None
         What kinematics "second_order" need.
+    properties : Properties or None
+        Mass, size and materials, for people; files from before it was kept do not have it.
     """
 
     name: str
@@ -353,6 +386,7 @@ class ReducedBody:
     inertia: "InertiaIntegrals | None" = None
     ties: Ties | None = None
     second: SecondOrder | None = None
+    properties: Properties | None = None
 
     def __post_init__(self) -> None:
         """Bring the arrays into their types and check shapes and physics.
@@ -400,6 +434,14 @@ class ReducedBody:
             found = [np.shape(getattr(self.second, name)) for name in self.second.__slots__]
             if found != [(count, 3, modes, modes), (count, 3, modes, modes), (count, 3, 3, 3)]:
                 raise ModalFileError(f"second-order parts have shapes {found}, expected {count} nodes, {modes} modes")
+        if self.properties is not None:
+            made = self.properties
+            count = len(made.material_names)
+            found = [np.shape(a) for a in (made.volume, made.youngs_modulus, made.poissons_ratio, made.density)]
+            if np.shape(made.box) != (2, 3) or found != [(count,)] * 4:
+                raise ModalFileError(
+                    f"properties have shapes {np.shape(made.box)}, {found}, expected {count} materials"
+                )
         for part in self.stress_sets:
             count = len(part.point)
             if part.point.shape != (count, 3) or part.stress.shape != (count, 6, modes) or not count:

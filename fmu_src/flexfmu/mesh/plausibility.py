@@ -1,0 +1,148 @@
+"""Whether a body looks like a solid in the units that it was declared in, and which units it is likely in if not."""
+
+import numpy as np
+
+from flexfmu.mesh.model import Material, Mesh
+from flexfmu.mesh.units import INCH, UnitSystem
+
+# Longest side, m: flexible bodies from a flexure hinge to a rotor blade.
+SIZE_RANGE = (2e-3, 100.0)
+# Young's modulus, N/m²: from soft rubber to diamond.
+MODULUS_RANGE = (1e6, 2e12)
+# Density, kg/m³: from aerogel to osmium.
+DENSITY_RANGE = (1.0, 3e4)
+# √(E/ρ), m/s: no solid is faster than diamond, at 18 000.
+_FASTEST = 2.5e4
+# What is as dense as metal or ceramics, kg/m³, is not as soft as rubber, N/m².
+_DENSE, _SOFT = 2500.0, 5e9
+# What a number is likely to be: sizes of machine parts, moduli and densities of what bears loads.
+_LIKELY_SIZE = (5e-3, 20.0)
+_LIKELY_MODULUS = (1e9, 1.3e12)
+_LIKELY_DENSITY = (500.0, 2.5e4)
+_LENGTHS = {"m": 1.0, "mm": 1e-3, "inches": INCH}
+_STRESSES = {"N/m²": 1.0, "MPa": 1e6, "GPa": 1e9, "psi": UnitSystem.IN_LBF_S.stress}
+_DENSITIES = {
+    "kg/m³": 1.0,
+    "g/cm³": 1e3,
+    "t/mm³": 1e12,
+    "kg/mm³": 1e9,
+    "lb/in³": 0.45359237 / INCH**3,
+    "lbf s²/in⁴": UnitSystem.IN_LBF_S.density,
+}
+
+
+def implausible(mesh: Mesh, units: UnitSystem) -> tuple[str, ...]:
+    """Say what no solid body is likely to be, with the units that would explain it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        SI units.
+    units : UnitSystem
+        What its numbers were declared in.
+
+    Returns
+    -------
+    tuple of str
+        Warnings; none for a plausible body.
+    """
+    found = [_size_doubt(mesh, units), *(_material_doubt(material, units) for material in mesh.materials)]
+    doubts = [doubt for doubt in found if doubt is not None]
+    if not doubts:
+        return ()
+    for other in UnitSystem:
+        if other is not units and _plausible_in(other, mesh, units):
+            what = "; ".join(fault for fault, _ in doubts)
+            return (
+                f"{what}: implausible. In {other.value} the body would be {_sides(mesh, other.length / units.length)} "
+                f'and all its numbers plausible: if the mesh is in {other.value}, set units = "{other.value}" in '
+                f"[mesh] (found {units.value})",
+            )
+    return tuple(f"{fault}: implausible. {cause}" for fault, cause in doubts)
+
+
+def _plausible_in(other: UnitSystem, mesh: Mesh, units: UnitSystem) -> bool:
+    """Whether the same numbers are a likely body throughout in another system."""
+    stress, density = other.stress / units.stress, other.density / units.density
+    return _within(_size(mesh) * other.length / units.length, _LIKELY_SIZE) and all(
+        _solid(material.youngs_modulus * stress, material.density * density)
+        and _within(material.density * density, _LIKELY_DENSITY)
+        for material in mesh.materials
+    )
+
+
+def _solid(modulus: float, density: float) -> bool:
+    return (
+        _within(modulus, MODULUS_RANGE)
+        and _within(density, DENSITY_RANGE)
+        and modulus <= density * _FASTEST**2
+        and not (density > _DENSE and modulus < _SOFT)
+    )
+
+
+def _size_doubt(mesh: Mesh, units: UnitSystem) -> tuple[str, str] | None:
+    """What is wrong with the body's size, and the likely cause; None if nothing is."""
+    if _within(_size(mesh), SIZE_RANGE):
+        return None
+    fits = [
+        f"in {name}, {_sides(mesh, factor / units.length)}"
+        for name, factor in _LENGTHS.items()
+        if _within(_size(mesh) * factor / units.length, _LIKELY_SIZE)
+    ]
+    known = ", ".join(f'"{system.value}"' for system in UnitSystem)
+    return (
+        f"the body measures {_sides(mesh, 1.0)}",
+        _cause(fits, "its mesh") + f"Give the mesh's units in [mesh] (found {units.value}, known: {known}); [material] "
+        "is in the same units",
+    )
+
+
+def _material_doubt(material: Material, units: UnitSystem) -> tuple[str, str] | None:
+    """What is wrong with a material, and the likely cause; None if nothing is."""
+    modulus, density = material.youngs_modulus, material.density
+    if _solid(modulus, density):
+        return None
+    fault = (
+        f"material {material.name!r} has Young's modulus {modulus / units.stress:.6g} {units.factors.stress_name} and "
+        f"density {density / units.density:.6g} {units.factors.density_name}"
+    )
+    if units is not UnitSystem.SI:
+        fault += f" ({modulus:.3g} N/m², {density:.3g} kg/m³)"
+    causes = []
+    light = modulus > density * _FASTEST**2
+    if not _within(density, DENSITY_RANGE) or light:
+        fits = [
+            f"in {name}, {_number(density / units.density * factor, units.density)} {units.factors.density_name}"
+            for name, factor in _DENSITIES.items()
+            if factor != units.density and _within(density / units.density * factor, _LIKELY_DENSITY)
+        ]
+        causes.append(_cause(fits, "the density"))
+    if not _within(modulus, MODULUS_RANGE) or (density > _DENSE and modulus < _SOFT):
+        fits = [
+            f"in {name}, {_number(modulus / units.stress * factor, units.stress)} {units.factors.stress_name}"
+            for name, factor in _STRESSES.items()
+            if factor != units.stress and _within(modulus / units.stress * factor, _LIKELY_MODULUS)
+        ]
+        causes.append(_cause(fits, "the modulus"))
+    return fault, "".join(causes) + f"Give both in the units of [mesh] ({units.value}), or correct these"
+
+
+def _cause(fits: list[str], what: str) -> str:
+    return f"{what[0].upper()}{what[1:]} may be {', or '.join(fits)}. " if fits else ""
+
+
+def _number(value: float, unit: float) -> str:
+    """An SI number as it reads in a unit."""
+    return f"{value / unit:.4g}"
+
+
+def _sides(mesh: Mesh, factor: float) -> str:
+    return " × ".join(f"{factor * side:.4g}" for side in np.ptp(mesh.points, axis=0)) + " m"
+
+
+def _size(mesh: Mesh) -> float:
+    return float(np.ptp(mesh.points, axis=0).max())
+
+
+def _within(value: float, limits: tuple[float, float]) -> bool:
+    return limits[0] <= value <= limits[1]
