@@ -280,7 +280,7 @@ def _tell(modes: Modes, report: Reporter) -> None:
     report.note(
         f"{f'{rigid} rigid motions, ' if rigid else ''}{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; "
         f"|ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, "
-        f"residual {modes.residual:.1e}"
+        f"frequencies to {modes.frequency_error:.1e}"
     )
     if modes.splits_pair:
         report.warning(

@@ -125,13 +125,13 @@ def modal_basis(
 
 
 def _arrays(modes: Modes) -> dict[str, FloatArray]:
-    checks = np.array([modes.orthonormality_error, modes.residual, float(modes.splits_pair)])
+    checks = np.array([modes.orthonormality_error, modes.frequency_error, float(modes.splits_pair)])
     return {"angular_frequency": modes.angular_frequency, "shapes": modes.shapes, "checks": checks}
 
 
 def _modes(arrays: Mapping[str, FloatArray]) -> Modes:
-    orthonormality, residual, splits = arrays["checks"]
-    return Modes(arrays["angular_frequency"], arrays["shapes"], float(orthonormality), float(residual), bool(splits))
+    orthonormality, error, splits = arrays["checks"]
+    return Modes(arrays["angular_frequency"], arrays["shapes"], float(orthonormality), float(error), bool(splits))
 
 
 def stiffness_by_load(

@@ -15,9 +15,15 @@ from ..errors import AccuracyError, BodyFileError, ModelError
 from ..mesh.model import FloatArray, IntArray
 from .supported import Supported
 
-# Lanczos reaches round-off; these leave three decades for matrices of bad condition.
+# The small eigenproblem reaches round-off; this leaves three decades for matrices of bad condition.
 _ORTHONORMALITY_LIMIT = 1e-9
-_RESIDUAL_LIMIT = 1e-6
+# Far below what a mesh leaves open of a frequency.
+_FREQUENCY_LIMIT = 1e-3
+_ILL_CONDITIONED = (
+    "the body is so soft against its stiffest elements that round-off of the stiffness shows. In a thin body take one "
+    "layer of elements across the thickness; look for parts that hang on the rest by a single edge or corner, and for "
+    "elements that are far smaller than the others"
+)
 # Relative distance of ω² below which modes span a plane whose axes are arbitrary.
 _DEGENERATE = 1e-7
 # Share of a static shape's strain energy below which it is in the span of the modes: round-off of the solve, squared.
@@ -40,8 +46,9 @@ class Modes:
         kg^-1/2, zero at supports; degree of freedom 3 i + j is node i in direction j.
     orthonormality_error : float
         Largest entry of |ΦᵀMΦ − I|.
-    residual : float
-        Largest of |φ − ω²K⁻¹Mφ| of the normal modes, in the norm of the mass, in which |φ| = 1.
+    frequency_error : float
+        Largest relative error of the normal modes' frequencies, by the residual in the norm of strain energy: a bound
+        for the stiffness as it stands, whose own round-off is of the same size.
     splits_pair : bool
         Whether a mode that is left out has the frequency of one that is not.
     """
@@ -49,7 +56,7 @@ class Modes:
     angular_frequency: FloatArray
     shapes: FloatArray
     orthonormality_error: float
-    residual: float
+    frequency_error: float
     splits_pair: bool
 
 
@@ -99,7 +106,7 @@ def chosen_modes(modes: Modes, chosen: IntArray) -> Modes:
     # Neighbours of the same frequency of which one is kept.
     torn = (np.diff(squares) < _DEGENERATE * squares[1:]) & (kept[1:] != kept[:-1]) & (omega[1:] > 0.0)
     splits = bool(np.any(torn)) or (modes.splits_pair and bool(kept[-1]))
-    return Modes(omega[kept], modes.shapes[:, kept], modes.orthonormality_error, modes.residual, splits)
+    return Modes(omega[kept], modes.shapes[:, kept], modes.orthonormality_error, modes.frequency_error, splits)
 
 
 def craig_bampton(model: Supported, chosen: IntArray, interface_loads: FloatArray) -> Modes:
@@ -129,7 +136,7 @@ def craig_bampton(model: Supported, chosen: IntArray, interface_loads: FloatArra
     """
     loads = interface_loads[model.free]
     fixed = chosen_modes(_lowest(model, int(chosen[-1]) + 1, loads), chosen)
-    return _joined(model, fixed, model.static(loads @ _balanced(model, loads)))
+    return _joined(model, fixed, _statics(model, loads @ _balanced(model, loads)))
 
 
 def with_residual_flexibility(model: Supported, modes: Modes, interface_loads: FloatArray) -> Modes:
@@ -150,7 +157,23 @@ def with_residual_flexibility(model: Supported, modes: Modes, interface_loads: F
     Modes
         At most 6I more.
     """
-    return _joined(model, modes, model.static(interface_loads[model.free]))
+    return _joined(model, modes, _statics(model, interface_loads[model.free]))
+
+
+def _statics(model: Supported, loads: FloatArray) -> FloatArray:
+    """Static shapes (k, j) under loads (k, j), if their strain energy is what the loads have worked."""
+    shapes = model.static(loads)
+    energy = np.einsum("ij,ij->j", shapes, model.stiffness @ shapes)
+    work = np.einsum("ij,ij->j", shapes, loads)
+    # Loads on a support do nothing. Of the energy the frequency is the root.
+    moved = energy > 0.0
+    error = 0.5 * float(np.max(np.abs(1.0 - work[moved] / energy[moved]), initial=0.0))
+    if error > _FREQUENCY_LIMIT:
+        raise AccuracyError(
+            f"static shapes are not good enough: energy and work of a unit load differ by {200.0 * error:.2g} % (limit "
+            f"{200.0 * _FREQUENCY_LIMIT:.2g} %); {_ILL_CONDITIONED}"
+        )
+    return shapes
 
 
 def _balanced(model: Supported, loads: FloatArray) -> FloatArray:
@@ -174,7 +197,7 @@ def _with_rigid(model: Supported, modes: Modes) -> Modes:
     shapes = np.hstack([model.rigid, modes.shapes[model.free]])
     orthonormality = _checked_orthonormality(model.mass, shapes)
     frequency = np.concatenate([np.zeros(model.rigid.shape[1]), modes.angular_frequency])
-    return Modes(frequency, model.whole(shapes), orthonormality, modes.residual, modes.splits_pair)
+    return Modes(frequency, model.whole(shapes), orthonormality, modes.frequency_error, modes.splits_pair)
 
 
 def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
@@ -213,16 +236,37 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     splits = bool(squares[count] - squares[count - 1] < _DEGENERATE * squares[count])
     squares, vectors = squares[:count], _fixed_axes(squares[:count], vectors[:, :count])
     orthonormality = _checked_orthonormality(m, vectors)
-    # In displacements: in forces, round-off of a stiff mesh would drown a soft mode's own.
-    astray = vectors - squares * np.column_stack([inverse(column) for column in (m @ vectors).T])
+    found = np.column_stack([inverse(column) for column in (m @ vectors).T])
+    accuracy = _checked_frequencies(k, m, vectors, np.sqrt(squares), found)
+    return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, accuracy, splits)
+
+
+def _checked_frequencies(
+    k: sp.csr_array, m: sp.csr_array, vectors: FloatArray, omega: FloatArray, found: FloatArray
+) -> float:
+    """Largest relative error of frequencies (j,) of modes (k, j), from K⁻¹Mφ as `found` (k, j).
+
+    In the modes that are sought, φ = Σ cᵢ φᵢ with Σ cᵢ² = 1, so that the residual φ − ω²K⁻¹Mφ has over ω² the energy
+    Σ cᵢ² (ωᵢ/ω − ω/ωᵢ)²: in the norm of energy some ωᵢ lies within half of it. In forces, round-off of a stiff mesh
+    would drown a soft mode's own; in displacements, that of the soft modes would drown a stiff one's.
+    """
+    astray = vectors - omega**2 * found
+    # What lies among the modes found is round-off of K⁻¹: the small eigenproblem has sorted that out.
+    outside = astray - vectors @ (vectors.T @ (m @ astray))
     # Round-off of zero may be negative.
-    residual = math.sqrt(max(float(np.einsum("ij,ij->j", astray, m @ astray).max()), 0.0))
-    if residual > _RESIDUAL_LIMIT:
-        raise AccuracyError(
-            f"modes are not good enough: residual {residual:.1e} (limit {_RESIDUAL_LIMIT:.0e}); check the mesh for "
-            "badly shaped elements, and for parts that hang on the rest by a single edge or corner"
-        )
-    return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, residual, splits)
+    energies = (np.maximum(np.einsum("ij,ij->j", x, k @ x), 0.0) for x in (astray, outside))
+    errors, unsettled = (0.5 * np.sqrt(energy) / omega for energy in energies)
+    worst = int(np.argmax(errors))
+    error = float(errors[worst])
+    if error <= _FREQUENCY_LIMIT:
+        return error
+    words = "the iteration has not settled: ask for fewer modes"
+    if unsettled[worst] <= 0.5 * error:
+        words = _ILL_CONDITIONED
+    raise AccuracyError(
+        f"modes are not good enough: the frequency of mode {worst + 1} ({omega[worst] / (2.0 * math.pi):.4g} Hz) is "
+        f"off by about {100.0 * error:.2g} % (limit {100.0 * _FREQUENCY_LIMIT:.2g} %); {words}"
+    )
 
 
 def _checked_compliance(compliance: FloatArray) -> FloatArray:
@@ -266,7 +310,7 @@ def _joined(model: Supported, modes: Modes, statics: FloatArray) -> Modes:
     squares, vectors = _rayleigh_ritz(k, m, np.hstack([phi, rest]))
     vectors = _fixed_axes(squares, vectors)
     orthonormality = _checked_orthonormality(m, vectors)
-    elastic = Modes(np.sqrt(squares), model.whole(vectors), orthonormality, modes.residual, modes.splits_pair)
+    elastic = Modes(np.sqrt(squares), model.whole(vectors), orthonormality, modes.frequency_error, modes.splits_pair)
     return _with_rigid(model, elastic)
 
 
