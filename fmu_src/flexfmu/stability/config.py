@@ -64,6 +64,7 @@ class StabilityTable(BaseModel):
             raise ValueError(
                 f"periods = {self.periods:g} and steps_per_period = {self.steps_per_period} need a motion of "
                 f"{steps:.3g} steps to compare with, {REFERENCE_STEPS} times their least common multiple a period, "
-                f"expected at most {MOST_STEPS:g}; take fewer periods, or numbers that divide each other, such as [160, 80, 40]"
+                f"expected at most {MOST_STEPS:g}; take fewer periods, or numbers that divide each other, such as "
+                "[160, 80, 40]"
             )
         return self
