@@ -193,6 +193,19 @@ def test_a_damaged_foreign_or_newer_modal_file_is_refused_at_instantiation_with_
     assert result["sound"]
 
 
+def test_the_data_or_the_description_of_another_body_with_the_same_variables_is_refused_at_instantiation(folder):
+    result = master("mixed", str(folder / "body.fmu"), str(folder / "twin.fmu"))
+    assert result["same variables"]
+    for (name, refused, log), words in zip(result["found"], ("modal file has the checksum", "guid"), strict=True):
+        assert refused, name
+        assert len(log) == 1, log
+        assert log[0][0] in (ERROR, FATAL)
+        assert words in log[0][2]
+        assert "two FMUs are mixed" in log[0][2]
+    # Where a master unpacks no description there is none to compare.
+    assert result["sound"]
+
+
 # Liberties and limits of pythonfmu's library: the sentences of docs/masters.md.
 
 

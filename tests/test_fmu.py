@@ -18,7 +18,7 @@ from flexfmu.errors import PackagingError
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.runtime import body as runtime_body
 from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import ModalFileError
+from flexfmu.runtime.errors import ContentsError, ModalFileError
 from flexfmu.runtime.modal_file import write_modal_file
 from flexfmu.runtime.rotations import exponential
 from flexfmu.runtime.stepping import StepLimits
@@ -144,6 +144,17 @@ def test_archives_that_are_no_such_fmu_are_refused(tmp_path):
         read_packaged_body(tmp_path / "other.fmu")
     with pytest.raises(ModalFileError, match="no such file"):
         read_packaged_body(tmp_path / "nothing.fmu")
+
+
+@pytest.mark.parametrize("name", ["resources/modal.h5", "modelDescription.xml"])
+def test_an_fmu_with_a_file_of_another_one_is_not_read(tmp_path, beam, name):
+    package_fmu(replace(beam[0], damping_ratio=2.0 * beam[0].damping_ratio + 0.01), tmp_path / "other.fmu")
+    mixed = entries(beam[1]) | {name: entries(tmp_path / "other.fmu")[name]}
+    with zipfile.ZipFile(tmp_path / "mixed.fmu", "w") as archive:
+        for entry, data in mixed.items():
+            archive.writestr(entry, data)
+    with pytest.raises(ContentsError, match=r"mixed\.fmu: .* of two FMUs are mixed"):
+        read_packaged_body(tmp_path / "mixed.fmu")
 
 
 def test_travelling_code_imports_numpy_h5py_and_the_standard_library_alone():

@@ -183,6 +183,22 @@ def _damage(modal, name, data):
             file["modes/damping_ratio"][0] = float("nan")
 
 
+def mixed(path, other):
+    """Instantiation from an FMU with a file of another one in place of its own: [file, refused, log lines]."""
+    fmu, stranger = Fmu(path), Fmu(other)
+    found = []
+    for name in ("resources/modal.h5", "modelDescription.xml"):
+        place = fmu.folder / name
+        own = place.read_bytes()
+        place.write_bytes((stranger.folder / name).read_bytes())
+        fmu.log.clear()
+        found.append([name, fmu.instantiate() is None, [list(line) for line in fmu.log]])
+        place.write_bytes(own)
+    (fmu.folder / "modelDescription.xml").unlink()
+    variables = [[(v.get("name"), v.get("valueReference")) for v in one.variables] for one in (fmu, stranger)]
+    return {"found": found, "same variables": variables[0] == variables[1], "sound": sound(moving(fmu))}
+
+
 # What pythonfmu's library does.
 
 

@@ -6,6 +6,7 @@ code therefore lies in a package whose name is a hash of everything in the archi
 
 import hashlib
 import io
+import re
 import tempfile
 import uuid
 import zipfile
@@ -17,11 +18,13 @@ import pythonfmu
 
 from .. import runtime
 from ..errors import PackagingError
-from ..runtime.errors import ModalFileError
+from ..runtime.contents import DESCRIPTION, Contents, described_guid
+from ..runtime.errors import ContentsError, ModalFileError
 from ..runtime.kernel import PATTERN
 from ..runtime.modal_file import read_modal_file, write_modal_file
 from ..runtime.reduced_body import ReducedBody
 from ..runtime.slave import MODAL_FILE
+from ..runtime.state_block import identity
 from ..targets import check_target, whole_file
 from .description import model_description
 
@@ -31,6 +34,7 @@ _SLAVE_MODULE = '''"""Entry point for pythonfmu's library."""
 
 import ctypes
 
+from {package}.contents import Contents
 from {package}.pythonfmu.fmi2slave import Fmi2Slave
 from {package}.slave import BodySlave
 
@@ -41,7 +45,11 @@ ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
 
 class FlexibleBodySlave(BodySlave, Fmi2Slave):
     """The body, recognisable to pythonfmu."""
+
+    packed = Contents("{guid}", "{modal}")
 '''
+_PACKED = re.compile(r'Contents\("([^"]*)", "([^"]*)"\)')
+_SLAVE_NAME = "resources/slavemodule.txt"
 # The earliest date that the format knows: archives of the same contents are the same.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -94,10 +102,12 @@ def _contents(body: ReducedBody) -> dict[str, bytes]:
     package = f"flexfmu_{digest.hexdigest()[:16]}"
     guid = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
     return {
-        "modelDescription.xml": model_description(body, guid),
+        DESCRIPTION: model_description(body, guid),
         f"resources/{MODAL_FILE}": modal,
-        "resources/slavemodule.txt": f"{package}_slave".encode(),
-        f"resources/{package}_slave.py": _SLAVE_MODULE.format(package=package).encode(),
+        _SLAVE_NAME: f"{package}_slave".encode(),
+        f"resources/{package}_slave.py": _SLAVE_MODULE.format(
+            package=package, guid=guid, modal=identity(modal).hex()
+        ).encode(),
         **{f"resources/{package}/{name}": data for name, data in code.items()},
         **binaries,
     }
@@ -118,6 +128,8 @@ def read_packaged_body(path: Path) -> ReducedBody:
     ------
     PackagingError
         The archive is no FMU of flexfmu.
+    ContentsError
+        Its model description or modal file is that of another FMU.
     ModalFileError
         The modal file is missing, damaged, altered or of an unknown version.
     """
@@ -133,9 +145,17 @@ def read_packaged_body(path: Path) -> ReducedBody:
             if name not in archive.namelist():
                 raise PackagingError(f"{path}: an archive without {name}; expected an FMU made by flexfmu")
             data = archive.read(name)
+            packed = _PACKED.search(archive.read(f"resources/{archive.read(_SLAVE_NAME).decode()}.py").decode())
+            guid = described_guid(archive.read(DESCRIPTION))
+    except KeyError as error:
+        raise PackagingError(f"{path}: an FMU that is not complete ({error}); build it again") from error
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
         raise PackagingError(f"{path}: the archive is damaged ({error}); build or copy it again") from error
+    if packed is None:
+        raise PackagingError(f"{path}: an FMU that does not tell what it was packed with; build it again")
     try:
-        return read_modal_file(io.BytesIO(data))
-    except ModalFileError as error:
-        raise ModalFileError(f"{path}: {error}") from error
+        body = read_modal_file(io.BytesIO(data))
+        Contents(*packed.groups()).check(identity(data), guid)
+    except (ModalFileError, ContentsError) as error:
+        raise type(error)(f"{path}: {error}") from error
+    return body

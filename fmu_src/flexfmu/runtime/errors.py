@@ -9,6 +9,10 @@ class ModalFileError(RuntimeBodyError):
     """The modal file is not one, is damaged, or has a schema that this version does not read."""
 
 
+class ContentsError(RuntimeBodyError):
+    """Files of an FMU do not belong together."""
+
+
 class OptionError(RuntimeBodyError):
     """An option or parameter has a value that is not offered."""
 

@@ -9,12 +9,13 @@ from collections.abc import Callable, Sequence
 from ctypes import py_object, pythonapi
 from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, ClassVar, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .body import FlexibleBody
+from .contents import DESCRIPTION, Contents, described_guid
 from .errors import OptionError, RuntimeBodyError, StepError
 from .loads import Loads
 from .lookout import Lookout, Seen
@@ -100,14 +101,25 @@ class BodySlave:
     ------
     ModalFileError
         The modal file is missing, damaged, altered or of an unknown version: instantiation fails.
+    ContentsError
+        The modal file or the model description is that of another FMU: instantiation fails.
     """
+
+    packed: ClassVar[Contents | None] = None
+    """What the archive was packed with; None outside of one."""
 
     def __init__(self, **kwargs: Any):
         self.instance_name = str(kwargs["instance_name"])
         self._log: list[LogMessage] = []
-        path = Path(str(kwargs["resources"])) / MODAL_FILE
+        resources = Path(str(kwargs["resources"]))
+        path = resources / MODAL_FILE
         self._model = read_modal_file(path)
         self._identity = identity(path.read_bytes())
+        if self.packed is not None:
+            # Masters may unpack the resources only: then there is no guid to compare.
+            description = resources.parent / DESCRIPTION
+            found = described_guid(description.read_bytes()) if description.is_file() else None
+            self.packed.check(self._identity, found)
         self._variables = variable_table(self._model)
         groups = [variable.group for variable in self._variables]
         self._motion = groups.index(Group.MOTION)
