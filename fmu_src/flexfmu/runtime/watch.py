@@ -193,6 +193,9 @@ def missed_finding(body: FlexibleBody, inputs: FloatArray, names: tuple[str, ...
     if limits.missed < 1.0 and judge.within(inputs, limits.missed):
         return None
     error = judge.error(inputs)
+    # The quick looks are of every shape of the body, loaded or not.
+    if error <= limits.missed and error < 1.0:
+        return None
     worst = int(np.argmax(np.abs(inputs) * judge.missed_bound))
     margin = judge.margin(inputs)
     words = f"deflections are off by up to {100.0 * error:.3g} %"
