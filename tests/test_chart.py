@@ -24,7 +24,7 @@ from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.errors import SceneError
 from flexfmu.scenes.fmu_cost import FmuTimer
 from flexfmu.scenes.measure import array_bytes
-from flexfmu.scenes.records import COLUMNS, Record, Records, pareto_front, plain_front, read_records
+from flexfmu.scenes.records import LAYOUT, Record, Records, pareto_front, plain_front, read_records
 from flexfmu.scenes.scene import read_scene
 from flexfmu.scenes.sweep import Workshop, sweep
 from flexfmu.store import Store
@@ -223,6 +223,30 @@ def test_records_of_another_scene_or_kind_are_left_alone(tmp_path):
     assert path.read_text(encoding="utf-8").startswith("time")
 
 
+def test_records_of_other_code_are_not_continued_and_altered_ones_not_read(tmp_path, monkeypatch):
+    path = tmp_path / "r.csv"
+    Records(path, "scene").append(made_up(1, static_displacement=0.0125))
+    Records(path, "scene").append(made_up(2, static_displacement=0.5))
+    with monkeypatch.context() as patch:
+        patch.setattr("flexfmu.record_file.code_digest", lambda module: f"not {module}")
+        with pytest.raises(SceneError, match=r"made by other code.*now not flexfmu\.scenes\.sweep"):
+            Records(path, "scene")
+    # They can be drawn.
+    assert len(read_records(path)) == 2
+    sound = path.read_text(encoding="utf-8")
+    path.write_text(sound.replace("0.0125", "0.0025"), encoding="utf-8")
+    with pytest.raises(SceneError, match="line 2: the row does not match its checksum"):
+        read_records(path)
+
+
+def test_a_file_of_another_kind_is_not_written_over(tmp_path):
+    path = tmp_path / "notes.csv"
+    path.write_text("one line without an end", encoding="utf-8")
+    with pytest.raises(SceneError, match="not the records"):
+        Records(path, "scene")
+    assert path.read_text(encoding="utf-8") == "one line without an end"
+
+
 # --- what it costs
 
 
@@ -314,7 +338,7 @@ def test_charts_are_made_of_records_alone(drawn):
     assert "transient_displacement" not in data["errors"]
     with pytest.raises(OutputError, match="expected a file name"):
         chart(drawn / "r.csv", drawn / "c.txt")
-    (drawn / "none.csv").write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+    (drawn / "none.csv").write_text(",".join(LAYOUT.columns) + "\n", encoding="utf-8")
     with pytest.raises(SceneError, match="nothing to draw"):
         chart(drawn / "none.csv", picture)
 

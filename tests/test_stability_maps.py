@@ -12,7 +12,7 @@ from flexfmu.progress import Reporter
 from flexfmu.stability import buckling, coupling, evaluation, rotation
 from flexfmu.stability.maps import chart_stability
 from flexfmu.stability.picture import pictures
-from flexfmu.stability.records import StabilityError, Verdict, read_runs, verdict
+from flexfmu.stability.records import Runs, StabilityError, Verdict, read_runs, verdict
 from flexfmu.stability.subject import read_subject
 from flexfmu.store import Store
 from scene_tools import Listening
@@ -123,6 +123,14 @@ def test_records_of_another_scene_are_refused(mapped):
     _, err, code = chart(folder, "--records", "runs.csv", scene="other.toml")
     assert code == 1
     assert "another body or scene" in err
+
+
+def test_runs_of_other_code_are_not_continued(mapped, monkeypatch):
+    folder, _, _ = mapped
+    (digest,) = {run.digest for run in read_runs(folder / "runs.csv")}
+    monkeypatch.setattr("flexfmu.record_file.code_digest", lambda module: f"not {module}")
+    with pytest.raises(StabilityError, match=r"made by other code.*now not flexfmu\.stability\.maps"):
+        Runs(folder / "runs.csv", digest)
 
 
 def test_explicit_evaluation_is_right_at_small_loads_and_warned_of_at_large_ones(mapped):

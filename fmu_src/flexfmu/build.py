@@ -231,7 +231,9 @@ def _unit_responses(config: BodyFile, model: Model, report: Reporter, store: Sto
         with report.stage(f"Find the static response to {loads.shape[1]} unit loads in one piece"):
             return {"fields": whole.whole(whole.static(loads[whole.free]))}
 
-    found = store.arrays(content_key("fields", matrices.key, loads), "static response", report, make)["fields"]
+    found = store.arrays(content_key(__name__, "fields", matrices.key, loads), "static response", report, make)[
+        "fields"
+    ]
     work = np.einsum("ij,ij->j", loads, found)
     # Loads on a support do nothing.
     fields: FloatArray = found[:, work > 0.0] / np.sqrt(work[work > 0.0])

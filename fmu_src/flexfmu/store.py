@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import __version__
+from .code_digest import code_digest
 from .mesh.model import FloatArray
 from .progress import Reporter
 from .targets import whole_file
@@ -20,20 +20,28 @@ FOLDER_VARIABLE = "FLEXFMU_CACHE"
 """Environment variable that names the folder; empty: nothing is kept."""
 # The largest part of the disk that all entries may take; the longest unused go first.
 _LARGEST = 8 * 2**30
+# Name under which an entry's checksum lies among its arrays.
+_CHECK = "checksum"
 
 
-def content_key(*parts: object) -> str:
-    """Hash of arrays, texts and numbers, and of this version of the package.
+def content_key(made_by: str, *parts: object) -> str:
+    """Hash of what a result depends on: the code that makes it, and what goes in.
 
     Parameters
     ----------
+    made_by : str
+        Module that makes it, `__name__`; what it imports counts too.
     *parts : arrays, or anything whose representation says what it is
 
     Returns
     -------
     str
     """
-    digest = hashlib.sha256(__version__.encode())
+    return _hash(code_digest(made_by), *parts)
+
+
+def _hash(*parts: object) -> str:
+    digest = hashlib.sha256()
     for part in parts:
         if isinstance(part, np.ndarray):
             digest.update(f"\0{part.dtype.str}{part.shape}\0".encode())
@@ -41,6 +49,11 @@ def content_key(*parts: object) -> str:
         else:
             digest.update(f"\0{part!r}\0".encode())
     return digest.hexdigest()
+
+
+def _checksum(key: str, arrays: Mapping[str, FloatArray]) -> str:
+    """Hash of an entry and of the key under which it is kept: one that was renamed is as good as damaged."""
+    return _hash(key, *(part for name in sorted(arrays) for part in (name, arrays[name])))
 
 
 def default_folder() -> Path | None:
@@ -85,9 +98,11 @@ class Store:
         dict of str to array
         """
         found = self._read(key)
-        if found is not None:
+        if found:
             report.note(f"{what}: taken from an earlier build")
             return found
+        if found is not None:
+            report.warning(f"{what}: what was kept of it is damaged; made anew")
         made = {name: np.asarray(array) for name, array in make().items()}
         self._write(key, made)
         return made
@@ -96,17 +111,18 @@ class Store:
         return None if self._folder is None else self._folder / f"{key}.npz"
 
     def _read(self, key: str) -> dict[str, FloatArray] | None:
+        """Arrays of an entry: None where there is none, nothing where it is damaged or not what it says."""
         path = self._path(key)
         if path is None or not path.is_file():
             return None
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
                 found = dict(content)
+            sound = str(found.pop(_CHECK)) == _checksum(key, found)
             path.touch()
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error):
-            # Damaged: as if it were not there.
-            return None
-        return found
+        except (OSError, ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+            return {}
+        return found if sound else {}
 
     def _write(self, key: str, arrays: Mapping[str, FloatArray]) -> None:
         path = self._path(key)
@@ -116,7 +132,7 @@ class Store:
         with suppress(Exception):
             path.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as part, part.open("wb") as file:
-                np.savez(file, allow_pickle=False, **dict(arrays))
+                np.savez(file, allow_pickle=False, **{_CHECK: np.array(_checksum(key, arrays))}, **dict(arrays))
             self._make_room(path.parent)
 
     @staticmethod

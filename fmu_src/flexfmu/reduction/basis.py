@@ -40,7 +40,7 @@ class Matrices:
         model, mesh = self.model, self.model.mesh
         blocks = [part for b in mesh.blocks for part in (b.type.value, b.connectivity, b.material)]
         materials = [(m.youngs_modulus, m.poissons_ratio, m.density) for m in mesh.materials]
-        return content_key(mesh.points, *blocks, *materials, model.fixed, model.spring, model.rigid.shape)
+        return content_key(__name__, mesh.points, *blocks, *materials, model.fixed, model.spring, model.rigid.shape)
 
     @cached_property
     def mass(self) -> sp.csr_array:
@@ -108,18 +108,18 @@ def modal_basis(
             return with_residual_flexibility(model, modes, residual)
 
     if table.basis is Basis.CRAIG_BAMPTON:
-        key = content_key("craig-bampton", matrices.key, numbers if few else count, loads)
+        key = content_key(__name__, "craig-bampton", matrices.key, numbers if few else count, loads)
         modes = _modes(store.arrays(key, "modes", report, lambda: _arrays(constrained())))
         if table.residual_flexibility:
             report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
         return modes, key
-    key = content_key("normal", matrices.key, count)
+    key = content_key(__name__, "normal", matrices.key, count)
     modes = _modes(store.arrays(key, "normal modes", report, lambda: _arrays(normal())))
     if few:
         report.note(f"kept of {count} normal modes: {', '.join(map(str, numbers))}")
-        modes, key = chosen_modes(modes, chosen), content_key("chosen", key, numbers)
+        modes, key = chosen_modes(modes, chosen), content_key(__name__, "chosen", key, numbers)
     if residual.shape[1]:
-        key = content_key("residual", key, residual)
+        key = content_key(__name__, "residual", key, residual)
         modes = _modes(store.arrays(key, "static response", report, lambda: _arrays(completed())))
     return modes, key
 
@@ -174,7 +174,7 @@ def stiffness_by_load(
             fields = model.whole(model.static(every[model.free]))
             return {"by_load": geometric_stiffness(mesh, fields, modes.shapes)}
 
-    key = content_key("by load", modes_key, loads, acceleration)
+    key = content_key(__name__, "by load", modes_key, loads, acceleration)
     return store.arrays(key, "geometric stiffness by load", report, make)["by_load"]
 
 
@@ -185,4 +185,6 @@ def stiffness_by_mode(matrices: Matrices, modes: Modes, modes_key: str, store: S
         with report.stage(f"Geometric stiffness of {modes.shapes.shape[1]} modes"):
             return {"by_mode": geometric_stiffness(matrices.model.mesh, modes.shapes, modes.shapes)}
 
-    return store.arrays(content_key("by mode", modes_key), "geometric stiffness by mode", report, make)["by_mode"]
+    return store.arrays(content_key(__name__, "by mode", modes_key), "geometric stiffness by mode", report, make)[
+        "by_mode"
+    ]

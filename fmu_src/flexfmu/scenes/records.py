@@ -1,14 +1,11 @@
 """Records of a sweep: one CSV, one row a combination, written as soon as it is known; see docs/scenes.md."""
 
-import csv
 import math
-import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from ..targets import whole_file
+from ..record_file import Layout, RecordFile
 from .errors import SceneError
 
 REDUCED = "reduced"
@@ -169,72 +166,37 @@ class Record:
         return sum(extras) + 0.01 * self.mode_count
 
 
-COLUMNS = tuple(f.name for f in fields(Record) if f.init)
-_TYPES = {f.name: f.type for f in fields(Record)}
+LAYOUT = Layout(
+    Record,
+    owner="scene",
+    digits=6,
+    made_by=f"{__package__}.sweep",
+    called="the records of a sweep of this version",
+    others="records of another scene, or of this one before its body, cases or tolerances changed",
+    error=SceneError,
+)
 
 
-class Records:
-    """The file; rows are appended and brought to the disk one by one.
+class Records(RecordFile[Record]):
+    """Records of a scene's sweep; see `RecordFile`.
 
     Parameters
     ----------
     path : Path
-        CSV; begun where it is not there.
     scene : str
         Digest of the scene.
-
-    Raises
-    ------
-    SceneError
-        The file holds something else, or records of another scene.
     """
 
     def __init__(self, path: Path, scene: str):
-        self._path = path
-        self.rows = read_records(path) if path.exists() else []
-        other = {row.scene for row in self.rows} - {scene}
-        if other:
-            raise SceneError(
-                f"{path}: holds records of another scene, or of this one before its body, cases or tolerances changed; "
-                "give another file, or remove it"
-            )
-        if not path.parent.is_dir():
-            raise SceneError(f"{path}: the folder {path.parent} does not exist; make it first")
-        # What an interrupted run left half-written goes.
-        with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-            _write(file, [list(COLUMNS), *(_cells(row) for row in self.rows)])
+        super().__init__(LAYOUT, path, scene)
 
     def find(self, key: Sequence[str]) -> Record | None:
         """Return the record of a combination."""
         return next((row for row in self.rows if row.key == tuple(key)), None)
 
-    def append(self, record: Record) -> None:
-        """Add a record."""
-        with self._path.open("a", newline="", encoding="utf-8") as file:
-            _write(file, [_cells(record)])
-            file.flush()
-            os.fsync(file.fileno())
-        self.rows.append(record)
-
-
-def _write(file: Any, rows: Iterable[list[str]]) -> None:
-    csv.writer(file, lineterminator="\n").writerows(rows)
-
-
-def _cells(record: Record) -> list[str]:
-    cells = []
-    for name in COLUMNS:
-        value = getattr(record, name)
-        if isinstance(value, float):
-            cells.append("" if math.isnan(value) else f"{value:.6g}")
-        else:
-            # One record, one line.
-            cells.append(" ".join(str(value).split()))
-    return cells
-
 
 def read_records(path: Path) -> list[Record]:
-    """Read the records of a sweep; a last line that is not whole is left out.
+    """Read the records of a sweep; see `Layout.read`.
 
     Parameters
     ----------
@@ -247,37 +209,8 @@ def read_records(path: Path) -> list[Record]:
     Raises
     ------
     SceneError
-        No such file, or another kind of file.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path}: cannot be read ({error})") from error
-    # A line counts when it was ended.
-    whole = text[: text.rfind("\n") + 1]
-    lines = list(csv.reader(whole.splitlines()))
-    if not lines:
-        return []
-    if tuple(lines[0]) != COLUMNS:
-        raise SceneError(
-            f"{path}: not the records of a sweep of this version; expected the columns {', '.join(COLUMNS)}"
-        )
-    records = []
-    for number, cells in enumerate(lines[1:], start=2):
-        if len(cells) != len(COLUMNS):
-            raise SceneError(f"{path}, line {number}: {len(cells)} columns, expected {len(COLUMNS)}")
-        try:
-            records.append(Record(**{n: _value(n, c) for n, c in zip(COLUMNS, cells, strict=True)}))
-        except ValueError as error:
-            raise SceneError(f"{path}, line {number}: {error}") from error
-    return records
-
-
-def _value(name: str, cell: str) -> Any:
-    kind = _TYPES[name]
-    if kind is float:
-        return float(cell) if cell else math.nan
-    return int(cell) if kind is int else cell
+    return LAYOUT.read(path)
 
 
 def plain_front(

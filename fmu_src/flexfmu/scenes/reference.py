@@ -171,7 +171,9 @@ def _tight_model(
     start = np.array([loads.packed(True) for loads in case.start_loads])
     end = np.array([loads.packed(True) for loads in case.end_loads])
     statics = [part for one in scene.static for part in (one.peak.packed(True), known[one.name].motion)]
-    key = content_key("scene transient", mesh, said, mass.value, settings.tolerance, case.step, start, end, *statics)
+    key = content_key(
+        __name__, "scene transient", mesh, said, mass.value, settings.tolerance, case.step, start, end, *statics
+    )
     kept = store.arrays(key, f"reference motion under {case.name}", report, run)
     doubt, accepted = float(kept["doubt"]), scene.file.tolerance.transient.displacement
     if not math.isnan(doubt):

@@ -137,7 +137,7 @@ class WholeModel:
                 return (_by_calculix if solver is Solver.CALCULIX else _by_flexfmu)(self, case, load, self._report)
 
         matrices = Matrices(self.model, (), self._report).key
-        key = content_key("scene equilibria", solver.value, matrices, load, np.array(case.factors))
+        key = content_key(__name__, "scene equilibria", solver.value, matrices, load, np.array(case.factors))
         kept = self._store.arrays(key, f"equilibria of the {WORDS[solver]} under {case.name}", self._report, solve)
         chosen = [self.interfaces[k] for k in self._scene.read_index]
         motion = [[finite_motion(i, self.model.mesh.points, row) for i in chosen] for row in kept["displacement"]]

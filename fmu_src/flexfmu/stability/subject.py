@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import __version__
 from ..build import reduce_body
 from ..config import BodyFile, FormulationTable, read_body_file
 from ..mesh.model import FloatArray
@@ -148,8 +147,7 @@ def read_subject(body: Path, scene: Path, report: Reporter, store: Store) -> Sub
         A wrong file.
     """
     config, file = read_body_file(body), read_scene_file(scene)
-    digest = hashlib.sha256(__version__.encode())
-    digest.update(config.model_dump_json(exclude={"mesh": {"file"}}).encode())
+    digest = hashlib.sha256(config.model_dump_json(exclude={"mesh": {"file"}}).encode())
     digest.update(Path(config.mesh.file).read_bytes())
     varied = {"maps", "factors", "steps_per_period", "shares", "angles", "frames"}
     varied |= {"mass_ratios", "stiffness_ratios", "coupling_steps_per_period"}
