@@ -1,0 +1,398 @@
+#include "algebra.h"
+
+#include <math.h>
+#include <string.h>
+
+#define EPSILON 2.220446049250313e-16
+
+/* Four sums at a time: a single one would wait for itself. */
+double dot(const double *a, const double *b, int64_t n) {
+    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int k = 0; k < 4; k++) sum[k] += a[i + k] * b[i + k];
+    for (; i < n; i++) sum[0] += a[i] * b[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+double norm(const double *x, int64_t n) { return sqrt(dot(x, x, n)); }
+
+void add_rows(const double *x, const double *matrix, double *restrict out, int64_t n, int64_t m) {
+    int64_t i = 0;
+    /* Four rows at a time: one pass over `out` for eight operations an element. */
+    for (; i + 4 <= n; i += 4) {
+        const double *a = matrix + i * m, *b = a + m, *c = b + m, *d = c + m;
+        const double p = x[i], q = x[i + 1], r = x[i + 2], s = x[i + 3];
+        if (p == 0.0 && q == 0.0 && r == 0.0 && s == 0.0) continue;
+        for (int64_t j = 0; j < m; j++) out[j] += (p * a[j] + q * b[j]) + (r * c[j] + s * d[j]);
+    }
+    for (; i < n; i++) {
+        const double *row = matrix + i * m;
+        const double factor = x[i];
+        if (factor != 0.0)
+            for (int64_t j = 0; j < m; j++) out[j] += factor * row[j];
+    }
+}
+
+void rows_times(const double *matrix, const double *x, double *out, int64_t n, int64_t m) {
+    for (int64_t i = 0; i < n; i++) out[i] = dot(matrix + i * m, x, m);
+}
+
+void product(const double *a, const double *b, double *out, int64_t n, int64_t m, int64_t k) {
+    memset(out, 0, (size_t)(n * k) * sizeof(double));
+    for (int64_t i = 0; i < n; i++) add_rows(a + i * m, b, out + i * k, m, k);
+}
+
+void add_transposed_product(const double *a, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k) {
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < m; j++) {
+            const double factor = a[i * m + j];
+            const double *row = b + i * k;
+            double *target = out + j * k;
+            if (factor != 0.0)
+                for (int64_t l = 0; l < k; l++) target[l] += factor * row[l];
+        }
+}
+
+int lu_factor(double *a, int64_t *pivot, int64_t n) {
+    for (int64_t i = 0; i < n; i++) {
+        int64_t best = i;
+        for (int64_t k = i + 1; k < n; k++)
+            if (fabs(a[k * n + i]) > fabs(a[best * n + i])) best = k;
+        pivot[i] = best;
+        if (!(fabs(a[best * n + i]) > 0.0) || !isfinite(a[best * n + i])) return 0;
+        for (int64_t j = 0; best != i && j < n; j++) {
+            const double kept = a[i * n + j];
+            a[i * n + j] = a[best * n + j];
+            a[best * n + j] = kept;
+        }
+        for (int64_t k = i + 1; k < n; k++) {
+            const double factor = a[k * n + i] /= a[i * n + i];
+            if (factor == 0.0) continue;
+            for (int64_t j = i + 1; j < n; j++) a[k * n + j] -= factor * a[i * n + j];
+        }
+    }
+    return 1;
+}
+
+void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns) {
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; pivot[i] != i && j < columns; j++) {
+            const double kept = b[i * columns + j];
+            b[i * columns + j] = b[pivot[i] * columns + j];
+            b[pivot[i] * columns + j] = kept;
+        }
+    for (int64_t i = 1; i < n; i++)
+        for (int64_t k = 0; k < i; k++) {
+            const double factor = a[i * n + k];
+            for (int64_t j = 0; j < columns; j++) b[i * columns + j] -= factor * b[k * columns + j];
+        }
+    for (int64_t i = n - 1; i >= 0; i--) {
+        for (int64_t k = i + 1; k < n; k++) {
+            const double factor = a[i * n + k];
+            for (int64_t j = 0; j < columns; j++) b[i * columns + j] -= factor * b[k * columns + j];
+        }
+        for (int64_t j = 0; j < columns; j++) b[i * columns + j] /= a[i * n + i];
+    }
+}
+
+int cholesky(double *a, int64_t n) {
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j <= i; j++) {
+            const double rest = a[i * n + j] - dot(a + i * n, a + j * n, j);
+            if (j < i) {
+                a[i * n + j] = rest / a[j * n + j];
+            } else {
+                if (!(rest > 0.0) || !isfinite(rest)) return 0;
+                a[i * n + i] = sqrt(rest);
+            }
+        }
+    return 1;
+}
+
+void congruent(const double *lower, double *a, int64_t n) {
+    for (int turn = 0; turn < 2; turn++) {
+        for (int64_t i = 0; i < n; i++) {
+            for (int64_t k = 0; k < i; k++) {
+                const double factor = lower[i * n + k];
+                for (int64_t j = 0; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
+            }
+            for (int64_t j = 0; j < n; j++) a[i * n + j] /= lower[i * n + i];
+        }
+        for (int64_t i = 0; i < n; i++)
+            for (int64_t j = 0; j < i; j++) {
+                const double kept = a[i * n + j];
+                a[i * n + j] = a[j * n + i];
+                a[j * n + i] = kept;
+            }
+    }
+}
+
+/* Cyclic Jacobi rotations: slow for large n, simple, and accurate to the last digit. */
+void symmetric_eigen(double *a, double *values, double *v, int64_t n) {
+    enum { SWEEPS = 40 };
+    for (int64_t i = 0; v && i < n * n; i++) v[i] = i % (n + 1) == 0 ? 1.0 : 0.0;
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        double off = 0.0, whole = 0.0;
+        for (int64_t i = 0; i < n; i++)
+            for (int64_t j = 0; j < n; j++) {
+                whole += a[i * n + j] * a[i * n + j];
+                if (i != j) off += a[i * n + j] * a[i * n + j];
+            }
+        if (!(off > EPSILON * EPSILON * whole)) break;
+        for (int64_t p = 0; p < n; p++)
+            for (int64_t q = p + 1; q < n; q++) {
+                const double apq = a[p * n + q];
+                if (fabs(apq) <= EPSILON * EPSILON * sqrt(whole)) continue;
+                const double theta = (a[q * n + q] - a[p * n + p]) / (2.0 * apq);
+                const double t = (theta < 0.0 ? -1.0 : 1.0) / (fabs(theta) + hypot(theta, 1.0));
+                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                for (int64_t k = 0; k < n; k++) {
+                    const double x = a[k * n + p], y = a[k * n + q];
+                    a[k * n + p] = c * x - s * y;
+                    a[k * n + q] = s * x + c * y;
+                }
+                for (int64_t k = 0; k < n; k++) {
+                    const double x = a[p * n + k], y = a[q * n + k];
+                    a[p * n + k] = c * x - s * y;
+                    a[q * n + k] = s * x + c * y;
+                }
+                for (int64_t k = 0; v && k < n; k++) {
+                    const double x = v[k * n + p], y = v[k * n + q];
+                    v[k * n + p] = c * x - s * y;
+                    v[k * n + q] = s * x + c * y;
+                }
+            }
+    }
+    for (int64_t i = 0; i < n; i++) values[i] = a[i * n + i];
+    for (int64_t i = 0; i < n; i++) {
+        int64_t least = i;
+        for (int64_t k = i + 1; k < n; k++)
+            if (values[k] < values[least]) least = k;
+        if (least == i) continue;
+        const double kept = values[i];
+        values[i] = values[least];
+        values[least] = kept;
+        for (int64_t k = 0; v && k < n; k++) {
+            const double x = v[k * n + i];
+            v[k * n + i] = v[k * n + least];
+            v[k * n + least] = x;
+        }
+    }
+}
+
+/* Reduction to Hessenberg form by elimination, then shifted QR steps with deflation (e.g. G. H. Golub, C. F. Van Loan,
+ * Matrix Computations, 4th ed., 7.4 and 7.5), on the complex numbers written as pairs where a 2 x 2 block is left. */
+double smallest_real_part(double *a, int64_t n) {
+    enum { ROUNDS = 60 };
+    for (int64_t k = 1; k + 1 < n; k++) {
+        int64_t best = k;
+        for (int64_t i = k + 1; i < n; i++)
+            if (fabs(a[i * n + k - 1]) > fabs(a[best * n + k - 1])) best = i;
+        if (a[best * n + k - 1] == 0.0) continue;
+        for (int64_t j = 0; best != k && j < n; j++) {
+            const double kept = a[best * n + j];
+            a[best * n + j] = a[k * n + j];
+            a[k * n + j] = kept;
+        }
+        for (int64_t i = 0; best != k && i < n; i++) {
+            const double kept = a[i * n + best];
+            a[i * n + best] = a[i * n + k];
+            a[i * n + k] = kept;
+        }
+        for (int64_t i = k + 1; i < n; i++) {
+            const double factor = a[i * n + k - 1] / a[k * n + k - 1];
+            if (factor == 0.0) continue;
+            for (int64_t j = k - 1; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
+            for (int64_t j = 0; j < n; j++) a[j * n + k] += factor * a[j * n + i];
+        }
+    }
+    double least = HUGE_VAL, size = 0.0;
+    for (int64_t i = 0; i < n * n; i++) size += fabs(a[i]);
+    int64_t top = n - 1;
+    int round = 0;
+    while (top >= 0) {
+        int64_t low = top;
+        while (low > 0) {
+            double near = fabs(a[(low - 1) * n + low - 1]) + fabs(a[low * n + low]);
+            if (near == 0.0) near = size;
+            if (fabs(a[low * n + low - 1]) <= EPSILON * near) break;
+            low--;
+        }
+        if (low == top) {
+            least = fmin(least, a[top * n + top]);
+            top--;
+            round = 0;
+            continue;
+        }
+        const double p = a[(top - 1) * n + top - 1], q = a[(top - 1) * n + top], r = a[top * n + top - 1];
+        const double s = a[top * n + top], mean = 0.5 * (p + s), half = 0.5 * (p - s), square = half * half + q * r;
+        if (low == top - 1) {
+            least = fmin(least, mean - (square > 0.0 ? sqrt(square) : 0.0));
+            top -= 2;
+            round = 0;
+            continue;
+        }
+        if (++round > ROUNDS) return NAN;
+        /* Francis' double step with the two eigenvalues of the lowest block as shifts, or an odd one now and then. */
+        double trace = p + s, determinant = p * s - q * r;
+        if (round % 10 == 0) {
+            const double odd = fabs(r) + fabs(a[(top - 1) * n + top - 2]);
+            trace = 1.5 * odd;
+            determinant = odd * odd;
+        }
+        const double *h = a + low * n + low;
+        double x = h[0] * h[0] + h[1] * h[n] - trace * h[0] + determinant;
+        double y = h[n] * (h[0] + h[n + 1] - trace), z = low + 2 <= top ? h[n] * h[2 * n + 1] : 0.0;
+        for (int64_t k = low; k < top; k++) {
+            const int64_t rows = k + 2 <= top ? 3 : 2;
+            double u[3] = {x, y, rows == 3 ? z : 0.0};
+            const double length = sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+            if (length > 0.0) {
+                u[0] += u[0] < 0.0 ? -length : length;
+                const double scale = 2.0 / (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+                for (int64_t j = k > low ? k - 1 : low; j < n; j++) {
+                    double sum = 0.0;
+                    for (int64_t i = 0; i < rows; i++) sum += u[i] * a[(k + i) * n + j];
+                    sum *= scale;
+                    for (int64_t i = 0; i < rows; i++) a[(k + i) * n + j] -= sum * u[i];
+                }
+                const int64_t last = k + 3 < top ? k + 3 : top;
+                for (int64_t j = 0; j <= last; j++) {
+                    double sum = 0.0;
+                    for (int64_t i = 0; i < rows; i++) sum += u[i] * a[j * n + k + i];
+                    sum *= scale;
+                    for (int64_t i = 0; i < rows; i++) a[j * n + k + i] -= sum * u[i];
+                }
+            }
+            if (k + 1 < top) {
+                x = a[(k + 1) * n + k];
+                y = a[(k + 2) * n + k];
+                z = k + 3 <= top ? a[(k + 3) * n + k] : 0.0;
+            }
+        }
+    }
+    return least;
+}
+
+void cross(const double *a, const double *b, double *out) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+void apply(const double *m, const double *x, double *out) {
+    for (int i = 0; i < 3; i++) out[i] = m[3 * i] * x[0] + m[3 * i + 1] * x[1] + m[3 * i + 2] * x[2];
+}
+
+void apply_back(const double *m, const double *x, double *out) {
+    for (int i = 0; i < 3; i++) out[i] = m[i] * x[0] + m[3 + i] * x[1] + m[6 + i] * x[2];
+}
+
+void multiply(const double *a, const double *b, double *out) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+}
+
+void skew(const double *v, double *out) {
+    const double hat[9] = {0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0};
+    memcpy(out, hat, sizeof hat);
+}
+
+void apply_rows(const double *m, const double *x, double *restrict out, int64_t n) {
+    for (int i = 0; i < 3; i++)
+        for (int64_t j = 0; j < n; j++)
+            out[i * n + j] = m[3 * i] * x[j] + m[3 * i + 1] * x[n + j] + m[3 * i + 2] * x[2 * n + j];
+}
+
+void apply_back_rows(const double *m, const double *x, double *restrict out, int64_t n) {
+    for (int i = 0; i < 3; i++)
+        for (int64_t j = 0; j < n; j++) out[i * n + j] = m[i] * x[j] + m[3 + i] * x[n + j] + m[6 + i] * x[2 * n + j];
+}
+
+/* alpha = sin|p|/|p|, beta = (1 - cos|p|)/|p|², gamma = (|p| - sin|p|)/|p|³ and the slopes of the latter two over |p|. */
+static void coefficients(double square, double *beta, double *gamma, double *beta_slope, double *gamma_slope) {
+    const double x = square;
+    if (x < 0.05) {
+        /* Series where the closed forms cancel, exact to round-off. */
+        *beta = 0.5 - x / 24.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0 * (1.0 - x / 90.0)));
+        *gamma = (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0)))) / 6.0;
+        *beta_slope = -(1.0 - x / 15.0 * (1.0 - x * 3.0 / 112.0 * (1.0 - x * 2.0 / 135.0 * (1.0 - x / 105.6)))) / 12.0;
+        *gamma_slope = -(1.0 - x / 21.0 * (1.0 - x / 48.0 * (1.0 - x * 2.0 / 165.0 * (1.0 - x / 124.8)))) / 60.0;
+        return;
+    }
+    const double angle = sqrt(x), alpha = sin(angle) / angle, half = sin(0.5 * angle);
+    *beta = 2.0 * half * half / x;
+    *gamma = (1.0 - alpha) / x;
+    *beta_slope = (alpha - 2.0 * *beta) / x;
+    *gamma_slope = (*beta - 3.0 * *gamma) / x;
+}
+
+void exponential(const double *phi, double *rotation, double *jacobian) {
+    /* The closed forms lose digits of beta and gamma near zero, but there they meet phi^ and its square, as small. */
+    const double square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2], angle = sqrt(square + 1e-20);
+    const double twice = 2.0 * sin(0.5 * angle) / angle;
+    const double alpha = twice * cos(0.5 * angle), beta = 0.5 * twice * twice, gamma = (1.0 - alpha) / (angle * angle);
+    double hat[9], twofold[9];
+    skew(phi, hat);
+    multiply(hat, hat, twofold);
+    for (int i = 0; i < 9; i++) {
+        const double one = i % 4 == 0 ? 1.0 : 0.0;
+        rotation[i] = one + alpha * hat[i] + beta * twofold[i];
+        jacobian[i] = one + beta * hat[i] + gamma * twofold[i];
+    }
+}
+
+void transposed_jacobian_derivative(const double *phi, const double *moment, double *out) {
+    double beta, gamma, beta_slope, gamma_slope, once[3], twice[3], hat[9], hat_moment[9], hat_once[9], both[9];
+    coefficients(dot(phi, phi, 3), &beta, &gamma, &beta_slope, &gamma_slope);
+    cross(phi, moment, once);
+    cross(phi, once, twice);
+    skew(phi, hat);
+    skew(moment, hat_moment);
+    skew(once, hat_once);
+    multiply(hat, hat_moment, both);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            out[3 * i + j] = beta * hat_moment[3 * i + j] - gamma * (hat_once[3 * i + j] + both[3 * i + j]) +
+                             (gamma_slope * twice[i] - beta_slope * once[i]) * phi[j];
+}
+
+void jacobian_rate(const double *phi, const double *rate, double *out) {
+    double beta, gamma, beta_slope, gamma_slope, hat[9], hat_rate[9], one[9], other[9], square[9];
+    coefficients(dot(phi, phi, 3), &beta, &gamma, &beta_slope, &gamma_slope);
+    const double along = dot(phi, rate, 3);
+    skew(phi, hat);
+    skew(rate, hat_rate);
+    multiply(hat_rate, hat, one);
+    multiply(hat, hat_rate, other);
+    multiply(hat, hat, square);
+    for (int i = 0; i < 9; i++)
+        out[i] = beta * hat_rate[i] + gamma * (one[i] + other[i]) + along * (beta_slope * hat[i] + gamma_slope * square[i]);
+}
+
+void rotation_vector(const double *r, double *out) {
+    const double trace = r[0] + r[4] + r[8];
+    const double axial[3] = {r[7] - r[5], r[2] - r[6], r[3] - r[1]};
+    const double diagonal[4] = {r[0], r[4], r[8], trace};
+    double quaternion[4];
+    int best = 0;
+    /* The column of the quaternion's dyad with the largest diagonal is the safest to divide by. */
+    for (int i = 1; i < 4; i++)
+        if (diagonal[i] > diagonal[best]) best = i;
+    if (best == 3) {
+        memcpy(quaternion, axial, sizeof axial);
+        quaternion[3] = 1.0 + trace;
+    } else {
+        for (int i = 0; i < 3; i++) quaternion[i] = r[3 * i + best] + r[3 * best + i];
+        quaternion[best] = 1.0 + 2.0 * r[4 * best] - trace;
+        quaternion[3] = axial[best];
+    }
+    double length = 1.0 / sqrt(dot(quaternion, quaternion, 4));
+    if (quaternion[3] < 0.0) length = -length;
+    for (int i = 0; i < 4; i++) quaternion[i] *= length;
+    const double sine = sqrt(dot(quaternion, quaternion, 3));
+    const double scale = sine > 0.0 ? 2.0 * atan2(sine, quaternion[3]) / sine : 2.0;
+    for (int i = 0; i < 3; i++) out[i] = scale * quaternion[i];
+}

@@ -1,0 +1,118 @@
+/* A flexible body under one method: equilibrium, steps, motion and what it is watched for. Knows nothing of FMI.
+ *
+ * The program is constant; a `Body` holds besides it only workspaces and what follows from its options, so that results
+ * depend on nothing but arguments. One call at a time may use a Body; different ones are independent. */
+#ifndef FLEX_BODY_H
+#define FLEX_BODY_H
+
+#include <stdint.h>
+
+#include "program.h"
+
+/* Where all nodes are for one q. Pointers go into a workspace. */
+typedef struct {
+    double *q;        /* (m) */
+    double *straight; /* (6K): the part of b and phi that is linear in q */
+    double *bent;     /* (parts, m): coordinates that bend each part */
+    double *turned;   /* (6K, m): curvature times these: its share of the derivatives */
+    double *local;    /* (6K): b of all nodes, then phi */
+    double *position; /* (K, 3) */
+    double *rotation, *parent, *jacobian; /* (K, 3, 3): R, R of the parent, T(phi) */
+} Configuration;
+
+/* Loads on the nodes, with what follows from them alone; `f_`: without moments, which have no potential. */
+typedef struct {
+    double *force, *moment;           /* (K, 3) */
+    double *constant, *f_constant;    /* (m): modal force on the undeformed body */
+    double *geometric, *f_geometric;  /* (m, m): geometric stiffness */
+    int active, has_moments;          /* whether the modal force depends on q; whether there are moments */
+} Loads;
+
+/* What all internal steps of one length have in common: the exact propagation of the modes, docs/theory.md section 6. */
+typedef struct {
+    double step;
+    double *p11, *p12, *p21, *p22, *gq, *gv, *ramp, *ramp_rate, *lag; /* (m) */
+    double *response; /* (m, m), of a body with ties: B / g_q of (17a) */
+} Rule;
+
+enum { RULES = 16, TIED_RULES = 8 };
+
+typedef struct {
+    double longest;   /* internal step, s; 0 for none */
+    double tolerance; /* error accepted in an internal step, relative, in the energy norm */
+    double effort;    /* rounds that one call may take; 0 for no limit */
+} StepLimits;
+
+typedef struct {
+    int64_t substeps, iterations;
+    double error;
+} Work;
+
+typedef struct Body {
+    Program p;
+    double damping_scale;
+    StepLimits limits;
+    double *stiffness;    /* (m) */
+    double *zeta;         /* (m), scaled */
+    double *operator_t;   /* (m, 6K): the operator, column by column */
+    double *coupled;      /* (m, m): damping between modes of a body with ties */
+    double *rate;         /* (m): damping of each mode, 1/s */
+    Rule rules[RULES];
+    int rule_count, rule_next, rule_limit;
+    double *work;         /* of one call */
+    int64_t *pivot;       /* (2m) */
+    int64_t work_size;
+    double *arena;
+    void *image;          /* the program's bytes, this body's own copy */
+} Body;
+
+enum {
+    FLEX_OK = 0,
+    FLEX_NOT_FINITE,       /* the result is beyond the arithmetic */
+    FLEX_NOT_CONVERGED,    /* no division of the step settles */
+    FLEX_TOO_MUCH_WORK,    /* it would take more rounds than the limit */
+    FLEX_FREE,             /* no equilibrium: the body is free to move */
+    FLEX_BEYOND_CRITICAL,  /* no stable equilibrium beyond a share of the load */
+    FLEX_BAD_STEP,         /* not a positive, finite step */
+    FLEX_BAD_OPTION
+};
+
+/* Make a body of an image, which is copied; null with words in `why` where it cannot be. */
+Body *body_open(const void *image, int64_t size, const char **why);
+void body_close(Body *body);
+/* Options; FLEX_BAD_OPTION where one is out of range. */
+int body_options(Body *body, double damping_scale, const StepLimits *limits);
+
+/* Stable equilibrium q (m) under loads (L); `share` is how much of the load was reached, `rounds` Newton's. */
+int body_static(Body *body, const double *inputs, double *q, double *share, int64_t *rounds);
+/* A step from (q, v), overwritten where the answer is FLEX_OK; `inputs_end` null for loads held over the step.
+ * `hint` is the number of internal steps to begin with, and the one for the next step. */
+int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
+              int64_t *hint, Work *work);
+
+/* Displacement and rotation vector of each interface (I, 2, 3); velocity and spin unless null (v may then be null). */
+void body_motion(Body *body, const double *q, const double *v, double *motion, double *rates);
+/* Places (K, 3) and rotations (K, 3, 3) of all nodes. */
+void body_nodes(Body *body, const double *q, double *position, double *rotation);
+/* Largest von Mises stress of each set, N/m2. */
+void body_stress(Body *body, const double *q, double *largest);
+void body_energies(Body *body, const double *q, const double *v, double *strain, double *kinetic);
+/* Modal force Q(q) and the tangent stiffness (m, m) under loads (L); either may be null. */
+void body_forces(Body *body, const double *inputs, const double *q, double *force, double *tangent);
+/* M(q), (m, m). */
+void body_mass(Body *body, const double *q, double *mass);
+/* Angle of each watched rotation within a frame, (turnings), rad; the largest. */
+double body_rotations(Body *body, const double *q, double *angles);
+/* Smallest eigenvalue of the tangent over the unloaded one; its shape (m) unless null. */
+double body_stability(Body *body, const double *inputs, const double *q, double *shape);
+int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
+/* What loads alone take off the stability in a shape. */
+double body_softening(Body *body, const double *inputs, const double *q, const double *shape);
+/* Error of deflections from stiffness that the method misses: whether it may exceed a limit; itself; its own margin. */
+int body_may_miss(Body *body, const double *inputs, double limit);
+double body_missed(Body *body, const double *inputs, double *margin);
+/* Derivative (6n, 6n) of n interfaces' motion at a step's end by loads on them held over the step, in load order. */
+void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
+                     int64_t n, double *out);
+
+#endif

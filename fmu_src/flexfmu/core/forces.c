@@ -1,0 +1,315 @@
+/* Modal forces of loads, geometric stiffness and ties, their potential and derivative: docs/theory.md sections 4, 4b, 10. */
+#include <math.h>
+#include <string.h>
+
+#include "internal.h"
+
+static int64_t larger(int64_t a, int64_t b) { return a > b ? a : b; }
+
+void take_loads(const Body *body, Arena *arena, Loads *loads) {
+    const int64_t m = body->p.modes, n = body->p.nodes, square = body->p.by_load_given * m * m;
+    loads->force = take(arena, 3 * n);
+    loads->moment = take(arena, 3 * n);
+    loads->constant = take(arena, m);
+    loads->f_constant = take(arena, m);
+    loads->geometric = take(arena, square);
+    loads->f_geometric = take(arena, square);
+}
+
+/* Whether the modal forces of this method depend on q under any loads. */
+static int nonlinear(const Program *p) {
+    return p->placement != PLACE_REFERENCE || p->by_load_given || p->by_mode_given || p->ties;
+}
+
+/* Put loads (L) on the nodes. */
+void spread(const Body *body, const double *inputs, Loads *loads) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, first = p->frames, count = p->interfaces;
+    static const double none[3] = {0.0, 0.0, 0.0};
+    const double *acceleration = p->masses ? inputs + 6 * count : none;
+    int any = 0;
+    loads->has_moments = 0;
+    memset(loads->force, 0, (size_t)(3 * p->nodes) * sizeof(double));
+    memset(loads->moment, 0, (size_t)(3 * p->nodes) * sizeof(double));
+    memset(loads->f_constant, 0, (size_t)m * sizeof(double));
+    for (int64_t i = 0; i < count; i++)
+        for (int c = 0; c < 3; c++) {
+            loads->force[3 * (first + i) + c] = inputs[6 * i + c];
+            loads->moment[3 * (first + i) + c] = inputs[6 * i + 3 + c];
+            any |= inputs[6 * i + c] != 0.0;
+            loads->has_moments |= inputs[6 * i + 3 + c] != 0.0;
+        }
+    /* d'Alembert: in the supports' frame each mass feels the acceleration as a force against it. */
+    for (int64_t i = 0; i < p->masses; i++)
+        for (int c = 0; c < 3; c++) {
+            const double f = -p->mass[i] * acceleration[c];
+            loads->force[3 * (first + count + i) + c] = f;
+            any |= f != 0.0;
+        }
+    add_rows(loads->force + 3 * first, p->load_operator, loads->f_constant, 3 * count, m);
+    add_rows(acceleration, p->inertia_operator, loads->f_constant, 3, m);
+    memcpy(loads->constant, loads->f_constant, (size_t)m * sizeof(double));
+    if (loads->has_moments)
+        add_rows(loads->moment + 3 * first, p->load_operator + 3 * count * m, loads->constant, 3 * count, m);
+    if (p->by_load_given) {
+        memset(loads->geometric, 0, (size_t)(m * m) * sizeof(double));
+        memset(loads->f_geometric, 0, (size_t)(m * m) * sizeof(double));
+        add_rows(inputs, p->by_load, loads->geometric, p->loads, m * m);
+        for (int64_t i = 0; i < p->loads; i++)
+            if (i >= 6 * count || i % 6 < 3) add_rows(inputs + i, p->by_load + i * m * m, loads->f_geometric, 1, m * m);
+    }
+    loads->active = p->by_mode_given || p->ties || (nonlinear(p) && (any || loads->has_moments));
+}
+
+/* Levers R l_c of a tie's end at a node, c by c. */
+void tie_levers(const Body *body, const Configuration *at, int64_t tie, int64_t node, double *out) {
+    double turned[9];
+    multiply(at->rotation + 9 * node, body->p.tie_lever + 9 * tie, turned);
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < 3; i++) out[3 * c + i] = turned[3 * i + c];
+}
+
+/* Forces (T, 4, 3) in the ties' springs, and their energy E of (16). */
+double tie_tension(const Body *body, const Configuration *at, double *tense) {
+    const Program *p = &body->p;
+    double held = 0.0;
+    for (int64_t t = 0; t < p->ties; t++) {
+        const int64_t a = p->nodes - 2 * p->ties + t, b = a + p->ties;
+        double gap[12], other[9];
+        for (int i = 0; i < 3; i++)
+            gap[i] = at->position[3 * a + i] - at->position[3 * b + i] - p->tie_apart[3 * t + i];
+        tie_levers(body, at, t, a, gap + 3);
+        tie_levers(body, at, t, b, other);
+        for (int i = 0; i < 9; i++) gap[3 + i] -= other[i];
+        for (int i = 0; i < 12; i++) {
+            tense[12 * t + i] = p->tie_stiffness[3 * t + i % 3] * gap[i];
+            held += 0.5 * tense[12 * t + i] * gap[i];
+        }
+    }
+    return held;
+}
+
+/* Add the loads of springs of a given tension to those on the nodes. */
+static void add_tie_loads(const Body *body, const Configuration *at, const double *tense, double *force, double *moment) {
+    const Program *p = &body->p;
+    for (int64_t t = 0; t < p->ties; t++)
+        for (int end = 0; end < 2; end++) {
+            const int64_t k = p->nodes - (2 - end) * p->ties + t;
+            const double sign = end ? 1.0 : -1.0;
+            double arms[9], about[3];
+            tie_levers(body, at, t, k, arms);
+            for (int i = 0; i < 3; i++) force[3 * k + i] += sign * tense[12 * t + i];
+            for (int c = 0; c < 3; c++) {
+                cross(arms + 3 * c, tense + 12 * t + 3 + 3 * c, about);
+                for (int i = 0; i < 3; i++) moment[3 * k + i] += sign * about[i];
+            }
+        }
+}
+
+int64_t modal_force_size(const Body *body) {
+    const Program *p = &body->p;
+    return larger(12 * p->ties + 6 * p->nodes + pass_back_size(body), p->by_mode_given * p->modes * p->modes);
+}
+
+/* Q(q), of ties -dE/dq without Hq; `tense` null where their tension is that at q. */
+void modal_force(const Body *body, const Loads *loads, int with_moments, const Configuration *at, const double *tense,
+                 double *scratch, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes;
+    const double *constant = with_moments ? loads->constant : loads->f_constant;
+    memset(out, 0, (size_t)m * sizeof(double));
+    if (p->placement == PLACE_DEFORMED || p->ties) {
+        double *own = scratch, *force = own + 12 * p->ties, *moment = force + 3 * n;
+        memset(force, 0, (size_t)(6 * n) * sizeof(double));
+        if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
+        if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
+        if (!tense) tie_tension(body, at, own);
+        add_tie_loads(body, at, tense ? tense : own, force, moment);
+        pass_back(body, at, force, moment, moment + 3 * n, out);
+    }
+    if (p->placement != PLACE_DEFORMED) {
+        for (int64_t j = 0; j < m; j++) out[j] += constant[j];
+        if (p->placement == PLACE_CORRECTIVE_MOMENT)
+            for (int64_t i = 0; i < p->interfaces; i++) {
+                const int64_t k = p->frames + i;
+                double displacement[3], moment[3];
+                for (int c = 0; c < 3; c++) displacement[c] = at->position[3 * k + c] - p->point[3 * k + c];
+                cross(displacement, loads->force + 3 * k, moment);
+                add_rows(moment, p->load_operator + 3 * (p->interfaces + i) * m, out, 3, m);
+            }
+    }
+    if (p->by_load_given) {
+        const double *geometric = with_moments ? loads->geometric : loads->f_geometric;
+        for (int64_t i = 0; i < m; i++) out[i] -= dot(geometric + i * m, at->q, m);
+    }
+    if (p->by_mode_given) {
+        /* Sum of q_j K_j q and no more. Made the gradient of an energy, it would be bounded by the quartic term alone,
+         * which modes do not have: a bent cantilever then collapses. */
+        double *total = scratch;
+        memset(total, 0, (size_t)(m * m) * sizeof(double));
+        add_rows(at->q, p->by_mode, total, m, m * m);
+        for (int64_t i = 0; i < m; i++) out[i] -= dot(total + i * m, at->q, m);
+    }
+}
+
+int has_potential(const Body *body) {
+    return body->p.placement != PLACE_CORRECTIVE_MOMENT && !body->p.by_mode_given;
+}
+
+/* J(q) of the forces, without ties and moments. */
+double force_work(const Body *body, const Loads *loads, const Configuration *at) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    double work = 0.0;
+    if (p->placement == PLACE_DEFORMED)
+        for (int64_t i = 0; i < 3 * p->nodes; i++) work += loads->force[i] * (at->position[i] - p->point[i]);
+    else
+        work = dot(loads->f_constant, at->q, m);
+    if (p->by_load_given)
+        for (int64_t i = 0; i < m; i++) work -= 0.5 * at->q[i] * dot(loads->f_geometric + i * m, at->q, m);
+    return work;
+}
+
+/* What the round-off of work is measured by: force times the size of the place that it acts at. */
+double load_reach(const Body *body, const Loads *loads) {
+    double reach = 0.0;
+    for (int64_t k = 0; k < body->p.nodes; k++) reach += norm(loads->force + 3 * k, 3) * norm(body->p.point + 3 * k, 3);
+    return reach;
+}
+
+int64_t gap_derivative_size(const Body *body) { return 12 * body->p.ties * body->p.modes; }
+
+void gap_derivative(const Body *body, const Configuration *at, const double *translation, const double *spin, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, size = 3 * m;
+    for (int64_t t = 0; t < p->ties; t++) {
+        const int64_t a = p->nodes - 2 * p->ties + t, b = a + p->ties;
+        double arms_a[9], arms_b[9], *row = out + 12 * t * m;
+        tie_levers(body, at, t, a, arms_a);
+        tie_levers(body, at, t, b, arms_b);
+        for (int64_t j = 0; j < size; j++) row[j] = translation[a * size + j] - translation[b * size + j];
+        for (int c = 0; c < 3; c++) {
+            double hat_a[9], hat_b[9];
+            skew(arms_a + 3 * c, hat_a);
+            skew(arms_b + 3 * c, hat_b);
+            row += size;
+            for (int i = 0; i < 3; i++)
+                for (int64_t j = 0; j < m; j++) {
+                    double sum = 0.0;
+                    for (int l = 0; l < 3; l++)
+                        sum += hat_b[3 * i + l] * spin[b * size + l * m + j] - hat_a[3 * i + l] * spin[a * size + l * m + j];
+                    row[i * m + j] = sum;
+                }
+        }
+    }
+}
+
+int64_t foreseen_tension_size(const Body *body) {
+    const int64_t m = body->p.modes, n = body->p.nodes;
+    return 6 * n * m + 6 * n * m + gap_derivative_size(body);
+}
+
+void foreseen_tension(const Body *body, const Configuration *at, const double *change, double *scratch, double *tense) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes;
+    double *operator_ = scratch, *translation = operator_ + 6 * n * m, *spin = translation + 3 * n * m;
+    double *gaps = spin + 3 * n * m;
+    full_operator(body, at, operator_);
+    node_jacobians(body, at, operator_, translation, spin);
+    gap_derivative(body, at, translation, spin, gaps);
+    tie_tension(body, at, tense);
+    for (int64_t i = 0; i < 12 * p->ties; i++)
+        tense[i] += p->tie_stiffness[3 * (i / 12) + i % 3] * dot(gaps + i * m, change, m);
+}
+
+/* out += sum of Wᵀ (dm/dw) W of the moments of springs of a given tension, which turn with their points, negative. */
+static void subtract_moment_stiffness(const Body *body, const Configuration *at, const double *tense, const double *spin,
+                                      double *scratch, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    for (int64_t t = 0; t < p->ties; t++)
+        for (int end = 0; end < 2; end++) {
+            const int64_t k = p->nodes - (2 - end) * p->ties + t;
+            double arms[9], change[9] = {0}, trace = 0.0;
+            tie_levers(body, at, t, k, arms);
+            /* (w x r) x t = r (w.t) - w (r.t) */
+            for (int c = 0; c < 3; c++)
+                for (int i = 0; i < 3; i++) {
+                    for (int j = 0; j < 3; j++) change[3 * i + j] += arms[3 * c + i] * tense[12 * t + 3 + 3 * c + j];
+                    trace += arms[3 * c + i] * tense[12 * t + 3 + 3 * c + i];
+                }
+            for (int i = 0; i < 3; i++) change[4 * i] -= trace;
+            /* Minus, and minus again at end a, whose loads have the other sign. */
+            for (int i = 0; i < 9; i++) change[i] *= end ? -1.0 : 1.0;
+            apply_rows(change, spin + 3 * k * m, scratch, m);
+            add_transposed_product(spin + 3 * k * m, scratch, out, 3, m, m);
+        }
+}
+
+int64_t tangent_size(const Body *body) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes;
+    return 12 * n * m + 6 * n + 12 * p->ties + gap_derivative_size(body) + 3 * m +
+           larger(load_stiffness_size(body), m * m);
+}
+
+void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
+                       const double *tense, double *scratch, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes;
+    double *operator_ = scratch, *translation = operator_ + 6 * n * m, *spin = translation + 3 * n * m;
+    double *force = spin + 3 * n * m, *moment = force + 3 * n, *own = moment + 3 * n, *gaps = own + 12 * p->ties;
+    double *row = gaps + gap_derivative_size(body), *rest = row + 3 * m;
+    memset(out, 0, (size_t)(m * m) * sizeof(double));
+    if (!loads->active) {
+        for (int64_t j = 0; j < m; j++) out[j * m + j] = body->stiffness[j];
+        return;
+    }
+    full_operator(body, at, operator_);
+    node_jacobians(body, at, operator_, translation, spin);
+    /* First dQ/dq, with its sign reversed below. */
+    if (p->placement == PLACE_DEFORMED || p->ties) {
+        memset(force, 0, (size_t)(6 * n) * sizeof(double));
+        if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
+        if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
+        if (p->ties) {
+            if (!tense) tie_tension(body, at, own);
+            add_tie_loads(body, at, tense ? tense : own, force, moment);
+        }
+        add_load_stiffness(body, at, force, moment, operator_, translation, spin, rest, out);
+    }
+    if (p->placement == PLACE_CORRECTIVE_MOMENT)
+        for (int64_t i = 0; i < p->interfaces; i++) {
+            const int64_t k = p->frames + i;
+            double hat[9];
+            skew(loads->force + 3 * k, hat);
+            for (int c = 0; c < 9; c++) hat[c] = -hat[c];
+            apply_rows(hat, translation + 3 * k * m, row, m);
+            add_transposed_product(p->load_operator + 3 * (p->interfaces + i) * m, row, out, 3, m, m);
+        }
+    for (int64_t j = 0; j < m * m; j++) out[j] = -out[j];
+    for (int64_t j = 0; j < m; j++) out[j * m + j] += body->stiffness[j];
+    if (p->ties) {
+        const double *pull = tense ? tense : own;
+        gap_derivative(body, at, translation, spin, gaps);
+        for (int64_t i = 0; i < 12 * p->ties; i++) {
+            const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
+            for (int64_t j = 0; j < m; j++) row[j] = k * gaps[i * m + j];
+            add_transposed_product(gaps + i * m, row, out, 1, m, m);
+        }
+        for (int64_t j = 0; j < m * m; j++) out[j] -= p->tie_initial[j];
+        subtract_moment_stiffness(body, at, pull, spin, row, out);
+    }
+    if (p->by_load_given) {
+        const double *geometric = with_moments ? loads->geometric : loads->f_geometric;
+        for (int64_t j = 0; j < m * m; j++) out[j] += geometric[j];
+    }
+    if (p->by_mode_given) {
+        memset(rest, 0, (size_t)(m * m) * sizeof(double));
+        add_rows(at->q, p->by_mode, rest, m, m * m);
+        for (int64_t j = 0; j < m * m; j++) out[j] += rest[j];
+        /* (K_b q)_a of the stiffness of mode b. */
+        for (int64_t b = 0; b < m; b++)
+            for (int64_t a = 0; a < m; a++) out[a * m + b] += dot(p->by_mode + (b * m + a) * m, at->q, m);
+    }
+}

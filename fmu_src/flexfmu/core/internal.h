@@ -1,0 +1,97 @@
+/* What the files of the core share among themselves. */
+#ifndef FLEX_INTERNAL_H
+#define FLEX_INTERNAL_H
+
+#include "algebra.h"
+#include "body.h"
+
+/* Workspaces are taken from an arena front to back; the same calls with a null arena count what they need. */
+typedef struct {
+    double *start;
+    int64_t used;
+} Arena;
+
+double *take(Arena *arena, int64_t count);
+void take_configuration(const Body *body, Arena *arena, Configuration *at);
+void take_loads(const Body *body, Arena *arena, Loads *loads);
+Arena work_arena(Body *body);
+
+/* tree.c */
+void configure(const Body *body, const double *q, Configuration *at);
+void configure_halfway(const Body *body, const Configuration *a, const Configuration *b, Configuration *at);
+int64_t pass_back_size(const Body *body);
+void pass_back(const Body *body, const Configuration *at, double *force, double *moment, double *scratch, double *out);
+void full_operator(const Body *body, const Configuration *at, double *out);
+void node_jacobians(const Body *body, const Configuration *at, const double *operator_, double *translation, double *spin);
+int64_t load_stiffness_size(const Body *body);
+void add_load_stiffness(const Body *body, const Configuration *at, const double *force, const double *moment,
+                        const double *operator_, const double *translation, const double *spin, double *scratch,
+                        double *out);
+void node_rates(const Body *body, const Configuration *at, const double *v, double *scratch, double *velocity,
+                double *spin);
+
+/* forces.c */
+void spread(const Body *body, const double *inputs, Loads *loads);
+int64_t modal_force_size(const Body *body);
+void modal_force(const Body *body, const Loads *loads, int with_moments, const Configuration *at, const double *tense,
+                 double *scratch, double *out);
+double force_work(const Body *body, const Loads *loads, const Configuration *at);
+int has_potential(const Body *body);
+double load_reach(const Body *body, const Loads *loads);
+int64_t tangent_size(const Body *body);
+/* Lambda - dQ/dq (m, m). */
+void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
+                       const double *tense, double *scratch, double *out);
+double tie_tension(const Body *body, const Configuration *at, double *tense);
+void tie_levers(const Body *body, const Configuration *at, int64_t tie, int64_t node, double *out);
+int64_t gap_derivative_size(const Body *body);
+/* Derivative (T, 4, 3, m) of the springs' stretch. */
+void gap_derivative(const Body *body, const Configuration *at, const double *translation, const double *spin, double *out);
+/* Tension (T, 4, 3) that springs will have once q has changed by `change`. */
+int64_t foreseen_tension_size(const Body *body);
+void foreseen_tension(const Body *body, const Configuration *at, const double *change, double *scratch, double *tense);
+
+/* propagation.c */
+const Rule *rule_of(Body *body, double step);
+int64_t rule_size(const Body *body);
+void take_rules(Body *body, Arena *arena);
+
+/* step_*.c: equal internal steps; DONE, INACCURATE or UNSETTLED. */
+enum { DONE = 0, UNSETTLED = 1, INACCURATE = 2, EXHAUSTED = 3 };
+typedef struct {
+    const double *inputs, *inputs_end;
+    double step;
+    int64_t count;
+    double tolerance;
+    int64_t rounds, most_rounds;
+    double worst;
+} Division;
+int64_t plain_size(const Body *body);
+int plain_steps(Body *body, Division *d, double *q, double *v);
+int64_t tied_size(const Body *body);
+int tied_steps(Body *body, Division *d, double *q, double *v);
+int64_t inertial_size(const Body *body);
+int inertial_steps(Body *body, Division *d, double *q, double *v);
+
+/* inertia.c */
+int64_t mass_size(const Body *body);
+void mass_matrix(const Body *body, const Configuration *at, double *scratch, double *out);
+void kinetic_gradient(const Body *body, const Configuration *at, const double *v, double *scratch, double *out);
+void convective_force(const Body *body, const Configuration *at, const double *v, double *scratch, double *out);
+/* d(M w)/dq (m, m) at a fixed w: row i is the derivative of component i. */
+void momentum_slope(const Body *body, const Configuration *at, const double *w, double *scratch, double *out);
+
+/* ties.c */
+typedef struct {
+    double *rows, *answer, *hold; /* (n, m) J, (n, m) J B, (n, n) (1 + S J B Jᵀ / 2)⁻¹ S */
+    double *square, *strain, *force;
+} Pull;
+int64_t pull_size(const Body *body);
+void take_pull(const Body *body, Arena *arena, Pull *pull);
+int pull_at(const Body *body, const Rule *rule, const Configuration *at, double *scratch, int64_t *pivot, Pull *pull);
+void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, double *out);
+
+int64_t statics_size(const Body *body);
+int64_t watch_size(const Body *body);
+
+#endif

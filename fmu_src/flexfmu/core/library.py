@@ -1,0 +1,274 @@
+"""The core through ctypes: arrays in, arrays out."""
+
+import ctypes
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..runtime.errors import EquilibriumError, OptionError, RuntimeBodyError, StepError
+
+FloatArray = NDArray[np.float64]
+
+_FREE, _BEYOND_CRITICAL, _TOO_MUCH, _NOT_FINITE, _NOT_CONVERGED, _BAD_STEP = 4, 5, 3, 1, 2, 6
+_PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+
+
+class _Limits(ctypes.Structure):
+    """`StepLimits` of core/body.h."""
+
+    _fields_ = [("longest", _NUMBER), ("tolerance", _NUMBER), ("effort", _NUMBER)]
+
+
+class _Work(ctypes.Structure):
+    """`Work` of core/body.h."""
+
+    _fields_ = [("substeps", _WHOLE), ("iterations", _WHOLE), ("error", _NUMBER)]
+
+
+@dataclass(frozen=True, slots=True)
+class StepWork:
+    """What a step cost.
+
+    Attributes
+    ----------
+    substeps : int
+    iterations : int
+        Rounds of the implicit iteration over all sub-steps, discarded tries included.
+    error : float
+        Estimated error of the step, relative, as the tolerance bounds it.
+    """
+
+    substeps: int
+    iterations: int
+    error: float
+
+
+_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "body_open": (_PLACE, (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))),
+    "body_close": (None, (_PLACE,)),
+    "body_options": (ctypes.c_int, (_PLACE, _NUMBER, ctypes.POINTER(_Limits))),
+    "body_static": (ctypes.c_int, (_PLACE,) * 5),
+    "body_step": (ctypes.c_int, (_PLACE, _PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _PLACE, ctypes.POINTER(_Work))),
+    "body_motion": (None, (_PLACE,) * 5),
+    "body_nodes": (None, (_PLACE,) * 4),
+    "body_stress": (None, (_PLACE,) * 3),
+    "body_energies": (None, (_PLACE,) * 5),
+    "body_forces": (None, (_PLACE,) * 5),
+    "body_mass": (None, (_PLACE,) * 3),
+    "body_rotations": (_NUMBER, (_PLACE,) * 3),
+    "body_stability": (_NUMBER, (_PLACE,) * 4),
+    "body_is_stable": (ctypes.c_int, (_PLACE, _PLACE, _PLACE, _NUMBER)),
+    "body_softening": (_NUMBER, (_PLACE,) * 4),
+    "body_may_miss": (ctypes.c_int, (_PLACE, _PLACE, _NUMBER)),
+    "body_missed": (_NUMBER, (_PLACE,) * 3),
+    "body_compliance": (None, (_PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _WHOLE, _PLACE)),
+}
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """The core's library beside this file.
+
+    Raises
+    ------
+    OptionError
+        There is none for this machine.
+    """
+    for path in sorted(Path(__file__).parent.glob("_flexcore*")):
+        if path.suffix not in (".so", ".pyd", ".dylib", ".dll"):
+            continue
+        try:
+            found = ctypes.CDLL(str(path))
+        except OSError:
+            continue
+        for name, (result, arguments) in _SIGNATURES.items():
+            function = getattr(found, name)
+            function.restype, function.argtypes = result, arguments
+        return found
+    raise OptionError(
+        f"no core for this machine beside {Path(__file__).parent}: install flexfmu anew, with a C compiler at hand or "
+        "from a wheel"
+    )
+
+
+def _place(array: NDArray[Any] | None) -> int | None:
+    return None if array is None else array.ctypes.data
+
+
+def _given(values: Any) -> FloatArray:
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+class Core:
+    """A program at work. Nothing that it is asked changes it; one thread at a time may ask.
+
+    Parameters
+    ----------
+    image : bytes
+        The program.
+    damping_scale : float
+        Factor on all modal damping ratios.
+    longest, tolerance, effort : float
+        Longest internal step, s, 0 for none; error accepted in one; rounds that one step may take, 0 for no limit.
+
+    Raises
+    ------
+    OptionError
+        No program, or options out of range.
+    """
+
+    def __init__(
+        self,
+        image: bytes,
+        damping_scale: float = 1.0,
+        longest: float = 0.0,
+        tolerance: float = 1e-4,
+        effort: float = 0.0,
+    ):
+        self._body = None
+        self._library = library()
+        why = ctypes.c_char_p()
+        self._body = self._library.body_open(image, len(image), ctypes.byref(why))
+        if not self._body:
+            raise OptionError(f"not a program: {(why.value or b'').decode()}")
+        if self._library.body_options(self._body, damping_scale, _Limits(longest, tolerance, effort)):
+            raise OptionError("an option is out of range")
+        sizes = np.frombuffer(image, dtype="<i8", count=15, offset=40)
+        self.modes, self.nodes, self.frames, self.interfaces = int(sizes[0]), *(int(x) for x in sizes[2:5])
+        self.loads = int(sizes[6])
+
+    def __del__(self) -> None:
+        if self._body:
+            self._library.body_close(self._body)
+
+    def static(self, inputs: FloatArray) -> tuple[FloatArray, int]:
+        """Stable equilibrium (m,) under loads (L,), and the rounds that it took.
+
+        Raises
+        ------
+        EquilibriumError
+            There is none that the unloaded body could reach.
+        """
+        q, share, rounds = np.zeros(self.modes), np.zeros(1), np.zeros(1, dtype=np.int64)
+        loads = _given(inputs)
+        answer = self._library.body_static(self._body, _place(loads), _place(q), _place(share), _place(rounds))
+        if answer == _FREE:
+            raise EquilibriumError("the body is free to move and has no equilibrium of its own", 0.0)
+        if answer:
+            raise EquilibriumError(f"no stable equilibrium beyond {100.0 * share[0]:.1f} % of the load", float(share[0]))
+        return q, int(rounds[0])
+
+    def step(
+        self,
+        q: FloatArray,
+        v: FloatArray,
+        inputs: FloatArray,
+        step: float,
+        end_inputs: FloatArray | None = None,
+        hint: int = 1,
+    ) -> tuple[FloatArray, FloatArray, int, StepWork]:
+        """State after a step: q and v (m,), the number of internal steps to try next, and what it cost.
+
+        Raises
+        ------
+        StepError
+            The step has no result.
+        """
+        q1, v1, next_hint, work = np.array(q, float), np.array(v, float), np.array([hint], dtype=np.int64), _Work()
+        loads, end = _given(inputs), None if end_inputs is None else _given(end_inputs)
+        answer = self._library.body_step(
+            self._body, _place(loads), _place(end), step, _place(q1), _place(v1), _place(next_hint), ctypes.byref(work)
+        )
+        if answer:
+            raise StepError(f"step of {step} s: {answer}")
+        return q1, v1, int(next_hint[0]), StepWork(work.substeps, work.iterations, work.error)
+
+    def motion(self, q: FloatArray) -> FloatArray:
+        """Displacement and rotation vector of each interface in turn, (6I,)."""
+        given, result = _given(q), np.empty(6 * self.interfaces)
+        self._library.body_motion(self._body, _place(given), None, _place(result), None)
+        return result
+
+    def motion_and_rates(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same, and velocity and angular velocity, (6I,)."""
+        at, rate = _given(q), _given(v)
+        motion, rates = np.empty(6 * self.interfaces), np.empty(6 * self.interfaces)
+        self._library.body_motion(self._body, _place(at), _place(rate), _place(motion), _place(rates))
+        return motion, rates
+
+    def nodes_at(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Places (K, 3) and rotations (K, 3, 3) of all nodes."""
+        given, position, rotation = _given(q), np.empty((self.nodes, 3)), np.empty((self.nodes, 3, 3))
+        self._library.body_nodes(self._body, _place(given), _place(position), _place(rotation))
+        return position, rotation
+
+    def stress(self, q: FloatArray, sets: int) -> FloatArray:
+        """Largest von Mises stress of each set, N/m²."""
+        given, result = _given(q), np.zeros(sets)
+        self._library.body_stress(self._body, _place(given), _place(result))
+        return result
+
+    def energies(self, q: FloatArray, v: FloatArray) -> tuple[float, float]:
+        """Strain and kinetic energy, J."""
+        at, rate, strain, kinetic = _given(q), _given(v), np.empty(1), np.empty(1)
+        self._library.body_energies(self._body, _place(at), _place(rate), _place(strain), _place(kinetic))
+        return float(strain[0]), float(kinetic[0])
+
+    def force(self, inputs: FloatArray, q: FloatArray) -> FloatArray:
+        """Modal force (m,)."""
+        loads, at, result = _given(inputs), _given(q), np.empty(self.modes)
+        self._library.body_forces(self._body, _place(loads), _place(at), _place(result), None)
+        return result
+
+    def tangent(self, inputs: FloatArray, q: FloatArray) -> FloatArray:
+        """Tangent stiffness (m, m), 1/s²."""
+        loads, at, result = _given(inputs), _given(q), np.empty((self.modes, self.modes))
+        self._library.body_forces(self._body, _place(loads), _place(at), None, _place(result))
+        return result
+
+    def mass(self, q: FloatArray) -> FloatArray:
+        """M(q), (m, m)."""
+        at, result = _given(q), np.empty((self.modes, self.modes))
+        self._library.body_mass(self._body, _place(at), _place(result))
+        return result
+
+    def largest_rotation(self, q: FloatArray) -> float:
+        """Largest rotation of material within its frame, rad."""
+        at = _given(q)
+        return float(self._library.body_rotations(self._body, _place(at), None))
+
+    def rotations(self, q: FloatArray, count: int) -> FloatArray:
+        """All of them, rad."""
+        at, result = _given(q), np.empty(count)
+        self._library.body_rotations(self._body, _place(at), _place(result))
+        return result
+
+    def stability(self, inputs: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
+        """Smallest eigenvalue of the tangent over the unloaded one, and its shape (m,)."""
+        loads, at, shape = _given(inputs), _given(q), np.empty(self.modes)
+        return float(self._library.body_stability(self._body, _place(loads), _place(at), _place(shape))), shape
+
+    def is_stable(self, inputs: FloatArray, q: FloatArray, margin: float) -> bool:
+        """Whether that is above a margin."""
+        loads, at = _given(inputs), _given(q)
+        return bool(self._library.body_is_stable(self._body, _place(loads), _place(at), margin))
+
+    def missed(self, inputs: FloatArray) -> float:
+        """Error of deflections from stiffness that the method misses."""
+        loads = _given(inputs)
+        return float(self._library.body_missed(self._body, _place(loads), None))
+
+    def compliance(self, inputs: FloatArray, step: float, q: FloatArray, interfaces: Sequence[int]) -> FloatArray:
+        """Derivative (6n, 6n) of interfaces' motion at a step's end by loads on them held over the step."""
+        loads, at, chosen = _given(inputs), _given(q), np.array(interfaces, dtype=np.int64)
+        result = np.empty((6 * chosen.size, 6 * chosen.size))
+        self._library.body_compliance(
+            self._body, _place(loads), step, _place(at), _place(chosen), chosen.size, _place(result)
+        )
+        return result

@@ -1,0 +1,33 @@
+/* A program: all numbers that one method on one body needs, as a flat, checked, little-endian image. */
+#ifndef FLEX_PROGRAM_H
+#define FLEX_PROGRAM_H
+
+#include <stdint.h>
+
+#define PROGRAM_VERSION 1
+
+typedef struct {
+#define SIZE(name) int64_t name;
+#define REAL(name, count) const double *name;
+#define INTEGER(name, count) const int64_t *name;
+#define TEXT(name, count) const char *name;
+#include "fields.def"
+#undef SIZE
+#undef REAL
+#undef INTEGER
+#undef TEXT
+} Program;
+
+enum { PLACE_REFERENCE = 0, PLACE_CORRECTIVE_MOMENT = 1, PLACE_DEFORMED = 2 };
+
+/* 64-bit checksum of whole words. */
+uint64_t checksum(const void *words, int64_t count);
+
+/* Point a program into an image of `size` bytes, which must stay where it is, eight-byte aligned.
+ * Returns null where every byte is as it must be, else what is wrong with it. */
+const char *open_program(const void *image, int64_t size, Program *program);
+
+/* The text number `index` of several that end in zero bytes; "" where there are fewer. */
+const char *text_at(const char *texts, int64_t bytes, int64_t index);
+
+#endif

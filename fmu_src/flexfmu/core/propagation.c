@@ -1,0 +1,104 @@
+/* Exact propagation of damped linear modes over a step of any length (docs/theory.md section 6), and what ties make of
+ * it (section 10). Source: e.g. M. Geradin, D. J. Rixen, Mechanical Vibrations, 3rd ed., section 2.8 (Duhamel). */
+#include <math.h>
+#include <string.h>
+
+#include "internal.h"
+
+/* Angle by which a mode that the step resolves turns in it at the most, of a body with ties, rad. */
+static const double RESOLVED = 1.5;
+/* Below this h omega the response to a ramp is taken from its series, where the closed form would cancel. */
+static const double SMALL_ANGLE = 1e-2;
+
+static void propagate(const Rule *r, int64_t j, double w, double z) {
+    const double h = r->step, x = w * h, root = sqrt(fabs(1.0 - z * z)) * x;
+    const double decay = exp(-z * x);
+    double cosine, sinc, lack;
+    if (z > 1.0) {
+        /* The two real exponentials, which cannot overflow. */
+        const double slow = exp(-z * x + root), fast = exp(-z * x - root), half = expm1(-root);
+        cosine = 0.5 * (slow + fast);
+        sinc = -0.5 * slow * expm1(-2.0 * root) / root;
+        lack = -0.5 * slow * half * half;
+    } else {
+        const double half = sin(0.5 * root);
+        cosine = decay * cos(root);
+        sinc = decay * sin(root) / root;
+        lack = 2.0 * decay * half * half;
+    }
+    /* Next to critical damping, and for the shortest steps, two terms of the series are exact. */
+    if (root < 1e-5) sinc = decay * (1.0 - (1.0 - z * z) * x * x / 6.0);
+    r->p11[j] = cosine + z * x * sinc;
+    r->p12[j] = h * sinc;
+    r->p21[j] = -w * w * r->p12[j];
+    r->p22[j] = cosine - z * x * sinc;
+    /* 1 - P11 without cancelling: what the cosine lacks of the decay, then what the decay lacks of 1. */
+    r->gq[j] = w == 0.0 ? 0.5 * h * h : (lack - expm1(-z * x) - z * x * sinc) / (w * w);
+    r->gv[j] = r->p12[j];
+    const double end = x < SMALL_ANGLE ? h * h / 6.0 * (1.0 - z * x / 2.0)
+                                       : (h - r->gv[j] - 2.0 * z * w * r->gq[j]) / (w * w * h);
+    r->ramp[j] = end - 0.5 * r->gq[j];
+    r->ramp_rate[j] = r->gq[j] / h - 0.5 * r->gv[j];
+    r->lag[j] = 0.0;
+}
+
+/* Of a body with ties: modes that the step does not resolve go by the rule of the middle (17), and the response (17a). */
+static void tie_rule(Body *body, Rule *r) {
+    const int64_t m = body->p.modes;
+    double *matrix = body->work;
+    for (int64_t j = 0; j < m; j++) {
+        const double square = body->stiffness[j], h = r->step;
+        if (body->p.omega[j] * h > RESOLVED) {
+            const double a = 0.25 * square * h * h, b = 0.5 * body->rate[j] * h, whole = 1.0 + a + b;
+            r->p11[j] = (1.0 - a + b) / whole;
+            r->p12[j] = h / whole;
+            r->p21[j] = -square * h / whole;
+            r->p22[j] = (1.0 - a - b) / whole;
+            r->gq[j] = 0.5 * h * h / whole;
+            r->gv[j] = h / whole;
+            /* No shorter step is wanted for what vibrates faster than the step can tell: there is always more of it. */
+            r->ramp[j] = 0.0;
+        }
+        r->lag[j] = r->ramp[j] == 0.0 ? 0.0 : r->ramp[j] / r->gq[j];
+    }
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < m; j++) {
+            const double coupling = body->coupled[i * m + j] / r->step - 0.5 * body->p.tie_initial[i * m + j];
+            matrix[i * m + j] = r->gq[i] * coupling + (i == j ? 1.0 : 0.0);
+            r->response[i * m + j] = i == j ? 1.0 : 0.0;
+        }
+    if (lu_factor(matrix, body->pivot, m))
+        lu_solve(matrix, body->pivot, r->response, m, m);
+    else
+        for (int64_t i = 0; i < m * m; i++) r->response[i] = NAN;
+}
+
+int64_t rule_size(const Body *body) { return 9 * body->p.modes + body->p.tied * body->p.modes * body->p.modes; }
+
+void take_rules(Body *body, Arena *arena) {
+    const int64_t m = body->p.modes;
+    body->rule_limit = body->p.tied ? TIED_RULES : RULES;
+    for (int i = 0; i < body->rule_limit; i++) {
+        Rule *r = body->rules + i;
+        double **each[9] = {&r->p11, &r->p12, &r->p21, &r->p22, &r->gq, &r->gv, &r->ramp, &r->ramp_rate, &r->lag};
+        for (int k = 0; k < 9; k++) *each[k] = take(arena, m);
+        r->response = take(arena, body->p.tied * m * m);
+    }
+    body->rule_count = body->rule_next = 0;
+}
+
+/* The rule of a length of step; the last few are kept, since a master hardly ever changes its step. */
+const Rule *rule_of(Body *body, double step) {
+    for (int i = 0; i < body->rule_count; i++)
+        if (body->rules[i].step == step) return body->rules + i;
+    Rule *r = body->rules + body->rule_next;
+    body->rule_next = (body->rule_next + 1) % body->rule_limit;
+    if (body->rule_count < body->rule_limit) body->rule_count++;
+    r->step = step;
+    for (int64_t j = 0; j < body->p.modes; j++) {
+        const double w = body->p.omega[j];
+        propagate(r, j, w, body->p.tied ? body->rate[j] / (2.0 * w) : body->zeta[j]);
+    }
+    if (body->p.tied) tie_rule(body, r);
+    return r;
+}

@@ -1,0 +1,76 @@
+/* How ties pull on q in one place, and what that makes of the modes' response, (17a). */
+#include <string.h>
+
+#include "internal.h"
+
+int64_t pull_size(const Body *body) {
+    const int64_t n = body->p.pulls;
+    return 2 * n * body->p.modes + 2 * n * n + 2 * n;
+}
+
+void take_pull(const Body *body, Arena *arena, Pull *pull) {
+    const int64_t n = body->p.pulls, m = body->p.modes;
+    pull->rows = take(arena, n * m);
+    pull->answer = take(arena, n * m);
+    pull->hold = take(arena, n * n);
+    pull->square = take(arena, n * n);
+    pull->strain = take(arena, n);
+    pull->force = take(arena, n);
+}
+
+/* Entry of the stiffness (6, 6) of a tie against motions of its end a relative to its end b, levers `arms`. */
+static double entry(const double *k, const double *arms, int64_t i, int64_t j) {
+    double sum = 0.0;
+    if (i < 3 || j < 3) return i == j ? k[i] : 0.0;
+    for (int c = 0; c < 3; c++) {
+        double hat[9];
+        skew(arms + 3 * c, hat);
+        for (int l = 0; l < 3; l++) sum += hat[3 * l + i - 3] * k[l] * hat[3 * l + j - 3];
+    }
+    return sum;
+}
+
+/* `scratch` holds 6K and what pass_back wants. Returns 0 where the ties' response is singular. */
+int pull_at(const Body *body, const Rule *rule, const Configuration *at, double *scratch, int64_t *pivot, Pull *pull) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->pulls, nodes = p->nodes;
+    double *loads = scratch, *rest = scratch + 6 * nodes;
+    memset(pull->rows, 0, (size_t)(n * m) * sizeof(double));
+    memset(pull->answer, 0, (size_t)(n * m) * sizeof(double));
+    memset(pull->hold, 0, (size_t)(n * n) * sizeof(double));
+    memset(pull->square, 0, (size_t)(n * n) * sizeof(double));
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t tie = p->pull[i] / 6, c = p->pull[i] % 6, a = nodes - 2 * p->ties + tie, b = a + p->ties;
+        double *side = loads + (c < 3 ? 0 : 3 * nodes), arms[9];
+        memset(loads, 0, (size_t)(6 * nodes) * sizeof(double));
+        side[3 * a + c % 3] = 1.0;
+        side[3 * b + c % 3] = -1.0;
+        pass_back(body, at, loads, loads + 3 * nodes, rest, pull->rows + i * m);
+        tie_levers(body, at, tie, a, arms);
+        for (int64_t j = 0; j < n; j++)
+            if (p->pull[j] / 6 == tie) pull->hold[i * n + j] = entry(p->tie_stiffness + 3 * tie, arms, c, p->pull[j] % 6);
+    }
+    for (int64_t i = 0; i < n; i++) {
+        add_rows(pull->rows + i * m, rule->response, pull->answer + i * m, m, m);
+        for (int64_t j = 0; j < m; j++) pull->answer[i * m + j] *= rule->gq[j];
+    }
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < n; j++) {
+            const double shared = 0.5 * dot(pull->answer + i * m, pull->rows + j * m, m);
+            for (int64_t k = 0; k < n; k++) pull->square[k * n + j] += pull->hold[k * n + i] * shared;
+        }
+    for (int64_t i = 0; i < n; i++) pull->square[i * n + i] += 1.0;
+    if (!lu_factor(pull->square, pivot, n)) return 0;
+    lu_solve(pull->square, pivot, pull->hold, n, n);
+    return 1;
+}
+
+/* out = what q does under x = g_q f, the ties giving way as they do in the place of `pull`. */
+void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, double *out) {
+    const int64_t m = body->p.modes, n = body->p.pulls;
+    rows_times(rule->response, x, out, m, m);
+    rows_times(pull->rows, out, pull->strain, n, m);
+    rows_times(pull->hold, pull->strain, pull->force, n, n);
+    for (int64_t i = 0; i < n; i++) pull->force[i] *= -0.5;
+    add_rows(pull->force, pull->answer, out, n, m);
+}

@@ -1,0 +1,286 @@
+/* Kinematics of the tree of frames, docs/theory.md sections 4 and 4a. */
+#include <string.h>
+
+#include "internal.h"
+
+static const double IDENTITY[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+
+void take_configuration(const Body *body, Arena *arena, Configuration *at) {
+    const Program *p = &body->p;
+    at->q = take(arena, p->modes);
+    at->straight = take(arena, 6 * p->nodes);
+    at->bent = take(arena, p->parts * p->modes);
+    at->turned = take(arena, p->curved * 6 * p->nodes * p->modes);
+    at->local = take(arena, 6 * p->nodes);
+    at->position = take(arena, 3 * p->nodes);
+    at->rotation = take(arena, 9 * p->nodes);
+    at->parent = take(arena, 9 * p->nodes);
+    at->jacobian = take(arena, 9 * p->nodes);
+}
+
+/* Coordinates that bend each part at q, (parts, m) with r of them in each row. */
+static void part_coordinates(const Program *p, const double *q, double *x) {
+    const double *basis = p->basis;
+    if (!basis) memcpy(x, q, (size_t)p->modes * sizeof(double));
+    for (int64_t i = 0; basis && i < p->parts; basis += p->extent[i++] * p->modes)
+        rows_times(basis, q, x + i * p->modes, p->extent[i], p->modes);
+}
+
+/* b and phi from their linear part and the curvature's share in their derivatives. */
+static void bend(const Program *p, Configuration *at) {
+    memcpy(at->local, at->straight, (size_t)(6 * p->nodes) * sizeof(double));
+    for (int64_t i = 0; p->curved && i < 6 * p->nodes; i++)
+        if (p->part[i] >= 0)
+            at->local[i] += 0.5 * dot(at->turned + i * p->modes, at->bent + p->part[i] * p->modes, p->extent[p->part[i]]);
+}
+
+/* The pass outwards, (4) and (6). */
+static void place(const Program *p, Configuration *at) {
+    for (int64_t k = 0; k < p->nodes; k++) {
+        const int64_t on = p->parent[k];
+        const double *parent = on < 0 ? IDENTITY : at->rotation + 9 * on;
+        double *b = at->local + 3 * k, arm[3], relative[9];
+        memcpy(at->parent + 9 * k, parent, sizeof IDENTITY);
+        exponential(at->local + 3 * (p->nodes + k), relative, at->jacobian + 9 * k);
+        multiply(parent, relative, at->rotation + 9 * k);
+        for (int i = 0; i < 3; i++) b[i] += p->offset[3 * k + i];
+        apply(parent, b, arm);
+        for (int i = 0; i < 3; i++) {
+            const double from = on < 0 ? 0.0 : at->position[3 * on + i] - p->base[3 * on + i];
+            at->position[3 * k + i] = p->base[3 * k + i] + from + arm[i];
+        }
+    }
+}
+
+void configure(const Body *body, const double *q, Configuration *at) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    if (at->q != q) memcpy(at->q, q, (size_t)m * sizeof(double));
+    memset(at->straight, 0, (size_t)(6 * p->nodes) * sizeof(double));
+    add_rows(q, body->operator_t, at->straight, m, 6 * p->nodes);
+    if (p->curved) {
+        part_coordinates(p, q, at->bent);
+        for (int64_t i = 0; i < 6 * p->nodes; i++) {
+            if (p->part[i] < 0) continue;
+            const int64_t r = p->extent[p->part[i]];
+            double *turned = at->turned + i * m;
+            /* The curvature is symmetric: its rows are its columns. */
+            memset(turned, 0, (size_t)r * sizeof(double));
+            add_rows(at->bent + p->part[i] * m, p->curvature + p->core_start[i], turned, r, r);
+        }
+    }
+    bend(p, at);
+    place(p, at);
+}
+
+static void mean_of(const double *a, const double *b, double *out, int64_t n) {
+    for (int64_t i = 0; i < n; i++) out[i] = 0.5 * (a[i] + b[i]);
+}
+
+/* Halfway between the q of two others: all that comes before places is linear in q. */
+void configure_halfway(const Body *body, const Configuration *a, const Configuration *b, Configuration *at) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, rows = 6 * p->nodes;
+    mean_of(a->q, b->q, at->q, m);
+    mean_of(a->straight, b->straight, at->straight, rows);
+    if (p->curved) {
+        mean_of(a->bent, b->bent, at->bent, p->parts * m);
+        for (int64_t i = 0; i < rows; i++)
+            if (p->part[i] >= 0) mean_of(a->turned + i * m, b->turned + i * m, at->turned + i * m, p->extent[p->part[i]]);
+    }
+    bend(p, at);
+    place(p, at);
+}
+
+/* out (m) += factors (6K) times the derivatives of b and phi; `scratch` holds (parts, m). */
+static void add_times_derivative(const Body *body, const Configuration *at, const double *factors, double *scratch,
+                                 double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    add_rows(factors, p->operator_, out, 6 * p->nodes, m);
+    if (!p->curved) return;
+    memset(scratch, 0, (size_t)(p->parts * m) * sizeof(double));
+    for (int64_t i = 0; i < 6 * p->nodes; i++)
+        if (p->part[i] >= 0) add_rows(factors + i, at->turned + i * m, scratch + p->part[i] * m, 1, p->extent[p->part[i]]);
+    const double *basis = p->basis;
+    for (int64_t j = 0; !basis && j < m; j++) out[j] += scratch[j];
+    for (int64_t i = 0; basis && i < p->parts; basis += p->extent[i++] * m)
+        add_rows(scratch + i * m, basis, out, p->extent[i], m);
+}
+
+int64_t pass_back_size(const Body *body) { return 6 * body->p.nodes + body->p.parts * body->p.modes; }
+
+/* Loads gathered from the tips to the roots, in place; per node their components on the parent's axes, T included. */
+static void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows) {
+    const Program *p = &body->p;
+    /* Children stand after their parents. */
+    for (int64_t k = p->nodes - 1; k >= 0; k--) {
+        const int64_t on = p->parent[k];
+        const double *parent = at->parent + 9 * k;
+        double turned[3];
+        apply_back(parent, force + 3 * k, rows + 3 * k);
+        apply_back(parent, moment + 3 * k, turned);
+        apply_back(at->jacobian + 9 * k, turned, rows + 3 * (p->nodes + k));
+        if (on < 0) continue;
+        double arm[3], about[3];
+        for (int i = 0; i < 3; i++)
+            arm[i] = (at->position[3 * k + i] - p->base[3 * k + i]) - (at->position[3 * on + i] - p->base[3 * on + i]);
+        cross(arm, force + 3 * k, about);
+        for (int i = 0; i < 3; i++) {
+            force[3 * on + i] += force[3 * k + i];
+            moment[3 * on + i] += moment[3 * k + i] + about[i];
+        }
+    }
+}
+
+/* The pass back, (8): out (m) += generalised force of loads (K, 3), which are gathered in place. */
+void pass_back(const Body *body, const Configuration *at, double *force, double *moment, double *scratch, double *out) {
+    gather(body, at, force, moment, scratch);
+    add_times_derivative(body, at, scratch, scratch + 6 * body->p.nodes, out);
+}
+
+/* Derivatives (6K, m) of b and phi by q. */
+void full_operator(const Body *body, const Configuration *at, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    memcpy(out, p->operator_, (size_t)(6 * p->nodes * m) * sizeof(double));
+    if (!p->curved) return;
+    const double *basis = p->basis;
+    for (int64_t part = 0; part < p->parts; part++) {
+        const int64_t r = p->extent[part];
+        for (int64_t i = 0; i < 6 * p->nodes; i++) {
+            if (p->part[i] != part) continue;
+            if (basis)
+                add_rows(at->turned + i * m, basis, out + i * m, r, m);
+            else
+                for (int64_t j = 0; j < m; j++) out[i * m + j] += at->turned[i * m + j];
+        }
+        if (basis) basis += r * m;
+    }
+}
+
+/* Derivatives of places and spins by q, each (K, 3, m). */
+void node_jacobians(const Body *body, const Configuration *at, const double *operator_, double *translation, double *spin) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, size = 3 * m;
+    for (int64_t k = 0; k < p->nodes; k++) {
+        const int64_t on = p->parent[k];
+        double both[9], arm[3], hat[9], *x = translation + k * size, *w = spin + k * size;
+        multiply(at->parent + 9 * k, at->jacobian + 9 * k, both);
+        apply_rows(both, operator_ + (p->nodes + k) * size, w, m);
+        apply_rows(at->parent + 9 * k, operator_ + k * size, x, m);
+        if (on < 0) continue;
+        const double *from = translation + on * size, *turn = spin + on * size;
+        apply(at->parent + 9 * k, at->local + 3 * k, arm);
+        skew(arm, hat);
+        for (int i = 0; i < 3; i++)
+            for (int64_t j = 0; j < m; j++) {
+                x[i * m + j] += from[i * m + j] -
+                                (hat[3 * i] * turn[j] + hat[3 * i + 1] * turn[m + j] + hat[3 * i + 2] * turn[2 * m + j]);
+                w[i * m + j] += turn[i * m + j];
+            }
+    }
+}
+
+int64_t load_stiffness_size(const Body *body) {
+    return 6 * body->p.nodes + 6 * body->p.nodes + 3 * body->p.nodes * body->p.modes + 6 * body->p.modes + body->p.modes * body->p.modes;
+}
+
+/* out (m, m) += dQ/dq under loads (K, 3) at fixed forces and moments. */
+void add_load_stiffness(const Body *body, const Configuration *at, const double *force, const double *moment,
+                        const double *operator_, const double *translation, const double *spin, double *scratch,
+                        double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes, size = 3 * m;
+    double *rows = scratch, *total = rows + 6 * n, *about = total + 3 * n, *change = about + 3 * n;
+    double *one = change + n * size, *other = one + size, *square = other + size;
+    memcpy(total, force, (size_t)(3 * n) * sizeof(double));
+    memcpy(about, moment, (size_t)(3 * n) * sizeof(double));
+    gather(body, at, total, about, rows);
+    /* Of the moments about each node: sum of (x_d' - x_k') x f_d over what lies beyond it. */
+    for (int64_t k = 0; k < n; k++) {
+        double hat[9];
+        skew(force + 3 * k, hat);
+        for (int i = 0; i < 9; i++) hat[i] = -hat[i];
+        apply_rows(hat, translation + k * size, change + k * size, m);
+    }
+    for (int64_t k = n - 1; k >= 0; k--) {
+        const int64_t on = p->parent[k];
+        if (on >= 0)
+            for (int64_t j = 0; j < size; j++) change[on * size + j] += change[k * size + j];
+    }
+    for (int64_t k = 0; k < n; k++) {
+        const int64_t on = p->parent[k];
+        const double *d = operator_ + k * size, *c = operator_ + (n + k) * size, *parent = at->parent + 9 * k;
+        double hat_force[9], hat_moment[9], local[3], slope[9];
+        skew(total + 3 * k, hat_force);
+        skew(about + 3 * k, hat_moment);
+        if (on >= 0) {
+            apply_rows(hat_force, spin + on * size, one, m);
+            apply_back_rows(parent, one, other, m);
+            add_transposed_product(d, other, out, 3, m, m);
+        }
+        apply_rows(hat_force, translation + k * size, one, m);
+        for (int64_t j = 0; j < size; j++) one[j] += change[k * size + j];
+        if (on >= 0) {
+            apply_rows(hat_moment, spin + on * size, other, m);
+            for (int64_t j = 0; j < size; j++) one[j] += other[j];
+        }
+        apply_back_rows(parent, one, other, m);
+        apply_back_rows(at->jacobian + 9 * k, other, one, m);
+        apply_back(parent, about + 3 * k, local);
+        transposed_jacobian_derivative(at->local + 3 * (n + k), local, slope);
+        apply_rows(slope, c, other, m);
+        for (int64_t j = 0; j < size; j++) one[j] += other[j];
+        add_transposed_product(c, one, out, 3, m, m);
+    }
+    if (!p->curved) return;
+    const double *basis = p->basis;
+    for (int64_t part = 0; part < p->parts; part++) {
+        const int64_t r = p->extent[part];
+        memset(square, 0, (size_t)(r * r) * sizeof(double));
+        for (int64_t i = 0; i < 6 * n; i++)
+            if (p->part[i] == part) add_rows(rows + i, p->curvature + p->core_start[i], square, 1, r * r);
+        if (!basis) {
+            for (int64_t j = 0; j < m * m; j++) out[j] += square[j];
+            continue;
+        }
+        /* Basisᵀ square basis, a row of the middle at a time. */
+        for (int64_t i = 0; i < r; i++) {
+            memset(one, 0, (size_t)m * sizeof(double));
+            add_rows(square + i * r, basis, one, r, m);
+            add_transposed_product(basis + i * m, one, out, 1, m, m);
+        }
+        basis += r * m;
+    }
+}
+
+/* Velocity and spin (K, 3) of all nodes for rates v; `scratch` holds 6K + parts m. */
+void node_rates(const Body *body, const Configuration *at, const double *v, double *scratch, double *velocity,
+                double *spin) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes;
+    double *rates = scratch, *bent = scratch + 6 * n;
+    rows_times(p->operator_, v, rates, 6 * n, m);
+    if (p->curved) {
+        part_coordinates(p, v, bent);
+        for (int64_t i = 0; i < 6 * n; i++)
+            if (p->part[i] >= 0) rates[i] += dot(at->turned + i * m, bent + p->part[i] * m, p->extent[p->part[i]]);
+    }
+    for (int64_t k = 0; k < n; k++) {
+        const int64_t on = p->parent[k];
+        const double *parent = at->parent + 9 * k;
+        double relative[3], turned[3], carried[3] = {0.0, 0.0, 0.0}, stretched[3], arm[3];
+        apply(at->jacobian + 9 * k, rates + 3 * (n + k), relative);
+        apply(parent, relative, turned);
+        apply(parent, rates + 3 * k, stretched);
+        if (on >= 0) {
+            apply(parent, at->local + 3 * k, arm);
+            cross(spin + 3 * on, arm, carried);
+        }
+        for (int i = 0; i < 3; i++) {
+            spin[3 * k + i] = (on < 0 ? 0.0 : spin[3 * on + i]) + turned[i];
+            velocity[3 * k + i] = (on < 0 ? 0.0 : velocity[3 * on + i]) + carried[i] + stretched[i];
+        }
+    }
+}

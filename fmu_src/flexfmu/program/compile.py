@@ -1,0 +1,321 @@
+"""A reduced body under one method as a program: all that does not depend on inputs, found once."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import Core
+from ..runtime.errors import OptionError
+from ..runtime.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from ..runtime.rotations import skew
+from .image import write_image
+from .tree import Tree, bends, build_tree
+
+FloatArray = NDArray[np.float64]
+Arrays = dict[str, NDArray[Any] | bytes]
+
+_PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
+# Stiffness over that of the softest mode beyond which no load that the body bears makes a mode give way.
+_UNBENDING = 1e8
+_ROUND_OFF = 64.0 * np.finfo(np.float64).eps
+# Percent of the limit of rotation that holds where displacements are wrong by the angle, not by its square.
+_FIRST_ORDER = 40
+_WRONG_AT_FIRST_ORDER = (Kinematics.LINEAR, Kinematics.LITERAL)
+# Times 1/n²: what n frames in a chain overestimate a cantilever's critical load by (section 4b: 0.223, 0.056, 0.016 for
+# 1, 2, 4).
+_CHAIN = 0.25
+# Critical load of the clamped column over what the moment u × F alone makes of it.
+_MOMENT = 8.0 / np.pi**2
+
+
+def names_of_inputs(body: ReducedBody) -> list[str]:
+    """Names of the loads in the order of a program: force and moment of each interface, then the acceleration."""
+    names = [f"{name}.{kind}.{axis}" for name in body.interface_names for kind in ("force", "moment") for axis in "xyz"]
+    return names + ([f"body.acceleration.{axis}" for axis in "xyz"] if body.masses is not None else [])
+
+
+@dataclass(slots=True)
+class _Draft:
+    """What will be a program."""
+
+    sizes: dict[str, int]
+    arrays: Arrays
+
+    def image(self) -> bytes:
+        return write_image(self.sizes, self.arrays)
+
+
+def compile_program(body: ReducedBody, formulation: Formulation, description: "_Draft | None" = None) -> bytes:
+    """Program of a body under a formulation.
+
+    Parameters
+    ----------
+    body : ReducedBody
+        Its frames divided as the formulation asks for, its interfaces fixed as the scene does.
+    formulation : Formulation
+    description : optional
+        What the FMI layer needs besides.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    OptionError
+        The formulation needs data that the body was built without.
+    """
+    draft = _kinematics(body, formulation)
+    if description is not None:
+        draft.sizes |= description.sizes
+        draft.arrays |= description.arrays
+    if formulation.stiffness is Stiffness.BY_MODE:
+        draft.sizes["by_mode_given"] = 1
+        draft.arrays["by_mode"] = _given(body.stiffness_by_mode, formulation)
+    by_load = None
+    if formulation.stiffness is Stiffness.BY_LOAD:
+        # What moving loads do at first order by themselves *is* part of it: taken out, nothing counts twice.
+        data = _in_load_order(_given(body.stiffness_by_load, formulation), body.interface_count)
+        by_load = data - _unit_load_tangents(draft, body)
+        draft.sizes["by_load_given"] = 1
+        draft.arrays["by_load"] = by_load
+    elif body.ties is None and not _second_order_loads(formulation):
+        _judge(draft, body, formulation)
+    return draft.image()
+
+
+def _second_order_loads(formulation: Formulation) -> bool:
+    """Whether there is no better opinion on stiffness than the method's own."""
+    return formulation.kinematics is Kinematics.SECOND_ORDER and formulation.loads is LoadPlacement.DEFORMED
+
+
+def _kinematics(body: ReducedBody, formulation: Formulation) -> _Draft:
+    """Everything but geometric stiffness and the second opinion on it."""
+    m, interfaces = body.mode_count, body.interface_count
+    tree = build_tree(body, formulation.kinematics)
+    placement = formulation.loads
+    if placement is LoadPlacement.DEFORMED and not np.any(tree.parent[tree.frames : tree.frames + interfaces] >= 0):
+        # Linear kinematics have a constant derivative: loads on the deformed body are then those on the reference one.
+        placement = LoadPlacement.REFERENCE
+    omega, rigid = body.angular_frequency, body.rigid_count
+    inertia = np.zeros((3, m))
+    masses = np.zeros(0)
+    if body.masses is not None:
+        masses = body.masses.mass
+        inertia = -np.tensordot(masses, body.masses.displacement, axes=1)
+    stiffness = omega**2
+    last = int(np.searchsorted(stiffness, _UNBENDING * stiffness[rigid], side="right"))
+    turning, turning_frame = _turning(body, tree.frames)
+    names = [*body.interface_names, *body.frame_names[: tree.frames], *names_of_inputs(body)]
+    points = [part.stress.reshape(-1, 6, m) for part in body.stress_sets]
+    draft = _Draft(
+        {
+            "modes": m,
+            "rigid": rigid,
+            "nodes": len(tree.parent),
+            "frames": tree.frames,
+            "interfaces": interfaces,
+            "masses": masses.size,
+            "loads": 6 * interfaces + (3 if masses.size else 0),
+            "placement": _PLACEMENT[placement],
+            "turnings": len(turning_frame),
+            "turning_limit": _FIRST_ORDER if formulation.kinematics in _WRONG_AT_FIRST_ORDER else 100,
+            "elastic_first": rigid,
+            "elastic_count": last - rigid,
+            "stress_sets": len(points),
+            "stress_points": sum(len(part) for part in points),
+        },
+        {
+            "omega": omega,
+            "zeta": body.damping_ratio,
+            "weight": np.where(omega > 0.0, omega, omega[rigid]),
+            "parent": tree.parent,
+            "point": tree.point,
+            "offset": tree.offset,
+            "base": tree.base,
+            "operator_": tree.operator,
+            "load_operator": np.concatenate([body.interface_displacement, body.interface_rotation]),
+            "mass": masses,
+            "inertia_operator": inertia,
+            "turning": turning,
+            "turning_frame": turning_frame,
+            "stress_start": np.cumsum([0, *(len(part) for part in points)]),
+            "stress": np.concatenate(points) if points else np.zeros(0),
+            "suggested_step": np.array([body.suggested_step]),
+        },
+    )
+    _texts(draft, "names", names)
+    _texts(draft, "advice", ["", "", ""])
+    _texts(draft, "guid", [""])
+    if tree.curvature is not None:
+        bent = bends(tree)
+        draft.sizes |= {"curved": 1, "parts": bent.extent.size, "bends": bent.numbers.size}
+        draft.sizes["basis_numbers"] = bent.basis.size
+        draft.arrays |= {"curvature": bent.numbers, "basis": bent.basis, "part": bent.part}
+        draft.arrays |= {"core_start": bent.start, "extent": bent.extent}
+    if body.ties is not None and tree.frames:
+        _ties(draft, body, tree)
+    if formulation.mass is Mass.CONFIGURATION and tree.frames:
+        _inertia(draft, body)
+    return draft
+
+
+def _texts(draft: _Draft, name: str, texts: list[str]) -> None:
+    data = b"".join(text.encode() + b"\0" for text in texts)
+    draft.arrays[name] = data
+    draft.sizes[{"names": "name_bytes", "advice": "advice_bytes", "guid": "guid_bytes"}[name]] = len(data)
+
+
+def _given(data: FloatArray | None, formulation: Formulation) -> FloatArray:
+    if data is None:
+        kind = formulation.stiffness.value
+        raise OptionError(
+            f'stiffness "{kind}" needs data that this body was built without: build it with geometric_stiffness = '
+            f'["{kind}"] in [reduction]'
+        )
+    return data
+
+
+def _in_load_order(by_load: FloatArray, interfaces: int) -> FloatArray:
+    """Matrices (L, m, m) of forces of all interfaces, then moments, as force and moment of each interface in turn."""
+    wrenches = by_load[: 6 * interfaces].reshape(2, interfaces, 3, *by_load.shape[1:])
+    ordered = np.moveaxis(wrenches, 0, 1).reshape(6 * interfaces, *by_load.shape[1:])
+    result: FloatArray = np.concatenate([ordered, by_load[6 * interfaces :]])
+    return result
+
+
+def _unit_load_tangents(draft: _Draft, body: ReducedBody) -> FloatArray:
+    """What each unit load adds to the tangent stiffness of the undeformed body, (L, m, m)."""
+    core = Core(draft.image())
+    still = np.zeros(body.mode_count)
+    loads = np.eye(draft.sizes["loads"])
+    return np.array([core.tangent(load, still) for load in loads]) - np.diag(body.angular_frequency**2)
+
+
+def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Rotations (n, 3, m) of material against its frame, and that frame (n,): joints and interfaces."""
+    if frames == 0:
+        return body.interface_rotation, np.zeros(body.interface_count, dtype=np.int64)
+    carried = np.flatnonzero(body.frame_parent >= 0)
+    parent = body.frame_parent[carried]
+    held = np.flatnonzero(body.interface_frame >= 0)
+    on = body.interface_frame[held]
+    rotations = [
+        body.joint_rotation - body.frame_rotation,
+        body.joint_rotation[carried] - body.frame_rotation[parent],
+        body.interface_rotation[held] - body.frame_rotation[on],
+    ]
+    return np.concatenate(rotations), np.concatenate([np.arange(frames), parent, on])
+
+
+def _ties(draft: _Draft, body: ReducedBody, tree: Tree) -> None:
+    """Springs that join the parts of a cut body; H is their stiffness at q = 0, which the modes hold."""
+    ties = body.ties
+    assert ties is not None
+    m, count = body.mode_count, len(ties.stiffness)
+    relative = ties.displacement[:, 0] - ties.displacement[:, 1]
+    turned = ties.rotation[:, 0] - ties.rotation[:, 1]
+    # Stretch at the centre, then at the points l_c, which turn by θ × l_c.
+    stretch = np.empty((count, 4, 3, m))
+    stretch[:, 0] = relative
+    stretch[:, 1:] = -skew(np.swapaxes(ties.lever, 1, 2)) @ turned[:, None]
+    each = np.einsum("ti,tcim,tcin->tmn", ties.stiffness, stretch, stretch, optimize=True)
+    directions = ties.stiffness > 0.0
+    turns = np.any(directions, axis=1) & np.any(ties.lever != 0.0, axis=(1, 2))
+    resists = np.concatenate([directions, np.repeat(turns[:, None], 3, axis=1)], axis=1)
+    pull = np.flatnonzero(resists)
+    noise = _ROUND_OFF * float(np.abs(tree.point).max() * np.sqrt(ties.stiffness.max()))
+    draft.sizes |= {"ties": count, "tied": 1, "pulls": pull.size}
+    draft.arrays |= {
+        "tie_stiffness": ties.stiffness,
+        "tie_lever": ties.lever,
+        "tie_apart": ties.point[:, 0] - ties.point[:, 1],
+        "tie_initial": each.sum(axis=0),
+        "tie_welded": each[ties.frame[:, 1] >= 0].sum(axis=0),
+        "tie_noise": np.array([noise]),
+        "pull": pull,
+    }
+
+
+def _inertia(draft: _Draft, body: ReducedBody) -> None:
+    """Integrals of the mass that each frame carries."""
+    data = body.inertia
+    if data is None:
+        raise OptionError(
+            'mass "configuration" needs data that this body was built without: build it with inertia = true in '
+            "[reduction]"
+        )
+    if body.ties is not None:
+        raise OptionError('mass "configuration" does not know bodies that were cut; take mass "constant"')
+    draft.sizes |= {"inertial": 1, "inertial_parts": data.mass.size}
+    draft.arrays |= {
+        "inertial_frame": data.frame,
+        "inertial_mass": data.mass,
+        "inertial_first": data.first,
+        "inertial_second": data.second,
+        "inertial_elastic": data.elastic,
+    }
+
+
+def _judge(draft: _Draft, body: ReducedBody, formulation: Formulation) -> None:
+    """A second opinion on the tangent stiffness, by the best that the body holds (section 7)."""
+    own = _unit_load_tangents(draft, body)
+    if formulation.stiffness is Stiffness.BY_MODE:
+        own = own + _by_mode(draft, body)
+    constant = {"stiffness": Stiffness.CONSTANT, "mass": Mass.CONSTANT}
+    depth = _depth(body)
+    if body.second is not None and body.frame_count:
+        better = Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED, **constant)
+        source, change = "the frames to second order", _unit_load_tangents(_kinematics(body, better), body)
+    elif body.stiffness_by_load is not None:
+        source = "geometric stiffness by load"
+        change = _in_load_order(np.asarray(body.stiffness_by_load), body.interface_count)
+    elif depth:
+        framed = Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, **constant)
+        source = "the frames"
+        change = (1.0 + _CHAIN / depth**2) * _unit_load_tangents(_kinematics(body, framed), body)
+    else:
+        moved = Formulation(formulation.kinematics, LoadPlacement.CORRECTIVE_MOMENT, **constant)
+        source = "the displacement of the loaded interfaces, an estimate"
+        change = _MOMENT * _unit_load_tangents(_kinematics(body, moved), body)
+    first, count = draft.sizes["elastic_first"], draft.sizes["elastic_count"]
+    elastic, omega = slice(first, first + count), body.angular_frequency[first : first + count]
+
+    def scaled(tangents: FloatArray) -> FloatArray:
+        part = tangents[:, elastic, elastic]
+        result: FloatArray = 0.5 * (part + part.swapaxes(1, 2)) / (omega[:, None] * omega)
+        return result
+
+    judged, missed = scaled(change), scaled(own - change)
+    draft.sizes["judged"] = 1
+    draft.arrays |= {
+        "judge_change": judged,
+        "judge_missed": missed,
+        "judge_bound": np.linalg.norm(judged, 2, (1, 2)),
+        "judge_missed_bound": np.linalg.norm(missed, 2, (1, 2)),
+    }
+    _texts(draft, "advice", ["", "", source])
+
+
+def _by_mode(draft: _Draft, body: ReducedBody) -> FloatArray:
+    """Tangent (L, m, m) of stiffness by mode in the linear response to each unit load."""
+    by_mode = np.asarray(body.stiffness_by_mode)
+    core = Core(draft.image())
+    still, stiffness = np.zeros(body.mode_count), body.angular_frequency**2
+    result = []
+    for load in np.eye(draft.sizes["loads"]):
+        force = core.force(load, still)
+        q = np.divide(force, stiffness, out=np.zeros_like(force), where=stiffness > 0.0)
+        result.append(np.tensordot(q, by_mode, axes=1) + (by_mode @ q).T)
+    return np.array(result)
+
+
+def _depth(body: ReducedBody) -> int:
+    """Frames in the longest chain of those that carry material, but for the floating one."""
+    depth: list[int] = []
+    for frame, parent in enumerate(body.frame_parent.tolist()):
+        counts = 0 if body.floating and frame == 0 else 1
+        depth.append(counts + (0 if parent == GROUND else depth[parent]))
+    return max(depth, default=0)

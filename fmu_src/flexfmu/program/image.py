@@ -1,0 +1,121 @@
+"""The program as bytes: the sizes and arrays that core/fields.def lists, with a head and a checksum."""
+
+import re
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import FlexfmuError
+
+FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
+VERSION = 1
+_MARK = b"flexprog"
+_WORD = 8
+_FIELD = re.compile(r"^(SIZE|REAL|INTEGER|TEXT)\((\w+)(?:, ([^)]*))?\)", re.MULTILINE)
+_DTYPE = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("u1")}
+
+
+class ProgramError(FlexfmuError):
+    """Arrays that do not make a program, or a program that is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A line of fields.def.
+
+    Attributes
+    ----------
+    kind : str
+        "SIZE", "REAL", "INTEGER" or "TEXT".
+    name : str
+    count : str
+        Number of elements, from sizes.
+    """
+
+    kind: str
+    name: str
+    count: str
+
+
+@cache
+def fields() -> tuple[Field, ...]:
+    """The table of fields, in the order of the image."""
+    return tuple(Field(kind, name, count or "") for kind, name, count in _FIELD.findall(FIELDS.read_text("utf-8")))
+
+
+def _words(data: bytes) -> NDArray[np.uint64]:
+    return np.frombuffer(data + b"\0" * (-len(data) % _WORD), dtype="<u8")
+
+
+def checksum(data: bytes) -> int:
+    """Sum of the data's 64-bit words, each mixed with its place; `checksum` of core/program.c."""
+    words = _words(data)
+    with np.errstate(over="ignore"):
+        z = words + np.arange(1, words.size + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        return int(np.sum(z ^ (z >> np.uint64(31)), dtype=np.uint64))
+
+
+def _table() -> bytes:
+    """What the core makes of the same table."""
+    lines = (f"{f.kind} {f.name}{f' {f.count}' if f.count else ''}\n" for f in fields())
+    return "".join(lines).encode()
+
+
+def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[np.generic] | bytes]) -> bytes:
+    """Image of a program.
+
+    Parameters
+    ----------
+    sizes : mapping of str to int
+        Those left out are zero.
+    arrays : mapping of str to array or bytes
+        Those left out are empty; shapes do not matter, their sizes must be those of the table.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    ProgramError
+        Naming the first array or size that the table does not know, or whose size is another.
+    """
+    known = {field.name for field in fields()}
+    for name in (*sizes, *arrays):
+        if name not in known:
+            raise ProgramError(f"{name!r} is no field of a program")
+    every = {field.name: int(sizes.get(field.name, 0)) for field in fields() if field.kind == "SIZE"}
+    parts: list[bytes] = []
+    for field in fields():
+        if field.kind == "SIZE":
+            parts.append(struct.pack("<q", every[field.name]))
+            continue
+        given = arrays.get(field.name, b"")
+        values = np.frombuffer(given, np.uint8) if isinstance(given, bytes) else np.ascontiguousarray(given)
+        expected = _count(field.count, every)
+        if values.size != expected:
+            raise ProgramError(f"{field.name} has {values.size} elements, expected {field.count} = {expected}")
+        data = values.astype(_DTYPE[field.kind]).tobytes()
+        parts.append(data + b"\0" * (-len(data) % _WORD))
+    body = b"".join(parts)
+    head = struct.Struct("<8sqQqQ")
+    return head.pack(_MARK, VERSION, checksum(_table()), head.size + len(body), checksum(body)) + body
+
+
+def _count(expression: str, sizes: Mapping[str, int]) -> int:
+    """Value of sums of products of sizes and numbers."""
+    total = 0
+    for term in expression.split("+"):
+        factors = (factor.strip() for factor in term.split("*"))
+        product = 1
+        for factor in factors:
+            product *= int(factor) if factor.isdigit() else sizes[factor]
+        total += product
+    return total

@@ -1,0 +1,213 @@
+"""Constant data of the tree of frames, and how far it is quadratic in q (docs/theory.md, sections 4, 4a and 4b).
+
+Frames and interfaces are nodes of one tree; node k hangs on frame p(k), or on the ground. Its offset from the parent's
+joint and its rotation relative to the parent are
+
+    b_k = X_k − X_p + D_k q,     φ_k = C_k q,
+    D_k q = u(X_k) − u(X_p) − θ_p × (X_k − X_p),     C_k q = θ_k − θ_p,
+
+linear in q but for the curvature, (19) and (20). The core (core/tree.c) makes places of them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..runtime.errors import OptionError
+from ..runtime.reduced_body import GROUND, Kinematics, ReducedBody
+from ..runtime.rotations import skew
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Share of the averaged rotation by which displacements turn where positions do not.
+_TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
+# Share of the largest below which a direction bends nothing but by round-off, and of all coordinates up to which those
+# of a part are worth turning to.
+_NO_BEND, _WORTH = 1e-13, 0.75
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """S frames, I interfaces, P centres of mass, 2 T ends of ties: K nodes.
+
+    Attributes
+    ----------
+    parent : (K,) int
+        Frame on which a node hangs, or `GROUND`.
+    frames : int
+        S.
+    point, offset, base : (K, 3) float
+        X_k; X_k − X_p; the part of the places that no frame turns; m.
+    operator : (2, K, 3, m) float
+        D_k of all nodes, then C_k.
+    curvature : (6K, m, m) float or None
+        Second derivatives of b_k and φ_k, in the order of `operator`.
+    """
+
+    parent: IntArray
+    frames: int
+    point: FloatArray
+    offset: FloatArray
+    base: FloatArray
+    operator: FloatArray
+    curvature: FloatArray | None
+
+
+def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
+    """Tree of a body under the given kinematics; `LINEAR` hangs every node on the ground.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    kinematics : Kinematics
+
+    Returns
+    -------
+    Tree
+
+    Raises
+    ------
+    OptionError
+        The body was built without what second order needs.
+    """
+    linear = kinematics is Kinematics.LINEAR
+    frames = 0 if linear else body.frame_count
+    parent = [body.frame_parent[:frames], np.full(body.interface_count, GROUND) if linear else body.interface_frame]
+    point = [body.joint_point[:frames], body.interface_point]
+    displacement = [body.joint_displacement[:frames], body.interface_displacement]
+    rotation = [body.frame_rotation[:frames], body.interface_rotation]
+    if body.masses is not None:
+        parent.append(np.full(body.masses.mass.size, GROUND) if linear else body.masses.frame)
+        point.append(body.masses.point)
+        displacement.append(body.masses.displacement)
+        # A centre of mass has no rotation of its own: nothing reads it, and no moment acts on it.
+        rotation.append(np.zeros_like(body.masses.displacement))
+    if body.ties is not None and not linear:
+        # Linear kinematics stretch the springs linearly, which the modes hold already.
+        parent.append(body.ties.frame.T.ravel())
+        point.append(np.swapaxes(body.ties.point, 0, 1).reshape(-1, 3))
+        for target, ends in ((displacement, body.ties.displacement), (rotation, body.ties.rotation)):
+            target.append(np.swapaxes(ends, 0, 1).reshape(-1, 3, body.mode_count))
+    on = np.concatenate(parent).astype(np.int64)
+    x, u, theta = np.concatenate(point), np.concatenate(displacement), np.concatenate(rotation)
+
+    offset, d, c = x.copy(), u.copy(), theta.copy()
+    hung = np.flatnonzero(on >= 0)
+    p = on[hung]
+    offset[hung] -= x[p]
+    base = np.zeros_like(x)
+    if kinematics in _TURN:
+        # Only displacements turn: u_p + exp(α θ_p) (u − u_p), with what is left of the rotation on top.
+        share = _TURN[kinematics]
+        base, offset = x, np.zeros_like(x)
+        d[hung] -= u[p]
+        c[:frames] *= share
+        c[hung] -= share * theta[p]
+    else:
+        d[hung] -= u[p] - skew(offset[hung]) @ theta[p]
+        c[hung] -= theta[p]
+    curvature = None
+    if kinematics is Kinematics.SECOND_ORDER and frames:
+        section = np.concatenate([body.joint_rotation, theta[frames:]])
+        curvature = _curvature(body, on, offset, section)
+    return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature)
+
+
+def _curvature(body: ReducedBody, parent: IntArray, offset: FloatArray, section: FloatArray) -> FloatArray:
+    """Second derivatives (6K, m, m) of offsets and relative rotations, (19) and (20).
+
+    Parameters
+    ----------
+    body : ReducedBody
+    parent : (K,) int
+    offset : (K, 3) float
+    section : (K, 3, m) float
+        Linear rotations of the nodes' sections.
+    """
+    data = body.second
+    if data is None:
+        raise OptionError(
+            'kinematics "second_order" needs data that this body was built without: build it with second_order = true '
+            "in [reduction]"
+        )
+    frames, averaged = body.frame_count, body.frame_rotation
+    hung = np.flatnonzero(parent >= 0)
+    p = parent[hung]
+    # A frame's own material is clamped at its joint, whose section has turned by exp(ω) in it.
+    own = section[:frames] - averaged
+    clamp = data.rotation[:frames] - _read_off(data.section[:frames], own)
+    inside = section.copy()
+    inside[hung] -= averaged[p]
+    d = data.displacement.copy()
+    d[hung] -= data.displacement[p] - np.einsum("kij,kjab->kiab", skew(offset[hung]), clamp[p])
+    c = data.rotation - _read_off(data.section, inside)
+    c[hung] -= clamp[p]
+    # exp(ω in the parent) exp(−ω in the frame) to second order.
+    turned = np.einsum("kija,kjb->kiab", np.moveaxis(skew(np.swapaxes(inside[:frames], 1, 2)), 1, 3), own)
+    c[:frames] -= 0.5 * (turned + turned.swapaxes(2, 3))
+    return np.concatenate([d.reshape(-1, *d.shape[2:]), c.reshape(-1, *c.shape[2:])])
+
+
+def _read_off(section: FloatArray, turn: FloatArray) -> FloatArray:
+    """Rotation (K, 3, m, m) that fits (K, 3, 3, 3) read off the second-order part ½ ω̂² (x − X) of turns (K, 3, m)."""
+    outer = np.einsum("kja,klb->kjlab", turn, turn)
+    stretch = 0.5 * (outer + outer.swapaxes(3, 4))
+    stretch -= np.einsum("kiiab,jl->kjlab", outer, np.eye(3))
+    result: FloatArray = np.einsum("kijl,kjlab->kiab", section, stretch, optimize=True)
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class Bends:
+    """Curvature in the coordinates that bend each part: nodes of one root, of a cut body one of its pieces.
+
+    There are far fewer of them than q has, and a step's cost goes by their square. In one piece q itself stays.
+
+    Attributes
+    ----------
+    numbers : (n,) float
+        The (r, r) of each row that has one, in turn.
+    basis : (n,) float
+        The (r, m) of each part in turn; empty for q itself.
+    part, start : (6K,) int
+        Part of each row, or −1, and where its (r, r) begins.
+    extent : (parts,) int
+        r.
+    """
+
+    numbers: FloatArray
+    basis: FloatArray
+    part: IntArray
+    start: IntArray
+    extent: IntArray
+
+
+def bends(tree: Tree) -> Bends:
+    """What bends the nodes of a tree with curvature."""
+    assert tree.curvature is not None
+    curvature, modes, root = tree.curvature, tree.operator.shape[-1], tree.parent.copy()
+    for node, parent in enumerate(tree.parent):
+        root[node] = node if parent < 0 else root[parent]
+    size = np.abs(curvature).max(axis=(1, 2))
+    owner = np.where(size > 0.0, np.tile(np.repeat(root, 3), 2), -1)
+    part = np.full(len(owner), -1)
+    bases = []
+    for number, name in enumerate(np.unique(owner[owner >= 0])):
+        rows = np.flatnonzero(owner == name)
+        part[rows] = number
+        scaled = curvature[rows] / size[rows, None, None]
+        _, strength, directions = np.linalg.svd(scaled.reshape(-1, modes), full_matrices=False)
+        bases.append(directions[strength > _NO_BEND * strength[0]])
+    if not bases or max(len(basis) for basis in bases) > _WORTH * modes:
+        part, bases = np.where(size > 0.0, 0, -1), []
+    cores, start, used = [], np.zeros(len(owner), dtype=np.int64), 0
+    for row in np.flatnonzero(part >= 0):
+        basis = bases[part[row]] if bases else None
+        cores.append((curvature[row] if basis is None else basis @ curvature[row] @ basis.T).ravel())
+        start[row], used = used, used + cores[-1].size
+    numbers = np.concatenate(cores) if cores else np.zeros(0)
+    basis_numbers = np.concatenate([basis.ravel() for basis in bases]) if bases else np.zeros(0)
+    extent = np.array([len(basis) for basis in bases] or [modes], dtype=np.int64)
+    return Bends(numbers, basis_numbers, part.astype(np.int64), start, extent)
