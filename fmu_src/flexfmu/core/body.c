@@ -57,6 +57,7 @@ Body *body_open(const void *image, int64_t size, const char **why) {
         return 0;
     }
     memcpy(body->image, image, (size_t)size);
+    body->image_size = size;
     const char *wrong = open_program(body->image, size, &body->p);
     if (wrong) {
         *why = wrong;

@@ -64,6 +64,7 @@ typedef struct Body {
     int64_t work_size;
     double *arena;
     void *image;          /* the program's bytes, this body's own copy */
+    int64_t image_size;
 } Body;
 
 enum {
@@ -114,5 +115,8 @@ double body_missed(Body *body, const double *inputs, double *margin);
 /* Derivative (6n, 6n) of n interfaces' motion at a step's end by loads on them held over the step, in load order. */
 void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
                      int64_t n, double *out);
+/* Change (6I) of the interfaces' displacements and rotation vectors at a step's end with loads that change along
+ * `direction` (L), held over the step. */
+void body_derivative(Body *body, const double *inputs, double step, const double *q, const double *direction, double *out);
 
 #endif

@@ -190,32 +190,48 @@ double body_missed(Body *body, const double *inputs, double *margin) {
     return largest;
 }
 
-/* Of the step's own equation, its mean linearised about the step's end: half the loads' stiffness acts at its end, half at
- * its start. */
+/* Factors in room->lower of 1 + g_q (T - Lambda) / 2, of the step's own equation with its mean linearised about the step's
+ * end: half the loads' stiffness acts at its end, half at its start. 0 where it is singular. */
+static int factor_response(Body *body, const double *inputs, double step, const double *q, Room *room, const Rule **used) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    const Rule *rule = rule_of(body, step);
+    const double *tense = 0;
+    *used = rule;
+    configure(body, q, &room->at);
+    spread(body, inputs, &room->loads);
+    if (p->tied) {
+        /* Between steps stiff springs ring; halfway through what they do next, their tension is that of the motion. */
+        modal_force(body, &room->loads, 1, &room->at, 0, room->scratch, room->force);
+        for (int64_t j = 0; j < m; j++)
+            room->force[j] = rule->gq[j] * (room->force[j] + dot(p->tie_initial + j * m, q, m) - body->stiffness[j] * q[j]);
+        if (pull_at(body, rule, &room->at, room->unit, body->pivot, &room->pull)) {
+            respond(body, rule, &room->pull, room->force, room->row);
+            for (int64_t j = 0; j < m; j++) room->row[j] *= 0.5;
+            foreseen_tension(body, &room->at, room->row, room->scratch, room->tense);
+            tense = room->tense;
+        }
+    }
+    tangent_stiffness(body, &room->loads, 1, &room->at, tense, room->rest, room->tangent);
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < m; j++) {
+            const double slope = room->tangent[i * m + j] - (i == j ? body->stiffness[i] : 0.0);
+            const double coupled = p->tied ? body->coupled[i * m + j] / step : 0.0;
+            room->lower[i * m + j] = (i == j ? 1.0 : 0.0) + rule->gq[i] * (0.5 * slope + coupled);
+        }
+    return lu_factor(room->lower, body->pivot, m);
+}
+
 void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
                      int64_t n, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes, size = 3 * m;
-    const Rule *rule = rule_of(body, step);
-    const double *tense = 0;
+    const Rule *rule;
     Arena arena = work_arena(body);
     Room room;
     take_room(body, &arena, &room);
-    configure(body, q, &room.at);
-    spread(body, inputs, &room.loads);
-    if (p->tied) {
-        /* Between steps stiff springs ring; halfway through what they do next, their tension is that of the motion. */
-        modal_force(body, &room.loads, 1, &room.at, 0, room.scratch, room.force);
-        for (int64_t j = 0; j < m; j++)
-            room.force[j] = rule->gq[j] * (room.force[j] + dot(p->tie_initial + j * m, q, m) - body->stiffness[j] * q[j]);
-        if (pull_at(body, rule, &room.at, room.unit, body->pivot, &room.pull)) {
-            respond(body, rule, &room.pull, room.force, room.row);
-            for (int64_t j = 0; j < m; j++) room.row[j] *= 0.5;
-            foreseen_tension(body, &room.at, room.row, room.scratch, room.tense);
-            tense = room.tense;
-        }
-    }
-    tangent_stiffness(body, &room.loads, 1, &room.at, tense, room.rest, room.tangent);
+    memset(out, 0, (size_t)(36 * n * n) * sizeof(double));
+    if (!factor_response(body, inputs, step, q, &room, &rule)) return;
     full_operator(body, &room.at, room.operator_);
     node_jacobians(body, &room.at, room.operator_, room.translation, room.spin);
     for (int64_t i = 0; i < n; i++) {
@@ -223,17 +239,43 @@ void body_compliance(Body *body, const double *inputs, double step, const double
         memcpy(room.motion + 6 * i * m, room.translation + k * size, (size_t)size * sizeof(double));
         memcpy(room.motion + (6 * i + 3) * m, room.spin + k * size, (size_t)size * sizeof(double));
     }
-    for (int64_t i = 0; i < m; i++) {
-        for (int64_t j = 0; j < m; j++) {
-            const double slope = room.tangent[i * m + j] - (i == j ? body->stiffness[i] : 0.0);
-            const double coupled = p->tied ? body->coupled[i * m + j] / step : 0.0;
-            room.lower[i * m + j] = (i == j ? 1.0 : 0.0) + rule->gq[i] * (0.5 * slope + coupled);
-        }
+    for (int64_t i = 0; i < m; i++)
         for (int64_t k = 0; k < 6 * n; k++) room.change[i * 6 * n + k] = rule->gq[i] * room.motion[k * m + i];
-    }
-    if (lu_factor(room.lower, body->pivot, m))
-        lu_solve(room.lower, body->pivot, room.change, m, 6 * n);
-    else
-        memset(room.change, 0, (size_t)(m * 6 * n) * sizeof(double));
+    lu_solve(room.lower, body->pivot, room.change, m, 6 * n);
     product(room.motion, room.change, out, 6 * n, m, 6 * n);
+}
+
+void body_derivative(Body *body, const double *inputs, double step, const double *q, const double *direction, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    const Rule *rule;
+    Arena arena = work_arena(body);
+    Room room;
+    take_room(body, &arena, &room);
+    memset(out, 0, (size_t)(6 * p->interfaces) * sizeof(double));
+    if (!factor_response(body, inputs, step, q, &room, &rule)) return;
+    /* Modal forces are linear in the loads. */
+    double *with = room.force, *without = room.force + m;
+    spread(body, direction, &room.loads);
+    modal_force(body, &room.loads, 1, &room.at, 0, room.scratch, with);
+    memset(room.row, 0, (size_t)m * sizeof(double));
+    memset(room.loads.force, 0, (size_t)(3 * p->nodes) * sizeof(double));
+    memset(room.loads.moment, 0, (size_t)(3 * p->nodes) * sizeof(double));
+    memset(room.loads.constant, 0, (size_t)m * sizeof(double));
+    memset(room.loads.geometric, 0, (size_t)(p->by_load_given * m * m) * sizeof(double));
+    modal_force(body, &room.loads, 1, &room.at, 0, room.scratch, without);
+    for (int64_t j = 0; j < m; j++) room.row[j] = rule->gq[j] * (with[j] - without[j]);
+    lu_solve(room.lower, body->pivot, room.row, m, 1);
+    node_rates(body, &room.at, room.row, room.scratch, room.translation, room.spin);
+    for (int64_t i = 0; i < p->interfaces; i++) {
+        const int64_t k = p->frames + i;
+        double vector[3], rotation[9], jacobian[9];
+        int64_t pivot[3];
+        memcpy(out + 6 * i, room.translation + 3 * k, 3 * sizeof(double));
+        memcpy(out + 6 * i + 3, room.spin + 3 * k, 3 * sizeof(double));
+        /* A spin turns the rotation vector by T^-1. */
+        rotation_vector(room.at.rotation + 9 * k, vector);
+        exponential(vector, rotation, jacobian);
+        if (lu_factor(jacobian, pivot, 3)) lu_solve(jacobian, pivot, out + 6 * i + 3, 3, 1);
+    }
 }
