@@ -9,6 +9,12 @@
 
 #include "program.h"
 
+#if defined(_WIN32)
+#define FLEX_EXPORT __declspec(dllexport)
+#else
+#define FLEX_EXPORT __attribute__((visibility("default")))
+#endif
+
 /* Where all nodes are for one q. Pointers go into a workspace. */
 typedef struct {
     double *q;        /* (m) */
@@ -79,44 +85,44 @@ enum {
 };
 
 /* Make a body of an image, which is copied; null with words in `why` where it cannot be. */
-Body *body_open(const void *image, int64_t size, const char **why);
-void body_close(Body *body);
+FLEX_EXPORT Body *body_open(const void *image, int64_t size, const char **why);
+FLEX_EXPORT void body_close(Body *body);
 /* Options; FLEX_BAD_OPTION where one is out of range. */
-int body_options(Body *body, double damping_scale, const StepLimits *limits);
+FLEX_EXPORT int body_options(Body *body, double damping_scale, const StepLimits *limits);
 
 /* Stable equilibrium q (m) under loads (L); `share` is how much of the load was reached, `rounds` Newton's. */
-int body_static(Body *body, const double *inputs, double *q, double *share, int64_t *rounds);
+FLEX_EXPORT int body_static(Body *body, const double *inputs, double *q, double *share, int64_t *rounds);
 /* A step from (q, v), overwritten where the answer is FLEX_OK; `inputs_end` null for loads held over the step.
  * `hint` is the number of internal steps to begin with, and the one for the next step. */
-int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
+FLEX_EXPORT int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
               int64_t *hint, Work *work);
 
 /* Displacement and rotation vector of each interface (I, 2, 3); velocity and spin unless null (v may then be null). */
-void body_motion(Body *body, const double *q, const double *v, double *motion, double *rates);
+FLEX_EXPORT void body_motion(Body *body, const double *q, const double *v, double *motion, double *rates);
 /* Places (K, 3) and rotations (K, 3, 3) of all nodes. */
-void body_nodes(Body *body, const double *q, double *position, double *rotation);
+FLEX_EXPORT void body_nodes(Body *body, const double *q, double *position, double *rotation);
 /* Largest von Mises stress of each set, N/m2. */
-void body_stress(Body *body, const double *q, double *largest);
-void body_energies(Body *body, const double *q, const double *v, double *strain, double *kinetic);
+FLEX_EXPORT void body_stress(Body *body, const double *q, double *largest);
+FLEX_EXPORT void body_energies(Body *body, const double *q, const double *v, double *strain, double *kinetic);
 /* Modal force Q(q) and the tangent stiffness (m, m) under loads (L); either may be null. */
-void body_forces(Body *body, const double *inputs, const double *q, double *force, double *tangent);
+FLEX_EXPORT void body_forces(Body *body, const double *inputs, const double *q, double *force, double *tangent);
 /* M(q), (m, m). */
-void body_mass(Body *body, const double *q, double *mass);
+FLEX_EXPORT void body_mass(Body *body, const double *q, double *mass);
 /* Angle of each watched rotation within a frame, (turnings), rad; the largest. */
-double body_rotations(Body *body, const double *q, double *angles);
+FLEX_EXPORT double body_rotations(Body *body, const double *q, double *angles);
 /* Smallest eigenvalue of the tangent over the unloaded one; its shape (m) unless null. */
-double body_stability(Body *body, const double *inputs, const double *q, double *shape);
-int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
+FLEX_EXPORT double body_stability(Body *body, const double *inputs, const double *q, double *shape);
+FLEX_EXPORT int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
 /* What loads alone take off the stability in a shape. */
-double body_softening(Body *body, const double *inputs, const double *q, const double *shape);
+FLEX_EXPORT double body_softening(Body *body, const double *inputs, const double *q, const double *shape);
 /* Error of deflections from stiffness that the method misses: whether it may exceed a limit; itself; its own margin. */
-int body_may_miss(Body *body, const double *inputs, double limit);
-double body_missed(Body *body, const double *inputs, double *margin);
+FLEX_EXPORT int body_may_miss(Body *body, const double *inputs, double limit);
+FLEX_EXPORT double body_missed(Body *body, const double *inputs, double *margin);
 /* Derivative (6n, 6n) of n interfaces' motion at a step's end by loads on them held over the step, in load order. */
-void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
+FLEX_EXPORT void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
                      int64_t n, double *out);
 /* Change (6I) of the interfaces' displacements and rotation vectors at a step's end with loads that change along
  * `direction` (L), held over the step. */
-void body_derivative(Body *body, const double *inputs, double step, const double *q, const double *direction, double *out);
+FLEX_EXPORT void body_derivative(Body *body, const double *inputs, double step, const double *q, const double *direction, double *out);
 
 #endif

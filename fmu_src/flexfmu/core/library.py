@@ -71,30 +71,41 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 }
 
 
+def library_path() -> Path:
+    """The core's library of this machine.
+
+    Raises
+    ------
+    OptionError
+        There is none.
+    """
+    for path in sorted(Path(__file__).parent.glob("_flexcore*")):
+        if path.suffix in (".so", ".pyd", ".dylib", ".dll"):
+            return path
+    raise OptionError(
+        f"no core for this machine in {Path(__file__).parent}: install flexfmu anew, with a C compiler at hand or from a "
+        "wheel"
+    )
+
+
 @cache
 def library() -> ctypes.CDLL:
-    """The core's library beside this file.
+    """The core, loaded.
 
     Raises
     ------
     OptionError
         There is none for this machine.
     """
-    for path in sorted(Path(__file__).parent.glob("_flexcore*")):
-        if path.suffix not in (".so", ".pyd", ".dylib", ".dll"):
-            continue
-        try:
-            found = ctypes.CDLL(str(path))
-        except OSError:
-            continue
-        for name, (result, arguments) in _SIGNATURES.items():
-            function = getattr(found, name)
-            function.restype, function.argtypes = result, arguments
-        return found
-    raise OptionError(
-        f"no core for this machine beside {Path(__file__).parent}: install flexfmu anew, with a C compiler at hand or "
-        "from a wheel"
-    )
+    path = library_path()
+    try:
+        found = ctypes.CDLL(str(path))
+    except OSError as error:
+        raise OptionError(f"{path} cannot be loaded: {error}; install flexfmu anew") from error
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(found, name)
+        function.restype, function.argtypes = result, arguments
+    return found
 
 
 def _place(array: NDArray[Any] | None) -> int | None:

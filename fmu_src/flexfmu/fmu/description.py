@@ -47,7 +47,15 @@ def model_description(body: ReducedBody, guid: str) -> bytes:
     bytes
         UTF-8 XML.
     """
-    table = variable_table(body)
+    return _description(body, variable_table(body), guid, native=False)
+
+
+def native_description(body: ReducedBody, table: tuple[Variable, ...], guid: str) -> bytes:
+    """The model description of the FMU with the core in C."""
+    return _description(body, table, guid, native=True)
+
+
+def _description(body: ReducedBody, table: tuple[Variable, ...], guid: str, *, native: bool) -> bytes:
     root = Element(
         "fmiModelDescription",
         fmiVersion="2.0",
@@ -66,11 +74,12 @@ def model_description(body: ReducedBody, guid: str) -> bytes:
         modelIdentifier=body.name,
         needsExecutionTool="false",
         canHandleVariableCommunicationStepSize="true",
-        canInterpolateInputs="false",
+        canInterpolateInputs="true" if native else "false",
         canBeInstantiatedOnlyOncePerProcess="false",
         canNotUseMemoryManagementFunctions="true",
         canGetAndSetFMUstate="true",
         canSerializeFMUstate="true",
+        **({"providesDirectionalDerivative": "true"} if native else {}),
     )
     units = SubElement(root, "UnitDefinitions")
     used = {variable.unit for variable in table}

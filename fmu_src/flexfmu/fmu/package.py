@@ -26,7 +26,8 @@ from ..runtime.reduced_body import ReducedBody
 from ..runtime.slave import MODAL_FILE
 from ..runtime.state_block import identity
 from ..targets import check_target, whole_file
-from .description import model_description
+from . import variables as native_variables
+from .description import model_description, native_description
 
 # pythonfmu's base class of slaves and what it imports; the rest of the library is for building only.
 _SLAVE_LIBRARY = ("fmi2slave", "_version", "default_experiment", "enums", "logmsg", "variables")
@@ -75,6 +76,42 @@ def package_fmu(body: ReducedBody, output: Path) -> None:
             entry = zipfile.ZipInfo(name, _DATE)
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
+
+
+def package_native_fmu(body: ReducedBody, output: Path) -> None:
+    """As `package_fmu`, with the core in C: nothing else is needed where the FMU runs."""
+    check_target(output, (".fmu",))
+    contents = _native_contents(body)
+    with whole_file(output) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(contents):
+            entry = zipfile.ZipInfo(name, _DATE)
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
+
+
+def _native_contents(body: ReducedBody) -> dict[str, bytes]:
+    from ..core.library import library_path
+    from ..core.building import this_platform
+    from ..program.programs import programs
+
+    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
+        path = Path(folder) / MODAL_FILE
+        write_modal_file(body, path)
+        modal = path.read_bytes()
+    table = native_variables.variable_table(body)
+    binary = library_path()
+    binaries = {f"binaries/{this_platform()}/{body.name}{binary.suffix}": binary.read_bytes()}
+    digest = hashlib.sha256()
+    made = programs(body, table, "")
+    for name, data in sorted({**binaries, **made, MODAL_FILE: modal, "xml": native_description(body, table, "")}.items()):
+        digest.update(f"{name}\0{len(data)}\0".encode() + data)
+    guid = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
+    return {
+        DESCRIPTION: native_description(body, table, guid),
+        f"resources/{MODAL_FILE}": modal,
+        **{f"resources/{name}": data for name, data in programs(body, table, guid).items()},
+        **binaries,
+    }
 
 
 def _contents(body: ReducedBody) -> dict[str, bytes]:

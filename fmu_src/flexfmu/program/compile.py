@@ -37,7 +37,7 @@ def names_of_inputs(body: ReducedBody) -> list[str]:
 
 
 @dataclass(slots=True)
-class _Draft:
+class Draft:
     """What will be a program."""
 
     sizes: dict[str, int]
@@ -47,7 +47,7 @@ class _Draft:
         return write_image(self.sizes, self.arrays)
 
 
-def compile_program(body: ReducedBody, formulation: Formulation, description: "_Draft | None" = None) -> bytes:
+def compile_program(body: ReducedBody, formulation: Formulation, description: "Draft | None" = None) -> bytes:
     """Program of a body under a formulation.
 
     Parameters
@@ -91,7 +91,7 @@ def _second_order_loads(formulation: Formulation) -> bool:
     return formulation.kinematics is Kinematics.SECOND_ORDER and formulation.loads is LoadPlacement.DEFORMED
 
 
-def _kinematics(body: ReducedBody, formulation: Formulation) -> _Draft:
+def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
     """Everything but geometric stiffness and the second opinion on it."""
     m, interfaces = body.mode_count, body.interface_count
     tree = build_tree(body, formulation.kinematics)
@@ -110,7 +110,7 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> _Draft:
     turning, turning_frame = _turning(body, tree.frames)
     names = [*body.interface_names, *body.frame_names[: tree.frames], *names_of_inputs(body)]
     points = [part.stress.reshape(-1, 6, m) for part in body.stress_sets]
-    draft = _Draft(
+    draft = Draft(
         {
             "modes": m,
             "rigid": rigid,
@@ -162,7 +162,7 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> _Draft:
     return draft
 
 
-def _texts(draft: _Draft, name: str, texts: list[str]) -> None:
+def _texts(draft: Draft, name: str, texts: list[str]) -> None:
     data = b"".join(text.encode() + b"\0" for text in texts)
     draft.arrays[name] = data
     draft.sizes[{"names": "name_bytes", "advice": "advice_bytes", "guid": "guid_bytes"}[name]] = len(data)
@@ -186,7 +186,7 @@ def _in_load_order(by_load: FloatArray, interfaces: int) -> FloatArray:
     return result
 
 
-def _unit_load_tangents(draft: _Draft, body: ReducedBody) -> FloatArray:
+def _unit_load_tangents(draft: Draft, body: ReducedBody) -> FloatArray:
     """What each unit load adds to the tangent stiffness of the undeformed body, (L, m, m)."""
     core = Core(draft.image())
     still = np.zeros(body.mode_count)
@@ -210,7 +210,7 @@ def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, NDArray[np.int
     return np.concatenate(rotations), np.concatenate([np.arange(frames), parent, on])
 
 
-def _ties(draft: _Draft, body: ReducedBody, tree: Tree) -> None:
+def _ties(draft: Draft, body: ReducedBody, tree: Tree) -> None:
     """Springs that join the parts of a cut body; H is their stiffness at q = 0, which the modes hold."""
     ties = body.ties
     assert ties is not None
@@ -239,7 +239,7 @@ def _ties(draft: _Draft, body: ReducedBody, tree: Tree) -> None:
     }
 
 
-def _inertia(draft: _Draft, body: ReducedBody) -> None:
+def _inertia(draft: Draft, body: ReducedBody) -> None:
     """Integrals of the mass that each frame carries."""
     data = body.inertia
     if data is None:
@@ -259,7 +259,7 @@ def _inertia(draft: _Draft, body: ReducedBody) -> None:
     }
 
 
-def _judge(draft: _Draft, body: ReducedBody, formulation: Formulation) -> None:
+def _judge(draft: Draft, body: ReducedBody, formulation: Formulation) -> None:
     """A second opinion on the tangent stiffness, by the best that the body holds (section 7)."""
     own = _unit_load_tangents(draft, body)
     if formulation.stiffness is Stiffness.BY_MODE:
@@ -299,7 +299,7 @@ def _judge(draft: _Draft, body: ReducedBody, formulation: Formulation) -> None:
     _texts(draft, "advice", ["", "", source])
 
 
-def _by_mode(draft: _Draft, body: ReducedBody) -> FloatArray:
+def _by_mode(draft: Draft, body: ReducedBody) -> FloatArray:
     """Tangent (L, m, m) of stiffness by mode in the linear response to each unit load."""
     by_mode = np.asarray(body.stiffness_by_mode)
     core = Core(draft.image())

@@ -1,0 +1,55 @@
+"""What the FMI layer needs of a body besides mechanics: the table of variables as arrays of a program."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..fmu.variables import Group, Variable
+from ..runtime.reduced_body import ReducedBody
+from .compile import Draft
+
+_TYPES = ("Real", "Integer", "Boolean", "String")
+
+
+def variable_fields(body: ReducedBody, table: Sequence[Variable], guid: str) -> Draft:
+    """Fields of a program that describe its variables.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    table : sequence of Variable
+        By value reference.
+    guid : str
+        Of the model description.
+
+    Returns
+    -------
+    Draft
+    """
+    groups = list(Group)
+    counts = dict.fromkeys(Group, 0)
+    index = []
+    for variable in table:
+        index.append(counts[variable.group])
+        counts[variable.group] += 1
+    texts = b"".join("".join(f"{text}\n" for text in (v.name, *v.choices)).encode() + b"\0" for v in table)
+    start = [v.choices.index(str(v.start)) if v.choices else float(v.start or 0.0) for v in table]
+    offered = [body.interface_names.index(name) for name in body.compliance_interfaces]
+    named = guid.encode() + b"\0"
+    return Draft(
+        {
+            "variables": len(table),
+            "variable_bytes": len(texts),
+            "guid_bytes": len(named),
+            "compliances": len(offered),
+        },
+        {
+            "variable_type": np.array([_TYPES.index(v.type) for v in table]),
+            "variable_role": np.array([groups.index(v.group) for v in table]),
+            "variable_index": np.array(index),
+            "variable_start": np.array(start, dtype=np.float64),
+            "variable_texts": texts,
+            "guid": named,
+            "compliance_interface": np.array(offered, dtype=np.int64),
+        },
+    )

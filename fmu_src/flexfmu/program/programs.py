@@ -1,0 +1,83 @@
+"""The programs that an FMU carries: one for each method that its body has the data for, and interfaces that the scene fixes."""
+
+from itertools import combinations
+
+from ..fmu.variables import Variable
+from ..methods import Method, formulation_of, method_of, offered
+from ..runtime.division import divided
+from ..runtime.errors import OptionError
+from ..runtime.fixing import with_fixed_interfaces
+from ..runtime.reduced_body import GROUND, Formulation, Kinematics, Mass, ReducedBody
+from .compile import compile_program
+from .description import variable_fields
+
+DESCRIPTION = "body.prog"
+"""The program of the method that the FMU starts with; it describes the variables, too."""
+# Sets of interfaces that a linear body may be fixed at: all of them as long as there are few.
+_MOST_FIXED = 5
+
+
+def program_of(body: ReducedBody, formulation: Formulation, fixed: tuple[str, ...] = ()) -> bytes:
+    """Program of a body under a formulation, some of its interfaces fixed.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    formulation : Formulation
+    fixed : tuple of str
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    OptionError
+        The formulation needs data that the body was built without, or interfaces cannot be fixed.
+    """
+    held = with_fixed_interfaces(body, fixed, formulation.kinematics)
+    return compile_program(divided(held, formulation), formulation)
+
+
+def programs(body: ReducedBody, table: tuple[Variable, ...], guid: str) -> dict[str, bytes]:
+    """Every program of a body's FMU by its file name.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    table : tuple of Variable
+    guid : str
+
+    Returns
+    -------
+    dict of str to bytes
+    """
+    fields = variable_fields(body, table, guid)
+    start = method_of(body.formulation)
+    result = {}
+    for method in offered(body):
+        mass = body.formulation.mass if method in (Method.FRAMES, start) else Mass.CONSTANT
+        formulation = formulation_of(method, mass)
+        for fixed in _fixed_sets(body, formulation):
+            names = tuple(body.interface_names[number] for number in fixed)
+            try:
+                held = divided(with_fixed_interfaces(body, names, formulation.kinematics), formulation)
+            except OptionError:
+                if not fixed:
+                    raise
+                # A set that leaves the body no coordinates: the FMU says that it is not there.
+                continue
+            name = DESCRIPTION if method is start and not fixed else f"{'-'.join([method.value, *map(str, fixed)])}.prog"
+            result[name] = compile_program(held, formulation, fields)
+    return result
+
+
+def _fixed_sets(body: ReducedBody, formulation: Formulation) -> list[tuple[int, ...]]:
+    """Sets of interfaces that a scene may fix, none first."""
+    if body.root_interface == GROUND:
+        return [()]
+    if formulation.kinematics is not Kinematics.LINEAR:
+        return [(), (body.root_interface,)]
+    count = body.interface_count
+    sizes = range(count + 1) if count <= _MOST_FIXED else (0, 1, count)
+    return [chosen for size in sizes for chosen in combinations(range(count), size)]
