@@ -1,5 +1,5 @@
 """The core in C, and the one place where Python calls it."""
 
-from .library import Core, StepWork
+from .library import Core, StepAnswer
 
-__all__ = ["Core", "StepWork"]
+__all__ = ["Core", "StepAnswer"]

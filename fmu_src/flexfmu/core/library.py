@@ -3,7 +3,7 @@
 import ctypes
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from enum import Enum
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..runtime.errors import EquilibriumError, OptionError, RuntimeBodyError, StepError
+from ..program.image import read_image
+from ..runtime.errors import OptionError
 
 FloatArray = NDArray[np.float64]
 
-_FREE, _BEYOND_CRITICAL, _TOO_MUCH, _NOT_FINITE, _NOT_CONVERGED, _BAD_STEP = 4, 5, 3, 1, 2, 6
 _PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
 
 
@@ -31,22 +31,17 @@ class _Work(ctypes.Structure):
     _fields_ = [("substeps", _WHOLE), ("iterations", _WHOLE), ("error", _NUMBER)]
 
 
-@dataclass(frozen=True, slots=True)
-class StepWork:
-    """What a step cost.
+class StepAnswer(Enum):
+    """How a step or an equilibrium ended; as core/body.h has it."""
 
-    Attributes
-    ----------
-    substeps : int
-    iterations : int
-        Rounds of the implicit iteration over all sub-steps, discarded tries included.
-    error : float
-        Estimated error of the step, relative, as the tolerance bounds it.
-    """
-
-    substeps: int
-    iterations: int
-    error: float
+    OK = 0
+    NOT_FINITE = 1
+    NOT_CONVERGED = 2
+    TOO_MUCH_WORK = 3
+    FREE = 4
+    BEYOND_CRITICAL = 5
+    BAD_STEP = 6
+    BAD_OPTION = 7
 
 
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -150,30 +145,31 @@ class Core:
             raise OptionError(f"not a program: {(why.value or b'').decode()}")
         if self._library.body_options(self._body, damping_scale, _Limits(longest, tolerance, effort)):
             raise OptionError("an option is out of range")
-        sizes = np.frombuffer(image, dtype="<i8", count=15, offset=40)
-        self.modes, self.nodes, self.frames, self.interfaces = int(sizes[0]), *(int(x) for x in sizes[2:5])
-        self.loads = int(sizes[6])
+        program = read_image(image)
+        self.modes, self.nodes, self.frames, self.interfaces, self.loads = (
+            program.sizes[name] for name in ("modes", "nodes", "frames", "interfaces", "loads")
+        )
+        self.turning_frame = program.arrays["turning_frame"].astype(np.int64)
 
     def __del__(self) -> None:
         if self._body:
             self._library.body_close(self._body)
 
-    def static(self, inputs: FloatArray) -> tuple[FloatArray, int]:
-        """Stable equilibrium (m,) under loads (L,), and the rounds that it took.
+    def static(self, inputs: FloatArray) -> tuple[StepAnswer, FloatArray, float, int]:
+        """Stable equilibrium under loads (L,).
 
-        Raises
-        ------
-        EquilibriumError
-            There is none that the unloaded body could reach.
+        Returns
+        -------
+        answer : StepAnswer
+        q : (m,) float
+        share : float
+            Of the load that was reached.
+        rounds : int
         """
         q, share, rounds = np.zeros(self.modes), np.zeros(1), np.zeros(1, dtype=np.int64)
         loads = _given(inputs)
         answer = self._library.body_static(self._body, _place(loads), _place(q), _place(share), _place(rounds))
-        if answer == _FREE:
-            raise EquilibriumError("the body is free to move and has no equilibrium of its own", 0.0)
-        if answer:
-            raise EquilibriumError(f"no stable equilibrium beyond {100.0 * share[0]:.1f} % of the load", float(share[0]))
-        return q, int(rounds[0])
+        return StepAnswer(answer), q, float(share[0]), int(rounds[0])
 
     def step(
         self,
@@ -183,22 +179,35 @@ class Core:
         step: float,
         end_inputs: FloatArray | None = None,
         hint: int = 1,
-    ) -> tuple[FloatArray, FloatArray, int, StepWork]:
-        """State after a step: q and v (m,), the number of internal steps to try next, and what it cost.
+    ) -> tuple[StepAnswer, FloatArray, FloatArray, int, tuple[int, int, float]]:
+        """State after a step.
 
-        Raises
-        ------
-        StepError
-            The step has no result.
+        Parameters
+        ----------
+        q, v : (m,) float
+            Left untouched.
+        inputs, end_inputs : (L,) float
+            Loads over the step, or at its start and end.
+        step : float
+            s.
+        hint : int
+            Number of internal steps to begin with.
+
+        Returns
+        -------
+        answer : StepAnswer
+        q, v : (m,) float
+        hint : int
+            For the next step.
+        work : tuple
+            Internal steps, rounds, and the estimated error.
         """
         q1, v1, next_hint, work = np.array(q, float), np.array(v, float), np.array([hint], dtype=np.int64), _Work()
         loads, end = _given(inputs), None if end_inputs is None else _given(end_inputs)
         answer = self._library.body_step(
             self._body, _place(loads), _place(end), step, _place(q1), _place(v1), _place(next_hint), ctypes.byref(work)
         )
-        if answer:
-            raise StepError(f"step of {step} s: {answer}")
-        return q1, v1, int(next_hint[0]), StepWork(work.substeps, work.iterations, work.error)
+        return StepAnswer(answer), q1, v1, int(next_hint[0]), (work.substeps, work.iterations, work.error)
 
     def motion(self, q: FloatArray) -> FloatArray:
         """Displacement and rotation vector of each interface in turn, (6I,)."""
@@ -254,9 +263,9 @@ class Core:
         at = _given(q)
         return float(self._library.body_rotations(self._body, _place(at), None))
 
-    def rotations(self, q: FloatArray, count: int) -> FloatArray:
-        """All of them, rad."""
-        at, result = _given(q), np.empty(count)
+    def rotations(self, q: FloatArray) -> FloatArray:
+        """Each rotation that is watched, rad, in the order of `turning_frame`."""
+        at, result = _given(q), np.empty(self.turning_frame.size)
         self._library.body_rotations(self._body, _place(at), _place(result))
         return result
 

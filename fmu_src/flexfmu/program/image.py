@@ -16,6 +16,7 @@ FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
 VERSION = 1
 _MARK = b"flexprog"
 _WORD = 8
+_HEAD = struct.Struct("<8sqQqQ")
 _FIELD = re.compile(r"^(SIZE|REAL|INTEGER|TEXT)\((\w+)(?:, ([^)]*))?\)", re.MULTILINE)
 _DTYPE = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("u1")}
 
@@ -68,6 +69,37 @@ def _table() -> bytes:
     return "".join(lines).encode()
 
 
+@dataclass(frozen=True, slots=True)
+class Image:
+    """What an image holds.
+
+    Attributes
+    ----------
+    sizes : dict of str to int
+    arrays : dict of str to array
+        Flat.
+    """
+
+    sizes: dict[str, int]
+    arrays: dict[str, NDArray[np.generic]]
+
+
+def read_image(image: bytes) -> Image:
+    """Sizes and arrays of an image that the core has accepted."""
+    sizes: dict[str, int] = {}
+    arrays: dict[str, NDArray[np.generic]] = {}
+    at = _HEAD.size
+    for field in fields():
+        if field.kind == "SIZE":
+            sizes[field.name] = struct.unpack_from("<q", image, at)[0]
+            at += _WORD
+            continue
+        values = np.frombuffer(image, _DTYPE[field.kind], _count(field.count, sizes), at)
+        arrays[field.name] = values
+        at += values.nbytes + -values.nbytes % _WORD
+    return Image(sizes, arrays)
+
+
 def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[np.generic] | bytes]) -> bytes:
     """Image of a program.
 
@@ -105,8 +137,7 @@ def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[np.generi
         data = values.astype(_DTYPE[field.kind]).tobytes()
         parts.append(data + b"\0" * (-len(data) % _WORD))
     body = b"".join(parts)
-    head = struct.Struct("<8sqQqQ")
-    return head.pack(_MARK, VERSION, checksum(_table()), head.size + len(body), checksum(body)) + body
+    return _HEAD.pack(_MARK, VERSION, checksum(_table()), _HEAD.size + len(body), checksum(body)) + body
 
 
 def _count(expression: str, sizes: Mapping[str, int]) -> int:
