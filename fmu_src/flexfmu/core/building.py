@@ -113,3 +113,22 @@ def compile_core(output: Path, compiler: Sequence[str], target: str | None = Non
         part.replace(output)
     finally:
         part.unlink(missing_ok=True)
+
+
+def compile_for_this_machine(output: Path) -> None:
+    """Compile the core for this machine, by its C compiler or by pip's zig.
+
+    Raises
+    ------
+    RuntimeError
+        There is no compiler, or it fails, with its words.
+    """
+    compiler, target = system_compiler(), None
+    if compiler is None:
+        compiler, target = zig_compiler(), TARGETS[this_platform()][0]
+    if compiler is None:
+        raise RuntimeError("no C compiler: install one, or pip install ziglang")
+    try:
+        compile_core(output, compiler, target)
+    except subprocess.CalledProcessError as error:
+        raise RuntimeError(f"{' '.join(compiler)} cannot compile the core: {error.stderr}") from error

@@ -1,11 +1,22 @@
 """The FMU's modelDescription.xml, made from the table of variables."""
 
 import math
+from enum import Enum
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from .. import __version__
 from ..runtime.reduced_body import ReducedBody
-from ..runtime.variables import Variable, variable_table
+from .variables import Variable, variable_table
+
+
+class Runtime(Enum):
+    """What runs a body inside the FMU."""
+
+    NATIVE = "native"
+    """The core in C: nothing else is needed where the FMU runs."""
+    PYTHON = "python"
+    """pythonfmu's library and a Python of its own, over the same core."""
+
 
 LOG_CATEGORIES = {
     "logStatusWarning": "something that the user should look at",
@@ -34,28 +45,22 @@ _UNITS: dict[str, dict[str, int]] = {
 _DEGREE = {"rad": "deg", "rad/s": "deg/s"}
 
 
-def model_description(body: ReducedBody, guid: str) -> bytes:
+def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.NATIVE) -> bytes:
     """The model description of a body's FMU; the same body gives the same bytes.
 
     Parameters
     ----------
     body : ReducedBody
     guid : str
+    runtime : Runtime
 
     Returns
     -------
     bytes
         UTF-8 XML.
     """
-    return _description(body, variable_table(body), guid, native=False)
-
-
-def native_description(body: ReducedBody, table: tuple[Variable, ...], guid: str) -> bytes:
-    """The model description of the FMU with the core in C."""
-    return _description(body, table, guid, native=True)
-
-
-def _description(body: ReducedBody, table: tuple[Variable, ...], guid: str, *, native: bool) -> bytes:
+    table = variable_table(body)
+    native = runtime is Runtime.NATIVE
     root = Element(
         "fmiModelDescription",
         fmiVersion="2.0",

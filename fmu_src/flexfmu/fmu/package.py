@@ -1,43 +1,43 @@
-"""The FMU archive: modal file, travelling code under a name of its own, pythonfmu's library, model description.
+"""The FMU archive: model description, modal file, programs, and the core that runs them.
 
-pythonfmu puts the resources of every FMU of a process on one module search path and imports by name. The travelling
-code therefore lies in a package whose name is a hash of everything in the archive: other contents, other name.
+Of the runtime "native" the core itself is the FMU's library. Of the runtime "python" it is pythonfmu's, which calls the
+core by way of a slave in Python. pythonfmu puts the resources of every FMU of a process on one module search path and
+imports by name: the slave lies in a package whose name is a hash of everything in the archive.
 """
 
 import hashlib
 import io
-import re
 import tempfile
 import uuid
 import zipfile
 import zlib
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 import pythonfmu
 
-from .. import runtime
+from ..core.binaries import core_binaries
 from ..errors import PackagingError
-from ..runtime.contents import DESCRIPTION, Contents, described_guid
+from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM
+from ..program.programs import guid_of, programs, with_guid
 from ..runtime.errors import ContentsError, ModalFileError
-from ..runtime.kernel import PATTERN
 from ..runtime.modal_file import read_modal_file, write_modal_file
 from ..runtime.reduced_body import ReducedBody
-from ..runtime.slave import MODAL_FILE
-from ..runtime.state_block import identity
 from ..targets import check_target, whole_file
-from . import variables as native_variables
-from .description import model_description, native_description
+from .description import Runtime, model_description
+from .python_slave import guid_in
 
+DESCRIPTION = "modelDescription.xml"
+MODAL_FILE = "modal.h5"
 # pythonfmu's base class of slaves and what it imports; the rest of the library is for building only.
 _SLAVE_LIBRARY = ("fmi2slave", "_version", "default_experiment", "enums", "logmsg", "variables")
 _SLAVE_MODULE = '''"""Entry point for pythonfmu's library."""
 
 import ctypes
 
-from {package}.contents import Contents
 from {package}.pythonfmu.fmi2slave import Fmi2Slave
-from {package}.slave import BodySlave
+from {package}.python_slave import BodySlave
 
 # The library runs this file at every instantiation, then gives up a reference to the namespace that it only borrowed:
 # without one more each time, the namespace would be freed while in use.
@@ -47,15 +47,15 @@ ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
 class FlexibleBodySlave(BodySlave, Fmi2Slave):
     """The body, recognisable to pythonfmu."""
 
-    packed = Contents("{guid}", "{modal}")
+    guid = "{guid}"
 '''
-_PACKED = re.compile(r'Contents\("([^"]*)", "([^"]*)"\)')
-_SLAVE_NAME = "resources/slavemodule.txt"
 # The earliest date that the format knows: archives of the same contents are the same.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
-def package_fmu(body: ReducedBody, output: Path) -> None:
+def package_fmu(
+    body: ReducedBody, output: Path, runtime: Runtime = Runtime.NATIVE, platforms: Sequence[str] = ()
+) -> None:
     """Write a body as an FMU; the file appears whole or not at all, and the same body gives the same bytes.
 
     Parameters
@@ -63,91 +63,72 @@ def package_fmu(body: ReducedBody, output: Path) -> None:
     body : ReducedBody
     output : Path
         Ends in ".fmu".
+    runtime : Runtime
+    platforms : sequence of str
+        Names of `core.building.TARGETS`; default: those that this installation has the core for.
 
     Raises
     ------
     OutputError
         A wrong ending, or a folder that is not there or cannot be written to.
+    PackagingError
+        There is no core for a platform, and none can be made.
     """
     check_target(output, (".fmu",))
-    contents = _contents(body)
+    contents = _contents(body, runtime, platforms)
     with whole_file(output) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(contents):
             entry = zipfile.ZipInfo(name, _DATE)
-            entry.external_attr = 0o644 << 16
+            # Libraries can be loaded where the unpacking program keeps permissions.
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
 
 
-def package_native_fmu(body: ReducedBody, output: Path) -> None:
-    """As `package_fmu`, with the core in C: nothing else is needed where the FMU runs."""
-    check_target(output, (".fmu",))
-    contents = _native_contents(body)
-    with whole_file(output) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in sorted(contents):
-            entry = zipfile.ZipInfo(name, _DATE)
-            entry.external_attr = 0o644 << 16
-            archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
-
-
-def _native_contents(body: ReducedBody) -> dict[str, bytes]:
-    from ..core.library import library_path
-    from ..core.building import this_platform
-    from ..program.programs import programs
-
-    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
-        path = Path(folder) / MODAL_FILE
-        write_modal_file(body, path)
-        modal = path.read_bytes()
-    table = native_variables.variable_table(body)
-    binary = library_path()
-    binaries = {f"binaries/{this_platform()}/{body.name}{binary.suffix}": binary.read_bytes()}
-    digest = hashlib.sha256()
-    made = programs(body, table, "")
-    for name, data in sorted({**binaries, **made, MODAL_FILE: modal, "xml": native_description(body, table, "")}.items()):
-        digest.update(f"{name}\0{len(data)}\0".encode() + data)
-    guid = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
-    return {
-        DESCRIPTION: native_description(body, table, guid),
-        f"resources/{MODAL_FILE}": modal,
-        **{f"resources/{name}": data for name, data in programs(body, table, guid).items()},
-        **binaries,
-    }
-
-
-def _contents(body: ReducedBody) -> dict[str, bytes]:
+def _contents(body: ReducedBody, runtime: Runtime, platforms: Sequence[str]) -> dict[str, bytes]:
     """Every file of the archive by its name."""
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
         path = Path(folder) / MODAL_FILE
         write_modal_file(body, path)
         modal = path.read_bytes()
-    travelling = Path(runtime.__file__).parent
-    code = {path.name: path.read_bytes() for path in sorted([*travelling.glob("*.py"), *travelling.glob(PATTERN)])}
-    library = Path(pythonfmu.__file__).parent
-    for name in _SLAVE_LIBRARY:
-        code[f"pythonfmu/{name}.py"] = (library / f"{name}.py").read_bytes()
-    code["pythonfmu/__init__.py"] = (
-        f'"""The slave side of pythonfmu {version("pythonfmu")} (MIT licence)."""\n'.encode()
-    )
-    binaries = {
-        f"binaries/{path.parent.name}/{body.name}{path.suffix}": path.read_bytes()
-        for path in sorted((library / "resources" / "binaries").glob("*/*"))
-    }
-
+    made = programs(body)
+    cores = core_binaries(platforms)
+    described = model_description(body, "", runtime)
+    if runtime is Runtime.NATIVE:
+        binaries = {f"binaries/{folder}/{body.name}{ending}": data for folder, ending, data in _by_folder(cores)}
+        code = {}
+    else:
+        library = Path(pythonfmu.__file__).parent
+        binaries = {
+            f"binaries/{path.parent.name}/{body.name}{path.suffix}": path.read_bytes()
+            for path in sorted((library / "resources" / "binaries").glob("*/*"))
+        }
+        binaries |= {f"resources/core/{name}": data for name, data in cores.items()}
+        code = {f"pythonfmu/{name}.py": (library / f"{name}.py").read_bytes() for name in _SLAVE_LIBRARY}
+        code["pythonfmu/__init__.py"] = f'"""The slave side of pythonfmu {version("pythonfmu")} (MIT licence)."""\n'.encode()
+        code["python_slave.py"] = Path(__file__).with_name("python_slave.py").read_bytes()
+        code["__init__.py"] = b'"""What travels in the FMU."""\n'
     digest = hashlib.sha256()
-    for name, data in sorted({**code, **binaries, MODAL_FILE: modal, "xml": model_description(body, "")}.items()):
+    everything = {**code, **binaries, **with_guid(made, ""), MODAL_FILE: modal, "xml": described}
+    for name, data in sorted(everything.items()):
         digest.update(f"{name}\0{len(data)}\0".encode() + data)
-    package = f"flexfmu_{digest.hexdigest()[:16]}"
     guid = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
-    return {
-        DESCRIPTION: model_description(body, guid),
+    contents = {
+        DESCRIPTION: model_description(body, guid, runtime),
         f"resources/{MODAL_FILE}": modal,
-        _SLAVE_NAME: f"{package}_slave".encode(),
-        f"resources/{package}_slave.py": _SLAVE_MODULE.format(
-            package=package, guid=guid, modal=identity(modal).hex()
-        ).encode(),
-        **{f"resources/{package}/{name}": data for name, data in code.items()},
+        **{f"resources/{name}": data for name, data in with_guid(made, guid).items()},
         **binaries,
     }
+    if runtime is Runtime.PYTHON:
+        package = f"flexfmu_{digest.hexdigest()[:16]}"
+        contents["resources/slavemodule.txt"] = f"{package}_slave".encode()
+        contents[f"resources/{package}_slave.py"] = _SLAVE_MODULE.format(package=package, guid=guid).encode()
+        contents |= {f"resources/{package}/{name}": data for name, data in code.items()}
+    return contents
+
+
+def _by_folder(cores: dict[str, bytes]) -> list[tuple[str, str, bytes]]:
+    """Folder of FMI's platform, ending and contents of each core."""
+    return [(Path(name).stem, Path(name).suffix, data) for name, data in cores.items()]
 
 
 def read_packaged_body(path: Path) -> ReducedBody:
@@ -166,7 +147,7 @@ def read_packaged_body(path: Path) -> ReducedBody:
     PackagingError
         The archive is no FMU of flexfmu.
     ContentsError
-        Its model description or modal file is that of another FMU.
+        Its model description is that of another FMU.
     ModalFileError
         The modal file is missing, damaged, altered or of an unknown version.
     """
@@ -182,17 +163,20 @@ def read_packaged_body(path: Path) -> ReducedBody:
             if name not in archive.namelist():
                 raise PackagingError(f"{path}: an archive without {name}; expected an FMU made by flexfmu")
             data = archive.read(name)
-            packed = _PACKED.search(archive.read(f"resources/{archive.read(_SLAVE_NAME).decode()}.py").decode())
-            guid = described_guid(archive.read(DESCRIPTION))
+            program = archive.read(f"resources/{DESCRIBING_PROGRAM}")
+            guid = guid_in(archive.read(DESCRIPTION))
     except KeyError as error:
         raise PackagingError(f"{path}: an FMU that is not complete ({error}); build it again") from error
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
         raise PackagingError(f"{path}: the archive is damaged ({error}); build or copy it again") from error
-    if packed is None:
-        raise PackagingError(f"{path}: an FMU that does not tell what it was packed with; build it again")
     try:
         body = read_modal_file(io.BytesIO(data))
-        Contents(*packed.groups()).check(identity(data), guid)
-    except (ModalFileError, ContentsError) as error:
-        raise type(error)(f"{path}: {error}") from error
+    except ModalFileError as error:
+        raise ModalFileError(f"{path}: {error}") from error
+    packed = guid_of(program)
+    if guid != packed:
+        raise ContentsError(
+            f"{path}: {DESCRIPTION} has the guid {guid}, and the programs beside it are of {packed}: files of two FMUs are "
+            "mixed; unpack the FMU again, or build it again"
+        )
     return body

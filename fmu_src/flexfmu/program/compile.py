@@ -47,20 +47,18 @@ class Draft:
         return write_image(self.sizes, self.arrays)
 
 
-def compile_program(body: ReducedBody, formulation: Formulation, description: "Draft | None" = None) -> bytes:
-    """Program of a body under a formulation.
+def compile_draft(body: ReducedBody, formulation: Formulation) -> Draft:
+    """Program of a body under a formulation, without what the FMI layer needs besides.
 
     Parameters
     ----------
     body : ReducedBody
         Its frames divided as the formulation asks for, its interfaces fixed as the scene does.
     formulation : Formulation
-    description : optional
-        What the FMI layer needs besides.
 
     Returns
     -------
-    bytes
+    Draft
 
     Raises
     ------
@@ -68,13 +66,9 @@ def compile_program(body: ReducedBody, formulation: Formulation, description: "D
         The formulation needs data that the body was built without.
     """
     draft = _kinematics(body, formulation)
-    if description is not None:
-        draft.sizes |= description.sizes
-        draft.arrays |= description.arrays
     if formulation.stiffness is Stiffness.BY_MODE:
         draft.sizes["by_mode_given"] = 1
         draft.arrays["by_mode"] = _given(body.stiffness_by_mode, formulation)
-    by_load = None
     if formulation.stiffness is Stiffness.BY_LOAD:
         # What moving loads do at first order by themselves *is* part of it: taken out, nothing counts twice.
         data = _in_load_order(_given(body.stiffness_by_load, formulation), body.interface_count)
@@ -83,7 +77,12 @@ def compile_program(body: ReducedBody, formulation: Formulation, description: "D
         draft.arrays["by_load"] = by_load
     elif body.ties is None and not _second_order_loads(formulation):
         _judge(draft, body, formulation)
-    return draft.image()
+    return draft
+
+
+def compile_program(body: ReducedBody, formulation: Formulation) -> bytes:
+    """The same as an image."""
+    return compile_draft(body, formulation).image()
 
 
 def _second_order_loads(formulation: Formulation) -> bool:

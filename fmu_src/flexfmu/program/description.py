@@ -11,7 +11,7 @@ from .compile import Draft
 _TYPES = ("Real", "Integer", "Boolean", "String")
 
 
-def variable_fields(body: ReducedBody, table: Sequence[Variable], guid: str) -> Draft:
+def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
     """Fields of a program that describe its variables.
 
     Parameters
@@ -19,8 +19,6 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable], guid: str) -> 
     body : ReducedBody
     table : sequence of Variable
         By value reference.
-    guid : str
-        Of the model description.
 
     Returns
     -------
@@ -35,12 +33,10 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable], guid: str) -> 
     texts = b"".join("".join(f"{text}\n" for text in (v.name, *v.choices)).encode() + b"\0" for v in table)
     start = [v.choices.index(str(v.start)) if v.choices else float(v.start or 0.0) for v in table]
     offered = [body.interface_names.index(name) for name in body.compliance_interfaces]
-    named = guid.encode() + b"\0"
     return Draft(
         {
             "variables": len(table),
             "variable_bytes": len(texts),
-            "guid_bytes": len(named),
             "compliances": len(offered),
         },
         {
@@ -49,7 +45,6 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable], guid: str) -> 
             "variable_index": np.array(index),
             "variable_start": np.array(start, dtype=np.float64),
             "variable_texts": texts,
-            "guid": named,
             "compliance_interface": np.array(offered, dtype=np.int64),
         },
     )

@@ -1,15 +1,18 @@
 """The programs that an FMU carries: one for each method that its body has the data for, and interfaces that the scene fixes."""
 
+import struct
+from collections.abc import Mapping
 from itertools import combinations
 
-from ..fmu.variables import Variable
+from ..fmu.variables import variable_table
 from ..methods import Method, formulation_of, method_of, offered
 from ..runtime.division import divided
 from ..runtime.errors import OptionError
 from ..runtime.fixing import with_fixed_interfaces
 from ..runtime.reduced_body import GROUND, Formulation, Kinematics, Mass, ReducedBody
-from .compile import compile_program
+from .compile import Draft, compile_draft
 from .description import variable_fields
+from .image import read_image
 
 DESCRIPTION = "body.prog"
 """The program of the method that the FMU starts with; it describes the variables, too."""
@@ -36,27 +39,25 @@ def program_of(body: ReducedBody, formulation: Formulation, fixed: tuple[str, ..
         The formulation needs data that the body was built without, or interfaces cannot be fixed.
     """
     held = with_fixed_interfaces(body, fixed, formulation.kinematics)
-    return compile_program(divided(held, formulation), formulation)
+    return compile_draft(divided(held, formulation), formulation).image()
 
 
-def programs(body: ReducedBody, table: tuple[Variable, ...], guid: str) -> dict[str, bytes]:
-    """Every program of a body's FMU by its file name.
+def programs(body: ReducedBody) -> dict[str, Draft]:
+    """Every program of a body's FMU by its file name, without the guid.
 
     Parameters
     ----------
     body : ReducedBody
-    table : tuple of Variable
-    guid : str
 
     Returns
     -------
-    dict of str to bytes
+    dict of str to Draft
     """
-    fields = variable_fields(body, table, guid)
+    fields = variable_fields(body, variable_table(body))
     start = method_of(body.formulation)
     result = {}
     for method in offered(body):
-        mass = body.formulation.mass if method in (Method.FRAMES, start) else Mass.CONSTANT
+        mass = body.formulation.mass if method is Method.FRAMES else Mass.CONSTANT
         formulation = formulation_of(method, mass)
         for fixed in _fixed_sets(body, formulation):
             names = tuple(body.interface_names[number] for number in fixed)
@@ -68,8 +69,26 @@ def programs(body: ReducedBody, table: tuple[Variable, ...], guid: str) -> dict[
                 # A set that leaves the body no coordinates: the FMU says that it is not there.
                 continue
             name = DESCRIPTION if method is start and not fixed else f"{'-'.join([method.value, *map(str, fixed)])}.prog"
-            result[name] = compile_program(held, formulation, fields)
+            draft = compile_draft(held, formulation)
+            result[name] = Draft(draft.sizes | fields.sizes, draft.arrays | fields.arrays)
     return result
+
+
+def with_guid(made: Mapping[str, Draft], guid: str) -> dict[str, bytes]:
+    """Images of programs that belong to the model description of a guid."""
+    text = guid.encode() + b"\0"
+    return {
+        name: Draft(draft.sizes | {"guid_bytes": len(text)}, draft.arrays | {"guid": text}).image()
+        for name, draft in made.items()
+    }
+
+
+def guid_of(image: bytes) -> str:
+    """Guid of the model description that a program belongs to; "" for what is no program."""
+    try:
+        return bytes(read_image(image).arrays["guid"]).rstrip(b"\0").decode(errors="replace")
+    except (KeyError, ValueError, struct.error):
+        return ""
 
 
 def _fixed_sets(body: ReducedBody, formulation: Formulation) -> list[tuple[int, ...]]:

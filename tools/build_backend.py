@@ -1,0 +1,21 @@
+"""setuptools' build backend, which asks pip for `ziglang` only where there is no C compiler."""
+
+import os
+import shutil
+
+from setuptools.build_meta import *  # noqa: F403 - the hooks of PEP 517
+from setuptools.build_meta import get_requires_for_build_editable as _for_editable
+from setuptools.build_meta import get_requires_for_build_wheel as _for_wheel
+
+
+def _compiler() -> list[str]:
+    found = os.environ.get("CC") or any(shutil.which(name) for name in ("cc", "gcc", "clang"))
+    return [] if found else ["ziglang>=0.13"]
+
+
+def get_requires_for_build_wheel(config_settings=None):  # noqa: D103
+    return [*_for_wheel(config_settings), *_compiler()]
+
+
+def get_requires_for_build_editable(config_settings=None):  # noqa: D103
+    return [*_for_editable(config_settings), *_compiler()]
