@@ -174,7 +174,7 @@ def measure(output: Path) -> list[Record]:
     """Build everything, time everything, write the records."""
     import fmpy
 
-    from flexfmu.runtime.reduced_body import Kinematics, LoadPlacement, Stiffness
+    from flexfmu.model.reduced_body import Kinematics, LoadPlacement, Stiffness
 
     records: list[Record] = []
     with tempfile.TemporaryDirectory() as name:

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.fmu.package import package_fmu
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent

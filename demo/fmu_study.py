@@ -12,12 +12,12 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.fmu.package import package_fmu
+from flexfmu.model.reduced_body import Formulation, Kinematics
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -16,12 +16,12 @@ import numpy as np
 from demo.fmu_study import reference
 from numpy.typing import NDArray
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import BodyFile, read_body_file
+from flexfmu.model.errors import EquilibriumError, OptionError
+from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import EquilibriumError, OptionError
-from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
 
 HERE = Path(__file__).parent
 FloatArray = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from flexfmu.runtime.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, ReducedBody, SecondOrder
+from flexfmu.model.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, ReducedBody, SecondOrder
 
 FloatArray = NDArray[np.float64]
 

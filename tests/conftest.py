@@ -5,10 +5,10 @@ import os
 import numpy as np
 import pytest
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
 from references import BEAM, L_FRAME
 
 # Builds in tests find everything anew, and leave nothing in the user's folders.

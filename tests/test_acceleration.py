@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 import scipy.integrate
-
-from flexfmu.config import InputTable
-from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
-from flexfmu.runtime.errors import LoadError
-from flexfmu.runtime.loads import Loads
-from flexfmu.runtime.modal_file import write_modal_file
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from flexfmu.runtime.slave import MODAL_FILE, BodySlave
-from flexfmu.runtime.variables import variable_table
+
+from flexfmu.body import FlexibleBody
+from flexfmu.config import InputTable
+from flexfmu.fmu.variables import variable_table
+from flexfmu.loads import Loads
+from flexfmu.model.errors import LoadError
+from flexfmu.model.modal_file import write_modal_file
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from references import BEAM
 
 MASS = 7850.0 * 0.03**2

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import FrameTable, read_body_file
 from flexfmu.errors import BodyFileError
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement
-from flexfmu.runtime.rotations import exponential
+from flexfmu.rotations import exponential
 from references import BEAM, calculix, displacement, relative
 
 EXTRA = """*NSET, NSET=ALL

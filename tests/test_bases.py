@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from flexfmu.body import FlexibleBody
 from flexfmu.config import Basis
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics
+from flexfmu.model.reduced_body import Formulation, Kinematics
 from references import BEAM, calculix, displacement, relative
 
 

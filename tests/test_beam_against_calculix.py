@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import FrameTable, read_body_file
+from flexfmu.model.reduced_body import Formulation, Kinematics
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics
 from references import BEAM, calculix, displacement, relative, rotation
 
 

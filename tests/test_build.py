@@ -16,16 +16,16 @@ from typer.testing import CliRunner
 
 import flexfmu.pipeline
 import flexfmu.reduction.basis
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.cli import app
 from flexfmu.errors import BodyFileError, FlexfmuError, MeshError, ModelError
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.mesh.model import ElementType
+from flexfmu.model.errors import OptionError
+from flexfmu.model.modal_file import read_modal_file
 from flexfmu.pipeline import build_fmu
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import OptionError
-from flexfmu.runtime.modal_file import read_modal_file
 from meshes import arc, bars, body_file, box, lattice, with_sets, write_deck
 from references import relative
 

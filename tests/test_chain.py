@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.model import ElementType
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
 from meshes import body_file, box
 from references import relative
 

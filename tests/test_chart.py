@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from demo.rear_axle import scene_tables
 
+from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.config import read_body_file
 from flexfmu.errors import OutputError, SimulationError
+from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
-from flexfmu.runtime.stepping import StepLimits
 from flexfmu.scenes import fmu_cost
 from flexfmu.scenes.body_text import body_text
 from flexfmu.scenes.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from bodies import Beam, beam_body, random_body
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement
-from flexfmu.runtime.stepping import StepLimits
+from flexfmu.body import FlexibleBody, StepLimits
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement
 
 BEAM = Beam()
 ONE_STEP = StepLimits(tolerance=1e300)

@@ -7,7 +7,7 @@ import pytest
 from flexfmu.config import Basis, read_body_file
 from flexfmu.errors import BodyFileError
 from flexfmu.mesh.units import UnitSystem
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 
 LEAST = """
 name = "body"

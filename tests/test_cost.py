@@ -1,8 +1,8 @@
 """What a step costs, as `flexfmu info --cost` tells it."""
 
 from flexfmu.cost import step_costs
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from flexfmu.progress import Reporter
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from references import BEAM
 
 

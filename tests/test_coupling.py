@@ -13,10 +13,10 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from bodies import beam_body
+from flexfmu.body import FlexibleBody
 from flexfmu.config import Basis, InterfaceTable
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import springs as master_springs
-from flexfmu.runtime.body import FlexibleBody
 from references import BEAM
 
 MARK = "RESULT "

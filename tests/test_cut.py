@@ -9,8 +9,12 @@ import pytest
 from demo.rear_axle.alignment import LEFT, RIGHT, alignment, arm_angle
 from demo.rear_axle.run import CASES, HERE, WHEELS, read_reference
 from demo.rear_axle.run import solve as solve_axle
+from flexfmu.runtime import kernel, kernel_data
+from flexfmu.runtime.dynamics import configuration_at, force_work, modal_force, spread, tangent_stiffness
+from flexfmu.runtime.tied_stepping import TiedSteps
 
 from bodies import random_body
+from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.build import reduce_body
 from flexfmu.config import CutTable, MeshTable, read_body_file
 from flexfmu.errors import BodyFileError
@@ -18,15 +22,10 @@ from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import ElementType
 from flexfmu.mesh.units import UnitSystem
+from flexfmu.model.errors import OptionError
+from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Ties
 from flexfmu.progress import Reporter
-from flexfmu.runtime import kernel, kernel_data
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.dynamics import configuration_at, force_work, modal_force, spread, tangent_stiffness
-from flexfmu.runtime.errors import OptionError
-from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
-from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Ties
-from flexfmu.runtime.stepping import StepLimits
-from flexfmu.runtime.tied_stepping import TiedSteps
 from meshes import bars, body_file, with_sets
 from test_fmu import description, master, motion
 

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexfmu.runtime.evaluation import Feed, FeedRates
 
 from bodies import COROTATED, Beam, beam_body
+from flexfmu.body import FlexibleBody
 from flexfmu.errors import FlexfmuError
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import OptionError, RuntimeBodyError
-from flexfmu.runtime.evaluation import Feed, FeedRates
-from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
-from flexfmu.runtime.reduced_body import Evaluation, Formulation, Kinematics, LoadPlacement, Mass
+from flexfmu.model.errors import OptionError, RuntimeBodyError
+from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.model.reduced_body import Evaluation, Formulation, Kinematics, LoadPlacement, Mass
 from flexfmu.stability.slave import Aboard, Told
 
 BEAM = Beam()

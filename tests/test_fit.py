@@ -13,16 +13,16 @@ import pytest
 from demo.fit.scenes import DEMONSTRATIONS, judging_scene, run
 from rich.console import Console
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.errors import OutputError
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.info import describe
+from flexfmu.loads import Loads
 from flexfmu.mesh.model import ElementType
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.loads import Loads
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from flexfmu.scenes.body_text import body_text
 from flexfmu.scenes.candidates import Reduction, reduction_config, with_modes
 from flexfmu.scenes.config import BasisChoice

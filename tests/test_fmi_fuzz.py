@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from bodies import random_body
+from flexfmu.body import FlexibleBody
 from flexfmu.fmu.package import package_fmu
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import GROUND, Masses, ReducedBody, StressSet
+from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, StressSet
 
 SCRIPTS = Path(__file__).with_name("native_master")
 MARK = "RESULT "

@@ -21,7 +21,7 @@ from lxml import etree
 from bodies import beam_body, random_body
 from flexfmu.config import Basis, InputTable, OutputTable, StressTable
 from flexfmu.fmu.package import package_fmu
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Masses, Stiffness, StressSet
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Masses, Stiffness, StressSet
 from references import BEAM
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"

@@ -12,16 +12,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from flexfmu.runtime import body as runtime_body
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
+from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.errors import PackagingError
 from flexfmu.fmu.package import package_fmu, read_packaged_body
-from flexfmu.runtime import body as runtime_body
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import ContentsError, ModalFileError
-from flexfmu.runtime.modal_file import write_modal_file
-from flexfmu.runtime.rotations import exponential
-from flexfmu.runtime.stepping import StepLimits
+from flexfmu.model.errors import ContentsError, ModalFileError
+from flexfmu.model.modal_file import write_modal_file
+from flexfmu.rotations import exponential
 
 MASTERS = Path(__file__).with_name("fmu_masters.py")
 MARK = "RESULT "

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.optimize
+from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import FormulationTable, read_body_file
+from flexfmu.loads import Loads
+from flexfmu.model.errors import OptionError
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
-from flexfmu.runtime.errors import OptionError
-from flexfmu.runtime.loads import Loads
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
 from references import BEAM, DEMO, calculix, displacement, relative
 
 EULER = np.pi**2 * 2e11 * 0.03**4 / 12.0 / 4.0

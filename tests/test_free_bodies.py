@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
+from flexfmu.body import FlexibleBody, State
 from flexfmu.build import reduce_body
 from flexfmu.config import Basis, InputTable, InterfaceTable, SupportTable
 from flexfmu.errors import ModelError
+from flexfmu.loads import Loads
 from flexfmu.mesh.model import ElementType, Material
+from flexfmu.model.errors import EquilibriumError, OptionError
+from flexfmu.model.reduced_body import Formulation, Kinematics, Mass
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import EquilibriumError, OptionError
-from flexfmu.runtime.loads import Loads
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, Mass
-from flexfmu.runtime.rotations import exponential
-from flexfmu.runtime.stepping import State
+from flexfmu.rotations import exponential
 from meshes import STEEL, body_file, box
 from references import BEAM, relative
 

@@ -4,24 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexfmu.runtime.tree import build_tree, configuration
 
 from bodies import beam_body
 from flexfmu import build
+from flexfmu.body import FlexibleBody, State, StepLimits
 from flexfmu.config import Basis, BodyFile, InputTable, InterfaceTable
-from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import ModalFileError, OptionError
-from flexfmu.runtime.inertia import (
+from flexfmu.model.errors import ModalFileError, OptionError
+from flexfmu.model.inertia import (
     convective_force,
     kinetic_gradient,
     mass_gradient,
     mass_matrix,
     without_frames,
 )
-from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass
-from flexfmu.runtime.stepping import State, StepLimits
-from flexfmu.runtime.tree import build_tree, configuration
+from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass
+from flexfmu.progress import Reporter
 from references import BEAM, L_FRAME, calculix, displacement, relative
 
 HEAVY = Formulation(mass=Mass.CONFIGURATION)

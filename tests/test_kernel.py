@@ -4,13 +4,12 @@ import shutil
 
 import numpy as np
 import pytest
+from flexfmu.runtime import kernel
 
 from bodies import Beam, beam_body, random_body, with_second_order
-from flexfmu.runtime import kernel
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import OptionError, StepError
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Masses, Stiffness
-from flexfmu.runtime.stepping import StepLimits
+from flexfmu.body import FlexibleBody, StepLimits
+from flexfmu.model.errors import OptionError, StepError
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Masses, Stiffness
 
 pytestmark = pytest.mark.skipif(kernel._library() is None, reason="built without a C compiler")
 

@@ -15,7 +15,7 @@ from flexfmu.master.exchange import base_inputs, coupled_inputs, noise
 from flexfmu.master.springs import Springs, backward_rates, energy, loads, losses, relative_motion, tangent
 from flexfmu.master.wiring import wire
 from flexfmu.progress import Reporter
-from flexfmu.runtime.rotations import exponential, rotation_vector
+from flexfmu.rotations import exponential, rotation_vector
 
 LEAST = """
 [experiment]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bodies import LINEAR, beam_body, random_body, with_second_order
-from flexfmu.runtime.errors import ModalFileError
-from flexfmu.runtime.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
-from flexfmu.runtime.reduced_body import GROUND, ReducedBody, SecondOrder, Surface
+from flexfmu.model.errors import ModalFileError
+from flexfmu.model.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
+from flexfmu.model.reduced_body import GROUND, ReducedBody, SecondOrder, Surface
 
 
 def with_surface(body):
@@ -204,7 +204,7 @@ def test_a_write_that_fails_leaves_no_file(tmp_path, monkeypatch):
     def fail(*_args, **_keywords):
         raise OSError("disk full")
 
-    monkeypatch.setattr("flexfmu.runtime.modal_file._write", fail)
+    monkeypatch.setattr("flexfmu.model.modal_file._write", fail)
     with pytest.raises(OSError, match="disk full"):
         write_modal_file(BODIES["tree"], tmp_path / "body.h5")
     assert list(tmp_path.iterdir()) == []
@@ -216,7 +216,7 @@ def test_a_write_that_fails_keeps_the_file_that_was_there(file, monkeypatch):
     def fail(*_args, **_keywords):
         raise OSError("disk full")
 
-    monkeypatch.setattr("flexfmu.runtime.modal_file._write", fail)
+    monkeypatch.setattr("flexfmu.model.modal_file._write", fail)
     with pytest.raises(OSError, match="disk full"):
         write_modal_file(BODIES["tree"], file)
     assert file.read_bytes() == before

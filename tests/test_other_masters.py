@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
+from flexfmu.body import FlexibleBody
 from flexfmu.fmu.package import package_fmu
-from flexfmu.runtime.body import FlexibleBody
 
 SCRIPTS = Path(__file__).with_name("native_master")
 MARK = "RESULT "

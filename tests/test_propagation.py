@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
-
 from flexfmu.runtime.propagation import propagator
+from scipy.linalg import expm
 
 # Undamped, lightly damped, nearly critical from both sides, critical, overdamped.
 DAMPING = [0.0, 1e-6, 0.02, 0.7, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 1.3, 20.0]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.mesh.model import ElementType, Material
+from flexfmu.model.reduced_body import Formulation, Kinematics
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics
 from meshes import body_file, grid, lattice, with_sets
 from references import relative
 

@@ -11,10 +11,10 @@ import pytest
 from demo.rear_axle.road.scene import BEARING, COIL, GRAVITY, HERE, SIDES, Ride
 from scipy.optimize import root
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import SupportTable, read_body_file
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
 
 ROOT = Path(__file__).parent.parent
 MARK = "RESULT "

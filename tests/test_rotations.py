@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from flexfmu.runtime.rotations import (
+from flexfmu.rotations import (
     cross,
     exponential,
     exponential_and_jacobian,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import OptionError
-from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass
+from flexfmu.body import FlexibleBody
+from flexfmu.model.errors import OptionError
+from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass
 from references import BEAM, calculix, displacement, relative
 
 LOADS = {"tip": [-1e3, 8e3, 3e3, 40.0, -150.0, 200.0]}

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from flexfmu.body import FlexibleBody
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement
-from flexfmu.runtime.rotations import exponential, rotation_vector
+from flexfmu.rotations import exponential, rotation_vector
 from flexfmu.scenes.candidates import Reduction
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.errors import SceneError

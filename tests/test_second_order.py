@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from flexfmu.config import Basis, FormulationTable, InputTable, InterfaceTable
-from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.buckling import BY_LOAD as BY_LOAD_SOURCE
 from flexfmu.runtime.buckling import BY_SECOND_ORDER, judge
 from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
-from flexfmu.runtime.errors import OptionError
-from flexfmu.runtime.loads import Loads
-from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+
+from flexfmu.body import FlexibleBody
+from flexfmu.config import Basis, FormulationTable, InputTable, InterfaceTable
+from flexfmu.loads import Loads
+from flexfmu.model.errors import OptionError
+from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from references import BEAM, L_FRAME, calculix, displacement, relative, rotation
 from test_acceleration import MASS, STIFFNESS, heavy_elastica
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
+from flexfmu.body import FlexibleBody
 from flexfmu.errors import OutputError, SimulationError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.simulation import parse_parameters, read_table, write_table
-from flexfmu.runtime.body import FlexibleBody
 
 PNG = b"\x89PNG\r\n"
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.mesh.model import ElementType, Material
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
 from flexfmu.stability.slave import Aboard, Told
 from meshes import bars, body_file, box, with_sets
 

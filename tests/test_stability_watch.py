@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexfmu.runtime.buckling import BY_FRAMES, BY_INTERFACES, BY_LOAD
 
 from bodies import COROTATED, COROTATED_REFERENCE, LINEAR, Beam, beam_body
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.mesh.model import ElementType
+from flexfmu.model.errors import EquilibriumError
+from flexfmu.model.reduced_body import Formulation, Kinematics
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.buckling import BY_FRAMES, BY_INTERFACES, BY_LOAD
-from flexfmu.runtime.errors import EquilibriumError
-from flexfmu.runtime.reduced_body import Formulation, Kinematics
 from flexfmu.stability.slave import Aboard, Told
 from meshes import arc, body_file, box, with_sets
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from flexfmu.runtime.tree import build_tree, configuration, generalised_force
 from scipy.integrate import simpson, solve_bvp
 
 from bodies import COROTATED, COROTATED_REFERENCE, LINEAR, Beam, beam_body, random_body
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import EquilibriumError, LoadError
-from flexfmu.runtime.reduced_body import Kinematics
-from flexfmu.runtime.tree import build_tree, configuration, generalised_force
+from flexfmu.body import FlexibleBody
+from flexfmu.model.errors import EquilibriumError, LoadError
+from flexfmu.model.reduced_body import Kinematics
 
 BEAM = Beam()
 

@@ -4,14 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from flexfmu.runtime.tree import build_tree, configuration, generalised_force
 from scipy.integrate import solve_ivp
 
 from bodies import COROTATED, COROTATED_REFERENCE, LINEAR, Beam, beam_body, random_body
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import OptionError, StepError
-from flexfmu.runtime.reduced_body import Kinematics
-from flexfmu.runtime.stepping import MAX_SUBSTEPS, State, StepLimits
-from flexfmu.runtime.tree import build_tree, configuration, generalised_force
+from flexfmu.body import MAX_SUBSTEPS, FlexibleBody, State, StepLimits
+from flexfmu.model.errors import OptionError, StepError
+from flexfmu.model.reduced_body import Kinematics
 
 BEAM = Beam()
 # Bends the beam by 0.4 L at the first overshoot.

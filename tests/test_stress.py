@@ -4,15 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from flexfmu.runtime.slave import MODAL_FILE, BodySlave
 
+from flexfmu.body import FlexibleBody
 from flexfmu.config import StressTable
 from flexfmu.fe.stress import point_stress
+from flexfmu.fmu.variables import variable_table
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.units import UnitSystem
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
-from flexfmu.runtime.slave import MODAL_FILE, BodySlave
-from flexfmu.runtime.variables import variable_table
+from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from references import BEAM
 
 SECOND_MOMENT = 0.03**4 / 12.0

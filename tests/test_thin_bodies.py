@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.errors import AccuracyError
 from flexfmu.fe.assembly import mass, stiffness, volume_matrices
@@ -13,7 +14,6 @@ from flexfmu.mesh.model import ElementType
 from flexfmu.progress import Reporter
 from flexfmu.reduction.modes import normal_modes
 from flexfmu.reduction.supported import supported
-from flexfmu.runtime.body import FlexibleBody
 from meshes import STEEL, body_file, box, held
 
 LENGTH, WIDTH = 0.3, 0.03

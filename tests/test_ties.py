@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexfmu.runtime import kernel
 
 from bodies import random_body
-from flexfmu.runtime import kernel
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import GROUND, Ties
-from flexfmu.runtime.stepping import State, StepLimits
+from flexfmu.body import FlexibleBody, State, StepLimits
+from flexfmu.model.reduced_body import GROUND, Ties
 
 INERTIA, SPRING, LEVER = 0.5, 4000.0, 0.1
 # Of all springs against a small turn, N m/rad.

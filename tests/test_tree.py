@@ -4,12 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from bodies import COROTATED, LINEAR, random_body, turning_body, with_second_order
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import GROUND, Kinematics
-from flexfmu.runtime.rotations import exponential, skew
-from flexfmu.runtime.stepping import State
 from flexfmu.runtime.tree import (
     build_tree,
     configuration,
@@ -18,6 +12,11 @@ from flexfmu.runtime.tree import (
     load_stiffness,
     outboard_loads,
 )
+
+from bodies import COROTATED, LINEAR, random_body, turning_body, with_second_order
+from flexfmu.body import FlexibleBody, State
+from flexfmu.model.reduced_body import GROUND, Kinematics
+from flexfmu.rotations import exponential, skew
 
 H = 1e-5
 # Rotations of a few tenths of a radian in every node, near a full one in some: nothing is small.

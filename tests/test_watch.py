@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flexfmu.runtime.slave import MODAL_FILE, BodySlave
 
 from bodies import Beam, beam_body, random_body
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.errors import RuntimeBodyError
-from flexfmu.runtime.modal_file import write_modal_file
-from flexfmu.runtime.slave import MODAL_FILE, BodySlave
-from flexfmu.runtime.variables import variable_table
+from flexfmu.body import FlexibleBody
+from flexfmu.fmu.variables import variable_table
+from flexfmu.model.errors import RuntimeBodyError
+from flexfmu.model.modal_file import write_modal_file
 
 BEAM = Beam()
 # Turns the tip by half a radian.

@@ -14,11 +14,11 @@ import numpy as np
 from demo.rear_axle.alignment import LEFT, RIGHT, alignment
 from numpy.typing import NDArray
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
+from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import ReducedBody
 from flexfmu.scenes.fit import fit
 from flexfmu.scenes.fitting.delivery import Fit
 from flexfmu.scenes.measure import Errors, errors

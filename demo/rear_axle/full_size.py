@@ -29,12 +29,12 @@ from demo.rear_axle import make_mesh
 from demo.rear_axle.run import read_reference, solve
 from fmpy.fmi2 import FMU2Slave
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import FormulationTable, MeshTable, read_body_file
 from flexfmu.fmu.package import package_fmu
+from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.progress import Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
 from flexfmu.store import Store
 
 HERE = Path(__file__).parent

@@ -15,11 +15,11 @@ import numpy as np
 from demo.rear_axle.alignment import LEFT, RIGHT, Alignment, FloatArray, alignment, arm_angle
 from demo.tip_face import MOTION_COLUMNS
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from flexfmu.progress import ConsoleReporter, Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 
 HERE = Path(__file__).parent
 WHEELS = ("wheel_left", "wheel_right")

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.progress import ConsoleReporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.stepping import StepLimits
 from flexfmu.store import Store, default_folder
 
 HERE = Path(__file__).parent

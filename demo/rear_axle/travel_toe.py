@@ -13,11 +13,11 @@ import numpy as np
 from demo.rear_axle import make_mesh
 from demo.rear_axle.run import HERE, align, read_reference, solve
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import BodyFile, FrameTable, MeshTable, read_body_file
+from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement
 from flexfmu.progress import ConsoleReporter, Reporter
-from flexfmu.runtime.body import FlexibleBody
-from flexfmu.runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement
 from flexfmu.store import Store, default_folder
 
 matplotlib.use("Agg")

@@ -3,9 +3,8 @@
 from importlib.metadata import version
 from pathlib import Path
 
-from .runtime.body import FlexibleBody, Response
-from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement
-from .runtime.stepping import State, StepLimits
+from .body import FlexibleBody, Response, State, StepLimits
+from .model.reduced_body import Formulation, Kinematics, LoadPlacement
 
 __version__ = version("flexfmu")
 __all__ = [

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core import Core, StepAnswer
+from .loads import Loads, loads_from_mapping
+from .model.division import divided
+from .model.errors import EquilibriumError, LoadError, OptionError, StepError
+from .model.fixing import with_fixed_interfaces
+from .model.reduced_body import Formulation, ReducedBody
 from .program.compile import compile_program
-from .runtime.division import divided
-from .runtime.errors import EquilibriumError, LoadError, OptionError, StepError
-from .runtime.fixing import with_fixed_interfaces
-from .runtime.loads import Loads, loads_from_mapping
-from .runtime.reduced_body import Formulation, ReducedBody
-from .runtime.rotations import cross
+from .rotations import cross
 
 FloatArray = NDArray[np.float64]
 

@@ -17,6 +17,7 @@ from .mesh.checks import checked
 from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, Mesh
 from .mesh.plausibility import implausible
+from .model.reduced_body import GROUND, Kinematics, Mass, Properties, ReducedBody, Stiffness, StressSet, Ties
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
@@ -31,7 +32,6 @@ from .reduction.rigid_fit import by_node, modal_fit
 from .reduction.second_order import node_readings, second_order
 from .reduction.subdomains import Subdomain, carrying_frame, frame_operators
 from .reduction.surface import body_surface
-from .runtime.reduced_body import GROUND, Kinematics, Mass, Properties, ReducedBody, Stiffness, StressSet, Ties
 from .store import Store, content_key
 from .summary import first_frequency, summary
 

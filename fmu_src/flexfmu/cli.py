@@ -10,8 +10,8 @@ from rich.markup import escape
 
 from . import __version__
 from .errors import INTERRUPTED, FlexfmuError
+from .model.errors import RuntimeBodyError
 from .progress import ConsoleReporter
-from .runtime.errors import RuntimeBodyError
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from .errors import BodyFileError
 from .mesh.units import UnitSystem
-from .runtime.errors import OptionError
-from .runtime.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from .model.errors import OptionError
+from .model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from .toml_files import read_toml, reason, spelled_key
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]

@@ -7,11 +7,11 @@ from itertools import product
 
 import numpy as np
 
+from .body import FlexibleBody
+from .loads import Loads
+from .model.errors import OptionError, RuntimeBodyError
+from .model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 from .progress import Reporter
-from .runtime.body import FlexibleBody
-from .runtime.errors import OptionError, RuntimeBodyError
-from .runtime.loads import Loads
-from .runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 
 _BLOCKS, _STEPS = 5, 20
 # Tip motion, relative to the body's size, that the measuring load brings about: bent enough to need its iterations.

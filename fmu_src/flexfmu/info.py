@@ -10,7 +10,7 @@ from rich.tree import Tree
 
 from .build import NUMBERS
 from .cost import Cost
-from .runtime.reduced_body import GROUND, ReducedBody
+from .model.reduced_body import GROUND, ReducedBody
 from .summary import first_frequency, point, summary
 
 

@@ -2,7 +2,7 @@
 
 from enum import Enum
 
-from .runtime.reduced_body import (
+from .model.reduced_body import (
     Division,
     Formulation,
     Kinematics,
@@ -41,9 +41,7 @@ _FORMULATION = {
     Method.LINEAR: Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE),
     Method.STIFFNESS_BY_LOAD: Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_LOAD),
     Method.STIFFNESS_BY_MODE: Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE),
-    Method.MODAL_ROTATION: Formulation(
-        Kinematics.LITERAL, LoadPlacement.CORRECTIVE_MOMENT, division=Division.SEPARATE
-    ),
+    Method.MODAL_ROTATION: Formulation(Kinematics.LITERAL, LoadPlacement.CORRECTIVE_MOMENT, division=Division.SEPARATE),
     Method.HALF_ROTATION: Formulation(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT),
     Method.FLOATING_FRAME: Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, division=Division.ONE),
     Method.FRAMES: Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED),

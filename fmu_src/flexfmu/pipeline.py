@@ -5,9 +5,9 @@ from pathlib import Path
 from .build import reduce_body
 from .config import read_body_file
 from .fmu.package import package_fmu
+from .model.modal_file import write_modal_file
+from .model.reduced_body import ReducedBody
 from .progress import Reporter
-from .runtime.modal_file import write_modal_file
-from .runtime.reduced_body import ReducedBody
 from .store import Store
 from .targets import check_target, whole_file
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .runtime.reduced_body import FloatArray, Properties
+from .model.reduced_body import FloatArray, Properties
 
 
 def summary(properties: Properties) -> list[tuple[str, str]]:

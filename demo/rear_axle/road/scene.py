@@ -13,8 +13,8 @@ from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import CouplingFile, Result, parse_coupling
+from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.progress import Reporter
-from flexfmu.runtime.reduced_body import ReducedBody
 from flexfmu.store import Store, default_folder
 
 HERE = Path(__file__).parent

@@ -37,7 +37,9 @@ def core_binaries(platforms: Sequence[str] = ()) -> dict[str, bytes]:
     """
     here = this_platform()
     shipped = {path.stem: path for path in sorted(SHIPPED.glob("*")) if path.stem in TARGETS}
-    wanted = list(TARGETS) if "all" in platforms else [*platforms] or [here, *(name for name in shipped if name != here)]
+    wanted = (
+        list(TARGETS) if "all" in platforms else [*platforms] or [here, *(name for name in shipped if name != here)]
+    )
     cores: dict[str, bytes] = {}
     for name in dict.fromkeys(_expanded(wanted)):
         if name == here:
@@ -100,4 +102,3 @@ def _joined(cores: dict[str, bytes]) -> dict[str, bytes]:
         body += data + b"\0" * (-len(data) % (1 << _FAT_ALIGNMENT))
     cores["darwin64.dylib"] = head.ljust(1 << _FAT_ALIGNMENT, b"\0") + body
     return cores
-

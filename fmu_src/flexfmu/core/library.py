@@ -1,7 +1,6 @@
 """The core through ctypes: arrays in, arrays out."""
 
 import ctypes
-import math
 from collections.abc import Sequence
 from enum import Enum
 from functools import cache
@@ -11,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model.errors import OptionError
 from ..program.image import read_image
-from ..runtime.errors import OptionError
 
 FloatArray = NDArray[np.float64]
 

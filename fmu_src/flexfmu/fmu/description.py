@@ -5,7 +5,7 @@ from enum import Enum
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from .. import __version__
-from ..runtime.reduced_body import ReducedBody
+from ..model.reduced_body import ReducedBody
 from .variables import Variable, variable_table
 
 
@@ -73,7 +73,7 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
         variableNamingConvention="structured",
         numberOfEventIndicators="0",
     )
-    SubElement(
+    simulation = SubElement(
         root,
         "CoSimulation",
         modelIdentifier=body.name,
@@ -84,8 +84,9 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
         canNotUseMemoryManagementFunctions="true",
         canGetAndSetFMUstate="true",
         canSerializeFMUstate="true",
-        **({"providesDirectionalDerivative": "true"} if native else {}),
     )
+    if native:
+        simulation.set("providesDirectionalDerivative", "true")
     units = SubElement(root, "UnitDefinitions")
     used = {variable.unit for variable in table}
     for name, exponents in _UNITS.items():

@@ -19,11 +19,11 @@ import pythonfmu
 
 from ..core.binaries import core_binaries
 from ..errors import PackagingError
+from ..model.errors import ContentsError, ModalFileError
+from ..model.modal_file import read_modal_file, write_modal_file
+from ..model.reduced_body import ReducedBody
 from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM
 from ..program.programs import guid_of, programs, with_guid
-from ..runtime.errors import ContentsError, ModalFileError
-from ..runtime.modal_file import read_modal_file, write_modal_file
-from ..runtime.reduced_body import ReducedBody
 from ..targets import check_target, whole_file
 from .description import Runtime, model_description
 from .python_slave import guid_in
@@ -104,7 +104,9 @@ def _contents(body: ReducedBody, runtime: Runtime, platforms: Sequence[str]) -> 
         }
         binaries |= {f"resources/core/{name}": data for name, data in cores.items()}
         code = {f"pythonfmu/{name}.py": (library / f"{name}.py").read_bytes() for name in _SLAVE_LIBRARY}
-        code["pythonfmu/__init__.py"] = f'"""The slave side of pythonfmu {version("pythonfmu")} (MIT licence)."""\n'.encode()
+        code["pythonfmu/__init__.py"] = (
+            f'"""The slave side of pythonfmu {version("pythonfmu")} (MIT licence)."""\n'.encode()
+        )
         code["python_slave.py"] = Path(__file__).with_name("python_slave.py").read_bytes()
         code["__init__.py"] = b'"""What travels in the FMU."""\n'
     digest = hashlib.sha256()

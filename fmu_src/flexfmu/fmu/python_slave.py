@@ -61,7 +61,7 @@ def guid_in(xml: bytes) -> str | None:
         _, root = next(iterparse(BytesIO(xml), events=("start",)))
     except (ParseError, StopIteration):
         return None
-    return root.get("guid")
+    return str(root.get("guid", ""))
 
 
 class BodySlave:
@@ -114,7 +114,7 @@ class BodySlave:
         handle = getattr(self, "_handle", None)
         if handle:
             self._core.fmi2FreeInstance(handle)
-            self._handle = None
+            self._handle = ctypes.c_void_p()
 
     # Life cycle.
 
@@ -122,7 +122,9 @@ class BodySlave:
         """Hand on start and stop."""
         stop, bound = stop_time or 0.0, tolerance or 0.0
         real = ctypes.c_double
-        self._call("fmi2SetupExperiment", int(bound > 0.0), real(bound), real(start_time), int(stop > start_time), real(stop))
+        self._call(
+            "fmi2SetupExperiment", int(bound > 0.0), real(bound), real(start_time), int(stop > start_time), real(stop)
+        )
 
     def enter_initialization_mode(self) -> None:
         """Begin the initialisation."""
@@ -212,7 +214,9 @@ class BodySlave:
     # Inside.
 
     def _logged(self, _environment: object, _name: bytes, status: int, category: bytes, text: bytes) -> None:
-        self._log.append(LogMessage(status, category.decode(), f"{self.instance_name}: {text.decode(errors='replace')}"))
+        self._log.append(
+            LogMessage(status, category.decode(), f"{self.instance_name}: {text.decode(errors='replace')}")
+        )
 
     def _call(self, name: str, *arguments: object) -> int:
         """Status of a call; an exception where it is an error."""

@@ -12,7 +12,7 @@ from enum import Enum
 import numpy as np
 
 from ..methods import Method, method_of, offered
-from ..runtime.reduced_body import GROUND, ReducedBody
+from ..model.reduced_body import GROUND, ReducedBody
 
 AXES = ("x", "y", "z")
 # Orders of magnitude of metals under load, and of gravity.
@@ -282,7 +282,16 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         offered_words = ", ".join(f'"{option}"' for option in choices)
         words = f"{description}: {offered_words}"
         return Variable(
-            name, "String", Group.PARAMETER, "parameter", "fixed", "exact", str(start.value), None, words, choices=choices
+            name,
+            "String",
+            Group.PARAMETER,
+            "parameter",
+            "fixed",
+            "exact",
+            str(start.value),
+            None,
+            words,
+            choices=choices,
         )
 
     def number(name: str, start: float, unit: str | None, description: str, minimum: float = 0.0) -> Variable:
@@ -338,7 +347,9 @@ def _diagnostics() -> list[Variable]:
         local(
             STABILITY, "Real", None, "tangent stiffness over the unloaded one: 1 without loads, 0 at the critical load"
         ),
-        local(MISSED, "Real", None, "upper bound of the deflection error from geometric stiffness that the method omits"),
+        local(
+            MISSED, "Real", None, "upper bound of the deflection error from geometric stiffness that the method omits"
+        ),
         local(STEP_ERROR, "Real", None, f"estimated error of the last step, as {STEP_TOLERANCE} bounds it"),
         local(STRAIN_ENERGY, "Real", "J", "strain energy"),
         local(KINETIC_ENERGY, "Real", "J", "kinetic energy"),

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Core
-from ..runtime.errors import OptionError
-from ..runtime.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
-from ..runtime.rotations import skew
+from ..model.errors import OptionError
+from ..model.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from ..rotations import skew
 from .image import write_image
 from .tree import Tree, bends, build_tree
 
@@ -263,20 +263,19 @@ def _judge(draft: Draft, body: ReducedBody, formulation: Formulation) -> None:
     own = _unit_load_tangents(draft, body)
     if formulation.stiffness is Stiffness.BY_MODE:
         own = own + _by_mode(draft, body)
-    constant = {"stiffness": Stiffness.CONSTANT, "mass": Mass.CONSTANT}
     depth = _depth(body)
     if body.second is not None and body.frame_count:
-        better = Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED, **constant)
+        better = Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)
         source, change = "the frames to second order", _unit_load_tangents(_kinematics(body, better), body)
     elif body.stiffness_by_load is not None:
         source = "geometric stiffness by load"
         change = _in_load_order(np.asarray(body.stiffness_by_load), body.interface_count)
     elif depth:
-        framed = Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, **constant)
+        framed = Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)
         source = "the frames"
         change = (1.0 + _CHAIN / depth**2) * _unit_load_tangents(_kinematics(body, framed), body)
     else:
-        moved = Formulation(formulation.kinematics, LoadPlacement.CORRECTIVE_MOMENT, **constant)
+        moved = Formulation(formulation.kinematics, LoadPlacement.CORRECTIVE_MOMENT)
         source = "the displacement of the loaded interfaces, an estimate"
         change = _MOMENT * _unit_load_tangents(_kinematics(body, moved), body)
     first, count = draft.sizes["elastic_first"], draft.sizes["elastic_count"]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..fmu.variables import Group, Variable
-from ..runtime.reduced_body import ReducedBody
+from ..model.reduced_body import ReducedBody
 from .compile import Draft
 
 _TYPES = ("Real", "Integer", "Boolean", "String")

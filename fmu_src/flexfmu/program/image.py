@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ _MARK = b"flexprog"
 _WORD = 8
 _HEAD = struct.Struct("<8sqQqQ")
 _FIELD = re.compile(r"^(SIZE|REAL|INTEGER|TEXT)\((\w+)(?:, ([^)]*))?\)", re.MULTILINE)
-_DTYPE = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("u1")}
+_DTYPE: dict[str, np.dtype[Any]] = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("u1")}
 
 
 class ProgramError(FlexfmuError):

@@ -6,10 +6,10 @@ from itertools import combinations
 
 from ..fmu.variables import variable_table
 from ..methods import Method, formulation_of, method_of, offered
-from ..runtime.division import divided
-from ..runtime.errors import OptionError
-from ..runtime.fixing import with_fixed_interfaces
-from ..runtime.reduced_body import GROUND, Formulation, Kinematics, Mass, ReducedBody
+from ..model.division import divided
+from ..model.errors import OptionError
+from ..model.fixing import with_fixed_interfaces
+from ..model.reduced_body import GROUND, Formulation, Kinematics, Mass, ReducedBody
 from .compile import Draft, compile_draft
 from .description import variable_fields
 from .image import read_image
@@ -68,7 +68,9 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
                     raise
                 # A set that leaves the body no coordinates: the FMU says that it is not there.
                 continue
-            name = DESCRIPTION if method is start and not fixed else f"{'-'.join([method.value, *map(str, fixed)])}.prog"
+            name = (
+                DESCRIPTION if method is start and not fixed else f"{'-'.join([method.value, *map(str, fixed)])}.prog"
+            )
             draft = compile_draft(held, formulation)
             result[name] = Draft(draft.sizes | fields.sizes, draft.arrays | fields.arrays)
     return result

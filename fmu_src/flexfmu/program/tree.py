@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..runtime.errors import OptionError
-from ..runtime.reduced_body import GROUND, Kinematics, ReducedBody
-from ..runtime.rotations import skew
+from ..model.errors import OptionError
+from ..model.reduced_body import GROUND, Kinematics, ReducedBody
+from ..rotations import skew
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

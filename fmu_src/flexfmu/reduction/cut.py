@@ -16,7 +16,7 @@ from ..fe.assembly import stiffness
 from ..fe.faces import element_faces
 from ..mesh.checks import connected_parts
 from ..mesh.model import FloatArray, IntArray, Mesh
-from ..runtime.rotations import skew
+from ..rotations import skew
 from .division import neighbours
 from .model import Model, free_motions, node_set
 from .rigid_fit import by_node, rigid_fit

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from ..errors import BodyFileError, MeshError
 from ..fe.faces import FaceBlock
 from ..mesh.model import FloatArray, IntArray, Mesh
-from ..runtime.reduced_body import GROUND
+from ..model.reduced_body import GROUND
 from .subdomains import Subdomain, section, volume_weighted
 
 # A piece that reaches along the body for less than this share of a level is a sliver: it would bend too little to

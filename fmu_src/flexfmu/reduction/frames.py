@@ -7,7 +7,7 @@ import numpy as np
 from ..config import Basis, BodyFile, BranchTable
 from ..fe.faces import FaceBlock
 from ..mesh.model import FloatArray, IntArray
-from ..runtime.reduced_body import GROUND, WholeFrame
+from ..model.reduced_body import GROUND, WholeFrame
 from .division import Branch, divide, divide_branches, open_loops
 from .model import Model, node_set
 from .subdomains import (

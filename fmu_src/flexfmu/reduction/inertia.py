@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..mesh.model import FloatArray, Mesh
-from ..runtime.inertia import InertiaIntegrals
-from ..runtime.reduced_body import GROUND
+from ..model.inertia import InertiaIntegrals
+from ..model.reduced_body import GROUND
 from .subdomains import FrameOperators, Subdomain, element_owner, volume_weighted
 
 

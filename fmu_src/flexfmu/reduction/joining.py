@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..mesh.model import FloatArray, IntArray
-from ..runtime.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
-from ..runtime.rotations import skew
+from ..model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
+from ..rotations import skew
 
 # Springs of the joints take up this share of an interface's displacement under a load on it, all together. Stiffer ones
 # would only make equations worse.

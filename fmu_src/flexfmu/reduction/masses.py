@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..mesh.model import FloatArray, Mesh
-from ..runtime.reduced_body import GROUND, Masses, Properties
+from ..model.reduced_body import GROUND, Masses, Properties
 from .subdomains import Subdomain, element_owner
 
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from ..fe.geometric import geometric_stiffness
 from ..mesh.model import FloatArray, IntArray, Mesh
-from ..runtime.reduced_body import GROUND, SecondOrder
-from ..runtime.rotations import skew
+from ..model.reduced_body import GROUND, SecondOrder
+from ..rotations import skew
 from .interfaces import Interface
 from .rigid_fit import Weighted, rigid_fit
 from .subdomains import Subdomain, carrying_frame, element_owner

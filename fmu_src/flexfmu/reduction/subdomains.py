@@ -10,8 +10,8 @@ from ..errors import BodyFileError
 from ..fe.assembly import scatter
 from ..fe.faces import FaceBlock, area_matrix, select
 from ..mesh.model import FloatArray, IntArray, Mesh
-from ..runtime.reduced_body import GROUND
-from ..runtime.rotations import skew
+from ..model.reduced_body import GROUND
+from ..rotations import skew
 from .rigid_fit import Weighted, by_node, modal_fit
 
 # Volume of the tetrahedron of characteristic points over the cube of its longest edge: below it rotations are guesses.

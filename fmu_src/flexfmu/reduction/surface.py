@@ -6,7 +6,7 @@ import numpy as np
 
 from ..fe.faces import FaceBlock
 from ..mesh.model import FloatArray, Mesh
-from ..runtime.reduced_body import GROUND, Surface
+from ..model.reduced_body import GROUND, Surface
 from .subdomains import Subdomain
 
 

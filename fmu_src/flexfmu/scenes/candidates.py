@@ -7,10 +7,11 @@ from itertools import product
 
 import numpy as np
 
+from ..body import StepLimits
 from ..config import Basis, BodyFile, FormulationTable
 from ..mesh.model import IntArray
-from ..runtime.errors import OptionError
-from ..runtime.reduced_body import (
+from ..model.errors import OptionError
+from ..model.reduced_body import (
     Division,
     Formulation,
     Kinematics,
@@ -20,7 +21,6 @@ from ..runtime.reduced_body import (
     SecondOrder,
     Stiffness,
 )
-from ..runtime.stepping import StepLimits
 from .config import BasisChoice
 from .records import REDUCED
 from .scene import Scene

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from ..config import Name
 from ..limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
-from ..runtime.reduced_body import Division, Kinematics, LoadPlacement, Mass, Stiffness
+from ..model.reduced_body import Division, Kinematics, LoadPlacement, Mass, Stiffness
 from ..stability.config import StabilityTable
 from ..toml_files import read_toml, reason, spelled_key
 from .errors import SceneError

@@ -16,11 +16,12 @@ from typing import Any
 import fmpy
 from pythonfmu.builder import FmuBuilder
 
+from ..body import StepLimits
 from ..errors import SimulationError
 from ..fmu.package import package_fmu
-from ..runtime.reduced_body import Formulation, ReducedBody
-from ..runtime.stepping import StepLimits
-from ..runtime.variables import DIVISION, KINEMATICS, LOADS, MASS, STEP_LIMIT, STEP_TOLERANCE, STIFFNESS
+from ..fmu.variables import METHOD, STEP_LIMIT, STEP_TOLERANCE
+from ..methods import method_of
+from ..model.reduced_body import Formulation, ReducedBody
 from .fmu_worker import LONGEST_STEPS, MARK
 from .scene import AXES, Scene
 
@@ -114,12 +115,11 @@ class FmuTimer:
             One of them does not run.
         """
         name, against = self._ready(body)
+        method = method_of(formulation)
+        if method is None:
+            raise SimulationError(f"no method is made of {formulation}")
         parameters: dict[str, float | str] = {
-            KINEMATICS: formulation.kinematics.value,
-            LOADS: formulation.loads.value,
-            STIFFNESS: formulation.stiffness.value,
-            MASS: formulation.mass.value,
-            DIVISION: formulation.division.value,
+            METHOD: method.value,
             STEP_LIMIT: limits.longest,
             STEP_TOLERANCE: limits.tolerance,
         }

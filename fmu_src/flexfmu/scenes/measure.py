@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from ..body import FlexibleBody
+from ..loads import Loads
 from ..mesh.model import FloatArray
-from ..runtime.body import FlexibleBody
-from ..runtime.errors import RuntimeBodyError
-from ..runtime.loads import Loads
+from ..model.errors import RuntimeBodyError
 from .config import AcceptedTable
 from .pace import BLOCK_TIME, Clock, calm_blocks
 from .reference import Reference, follow

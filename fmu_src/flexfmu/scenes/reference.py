@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ..body import FlexibleBody, StepLimits
 from ..build import reduce_body
 from ..config import Basis
+from ..loads import Loads
 from ..mesh.model import FloatArray
+from ..model.errors import EquilibriumError, StepError
+from ..model.reduced_body import Formulation, Mass
 from ..progress import Reporter, Tell, tell_nobody
-from ..runtime.body import FlexibleBody
-from ..runtime.errors import EquilibriumError, StepError
-from ..runtime.loads import Loads
-from ..runtime.reduced_body import Formulation, Mass
-from ..runtime.stepping import StepLimits
 from ..store import Store, content_key
 from .errors import SceneError
 from .scene import Scene, StaticCase, TransientCase, read_results

@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
+from ..body import FlexibleBody
 from ..build import reduce_body
 from ..errors import AccuracyError, SimulationError
+from ..model.errors import RuntimeBodyError
+from ..model.modal_file import write_modal_file
+from ..model.reduced_body import Formulation, ReducedBody
 from ..progress import Reporter
-from ..runtime.body import FlexibleBody
-from ..runtime.errors import RuntimeBodyError
-from ..runtime.modal_file import write_modal_file
-from ..runtime.reduced_body import Formulation, ReducedBody
 from ..store import Store
 from .candidates import GIVEN, Candidate, Reduction, candidates, grouped, lean, reduction_config
 from .finite_elements import finite_element_records

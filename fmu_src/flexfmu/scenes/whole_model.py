@@ -18,7 +18,7 @@ from ..progress import Reporter
 from ..reduction.basis import Matrices
 from ..reduction.interfaces import Interface, fit_interface
 from ..reduction.model import Model, assemble_model
-from ..runtime.rotations import exponential, rotation_vector
+from ..rotations import exponential, rotation_vector
 from ..store import Store, content_key
 from . import calculix
 from .config import Solver

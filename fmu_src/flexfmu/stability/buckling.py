@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..body import FlexibleBody
+from ..loads import Loads
 from ..mesh.model import FloatArray
-from ..runtime.body import FlexibleBody
-from ..runtime.buckling import judge
-from ..runtime.dynamics import build_dynamics
-from ..runtime.errors import RuntimeBodyError
-from ..runtime.loads import Loads
-from ..runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from ..model.errors import RuntimeBodyError
+from ..model.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from ..program.compile import compile_draft
 from .config import Map
 from .records import Key, Run, StabilityError, Verdict, verdict
 from .slave import Aboard, Told
@@ -126,16 +125,17 @@ def _formulations(frames: int, most: int) -> list[tuple[str, Formulation]]:
 
 def _press(subject: Subject, body: ReducedBody, reader: int) -> _Press:
     """Direction in which the body buckles first, or the one given, and a side load that finds the shape."""
-    second = judge(body, build_dynamics(body, _LINEAR))
-    if second is None:
-        raise StabilityError("the body has nothing to judge its stability by")
+    draft = compile_draft(body, _LINEAR)
+    count = draft.sizes["elastic_count"]
+    # What each unit load does to the tangent stiffness, over the unloaded one.
+    changes = np.asarray(draft.arrays["judge_change"]).reshape(-1, count, count)
     given = subject.table.axial
     choices = [unit(np.array(given))] if given is not None else [s * axis for axis in np.eye(3) for s in (1.0, -1.0)]
     found = []
     for along in choices:
-        load = np.zeros(len(second.change))
+        load = np.zeros(len(changes))
         load[6 * reader : 6 * reader + 3] = along
-        values, vectors = np.linalg.eigh(-np.tensordot(load, second.change, axes=1))
+        values, vectors = np.linalg.eigh(-np.tensordot(load, changes, axes=1))
         if values[-1] > 0.0:
             q = np.zeros(body.mode_count)
             first = body.rigid_count

@@ -17,8 +17,6 @@ Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 class Map(Enum):
     """What is mapped."""
 
-    EVALUATION = "evaluation"
-    """Load against communication step, for explicit and implicit evaluation."""
     BUCKLING = "buckling"
     """Axial load against the critical one, per formulation."""
     ROTATION = "rotation"

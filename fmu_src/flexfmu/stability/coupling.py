@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..body import FlexibleBody
 from ..errors import INTERRUPTED
 from ..fmu.package import package_fmu
 from ..master import couple
@@ -16,9 +17,8 @@ from ..master.config import parse_coupling
 from ..master.coupling import CouplingStoppedError
 from ..master.results import Result
 from ..mesh.model import FloatArray
+from ..model.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody
 from ..progress import Reporter
-from ..runtime.body import FlexibleBody
-from ..runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody
 from .config import Map
 from .records import Key, Run, verdict
 from .subject import Subject, linear_response, period, unit

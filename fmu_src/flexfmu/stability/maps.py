@@ -7,13 +7,13 @@ from pathlib import Path
 from ..progress import Reporter
 from ..store import Store
 from ..targets import PICTURE_SUFFIXES, check_target
-from . import buckling, coupling, evaluation, rotation
+from . import buckling, coupling, rotation
 from .config import Map
 from .picture import pictures
 from .records import Run, Runs, Verdict
 from .subject import read_subject
 
-_MAPS = {Map.EVALUATION: evaluation, Map.BUCKLING: buckling, Map.ROTATION: rotation, Map.COUPLING: coupling}
+_MAPS = {Map.BUCKLING: buckling, Map.ROTATION: rotation, Map.COUPLING: coupling}
 
 
 def chart_stability(

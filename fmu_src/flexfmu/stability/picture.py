@@ -24,12 +24,11 @@ _LOOK = {
     Verdict.SILENT: ("#d55e00", "xxxx", "wrong in silence"),
 }
 _AXES = {
-    Map.EVALUATION: ("steps a period of the lowest mode", "load / the scene's"),
     Map.BUCKLING: ("load / critical load", ""),
     Map.ROTATION: ("rotation in linear theory / °", ""),
     Map.COUPLING: ("stiffness of the spring / the interface's", "steps a period of the lowest mode"),
 }
-_COLUMNS = {Map.EVALUATION: 3, Map.BUCKLING: 1, Map.ROTATION: 1, Map.COUPLING: 4}
+_COLUMNS = {Map.BUCKLING: 1, Map.ROTATION: 1, Map.COUPLING: 4}
 _CELL, _ROW = 0.42, 0.3
 
 

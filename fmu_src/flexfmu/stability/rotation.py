@@ -5,11 +5,11 @@ from collections.abc import Container, Iterator
 
 import numpy as np
 
+from ..body import FlexibleBody
+from ..loads import Loads
 from ..mesh.model import FloatArray
-from ..runtime.body import FlexibleBody
-from ..runtime.errors import RuntimeBodyError
-from ..runtime.loads import Loads
-from ..runtime.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody
+from ..model.errors import RuntimeBodyError
+from ..model.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody
 from .config import Map
 from .records import Key, Run, verdict
 from .slave import Aboard, Told

@@ -1,4 +1,4 @@
-"""The FMU's slave at work in this process, with variables by name: what it says is what an FMU says."""
+"""The FMU's core at work in this process, with variables by name: what it says is what an FMU says."""
 
 import tempfile
 from collections.abc import Mapping
@@ -7,16 +7,17 @@ from types import TracebackType
 
 import numpy as np
 
+from ..core.binaries import core_binaries
+from ..core.building import this_platform
+from ..fmu.python_slave import BodySlave, SlaveError, core_file
+from ..fmu.variables import STATUS_CODE, variable_table
 from ..mesh.model import FloatArray
-from ..runtime.errors import RuntimeBodyError
-from ..runtime.modal_file import write_modal_file
-from ..runtime.reduced_body import ReducedBody
-from ..runtime.slave import MODAL_FILE, BodySlave
-from ..runtime.variables import STATUS_CODE, variable_table
+from ..model.reduced_body import ReducedBody
+from ..program.programs import programs, with_guid
 
 
 class Aboard:
-    """A body's modal file in a folder, from which slaves start.
+    """A body's programs in a folder, from which slaves start.
 
     Parameters
     ----------
@@ -26,7 +27,12 @@ class Aboard:
     def __init__(self, body: ReducedBody):
         self.body = body
         self._folder = tempfile.TemporaryDirectory(prefix="flexfmu-")
-        write_modal_file(body, Path(self._folder.name) / MODAL_FILE)
+        folder = Path(self._folder.name)
+        for name, image in with_guid(programs(body), "").items():
+            (folder / name).write_bytes(image)
+        core = core_file(folder)
+        core.parent.mkdir()
+        core.write_bytes(core_binaries([this_platform()])[core.name])
         self.variables = {v.name: (number, v) for number, v in enumerate(variable_table(body))}
 
     def start(self, **parameters: float | str) -> BodySlave:
@@ -69,14 +75,14 @@ class Told:
         try:
             self._slave.enter_initialization_mode()
             self._slave.exit_initialization_mode()
-        except RuntimeBodyError:
+        except SlaveError:
             self.refused = True
 
     def step(self, size: float) -> bool:
         """Take a step (s); whether it was taken."""
         try:
             self.refused = self.refused or not self._slave.do_step(0.0, size)
-        except RuntimeBodyError:
+        except SlaveError:
             self.refused = True
         return not self.refused
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ..body import FlexibleBody
 from ..build import reduce_body
 from ..config import BodyFile, FormulationTable, read_body_file
 from ..mesh.model import FloatArray
+from ..model.reduced_body import Formulation, ReducedBody
 from ..progress import Reporter
-from ..runtime.body import FlexibleBody
-from ..runtime.reduced_body import Formulation, ReducedBody
 from ..scenes.config import SceneFile, read_scene_file
 from ..store import Store
 from .config import Map, StabilityTable

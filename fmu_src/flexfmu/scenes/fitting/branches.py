@@ -16,12 +16,12 @@ from ...fe.faces import element_faces
 from ...mesh.checks import checked
 from ...mesh.formats import read_mesh
 from ...mesh.model import FloatArray
+from ...model.reduced_body import GROUND, ReducedBody
 from ...reduction.cut import SIDES, cut_parts, part_configs, side_set
 from ...reduction.division import distance_along, divide
 from ...reduction.frames import hanging, is_free
 from ...reduction.model import Model, assemble_model, node_set
 from ...reduction.subdomains import carrying_frame
-from ...runtime.reduced_body import GROUND, ReducedBody
 from .trial import Joints
 
 LEVELS = 24

@@ -7,12 +7,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ...body import FlexibleBody, StepLimits
 from ...config import read_body_file
 from ...fmu.package import package_fmu
-from ...runtime.body import FlexibleBody
-from ...runtime.errors import RuntimeBodyError
-from ...runtime.reduced_body import Formulation, ReducedBody
-from ...runtime.stepping import StepLimits
+from ...model.errors import RuntimeBodyError
+from ...model.reduced_body import Formulation, ReducedBody
 from ...targets import whole_file
 from ..body_text import body_text
 from ..fmu_cost import FmuTimer

@@ -4,13 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...body import FlexibleBody, State
 from ...errors import BodyFileError
 from ...mesh.model import FloatArray
+from ...model.errors import RuntimeBodyError
+from ...model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
 from ...progress import Tell
-from ...runtime.body import FlexibleBody
-from ...runtime.errors import RuntimeBodyError
-from ...runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
-from ...runtime.stepping import State
 from ..candidates import Candidate, Reduction, has_meaning, lean, linear_frames, offered_frames
 from ..config import BasisChoice
 from ..measure import Errors

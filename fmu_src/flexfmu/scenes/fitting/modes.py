@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import AccuracyError, BodyFileError
 from ...mesh.model import IntArray
-from ...runtime.reduced_body import Formulation, Mass, ReducedBody
+from ...model.reduced_body import Formulation, Mass, ReducedBody
 from ..config import BasisChoice
 from ..measure import Errors
 from ..scene import AXES, Scene

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...body import FlexibleBody
 from ...mesh.model import FloatArray
-from ...runtime.body import FlexibleBody
-from ...runtime.errors import EquilibriumError, RuntimeBodyError
-from ...runtime.reduced_body import Formulation, ReducedBody
+from ...model.errors import EquilibriumError, RuntimeBodyError
+from ...model.reduced_body import Formulation, ReducedBody
 from ..candidates import lean
 from ..config import BasisChoice
 from ..measure import _within

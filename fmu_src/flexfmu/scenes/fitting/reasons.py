@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...body import FlexibleBody
 from ...errors import AccuracyError
-from ...runtime.body import FlexibleBody
-from ...runtime.errors import RuntimeBodyError
-from ...runtime.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from ...model.errors import RuntimeBodyError
+from ...model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
 from ..candidates import GIVEN, Candidate, Reduction, has_meaning, lean
 from ..config import BasisChoice
 from ..scene import Scene

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from ...mesh.model import FloatArray, IntArray
-from ...runtime.reduced_body import ReducedBody
+from ...model.reduced_body import ReducedBody
 from ..config import BasisChoice
 
 # As in reduction/modes.py: the share of a static shape's strain energy below which modes hold it already.

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+from ...body import FlexibleBody
 from ...build import reduce_body
 from ...config import BodyFile, BranchTable
+from ...model.errors import RuntimeBodyError
+from ...model.reduced_body import Formulation, ReducedBody
 from ...progress import Reporter
-from ...runtime.body import FlexibleBody
-from ...runtime.errors import RuntimeBodyError
-from ...runtime.reduced_body import Formulation, ReducedBody
 from ...store import Store
 from ..candidates import GIVEN, Reduction, lean, reduction_config
 from ..config import BasisChoice

@@ -2,7 +2,7 @@
 
 import math
 
-from ...runtime.reduced_body import Formulation, Kinematics, Mass, Stiffness
+from ...model.reduced_body import Formulation, Kinematics, Mass, Stiffness
 from ..candidates import GIVEN
 from ..config import BasisChoice
 from ..measure import Errors

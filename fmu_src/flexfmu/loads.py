@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import LoadError
+from .model.errors import LoadError
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,6 @@ from .errors import ModalFileError
 from .inertia import InertiaIntegrals
 from .reduced_body import (
     Division,
-    Evaluation,
     Formulation,
     Kinematics,
     LoadPlacement,
@@ -161,9 +160,6 @@ class _Digest:
             *body.frame_names,
             *(f"{key}={body.provenance[key]}" for key in sorted(body.provenance)),
         ]
-        # Files from before there was a choice are read as they were meant.
-        if body.formulation.evaluation is not Evaluation.IMPLICIT:
-            texts.append(body.formulation.evaluation.value)
         arrays = [getattr(body, name) for name in ARRAYS]
         arrays += [value for name in OPTIONAL if (value := getattr(body, name)) is not None]
         if body.whole is not None:
@@ -216,8 +212,6 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["stiffness"] = body.formulation.stiffness.value
             file.attrs["mass"] = body.formulation.mass.value
             file.attrs["division"] = body.formulation.division.value
-            if body.formulation.evaluation is not Evaluation.IMPLICIT:
-                file.attrs["evaluation"] = body.formulation.evaluation.value
             file.attrs["velocity_outputs"] = body.velocity_outputs
             file.attrs["compliance_interfaces"] = ",".join(body.compliance_interfaces)
             file.attrs["root_interface"] = body.root_interface
@@ -344,7 +338,6 @@ def _read(file: Any, name: str) -> ReducedBody:
             Stiffness(file.attrs["stiffness"]),
             Mass(file.attrs["mass"]),
             Division(file.attrs["division"]),
-            Evaluation(file.attrs.get("evaluation", Evaluation.IMPLICIT.value)),
         ),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),

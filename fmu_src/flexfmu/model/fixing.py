@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..rotations import skew
 from .errors import OptionError
 from .inertia import without_frames
 from .reduced_body import GROUND, Kinematics, ReducedBody, SecondOrder, WholeFrame
-from .rotations import skew
 
 FloatArray = NDArray[np.float64]
 

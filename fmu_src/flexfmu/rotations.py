@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-# Below this |φ|² five terms of the series are exact to round-off, above it the closed forms lose under 1e-14.
-_SERIES_LIMIT = 0.05
-
 # Keeps |φ| off zero where it divides; far below round-off of any rotation.
 _TINY = 1e-20
 _IDENTITY = np.eye(3).ravel()
@@ -59,27 +56,6 @@ def skew(vector: FloatArray) -> FloatArray:
     (..., 3, 3) float
     """
     return (vector @ _CROSS).reshape(*vector.shape, 3)
-
-
-def _coefficients(square: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """α, β and γ of the module's docstring from |φ|² (...)."""
-    x = square
-    if np.all(x < _SERIES_LIMIT):
-        return (
-            1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0)))),
-            0.5 * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0 * (1.0 - x / 90.0 * (1.0 - x / 132.0))))),
-            (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0 * (1.0 - x / 156.0))))) / 6.0,
-        )
-    small = x < _SERIES_LIMIT
-    safe = np.where(small, 1.0, x)
-    angle = np.sqrt(safe)
-    sine = np.sin(angle)
-    half = np.sin(0.5 * angle)
-    alpha, beta, gamma = sine / angle, 2.0 * half * half / safe, (angle - sine) / (safe * angle)
-    if np.any(small):
-        series = _coefficients(np.where(small, x, 0.0))
-        alpha, beta, gamma = (np.where(small, s, c) for s, c in zip(series, (alpha, beta, gamma), strict=True))
-    return alpha, beta, gamma
 
 
 def exponential(vector: FloatArray) -> FloatArray:
@@ -128,48 +104,6 @@ def exponential_and_jacobian(vector: FloatArray) -> tuple[FloatArray, FloatArray
     weights[..., 1, 2] = (1.0 - alpha) / (angle * angle)
     both = (weights @ basis).reshape(*square.shape, 2, 3, 3)
     return both[..., 0, :, :], both[..., 1, :, :]
-
-
-def transposed_jacobian_derivative(vector: FloatArray, moment: FloatArray) -> FloatArray:
-    """Derivative of Tᵀ(φ) m with respect to φ at a fixed vector m.
-
-    Parameters
-    ----------
-    vector : (..., 3) float
-        Rotation vectors φ, rad.
-    moment : (..., 3) float
-        The vectors m.
-
-    Returns
-    -------
-    (..., 3, 3) float
-        Column j is ∂(Tᵀ m)/∂φ_j, with Tᵀ m = m − β φ × m + γ φ × (φ × m).
-    """
-    square = np.einsum("...i,...i->...", vector, vector)
-    alpha, beta, gamma = _coefficients(square)
-    # dβ/d|φ| / |φ| and dγ/d|φ| / |φ|, by series where the closed forms cancel.
-    small = square < _SERIES_LIMIT
-    safe = np.where(small, 1.0, square)
-    x = np.where(small, square, 0.0)
-    dbeta = np.where(
-        small,
-        -(1.0 - x / 15.0 * (1.0 - x / 37.333333333333336 * (1.0 - x / 67.5 * (1.0 - x / 105.6)))) / 12.0,
-        (alpha - 2.0 * beta) / safe,
-    )
-    dgamma = np.where(
-        small,
-        -(1.0 - x / 21.0 * (1.0 - x / 48.0 * (1.0 - x / 82.5 * (1.0 - x / 124.8)))) / 60.0,
-        (beta - 3.0 * gamma) / safe,
-    )
-    once = cross(vector, moment)
-    twice = cross(vector, once)
-    hat, hat_moment = skew(vector), skew(moment)
-    direction = dgamma[..., None] * twice - dbeta[..., None] * once
-    return (
-        beta[..., None, None] * hat_moment
-        - gamma[..., None, None] * (skew(once) + hat @ hat_moment)
-        + direction[..., :, None] * vector[..., None, :]
-    )
 
 
 def rotation_vector(rotation: FloatArray) -> FloatArray:

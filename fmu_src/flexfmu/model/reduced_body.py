@@ -80,18 +80,9 @@ class Division(Enum):
     """One for the whole body."""
 
 
-class Evaluation(Enum):
-    """When, within a step, what depends on the configuration is evaluated."""
-
-    IMPLICIT = "implicit"
-    """By the mean over the step, iterated: keeps energy, whatever the step."""
-    EXPLICIT = "explicit"
-    """At the step's start, and held: nothing to iterate, and stable up to some load and step only."""
-
-
 @dataclass(frozen=True, slots=True)
 class Formulation:
-    """The choice of kinematics, of where loads act, of how stress stiffens, of the mass, of the frames, and of when.
+    """What a method is made of: kinematics, where loads act, how stress stiffens, the mass, and the frames.
 
     Attributes
     ----------
@@ -100,7 +91,6 @@ class Formulation:
     stiffness : Stiffness
     mass : Mass
     division : Division
-    evaluation : Evaluation
 
     Raises
     ------
@@ -113,7 +103,6 @@ class Formulation:
     stiffness: Stiffness = Stiffness.CONSTANT
     mass: Mass = Mass.CONSTANT
     division: Division = Division.TREE
-    evaluation: Evaluation = Evaluation.IMPLICIT
 
     def __post_init__(self) -> None:
         """Refuse what would count one effect twice."""
@@ -126,11 +115,6 @@ class Formulation:
             raise OptionError(
                 f'mass "configuration" has no meaning with kinematics "{self.kinematics.value}": only the tree of '
                 'corotated frames moves every point of the body; take kinematics "corotated", or mass "constant"'
-            )
-        if self.evaluation is Evaluation.EXPLICIT and self.mass is Mass.CONFIGURATION:
-            raise OptionError(
-                'evaluation "explicit" does not go with mass "configuration", whose inertia forces only an implicit '
-                'step keeps in balance; take evaluation "implicit", or mass "constant"'
             )
 
 

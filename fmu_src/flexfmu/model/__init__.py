@@ -1,0 +1,1 @@
+"""What a reduced body is: its data, and the modal file that holds them."""
