@@ -17,17 +17,21 @@ double dot(const double *a, const double *b, int64_t n) {
 
 double norm(const double *x, int64_t n) { return sqrt(dot(x, x, n)); }
 
-void add_rows(const double *x, const double *matrix, double *restrict out, int64_t n, int64_t m) {
+void add_rows(const double *x, const double *matrix, double *out, int64_t n, int64_t m) {
+    add_strided_rows(x, matrix, m, out, n, m);
+}
+
+void add_strided_rows(const double *x, const double *matrix, int64_t stride, double *restrict out, int64_t n, int64_t m) {
     int64_t i = 0;
     /* Four rows at a time: one pass over `out` for eight operations an element. */
     for (; i + 4 <= n; i += 4) {
-        const double *a = matrix + i * m, *b = a + m, *c = b + m, *d = c + m;
+        const double *a = matrix + i * stride, *b = a + stride, *c = b + stride, *d = c + stride;
         const double p = x[i], q = x[i + 1], r = x[i + 2], s = x[i + 3];
         if (p == 0.0 && q == 0.0 && r == 0.0 && s == 0.0) continue;
         for (int64_t j = 0; j < m; j++) out[j] += (p * a[j] + q * b[j]) + (r * c[j] + s * d[j]);
     }
     for (; i < n; i++) {
-        const double *row = matrix + i * m;
+        const double *row = matrix + i * stride;
         const double factor = x[i];
         if (factor != 0.0)
             for (int64_t j = 0; j < m; j++) out[j] += factor * row[j];

@@ -9,6 +9,8 @@ double norm(const double *x, int64_t n);
 
 /* out (m) += x (n) M, M (n, m). */
 void add_rows(const double *x, const double *matrix, double *out, int64_t n, int64_t m);
+/* The same of m columns of a matrix whose rows lie `stride` apart. */
+void add_strided_rows(const double *x, const double *matrix, int64_t stride, double *out, int64_t n, int64_t m);
 /* out (n) = M x, M (n, m). */
 void rows_times(const double *matrix, const double *x, double *out, int64_t n, int64_t m);
 /* out (n, k) = A B with A (n, m), B (m, k). */

@@ -37,6 +37,8 @@ static void lay_out(Body *body, Arena *arena) {
     body->operator_t = take(arena, 6 * body->p.nodes * m);
     body->rate = take(arena, m);
     body->coupled = take(arena, body->p.tied * m * m);
+    body->curvature_t = take(arena, body->p.bends);
+    take_configuration(body, arena, &body->memo);
     take_rules(body, arena);
     int64_t most = m * m;
     const int64_t sizes[] = {plain_size(body), body->p.tied ? tied_size(body) : 0, body->p.inertial ? inertial_size(body) : 0,
@@ -45,6 +47,36 @@ static void lay_out(Body *body, Arena *arena) {
         if (sizes[i] > most) most = sizes[i];
     body->work_size = most + 2 * m;
     body->work = take(arena, body->work_size);
+}
+
+/* Which rows each part bends. */
+static void gather_bends(Body *body) {
+    const Program *p = &body->p;
+    int64_t *row = body->bent_row;
+    for (int64_t part = 0; part < p->parts; part++) {
+        Bend *bend = body->bends + part;
+        bend->row = row;
+        bend->start = body->bend_rows;
+        for (int64_t i = 0; p->curved && i < 6 * p->nodes; i++)
+            if (p->part[i] == part) *row++ = i;
+        bend->count = row - bend->row;
+        body->bend_rows += bend->count * p->extent[part];
+    }
+}
+
+/* Their curvature with the coordinate that it is multiplied by first: all rows of a part in one run. */
+static void transpose_bends(Body *body) {
+    const Program *p = &body->p;
+    double *to = body->curvature_t;
+    for (int64_t part = 0; part < p->parts; part++) {
+        Bend *bend = body->bends + part;
+        const int64_t r = p->extent[part];
+        bend->curvature = to;
+        for (int64_t k = 0; k < bend->count; k++)
+            for (int64_t a = 0; a < r; a++)
+                memcpy(to + (a * bend->count + k) * r, p->curvature + p->core_start[bend->row[k]] + a * r, (size_t)r * sizeof(double));
+        to += bend->count * r * r;
+    }
 }
 
 Body *body_open(const void *image, int64_t size, const char **why) {
@@ -65,6 +97,16 @@ Body *body_open(const void *image, int64_t size, const char **why) {
         return 0;
     }
     Arena arena = {0, 0};
+    const int64_t nodes = body->p.nodes;
+    body->bends = calloc((size_t)body->p.parts + 1, sizeof *body->bends);
+    body->bent_row = calloc((size_t)(6 * nodes), sizeof *body->bent_row);
+    body->need = calloc((size_t)(2 * nodes), sizeof *body->need);
+    if (!body->bends || !body->bent_row || !body->need) {
+        body_close(body);
+        return 0;
+    }
+    body->memo_need = body->need + nodes;
+    gather_bends(body);
     lay_out(body, &arena);
     body->arena = calloc((size_t)arena.used, sizeof(double));
     body->pivot = calloc((size_t)(2 * body->p.modes + body->p.pulls), sizeof(int64_t));
@@ -79,6 +121,7 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     for (int64_t j = 0; j < p->modes; j++) body->stiffness[j] = p->omega[j] * p->omega[j];
     for (int64_t i = 0; i < 6 * p->nodes; i++)
         for (int64_t j = 0; j < p->modes; j++) body->operator_t[j * 6 * p->nodes + i] = p->operator_[i * p->modes + j];
+    transpose_bends(body);
     const StepLimits usual = {0.0, 1e-4, 0.0};
     body_options(body, 1.0, &usual);
     *why = "";
@@ -88,6 +131,9 @@ Body *body_open(const void *image, int64_t size, const char **why) {
 void body_close(Body *body) {
     if (!body) return;
     free(body->arena);
+    free(body->bends);
+    free(body->bent_row);
+    free(body->need);
     free(body->pivot);
     free(body->image);
     free(body);
@@ -227,28 +273,23 @@ int body_step(Body *body, const double *inputs, const double *inputs_end, double
 }
 
 void body_nodes(Body *body, const double *q, double *position, double *rotation) {
-    Arena arena = work_arena(body);
-    Configuration at;
-    take_configuration(body, &arena, &at);
-    configure(body, q, &at);
-    memcpy(position, at.position, (size_t)(3 * body->p.nodes) * sizeof(double));
-    memcpy(rotation, at.rotation, (size_t)(9 * body->p.nodes) * sizeof(double));
+    const Configuration *at = whole_configuration(body, q);
+    memcpy(position, at->position, (size_t)(3 * body->p.nodes) * sizeof(double));
+    memcpy(rotation, at->rotation, (size_t)(9 * body->p.nodes) * sizeof(double));
 }
 
 void body_motion(Body *body, const double *q, const double *v, double *motion, double *rates) {
     const Program *p = &body->p;
     Arena arena = work_arena(body);
-    Configuration at;
-    take_configuration(body, &arena, &at);
-    configure(body, q, &at);
+    const Configuration *at = whole_configuration(body, q);
     for (int64_t i = 0; i < p->interfaces; i++) {
         const int64_t k = p->frames + i;
-        for (int c = 0; c < 3; c++) motion[6 * i + c] = at.position[3 * k + c] - p->point[3 * k + c];
-        rotation_vector(at.rotation + 9 * k, motion + 6 * i + 3);
+        for (int c = 0; c < 3; c++) motion[6 * i + c] = at->position[3 * k + c] - p->point[3 * k + c];
+        rotation_vector(at->rotation + 9 * k, motion + 6 * i + 3);
     }
     if (!rates) return;
     double *velocity = take(&arena, 3 * p->nodes), *spin = take(&arena, 3 * p->nodes);
-    node_rates(body, &at, v, take(&arena, pass_back_size(body)), velocity, spin);
+    node_rates(body, at, v, take(&arena, pass_back_size(body)), velocity, spin);
     for (int64_t i = 0; i < p->interfaces; i++) {
         memcpy(rates + 6 * i, velocity + 3 * (p->frames + i), 3 * sizeof(double));
         memcpy(rates + 6 * i + 3, spin + 3 * (p->frames + i), 3 * sizeof(double));

@@ -20,11 +20,23 @@ typedef struct {
     double *q;        /* (m) */
     double *straight; /* (6K): the part of b and phi that is linear in q */
     double *bent;     /* (parts, m): coordinates that bend each part */
-    double *turned;   /* (6K, m): curvature times these: its share of the derivatives */
+    double *turned;   /* curvature times these, (r) of each row that is curved: its share of the derivatives */
     double *local;    /* (6K): b of all nodes, then phi */
     double *position; /* (K, 3) */
     double *rotation, *parent, *jacobian; /* (K, 3, 3): R, R of the parent, T(phi) */
 } Configuration;
+
+/* Which of a node's offset and rotation a call needs. */
+typedef struct {
+    unsigned char offset, turn;
+} Need;
+
+/* Rows of the operator that one part's coordinates bend, and their curvature (r, count, r). */
+typedef struct {
+    int64_t count, start; /* of rows; where their numbers begin in Configuration.turned */
+    const int64_t *row;
+    const double *curvature;
+} Bend;
 
 /* Loads on the nodes, with what follows from them alone; `f_`: without moments, which have no potential. */
 typedef struct {
@@ -61,6 +73,14 @@ typedef struct Body {
     double *stiffness;    /* (m) */
     double *zeta;         /* (m), scaled */
     double *operator_t;   /* (m, 6K): the operator, column by column */
+    Bend *bends;          /* (parts) */
+    int64_t *bent_row;    /* of all parts in turn */
+    double *curvature_t;  /* (r, count, r) of each part */
+    int64_t bend_rows;    /* numbers of Configuration.turned */
+    Need *need;           /* (K): of the step at hand */
+    Configuration memo;   /* of the q last seen: a step begins, and outputs are read, where the step before it ended */
+    Need *memo_need;
+    int memo_known;
     double *coupled;      /* (m, m): damping between modes of a body with ties */
     double *rate;         /* (m): damping of each mode, 1/s */
     Rule rules[RULES];

@@ -18,7 +18,17 @@ Arena work_arena(Body *body);
 
 /* tree.c */
 void configure(const Body *body, const double *q, Configuration *at);
-void configure_halfway(const Body *body, const Configuration *a, const Configuration *b, Configuration *at);
+/* Null `need`: all. */
+void configure_linear(const Body *body, const Need *need, const double *q, Configuration *at);
+void configure_places(const Body *body, const Need *need, Configuration *at);
+void configure_halfway(const Body *body, const Need *need, const Configuration *a, const Configuration *b, Configuration *at);
+int64_t configuration_size(const Body *body);
+void copy_configuration(const Body *body, const Configuration *from, Configuration *to);
+void find_need(Body *body, const double *inputs, const double *inputs_end);
+void remember(Body *body, const Need *need, const Configuration *at);
+int recall(const Body *body, const Need *need, const double *q, Configuration *at);
+/* The configuration of q, all of it, kept for the next call; it may not be written to. */
+const Configuration *whole_configuration(Body *body, const double *q);
 int64_t pass_back_size(const Body *body);
 void pass_back(const Body *body, const Configuration *at, double *force, double *moment, double *scratch, double *out);
 void full_operator(const Body *body, const Configuration *at, double *out);

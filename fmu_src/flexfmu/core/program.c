@@ -97,7 +97,7 @@ static const char *inconsistent(const Program *p) {
         if (p->parent[i] < -1 || p->parent[i] >= (i < s ? i : s)) return "a node hangs on what is not before it";
     if (p->curved) {
         if (!p->basis && p->parts != 1) return "the coordinates that bend are missing";
-        int64_t numbers = 0;
+        int64_t numbers = 0, bends = 0;
         for (int64_t i = 0; i < p->parts; i++) {
             if (p->extent[i] < 1 || p->extent[i] > m) return "coordinates that bend are out of range";
             numbers += p->extent[i] * m;
@@ -108,7 +108,9 @@ static const char *inconsistent(const Program *p) {
             if (p->part[i] < 0) continue;
             const int64_t r = p->extent[p->part[i]];
             if (p->core_start[i] < 0 || p->core_start[i] + r * r > p->bends) return "a curvature lies outside";
+            bends += r * r;
         }
+        if (bends != p->bends) return "curvatures lie over each other";
     }
     if (!positive(p->mass, p->masses, 1) || !positive(p->tie_stiffness, 3 * p->ties, 1)) return "a mass or stiffness is negative";
     if (!within(p->pull, p->pulls, 0, 6 * p->ties - 1) || p->pulls > 6 * p->ties) return "a tie's coordinate is out of range";

@@ -107,7 +107,7 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
             if (d->most_rounds && d->rounds >= d->most_rounds) return EXHAUSTED;
             d->rounds++;
             configure(body, q1, there);
-            configure_halfway(body, here, there, &middle);
+            configure_halfway(body, 0, here, there, &middle);
             mass_matrix(body, there, room.inertia, room.mass);
             for (int64_t j = 0; j < m; j++) {
                 way[j] = q1[j] - here->q[j];

@@ -56,7 +56,12 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
         for (int64_t j = 0; j < m; j++) growth[j] += loads.constant[j] / (double)d->count;
     }
     memcpy(v0, v, (size_t)m * sizeof(double));
-    configure(body, q, here);
+    find_need(body, d->inputs, d->inputs_end);
+    const Need *need = body->need;
+    if (!recall(body, need, q, here)) {
+        configure_linear(body, need, q, here);
+        configure_places(body, need, here);
+    }
     for (int64_t number = 0; number < d->count; number++) {
         if (d->inputs_end) {
             const double share = ((double)number + 0.5) / (double)d->count;
@@ -72,15 +77,15 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
             free[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j];
             q1[j] = free[j] + rule->gq[j] * start[j];
         }
-        double size = HUGE_VAL, correction = 0.0;
+        double size = HUGE_VAL, before = HUGE_VAL, correction = 0.0;
         int settled = 0;
         for (int round = 1; !settled; round++) {
             if (round > FIXED_POINT_ROUNDS + NEWTON_ROUNDS) return UNSETTLED;
             if (d->most_rounds && d->rounds >= d->most_rounds) return EXHAUSTED;
             d->rounds++;
             double square = 0.0;
-            configure(body, q1, there);
-            configure_halfway(body, here, there, &middle);
+            configure_linear(body, need, q1, there);
+            configure_halfway(body, need, here, there, &middle);
             for (int64_t j = 0; j < m; j++) {
                 way[j] = q1[j] - here->q[j];
                 square += way[j] * way[j];
@@ -89,6 +94,7 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
             const int corrected = size <= SETTLED;
             if (corrected && potential && square > 0.0) {
                 const double *conservative = force;
+                configure_places(body, need, there);
                 end_work = force_work(body, &loads, there);
                 if (loads.has_moments) {
                     modal_force(body, &loads, 0, &middle, 0, scratch, bare);
@@ -102,6 +108,8 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
                 change[j] = q1[j] - free[j] - rule->gq[j] * mean[j];
             }
             if (round == FIXED_POINT_ROUNDS + 1) {
+                /* The tangent asks for all nodes. */
+                configure(body, middle.q, &middle);
                 /* The mean's derivative by q1 is half the load stiffness in the middle, but for the correction's. */
                 tangent_stiffness(body, &loads, 1, &middle, 0, rest, newton);
                 for (int64_t i = 0; i < m; i++)
@@ -122,14 +130,18 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
             const double scale = sqrt(sized) + speed;
             size = scale > 0.0 ? sqrt(moved) / scale : 0.0;
             if (!isfinite(size)) return UNSETTLED;
-            settled = corrected && size <= TOLERANCE;
+            /* What is left of the error is the change times the rate at which changes fall. */
+            const double rate = size < before ? size / before : 1.0;
+            settled = corrected && size * rate <= TOLERANCE;
+            before = size;
         }
         for (int64_t j = 0; j < m; j++) {
             const double rate = rule->p21[j] * here->q[j] + rule->p22[j] * v0[j] + rule->gv[j] * mean[j];
             v0[j] = rate + rule->ramp_rate[j] * growth[j];
             q1[j] += rule->ramp[j] * growth[j];
         }
-        configure(body, q1, there);
+        configure_linear(body, need, q1, there);
+        configure_places(body, need, there);
         modal_force(body, &loads, 1, there, 0, scratch, end);
         end_work = force_work(body, &loads, there);
         /* What the force's change over the step would do beyond its mean is the leading error. */
@@ -150,6 +162,7 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
         here = there;
         there = passed;
     }
+    remember(body, need, here);
     memcpy(q, here->q, (size_t)m * sizeof(double));
     memcpy(v, v0, (size_t)m * sizeof(double));
     return DONE;

@@ -73,7 +73,7 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             q1[j] = here->q[j] + h * v0[j];
         }
         configure(body, q1, there);
-        configure_halfway(body, here, there, &middle);
+        configure_halfway(body, 0, here, there, &middle);
         if (!pull_at(body, rule, &middle, unit, body->pivot, &pull)) return UNSETTLED;
         int settled = 0, newtons = 0;
         for (int round = 1; !settled; round++) {
@@ -82,7 +82,7 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             d->rounds++;
             if (round > 1) {
                 configure(body, q1, there);
-                configure_halfway(body, here, there, &middle);
+                configure_halfway(body, 0, here, there, &middle);
             }
             for (int64_t j = 0; j < m; j++) {
                 way[j] = q1[j] - here->q[j];
@@ -143,7 +143,7 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             last = size;
         }
         configure(body, q1, there);
-        configure_halfway(body, here, there, &middle);
+        configure_halfway(body, 0, here, there, &middle);
         /* Stiff springs that vibrate faster than the step can tell are strained by it at its ends as they never are in
          * truth: their tension is taken as it is in the middle, and how it changes from how the body gives way. */
         tie_tension(body, &middle, tense);

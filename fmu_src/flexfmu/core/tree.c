@@ -10,7 +10,7 @@ void take_configuration(const Body *body, Arena *arena, Configuration *at) {
     at->q = take(arena, p->modes);
     at->straight = take(arena, 6 * p->nodes);
     at->bent = take(arena, p->parts * p->modes);
-    at->turned = take(arena, p->curved * 6 * p->nodes * p->modes);
+    at->turned = take(arena, body->bend_rows);
     at->local = take(arena, 6 * p->nodes);
     at->position = take(arena, 3 * p->nodes);
     at->rotation = take(arena, 9 * p->nodes);
@@ -26,23 +26,61 @@ static void part_coordinates(const Program *p, const double *q, double *x) {
         rows_times(basis, q, x + i * p->modes, p->extent[i], p->modes);
 }
 
-/* b and phi from their linear part and the curvature's share in their derivatives. */
-static void bend(const Program *p, Configuration *at) {
-    memcpy(at->local, at->straight, (size_t)(6 * p->nodes) * sizeof(double));
-    for (int64_t i = 0; p->curved && i < 6 * p->nodes; i++)
-        if (p->part[i] >= 0)
-            at->local[i] += 0.5 * dot(at->turned + i * p->modes, at->bent + p->part[i] * p->modes, p->extent[p->part[i]]);
+/* Whether a row of the operator is needed. */
+static int wanted(const Program *p, const Need *need, int64_t row) {
+    const int64_t node = row / 3;
+    return !need || (node < p->nodes ? need[node].offset : need[node - p->nodes].turn);
 }
 
-/* The pass outwards, (4) and (6). */
-static void place(const Program *p, Configuration *at) {
+/* Curvature times the coordinates, of rows that are needed: runs of them at a time, since rows of a part lie together. */
+static void turn_rows(const Body *body, const Need *need, Configuration *at) {
+    const Program *p = &body->p;
+    for (int64_t part = 0; part < p->parts; part++) {
+        const Bend *bend = body->bends + part;
+        const int64_t r = p->extent[part];
+        for (int64_t first = 0; first < bend->count;) {
+            if (!wanted(p, need, bend->row[first])) {
+                first++;
+                continue;
+            }
+            int64_t last = first + 1;
+            while (last < bend->count && wanted(p, need, bend->row[last])) last++;
+            double *turned = at->turned + bend->start + first * r;
+            memset(turned, 0, (size_t)((last - first) * r) * sizeof(double));
+            add_strided_rows(at->bent + part * p->modes, bend->curvature + first * r, bend->count * r, turned, r, (last - first) * r);
+            first = last;
+        }
+    }
+}
+
+/* b and phi from their linear part and the curvature's share in their derivatives. */
+static void bend_rows(const Body *body, const Need *need, Configuration *at) {
+    const Program *p = &body->p;
+    memcpy(at->local, at->straight, (size_t)(6 * p->nodes) * sizeof(double));
+    for (int64_t part = 0; part < p->parts; part++) {
+        const Bend *bend = body->bends + part;
+        const int64_t r = p->extent[part];
+        for (int64_t k = 0; k < bend->count; k++)
+            if (wanted(p, need, bend->row[k]))
+                at->local[bend->row[k]] += 0.5 * dot(at->turned + bend->start + k * r, at->bent + part * p->modes, r);
+    }
+}
+
+/* The pass outwards, (4) and (6). What is not needed stays where it was undeformed. */
+static void place(const Program *p, const Need *need, Configuration *at) {
     for (int64_t k = 0; k < p->nodes; k++) {
         const int64_t on = p->parent[k];
         const double *parent = on < 0 ? IDENTITY : at->rotation + 9 * on;
         double *b = at->local + 3 * k, arm[3], relative[9];
         memcpy(at->parent + 9 * k, parent, sizeof IDENTITY);
-        exponential(at->local + 3 * (p->nodes + k), relative, at->jacobian + 9 * k);
-        multiply(parent, relative, at->rotation + 9 * k);
+        if (!need || need[k].turn) {
+            exponential(at->local + 3 * (p->nodes + k), relative, at->jacobian + 9 * k);
+            multiply(parent, relative, at->rotation + 9 * k);
+        }
+        if (need && !need[k].offset) {
+            memcpy(at->position + 3 * k, p->point + 3 * k, 3 * sizeof(double));
+            continue;
+        }
         for (int i = 0; i < 3; i++) b[i] += p->offset[3 * k + i];
         apply(parent, b, arm);
         for (int i = 0; i < 3; i++) {
@@ -52,25 +90,25 @@ static void place(const Program *p, Configuration *at) {
     }
 }
 
-void configure(const Body *body, const double *q, Configuration *at) {
+/* All that is linear in q: what places are made of. */
+void configure_linear(const Body *body, const Need *need, const double *q, Configuration *at) {
     const Program *p = &body->p;
-    const int64_t m = p->modes;
-    if (at->q != q) memcpy(at->q, q, (size_t)m * sizeof(double));
+    if (at->q != q) memcpy(at->q, q, (size_t)p->modes * sizeof(double));
     memset(at->straight, 0, (size_t)(6 * p->nodes) * sizeof(double));
-    add_rows(q, body->operator_t, at->straight, m, 6 * p->nodes);
-    if (p->curved) {
-        part_coordinates(p, q, at->bent);
-        for (int64_t i = 0; i < 6 * p->nodes; i++) {
-            if (p->part[i] < 0) continue;
-            const int64_t r = p->extent[p->part[i]];
-            double *turned = at->turned + i * m;
-            /* The curvature is symmetric: its rows are its columns. */
-            memset(turned, 0, (size_t)r * sizeof(double));
-            add_rows(at->bent + p->part[i] * m, p->curvature + p->core_start[i], turned, r, r);
-        }
-    }
-    bend(p, at);
-    place(p, at);
+    add_rows(q, body->operator_t, at->straight, p->modes, 6 * p->nodes);
+    if (!p->curved) return;
+    part_coordinates(p, q, at->bent);
+    turn_rows(body, need, at);
+}
+
+void configure_places(const Body *body, const Need *need, Configuration *at) {
+    bend_rows(body, need, at);
+    place(&body->p, need, at);
+}
+
+void configure(const Body *body, const double *q, Configuration *at) {
+    configure_linear(body, 0, q, at);
+    configure_places(body, 0, at);
 }
 
 static void mean_of(const double *a, const double *b, double *out, int64_t n) {
@@ -78,18 +116,81 @@ static void mean_of(const double *a, const double *b, double *out, int64_t n) {
 }
 
 /* Halfway between the q of two others: all that comes before places is linear in q. */
-void configure_halfway(const Body *body, const Configuration *a, const Configuration *b, Configuration *at) {
+void configure_halfway(const Body *body, const Need *need, const Configuration *a, const Configuration *b, Configuration *at) {
     const Program *p = &body->p;
-    const int64_t m = p->modes, rows = 6 * p->nodes;
-    mean_of(a->q, b->q, at->q, m);
-    mean_of(a->straight, b->straight, at->straight, rows);
+    mean_of(a->q, b->q, at->q, p->modes);
+    mean_of(a->straight, b->straight, at->straight, 6 * p->nodes);
     if (p->curved) {
-        mean_of(a->bent, b->bent, at->bent, p->parts * m);
-        for (int64_t i = 0; i < rows; i++)
-            if (p->part[i] >= 0) mean_of(a->turned + i * m, b->turned + i * m, at->turned + i * m, p->extent[p->part[i]]);
+        mean_of(a->bent, b->bent, at->bent, p->parts * p->modes);
+        mean_of(a->turned, b->turned, at->turned, body->bend_rows);
     }
-    bend(p, at);
-    place(p, at);
+    configure_places(body, need, at);
+}
+
+int64_t configuration_size(const Body *body) {
+    Arena count = {0, 0};
+    Configuration at;
+    take_configuration(body, &count, &at);
+    return count.used;
+}
+
+/* Their numbers lie in one run, from q on. */
+void copy_configuration(const Body *body, const Configuration *from, Configuration *to) {
+    memcpy(to->q, from->q, (size_t)configuration_size(body) * sizeof(double));
+}
+
+static int same(const double *a, const double *b, int64_t n) { return memcmp(a, b, (size_t)n * sizeof(double)) == 0; }
+
+/* What of each node steps under some loads need: frames carry others, ties hold others. */
+void find_need(Body *body, const double *inputs, const double *inputs_end) {
+    const Program *p = &body->p;
+    const int64_t first = p->frames, masses = first + p->interfaces, ties = masses + p->masses;
+    memset(body->need, 1, (size_t)p->nodes * sizeof *body->need);
+    for (int64_t k = first; k < ties; k++) {
+        const double *loads[2] = {inputs, inputs_end ? inputs_end : inputs};
+        body->need[k].offset = body->need[k].turn = 0;
+        for (int end = 0; end < 2; end++) {
+            const double *own = loads[end] + (k < masses ? 6 * (k - first) : 6 * p->interfaces);
+            body->need[k].offset |= !(own[0] == 0.0 && own[1] == 0.0 && own[2] == 0.0);
+            if (k < masses) body->need[k].turn |= !(own[3] == 0.0 && own[4] == 0.0 && own[5] == 0.0);
+        }
+    }
+}
+
+/* Keep the configuration of a q, of which what `need` says is known. */
+void remember(Body *body, const Need *need, const Configuration *at) {
+    copy_configuration(body, at, &body->memo);
+    memcpy(body->memo_need, need, (size_t)body->p.nodes * sizeof *need);
+    body->memo_known = 1;
+}
+
+/* The configuration of q where what is needed is known already: 1. */
+int recall(const Body *body, const Need *need, const double *q, Configuration *at) {
+    if (!body->memo_known || !same(q, body->memo.q, body->p.modes)) return 0;
+    for (int64_t k = 0; k < body->p.nodes; k++)
+        if (need[k].offset > body->memo_need[k].offset || need[k].turn > body->memo_need[k].turn) return 0;
+    copy_configuration(body, &body->memo, at);
+    return 1;
+}
+
+const Configuration *whole_configuration(Body *body, const double *q) {
+    const int64_t n = body->p.nodes;
+    if (!body->memo_known || !same(q, body->memo.q, body->p.modes)) {
+        configure(body, q, &body->memo);
+    } else {
+        int missing = 0;
+        for (int64_t k = 0; k < n; k++) {
+            body->need[k].offset = !body->memo_need[k].offset;
+            body->need[k].turn = !body->memo_need[k].turn;
+            missing |= body->need[k].offset | body->need[k].turn;
+        }
+        if (!missing) return &body->memo;
+        if (body->p.curved) turn_rows(body, body->need, &body->memo);
+        configure_places(body, 0, &body->memo);
+    }
+    memset(body->memo_need, 1, (size_t)n * sizeof *body->memo_need);
+    body->memo_known = 1;
+    return &body->memo;
 }
 
 /* out (m) += factors (6K) times the derivatives of b and phi; `scratch` holds (parts, m). */
@@ -100,8 +201,12 @@ static void add_times_derivative(const Body *body, const Configuration *at, cons
     add_rows(factors, p->operator_, out, 6 * p->nodes, m);
     if (!p->curved) return;
     memset(scratch, 0, (size_t)(p->parts * m) * sizeof(double));
-    for (int64_t i = 0; i < 6 * p->nodes; i++)
-        if (p->part[i] >= 0) add_rows(factors + i, at->turned + i * m, scratch + p->part[i] * m, 1, p->extent[p->part[i]]);
+    for (int64_t part = 0; part < p->parts; part++) {
+        const Bend *bend = body->bends + part;
+        const int64_t r = p->extent[part];
+        for (int64_t k = 0; k < bend->count; k++)
+            add_rows(factors + bend->row[k], at->turned + bend->start + k * r, scratch + part * m, 1, r);
+    }
     const double *basis = p->basis;
     for (int64_t j = 0; !basis && j < m; j++) out[j] += scratch[j];
     for (int64_t i = 0; basis && i < p->parts; basis += p->extent[i++] * m)
@@ -109,6 +214,8 @@ static void add_times_derivative(const Body *body, const Configuration *at, cons
 }
 
 int64_t pass_back_size(const Body *body) { return 6 * body->p.nodes + body->p.parts * body->p.modes; }
+
+static int no_load(const double *x) { return x[0] == 0.0 && x[1] == 0.0 && x[2] == 0.0; }
 
 /* Loads gathered from the tips to the roots, in place; per node their components on the parent's axes, T included. */
 static void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows) {
@@ -118,9 +225,19 @@ static void gather(const Body *body, const Configuration *at, double *force, dou
         const int64_t on = p->parent[k];
         const double *parent = at->parent + 9 * k;
         double turned[3];
+        if (no_load(force + 3 * k) && no_load(moment + 3 * k)) {
+            /* Nothing is known of a node without loads that was not needed. */
+            memset(rows + 3 * k, 0, 3 * sizeof(double));
+            memset(rows + 3 * (p->nodes + k), 0, 3 * sizeof(double));
+            continue;
+        }
         apply_back(parent, force + 3 * k, rows + 3 * k);
-        apply_back(parent, moment + 3 * k, turned);
-        apply_back(at->jacobian + 9 * k, turned, rows + 3 * (p->nodes + k));
+        if (no_load(moment + 3 * k)) {
+            memset(rows + 3 * (p->nodes + k), 0, 3 * sizeof(double));
+        } else {
+            apply_back(parent, moment + 3 * k, turned);
+            apply_back(at->jacobian + 9 * k, turned, rows + 3 * (p->nodes + k));
+        }
         if (on < 0) continue;
         double arm[3], about[3];
         for (int i = 0; i < 3; i++)
@@ -147,13 +264,15 @@ void full_operator(const Body *body, const Configuration *at, double *out) {
     if (!p->curved) return;
     const double *basis = p->basis;
     for (int64_t part = 0; part < p->parts; part++) {
+        const Bend *bend = body->bends + part;
         const int64_t r = p->extent[part];
-        for (int64_t i = 0; i < 6 * p->nodes; i++) {
-            if (p->part[i] != part) continue;
+        for (int64_t k = 0; k < bend->count; k++) {
+            const double *turned = at->turned + bend->start + k * r;
+            double *row = out + bend->row[k] * m;
             if (basis)
-                add_rows(at->turned + i * m, basis, out + i * m, r, m);
+                add_rows(turned, basis, row, r, m);
             else
-                for (int64_t j = 0; j < m; j++) out[i * m + j] += at->turned[i * m + j];
+                for (int64_t j = 0; j < m; j++) row[j] += turned[j];
         }
         if (basis) basis += r * m;
     }
@@ -264,8 +383,12 @@ void node_rates(const Body *body, const Configuration *at, const double *v, doub
     rows_times(p->operator_, v, rates, 6 * n, m);
     if (p->curved) {
         part_coordinates(p, v, bent);
-        for (int64_t i = 0; i < 6 * n; i++)
-            if (p->part[i] >= 0) rates[i] += dot(at->turned + i * m, bent + p->part[i] * m, p->extent[p->part[i]]);
+        for (int64_t part = 0; part < p->parts; part++) {
+            const Bend *bend = body->bends + part;
+            const int64_t r = p->extent[part];
+            for (int64_t k = 0; k < bend->count; k++)
+                rates[bend->row[k]] += dot(at->turned + bend->start + k * r, bent + part * m, r);
+        }
     }
     for (int64_t k = 0; k < n; k++) {
         const int64_t on = p->parent[k];
