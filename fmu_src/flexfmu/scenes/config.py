@@ -183,6 +183,12 @@ class SweepTable(_Table):
     finite_elements: list[Annotated[Solver, Field(strict=False)]] = list(Solver)
 
 
+class FitTable(_Table):
+    """`[fit]`: what the fitted body has to do beyond the scene."""
+
+    other_loads: float = Field(default=0.1, gt=0.0, le=1.0)
+
+
 class SceneFile(_Table):
     """A whole scene file."""
 
@@ -193,6 +199,7 @@ class SceneFile(_Table):
     tolerance: ToleranceTable = ToleranceTable()
     reference: ReferenceTable = ReferenceTable()
     sweep: SweepTable = SweepTable()
+    fit: FitTable = FitTable()
     stability: StabilityTable = StabilityTable()
 
     @model_validator(mode="after")
@@ -261,7 +268,10 @@ def _unknown(key: str) -> str:
 _KEYS = sorted(
     {
         name
-        for table in (SceneFile, StaticTable, TransientTable, AcceptedTable, ToleranceTable, ReferenceTable, SweepTable)
+        for table in (
+            *(SceneFile, StaticTable, TransientTable, AcceptedTable, ToleranceTable, ReferenceTable, SweepTable),
+            FitTable,
+        )
         for name in table.model_fields
     }
 )
