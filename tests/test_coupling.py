@@ -516,6 +516,18 @@ def test_a_table_is_held_from_the_beginning_of_each_step_and_jumps_count_from_th
     np.testing.assert_allclose(found["a.tip.force.x"][1:], expected, atol=1e-6)
 
 
+def test_a_table_whose_mean_is_held_gives_two_joined_masses_its_impulse(run, folder):
+    """Their momentum is the area under the table, jump included: what the spring between them does adds nothing."""
+    (folder / "impulse.csv").write_text("time,tip.force.x\n0,0\n0.01,10\n0.01,4\n0.02,-3\n", encoding="utf-8")
+    a, b = fmu("a", "mass_v", mass=MASSES[0]), fmu("b", "mass_v", mass=MASSES[1])
+    text = a + 'input = "impulse.csv"\n' + b + spring("a.tip", "b.tip", JOINT)
+    found = run(experiment("iterated", 1e-3, 0.02, held="mean", tolerance=1e-9) + text)
+    momentum = sum(m * found[f"{name}.tip.velocity.x"] for m, name in zip(MASSES, "ab", strict=True))
+    time = found.time
+    expected = np.where(time < 0.01 + 1e-9, 500.0 * time**2, 0.05 + 4.0 * (time - 0.01) - 350.0 * (time - 0.01) ** 2)
+    np.testing.assert_allclose(momentum, expected, atol=1e-9)
+
+
 def test_a_constant_start_load_and_a_springs_load_add_up(run):
     text = fmu("a", "mass", mass=1.0, **{"tip.force.x": 10.0}) + spring("a.tip", None, 1000.0)
     found = run(experiment("iterated", 1e-3, 0.1, held="mean", tolerance=1e-9) + text)

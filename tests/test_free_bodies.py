@@ -241,7 +241,7 @@ def two_materials(tmp_path_factory):
         free=True,
         frames=2,
         input={"acceleration": True},
-        reduction={"basis": "craig_bampton", "modes": 6},
+        reduction={"basis": "craig_bampton", "modes": 6, "inertia": True},
     ).model_copy(update={"support": []})
     return FlexibleBody(reduce_body(config, Reporter()))
 
@@ -270,6 +270,19 @@ def test_a_free_body_of_two_materials_falls_without_turning_or_bending(two_mater
     found = two_materials.response(state)
     np.testing.assert_allclose(found.displacement, np.tile([0.0, -0.5 * 9.81 * 0.25, -0.375], (2, 1)), atol=1e-8)
     np.testing.assert_allclose(found.rotation, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("mass", Mass)
+def test_a_spinning_body_of_two_materials_has_the_energy_of_both(two_materials, mass):
+    """½ J ω², J of two blocks, each about its own centre and then about the common one."""
+    blocks = [(0.01 * part.density, x) for x, part in HALVES]
+    centre = sum(m * x for m, x in blocks) / sum(m for m, _ in blocks)
+    moment = sum(m * ((1.0 + 0.1**2) / 12.0 + (x - centre) ** 2) for m, x in blocks)
+    body = FlexibleBody(two_materials.model, Formulation(mass=mass))
+    state = spinning(body, [0.0, 0.0, 3.0])
+    assert sum(body.energies(state)) == pytest.approx(0.5 * moment * 9.0, rel=1e-6)
+    turned = State(0.3 * state.v, state.v)
+    assert sum(body.energies(turned)) == pytest.approx(0.5 * moment * 9.0, rel=1e-6)
 
 
 def test_a_push_along_a_free_body_of_two_materials_moves_its_mass_as_newton_says(two_materials):
