@@ -156,6 +156,7 @@ def folder(tmp_path_factory):
         ("mass", False, False),
         ("mass_v", True, False),
         ("mass_c", False, True),
+        ("mass_vc", True, True),
         ("mass_s", False, False),
     ):
         script = path / f"{name}.py"
@@ -390,6 +391,16 @@ def test_explicit_coupling_is_warned_of_where_the_compliance_tells(run):
         assert '"iterated"' in said
         assert run(experiment(scheme, 1e-4, 0.0002) + stiff).said == []
     assert run(experiment("iterated", 1e-3, 0.002) + stiff).said == []
+
+
+@pytest.mark.parametrize(("file", "fold"), [("mass_vc", "1.5-fold"), ("mass_c", "0.75-fold")])
+def test_a_damper_answers_by_the_velocity_at_the_step_s_end_twice_as_much_as_by_the_mean_one(run, file, fold):
+    """A load held over the step h turns h/m of it into velocity at its end, half of that into the mean one."""
+    damper = 1.0 / 1e-3
+    text = pair(file, 0.0, damping=damper, own=(0.0, 0.0))
+    # d h (1/m_a + 1/m_b), or half of it.
+    assert damper * 1e-3 * np.sum(1.0 / MASSES) == pytest.approx(1.5)
+    assert fold in run(experiment("jacobi", 1e-3, 0.002) + text).said[0]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipk
 
 from flexfmu.build import reduce_body
-from flexfmu.config import Basis, InputTable, InterfaceTable, SupportTable
+from flexfmu.config import Basis, FrameTable, InputTable, InterfaceTable, SupportTable
 from flexfmu.errors import ModelError
 from flexfmu.mesh.model import ElementType, Material
 from flexfmu.progress import Reporter
@@ -89,6 +89,21 @@ def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies):
     moved = [b.response(s).displacement[-1] for b, s in zip((fixed, supported), states, strict=True)]
     assert np.linalg.norm(moved[1]) > 0.1
     assert relative(moved[0], moved[1]) < 1e-2
+
+
+def test_what_hung_on_the_floating_frame_keeps_its_mass_where_the_scene_fixes_the_root(bodies):
+    """One frame at the root, the rest of the beam on none: undeformed, its modes have unit mass in any case."""
+    wanted = {"basis": Basis.CRAIG_BAMPTON, "modes": 4, "inertia": True}
+    reduction = bodies.config(BEAM).reduction.model_copy(update=wanted)
+    frame = [FrameTable(name="first", nodes="SEG1")]
+    changes = {"free": True, "support": [], "interface": ROOT_AND_TIP, "frames": None, "frame": frame}
+    free = bodies.beam(reduction=reduction, **changes).model
+    body = FlexibleBody(free, Formulation(mass=Mass.CONFIGURATION), fixed=["root"])
+    assert body.model.inertia.frame.tolist() == [0]
+    assert np.trace(body.model.inertia.ground) > 1.0
+    count = body.model.mode_count
+    for v in [*np.eye(count), np.ones(count)]:
+        assert sum(body.energies(State(np.zeros(count), v))) == pytest.approx(0.5 * float(v @ v), rel=1e-9)
 
 
 def test_a_free_body_falls_as_one(floating):
