@@ -40,7 +40,7 @@ def brought(tmp_path):
     ("text", "message"),
     [
         ("", r"nothing happens in the scene: give a \[\[static\]\]"),
-        (BEND.replace("factors", "factor"), r"static\[1\].factor: unknown key; is it 'factors'\?"),
+        (BEND.replace("factors", "factor"), r"static\[1\].factor: unknown key, did you mean 'factors'\?"),
         (BEND.replace("0.3, 1.0", "1.0, 0.3"), r"static\[1\].factors: is \[1.0, 0.3\], expected ascending"),
         (BEND.replace("10e3", "0.0"), "all loads are zero"),
         (BEND.replace("10e3", '"10e3"'), r"static\[1\].loads.tip.force.y: found '10e3'; should be a valid number"),

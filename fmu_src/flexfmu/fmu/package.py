@@ -18,6 +18,7 @@ import pythonfmu
 
 from .. import runtime
 from ..errors import PackagingError
+from ..inputs import Kind, check_input
 from ..runtime.contents import DESCRIPTION, Contents, described_guid
 from ..runtime.errors import ContentsError, ModalFileError
 from ..runtime.kernel import PATTERN
@@ -133,8 +134,7 @@ def read_packaged_body(path: Path) -> ReducedBody:
     ModalFileError
         The modal file is missing, damaged, altered or of an unknown version.
     """
-    if not path.is_file():
-        raise ModalFileError(f"{path}: no such file")
+    check_input(path, PackagingError, Kind.FMU, Kind.MODAL)
     if not zipfile.is_zipfile(path):
         if path.suffix.lower() == ".fmu":
             raise PackagingError(f"{path}: not an archive, so no FMU; the file is damaged, or something else")
