@@ -18,6 +18,7 @@ from .inertia import mass_matrix
 from .loads import Loads, loads_from_mapping
 from .reduced_body import Evaluation, Formulation, ReducedBody
 from .rotations import cross, rotation_vector
+from .spinning import Spinning, spinning
 from .statics import equilibrium
 from .stepping import State, StepLimits, Stepper, Work
 from .ties import energy as tie_energy
@@ -106,6 +107,7 @@ class FlexibleBody:
             self.formulation.evaluation,
         )
         self._configuration = self._stepper.configuration
+        self.spinning: Spinning | None = spinning(model, self._dynamics)
         self._judge: Judge | None = None
         self._judged = False
 

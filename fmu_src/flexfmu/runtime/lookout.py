@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from .body import FlexibleBody
 from .evaluation import Feed, FeedRates
+from .spinning import AngularMomentum
 from .stepping import State
 from .watch import (
     Finding,
@@ -15,7 +16,9 @@ from .watch import (
     feed_finding,
     loads_changed,
     missed_finding,
+    momentum_finding,
     rotation_finding,
+    spin_finding,
     stability_finding,
 )
 
@@ -24,7 +27,7 @@ FloatArray = NDArray[np.float64]
 # Share of the largest motion in the energy norm by which a body must have moved for its feed to be looked at again.
 _MOVED = 0.1
 # Single numbers of what was seen: largest loads and motion, feed, its rates, and what was warned of.
-_NUMBERS, _KINDS = 8, 4
+_NUMBERS, _KINDS = 8 + AngularMomentum.COUNT, 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +47,10 @@ class Seen:
     feed : Feed
     rates : FeedRates
         As of the last look.
+    momentum : AngularMomentum
     warned : tuple of bool
-        Of rotation, stability, stiffness missed and feed: once a run, since a body that swings would say so twice a
-        period.
+        Of rotation, stability, stiffness missed, feed, spin and angular momentum: once a run, since a body that swings
+        would say so twice a period.
     """
 
     inputs: FloatArray
@@ -55,12 +59,14 @@ class Seen:
     farthest: float
     feed: Feed
     rates: FeedRates
+    momentum: AngularMomentum
     warned: tuple[bool, ...]
 
     @classmethod
     def nothing(cls, inputs: int, modes: int) -> "Seen":
         """Before the first step."""
-        return cls(np.zeros(inputs), 0.0, np.zeros(modes), 0.0, Feed(), FeedRates(), (False,) * _KINDS)
+        still = AngularMomentum.nothing()
+        return cls(np.zeros(inputs), 0.0, np.zeros(modes), 0.0, Feed(), FeedRates(), still, (False,) * _KINDS)
 
     @staticmethod
     def count(inputs: int, modes: int) -> int:
@@ -68,18 +74,19 @@ class Seen:
         return inputs + modes + _NUMBERS + _KINDS
 
     def numbers(self) -> FloatArray:
-        """All of it as numbers, (L + m + 12,)."""
+        """All of it as numbers, (L + m + 25,)."""
         feed, rates = self.feed, self.rates
         values = [self.largest, self.farthest, feed.fed, feed.taken]
         values += [rates.fed, rates.fed_damping, rates.taken, rates.taken_damping]
-        return np.concatenate([self.inputs, self.place, values, np.array(self.warned, dtype=np.float64)])
+        warned = np.array(self.warned, dtype=np.float64)
+        return np.concatenate([self.inputs, self.place, values, self.momentum.numbers(), warned])
 
     @classmethod
     def of(cls, numbers: FloatArray, inputs: int) -> "Seen":
         """What `numbers` gave."""
         ends = inputs, numbers.size - _NUMBERS - _KINDS, numbers.size - _KINDS
         loads, place, values, warned = np.split(numbers, ends)
-        largest, farthest, *rest = (float(value) for value in values)
+        largest, farthest, *rest = (float(value) for value in values[: -AngularMomentum.COUNT])
         return cls(
             loads.copy(),
             largest,
@@ -87,6 +94,7 @@ class Seen:
             farthest,
             Feed(*rest[:2]),
             FeedRates(*rest[2:]),
+            AngularMomentum.of(values[-AngularMomentum.COUNT :]),
             tuple(bool(flag) for flag in warned),
         )
 
@@ -130,7 +138,7 @@ class Lookout:
         limits = self._limits
         square = float(inputs @ inputs)
         largest = max(seen.largest, square)
-        found: list[Finding | None] = [rotation_finding(body, state, limits), None, None, None]
+        found: list[Finding | None] = [rotation_finding(body, state, limits), *[None] * (_KINDS - 1)]
         if (limits.stability > 0.0 or limits.missed > 0.0) and loads_changed(inputs, seen.inputs, largest):
             found[1] = stability_finding(body, state, inputs, self._names, limits)
             # What was warned of is not looked for again.
@@ -142,6 +150,10 @@ class Lookout:
         if body.explicit and limits.feed > 0.0 and step > 0.0:
             seen = self._fed(body, state, inputs, step, seen)
             found[3] = feed_finding(seen.feed, limits)
+        if body.spinning is not None and step > 0.0:
+            seen = replace(seen, momentum=body.spinning.after(seen.momentum, state))
+            found[4] = spin_finding(body, state, limits)
+            found[5] = momentum_finding(body, seen.momentum, limits)
         if not any(found):
             return [], seen
         findings = [

@@ -18,12 +18,16 @@ from .variables import (
     LOADS,
     MASS,
     MISSED_LIMIT,
+    MOMENTUM_LIMIT,
     ON_FEED,
     ON_MISSED,
+    ON_MOMENTUM,
     ON_ROTATION,
+    ON_SPIN,
     ON_STABILITY,
     ON_STEP,
     ROTATION_LIMIT,
+    SPIN_LIMIT,
     STABILITY_LIMIT,
     STEP_LIMIT,
     STEP_TOLERANCE,
@@ -124,6 +128,10 @@ class Parameters:
     @property
     def limits(self) -> Limits:
         """What the body is watched for."""
+        turning: tuple[float, OnLimit, float, OnLimit] | tuple[()] = ()
+        if SPIN_LIMIT in self:
+            momentum = float(self[MOMENTUM_LIMIT]), OnLimit(self[ON_MOMENTUM])
+            turning = float(self[SPIN_LIMIT]), OnLimit(self[ON_SPIN]), *momentum
         return Limits(
             float(self[ROTATION_LIMIT]),
             OnLimit(self[ON_ROTATION]),
@@ -133,6 +141,7 @@ class Parameters:
             OnLimit(self[ON_MISSED]),
             float(self[FEED_LIMIT]),
             OnLimit(self[ON_FEED]),
+            *turning,
         )
 
     @property

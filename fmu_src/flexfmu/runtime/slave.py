@@ -29,6 +29,8 @@ from .variables import (
     ITERATIONS,
     KINETIC_ENERGY,
     MISSED,
+    MOMENTUM,
+    SPIN,
     STABILITY,
     STATUS_CODE,
     STEP_ERROR,
@@ -405,6 +407,10 @@ class BodySlave:
             return body.judge.error(self._previous) if body.judge is not None else 0.0
         if name == FEED:
             return self._seen.feed.largest
+        if name == SPIN:
+            return 0.0 if body.spinning is None else body.spinning.ratio(state)
+        if name == MOMENTUM:
+            return self._seen.momentum.drift
         if name == STEP_ERROR:
             return self._work.error
         strain, kinetic = body.energies(state)

@@ -105,6 +105,10 @@ MISSED_LIMIT = "watch.stiffness_missed.limit"
 ON_MISSED = "watch.stiffness_missed.on_limit"
 FEED_LIMIT = "watch.feed.limit"
 ON_FEED = "watch.feed.on_limit"
+SPIN_LIMIT = "watch.spin.limit"
+ON_SPIN = "watch.spin.on_limit"
+MOMENTUM_LIMIT = "watch.angular_momentum.limit"
+ON_MOMENTUM = "watch.angular_momentum.on_limit"
 STABILITY_LIMIT = "watch.stability.limit"
 ON_STABILITY = "watch.stability.on_limit"
 ON_STEP = "watch.step.on_limit"
@@ -121,6 +125,8 @@ CHOICES: dict[str, type[Enum]] = {
     ON_STABILITY: OnLimit,
     ON_MISSED: OnLimit,
     ON_FEED: OnLimit,
+    ON_SPIN: OnLimit,
+    ON_MOMENTUM: OnLimit,
     ON_STEP: OnRefusal,
 }
 """What each parameter of type String offers."""
@@ -128,6 +134,8 @@ FRAME_ROTATION = "diagnostics.rotation_within_frame"
 STABILITY = "diagnostics.stability"
 MISSED = "diagnostics.stiffness_missed"
 FEED = "diagnostics.feed"
+SPIN = "diagnostics.spin"
+MOMENTUM = "diagnostics.angular_momentum"
 STEP_ERROR = "diagnostics.step_error"
 STRAIN_ENERGY = "diagnostics.strain_energy"
 KINETIC_ENERGY = "diagnostics.kinetic_energy"
@@ -250,7 +258,7 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
     # Not an output: masters that take every output for a real number would stop at an integer.
     table.append(Variable(STATUS_CODE, "Integer", Group.STATUS, "local", "discrete", "calculated", None, None, status))
     table += _parameters(body)
-    table += _diagnostics()
+    table += _diagnostics(body)
     table += [
         Variable(
             f"{interface}.compliance.{'' if other == interface else f'{other}.'}{row}.{column}",
@@ -320,6 +328,16 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         number(FEED_LIMIT, 0.25, None, "largest diagnostics.feed, of evaluation at the step's start; 0 for no limit"),
         text(ON_FEED, OnLimit.WARN, "what happens beyond it"),
         *(
+            (
+                number(SPIN_LIMIT, 0.15, None, "largest diagnostics.spin; 0 for no limit"),
+                text(ON_SPIN, OnLimit.WARN, "what happens beyond it"),
+                number(MOMENTUM_LIMIT, 0.1, None, "largest diagnostics.angular_momentum; 0 for no limit"),
+                text(ON_MOMENTUM, OnLimit.WARN, "what happens beyond it"),
+            )
+            if body.rigid_count
+            else ()
+        ),
+        *(
             Variable(
                 f"{interface}{FIXED}",
                 "Boolean",
@@ -336,7 +354,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
     ]
 
 
-def _diagnostics() -> list[Variable]:
+def _diagnostics(body: ReducedBody) -> list[Variable]:
     def local(name: str, kind: str, unit: str | None, description: str) -> Variable:
         variability = "continuous" if kind == "Real" else "discrete"
         return Variable(name, kind, Group.DIAGNOSTIC, "local", variability, "calculated", None, unit, description)
@@ -350,6 +368,16 @@ def _diagnostics() -> list[Variable]:
             MISSED, "Real", None, "error of deflections by the loads' effect on stiffness that the formulation misses"
         ),
         local(FEED, "Real", None, "share of the motion that evaluation at the step's start has added or taken so far"),
+        *(
+            (
+                local(SPIN, "Real", None, "spin of a body with constant mass over its first elastic frequency"),
+                local(
+                    MOMENTUM, "Real", None, "share by which its angular momentum has drifted from the moments' impulse"
+                ),
+            )
+            if body.rigid_count
+            else ()
+        ),
         local(STEP_ERROR, "Real", None, "estimated error of the last step, as internal_step.tolerance bounds it"),
         local(STRAIN_ENERGY, "Real", "J", "strain energy"),
         local(KINETIC_ENERGY, "Real", "J", "kinetic energy"),

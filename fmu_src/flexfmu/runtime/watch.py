@@ -4,6 +4,7 @@ Rotation within a frame: the remainder of a sub-domain's motion is taken as smal
 Stability: the smallest eigenvalue of the tangent stiffness, relative to the unloaded body's: 1 without loads, 0 at the
 critical load (section 7). Stiffness missed: what loads do to it that the formulation does not know of (section 7).
 Feed: what explicit evaluation adds to the motion, or takes from it (section 6).
+Spin and angular momentum: what constant mass misses of a body that turns as a whole (section 9).
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from .body import FlexibleBody
 from .buckling import BY_LOAD, BY_SECOND_ORDER, Judge
 from .evaluation import Feed
 from .reduced_body import Kinematics
+from .spinning import AngularMomentum
 from .stepping import State
 
 FloatArray = NDArray[np.float64]
@@ -66,6 +68,12 @@ class Limits:
     feed : float
         Largest share of the motion that explicit evaluation adds or takes; 0 for no limit.
     on_feed : OnLimit
+    spin : float
+        Largest spin of a free body with constant mass over its lowest elastic frequency; 0 for no limit.
+    on_spin : OnLimit
+    momentum : float
+        Largest share by which its angular momentum drifts; 0 for no limit.
+    on_momentum : OnLimit
     """
 
     rotation: float
@@ -76,6 +84,10 @@ class Limits:
     on_missed: OnLimit = OnLimit.WARN
     feed: float = 0.0
     on_feed: OnLimit = OnLimit.WARN
+    spin: float = 0.0
+    on_spin: OnLimit = OnLimit.WARN
+    momentum: float = 0.0
+    on_momentum: OnLimit = OnLimit.WARN
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +242,62 @@ def feed_finding(feed: Feed, limits: Limits) -> Finding | None:
         'formulation.evaluation = "implicit", or shorter steps',
         limits.on_feed,
     )
+
+
+def spin_finding(body: FlexibleBody, state: State, limits: Limits) -> Finding | None:
+    """Whether a free body with constant mass spins too fast for it.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    state : State
+    limits : Limits
+
+    Returns
+    -------
+    Finding or None
+    """
+    if limits.spin <= 0.0 or body.spinning is None or (ratio := body.spinning.ratio(state)) <= limits.spin:
+        return None
+    return Finding(
+        f"the body spins at {ratio * body.spinning.frequency:.3g} rad/s, {100.0 * ratio:.3g} % of its first elastic "
+        f"frequency ({body.spinning.frequency / (2.0 * np.pi):.4g} Hz; limit {100.0 * limits.spin:.3g} %): constant "
+        f"mass leaves out centrifugal forces and the stiffness that they give; {_inertia_remedy(body)}",
+        limits.on_spin,
+    )
+
+
+def momentum_finding(body: FlexibleBody, momentum: AngularMomentum, limits: Limits) -> Finding | None:
+    """Whether turning about changing axes has put a free body's angular momentum off.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    momentum : AngularMomentum
+    limits : Limits
+
+    Returns
+    -------
+    Finding or None
+    """
+    if limits.momentum <= 0.0 or momentum.drift <= limits.momentum:
+        return None
+    return Finding(
+        f"the body turns about changing axes, and its angular momentum is off by {100.0 * momentum.drift:.3g} % of its "
+        f"largest (limit {100.0 * limits.momentum:.3g} %): constant mass leaves out gyroscopic terms; "
+        f"{_inertia_remedy(body)}",
+        limits.on_momentum,
+    )
+
+
+def _inertia_remedy(body: FlexibleBody) -> str:
+    """What to do about inertia that constant mass does not know."""
+    words = 'take formulation.mass = "configuration"'
+    if body.formulation.kinematics is not Kinematics.COROTATED:
+        words += ' with kinematics "corotated"'
+    if body.model.inertia is None:
+        words = f"build with inertia = true in [reduction], and {words}"
+    return f"{words}, which holds for less than one turn about changing axes"
 
 
 def _remedy(body: FlexibleBody) -> str:
