@@ -132,7 +132,7 @@ def test_a_file_that_is_not_there_is_named(folder):
     ("text", "words"),
     [
         (content().replace('"tree.fmu"', '"three.fmu"'), ["fmu 'arm'", "three.fmu: no such file"]),
-        (content().replace('"tree.fmu"', '"coupling.toml"', 1), ["fmu 'arm'", "not a readable FMU"]),
+        (content().replace('"tree.fmu"', '"coupling.toml"', 1), ["fmu 'arm'", "is a coupling file, expected an FMU"]),
         (content(arm='start = { "damping.scal" = 2.0 }'), ["fmu 'arm', start", "did you mean 'damping.scale'"]),
         (content(arm='start = { "damping.scale" = "two" }'), ["'damping.scale' is 'two'", "type Real"]),
         (content(arm="start = { initialization = 1 }"), ["'initialization' is 1", "type String"]),
