@@ -7,6 +7,7 @@ from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import FrameTable, read_body_file
 from flexfmu.errors import BodyFileError
+from flexfmu.mesh.units import UnitSystem
 from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement
 from flexfmu.progress import Reporter
 from flexfmu.rotations import exponential
@@ -38,9 +39,14 @@ def beam(tmp_path_factory):
     config = read_body_file(BEAM / "body.toml")
     mesh = config.mesh.model_copy(update={"file": folder / "beam.inp"})
 
-    def make(points):
+    def make(points, units=UnitSystem.SI):
         frame = FrameTable(name="all", nodes="ALL", rotation_points=points)
-        changed = config.model_copy(update={"frames": None, "frame": [frame], "mesh": mesh})
+        read = mesh
+        if units is UnitSystem.MM_T_S:
+            small = text.replace("2e+11, 0.3", "2e+5, 0.3").replace("\n7850", "\n7.85e-9")
+            (folder / "small.inp").write_text(small, encoding="utf-8")
+            read = mesh.model_copy(update={"file": folder / "small.inp", "units": units})
+        changed = config.model_copy(update={"frames": None, "frame": [frame], "mesh": read})
         return reduce_body(changed, Reporter())
 
     return make
@@ -49,10 +55,12 @@ def beam(tmp_path_factory):
 WAYS = {"least squares": None, "chord": ["TIP"], "tetrahedron": ["CORNER1", "CORNER2", "CORNER3"]}
 
 
-def test_chord_turns_by_the_tip_displacement_over_the_length(beam):
-    model = beam(WAYS["chord"])
-    tip = model.interface_displacement[0]
-    np.testing.assert_allclose(model.frame_rotation[0], [np.zeros_like(tip[0]), -tip[2], tip[1]], atol=1e-9)
+@pytest.mark.parametrize(("units", "length"), [(UnitSystem.SI, 1.0), (UnitSystem.MM_T_S, 1e-3)])
+def test_chord_turns_by_the_tip_displacement_over_the_length(beam, units, length):
+    model = beam(WAYS["chord"], units)
+    tip = model.interface_displacement[0] / length
+    expected = [np.zeros_like(tip[0]), -tip[2], tip[1]]
+    np.testing.assert_allclose(model.frame_rotation[0], expected, atol=1e-9 * np.abs(tip).max())
 
 
 def test_tetrahedron_sees_the_twist_that_the_chord_does_not(beam):

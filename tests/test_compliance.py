@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bodies import Beam, beam_body, random_body
+from bodies import LINEAR, Beam, beam_body, random_body
 from flexfmu.body import FlexibleBody, StepLimits
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement
+from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 
 BEAM = Beam()
 ONE_STEP = StepLimits(tolerance=1e300)
@@ -64,3 +64,20 @@ def test_compliance_between_interfaces_is_what_a_load_on_one_does_to_the_other()
         assert np.linalg.norm(change - expected) < 1e-3 * np.linalg.norm(expected)
     # Maxwell and Betti, under forces, which have a potential.
     np.testing.assert_allclose(found, found.T, rtol=0.0, atol=1e-10 * np.abs(found).max())
+
+
+def test_compliance_knows_that_stress_of_the_modes_stiffens_them(random):
+    """Stiffness by mode, Σ q_j K_j: its derivative is K_j q as well, which is not symmetric."""
+    by_mode = 2e4 * random.standard_normal((6, 6, 6))
+    model = random_body(stiffness_by_mode=by_mode + by_mode.transpose(0, 2, 1))
+    formulation = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE)
+    body = FlexibleBody(model, formulation, limits=ONE_STEP)
+    forces, step = np.array([40.0, -20.0, 60.0]), 4e-3
+    start = body.static({"port_0": forces})
+    found = body.compliance(start, body.loads({"port_0": forces}).packed(False), step, [0])
+    bare = FlexibleBody(model, LINEAR, limits=ONE_STEP).compliance(start, np.zeros(18), step, [0])
+    assert np.linalg.norm(found[:3, :3] - bare[:3, :3]) > 5e-3 * np.linalg.norm(bare[:3, :3])
+    for column, push in enumerate(1e-3 * np.eye(3)):
+        ends = [body.motion(body.step(start, {"port_0": forces + sign * push}, step)) for sign in (1.0, -1.0)]
+        change = (ends[0] - ends[1])[:3] / 2e-3
+        np.testing.assert_allclose(found[:3, column], change, rtol=0.0, atol=1e-6 * np.abs(found[:3, :3]).max())

@@ -156,6 +156,7 @@ def folder(tmp_path_factory):
         ("mass", False, False),
         ("mass_v", True, False),
         ("mass_c", False, True),
+        ("mass_vc", True, True),
         ("mass_s", False, False),
     ):
         script = path / f"{name}.py"
@@ -392,6 +393,16 @@ def test_explicit_coupling_is_warned_of_where_the_compliance_tells(run):
     assert run(experiment("iterated", 1e-3, 0.002) + stiff).said == []
 
 
+@pytest.mark.parametrize(("file", "fold"), [("mass_vc", "1.5-fold"), ("mass_c", "0.75-fold")])
+def test_a_damper_answers_by_the_velocity_at_the_step_s_end_twice_as_much_as_by_the_mean_one(run, file, fold):
+    """A load held over the step h turns h/m of it into velocity at its end, half of that into the mean one."""
+    damper = 1.0 / 1e-3
+    text = pair(file, 0.0, damping=damper, own=(0.0, 0.0))
+    # d h (1/m_a + 1/m_b), or half of it.
+    assert damper * 1e-3 * np.sum(1.0 / MASSES) == pytest.approx(1.5)
+    assert fold in run(experiment("jacobi", 1e-3, 0.002) + text).said[0]
+
+
 @pytest.mark.parametrize(
     ("scheme", "held", "sign"),
     [("jacobi", "end", 1), ("gauss_seidel", "end", 1), ("iterated", "end", -1), ("iterated", "mean", 0)],
@@ -514,6 +525,18 @@ def test_a_table_is_held_from_the_beginning_of_each_step_and_jumps_count_from_th
     found = run(experiment("jacobi", 1e-3, 0.03) + text + '[output]\nvariables = ["a.tip.force.x"]\n')
     expected = np.where(np.arange(30) < 10, np.arange(30) * 1.0, 4.0)
     np.testing.assert_allclose(found["a.tip.force.x"][1:], expected, atol=1e-6)
+
+
+def test_a_table_whose_mean_is_held_gives_two_joined_masses_its_impulse(run, folder):
+    """Their momentum is the area under the table, jump included: what the spring between them does adds nothing."""
+    (folder / "impulse.csv").write_text("time,tip.force.x\n0,0\n0.01,10\n0.01,4\n0.02,-3\n", encoding="utf-8")
+    a, b = fmu("a", "mass_v", mass=MASSES[0]), fmu("b", "mass_v", mass=MASSES[1])
+    text = a + 'input = "impulse.csv"\n' + b + spring("a.tip", "b.tip", JOINT)
+    found = run(experiment("iterated", 1e-3, 0.02, held="mean", tolerance=1e-9) + text)
+    momentum = sum(m * found[f"{name}.tip.velocity.x"] for m, name in zip(MASSES, "ab", strict=True))
+    time = found.time
+    expected = np.where(time < 0.01 + 1e-9, 500.0 * time**2, 0.05 + 4.0 * (time - 0.01) - 350.0 * (time - 0.01) ** 2)
+    np.testing.assert_allclose(momentum, expected, atol=1e-9)
 
 
 def test_a_constant_start_load_and_a_springs_load_add_up(run):

@@ -8,7 +8,7 @@ from scipy.special import ellipk
 
 from flexfmu.body import FlexibleBody, State
 from flexfmu.build import reduce_body
-from flexfmu.config import Basis, InputTable, InterfaceTable, SupportTable
+from flexfmu.config import Basis, FrameTable, InputTable, InterfaceTable, SupportTable
 from flexfmu.errors import ModelError
 from flexfmu.loads import Loads
 from flexfmu.mesh.model import ElementType, Material
@@ -88,6 +88,21 @@ def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies):
     moved = [b.response(s).displacement[-1] for b, s in zip((fixed, supported), states, strict=True)]
     assert np.linalg.norm(moved[1]) > 0.1
     assert relative(moved[0], moved[1]) < 1e-2
+
+
+def test_what_hung_on_the_floating_frame_keeps_its_mass_where_the_scene_fixes_the_root(bodies):
+    """One frame at the root, the rest of the beam on none: undeformed, its modes have unit mass in any case."""
+    wanted = {"basis": Basis.CRAIG_BAMPTON, "modes": 4, "inertia": True}
+    reduction = bodies.config(BEAM).reduction.model_copy(update=wanted)
+    frame = [FrameTable(name="first", nodes="SEG1")]
+    changes = {"free": True, "support": [], "interface": ROOT_AND_TIP, "frames": None, "frame": frame}
+    free = bodies.beam(reduction=reduction, **changes).model
+    body = FlexibleBody(free, Formulation(mass=Mass.CONFIGURATION), fixed=["root"])
+    assert body.model.inertia.frame.tolist() == [0]
+    assert np.trace(body.model.inertia.ground) > 1.0
+    count = body.model.mode_count
+    for v in [*np.eye(count), np.ones(count)]:
+        assert sum(body.energies(State(np.zeros(count), v))) == pytest.approx(0.5 * float(v @ v), rel=1e-9)
 
 
 def test_a_free_body_falls_as_one(floating):
@@ -240,7 +255,7 @@ def two_materials(tmp_path_factory):
         free=True,
         frames=2,
         input={"acceleration": True},
-        reduction={"basis": "craig_bampton", "modes": 6},
+        reduction={"basis": "craig_bampton", "modes": 6, "inertia": True},
     ).model_copy(update={"support": []})
     return FlexibleBody(reduce_body(config, Reporter()))
 
@@ -269,6 +284,19 @@ def test_a_free_body_of_two_materials_falls_without_turning_or_bending(two_mater
     found = two_materials.response(state)
     np.testing.assert_allclose(found.displacement, np.tile([0.0, -0.5 * 9.81 * 0.25, -0.375], (2, 1)), atol=1e-8)
     np.testing.assert_allclose(found.rotation, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("mass", Mass)
+def test_a_spinning_body_of_two_materials_has_the_energy_of_both(two_materials, mass):
+    """½ J ω², J of two blocks, each about its own centre and then about the common one."""
+    blocks = [(0.01 * part.density, x) for x, part in HALVES]
+    centre = sum(m * x for m, x in blocks) / sum(m for m, _ in blocks)
+    moment = sum(m * ((1.0 + 0.1**2) / 12.0 + (x - centre) ** 2) for m, x in blocks)
+    body = FlexibleBody(two_materials.model, Formulation(mass=mass))
+    state = spinning(body, [0.0, 0.0, 3.0])
+    assert sum(body.energies(state)) == pytest.approx(0.5 * moment * 9.0, rel=1e-6)
+    turned = State(0.3 * state.v, state.v)
+    assert sum(body.energies(turned)) == pytest.approx(0.5 * moment * 9.0, rel=1e-6)
 
 
 def test_a_push_along_a_free_body_of_two_materials_moves_its_mass_as_newton_says(two_materials):

@@ -111,7 +111,7 @@ def test_damaged_archives_are_refused_with_their_path(fmu, tmp_path):
     (tmp_path / "cut.fmu").write_bytes(data[:1000])
     with pytest.raises(PackagingError, match=r"cut\.fmu: not an archive"):
         read_packaged_body(tmp_path / "cut.fmu")
-    with pytest.raises(ModalFileError, match="no such file"):
+    with pytest.raises(PackagingError, match="it is a folder"):
         read_packaged_body(tmp_path)
 
 

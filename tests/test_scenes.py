@@ -12,7 +12,7 @@ from flexfmu.rotations import exponential, rotation_vector
 from flexfmu.scenes.candidates import Reduction
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.errors import SceneError
-from flexfmu.scenes.measure import _within, errors
+from flexfmu.scenes.measure import _within, equilibria_errors, errors
 from flexfmu.scenes.reference import references
 from flexfmu.scenes.scene import read_scene
 from flexfmu.scenes.sweep import Workshop
@@ -40,7 +40,7 @@ def brought(tmp_path):
     ("text", "message"),
     [
         ("", r"nothing happens in the scene: give a \[\[static\]\]"),
-        (BEND.replace("factors", "factor"), r"static\[1\].factor: unknown key; is it 'factors'\?"),
+        (BEND.replace("factors", "factor"), r"static\[1\].factor: unknown key, did you mean 'factors'\?"),
         (BEND.replace("0.3, 1.0", "1.0, 0.3"), r"static\[1\].factors: is \[1.0, 0.3\], expected ascending"),
         (BEND.replace("10e3", "0.0"), "all loads are zero"),
         (BEND.replace("10e3", '"10e3"'), r"static\[1\].loads.tip.force.y: found '10e3'; should be a valid number"),
@@ -193,3 +193,16 @@ def test_only_what_lies_in_the_range_of_frequencies_counts():
     left = _within(slow + fast, (0.0, 50.0), 1e-3)
     assert np.abs(left - slow)[50:-50].max() < 0.01
     assert np.abs(_within(slow + fast, (100.0, 300.0), 1e-3) - fast)[50:-50].max() < 0.02
+
+
+@pytest.mark.parametrize(("absolute", "share"), [(0.0, 2.0), (0.5, 2.0), (4.0, 0.5)])
+def test_a_scene_accepts_a_part_of_the_motion_or_a_length_whichever_is_more(tmp_path, absolute, share):
+    """Motions 2 % too large where 1 % is accepted, or as a length `absolute` per cent of the largest one."""
+    table = calculix(BEAM / "calculix" / "static_y.csv")
+    largest = np.linalg.norm(displacement(table[table["force_N"] == 10e3][0]))
+    accepted = f"\n[tolerance.static]\ndisplacement = 0.01\ndisplacement_absolute = {0.01 * absolute * largest}\n"
+    scene = with_results(tmp_path, accepted)
+    known = references(scene, Reporter())["bend"]
+    found = equilibria_errors(scene, scene.static[0], 1.02 * known.motion, known)
+    assert found.share == pytest.approx(share, rel=1e-6)
+    assert found.limited_by.startswith("displacement")

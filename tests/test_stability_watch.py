@@ -216,3 +216,15 @@ def test_an_arc_bent_in_its_plane_is_told_the_error_of_its_deflection_not_of_one
         error = np.linalg.norm(found - expected) / np.linalg.norm(expected)
         assert error < 0.015
         assert 0.2 * error < body.judge.error(np.append(load, np.zeros(3))) < 4.0 * error
+
+
+def test_of_one_mode_every_deflection_misses_the_same_share_of_stiffness():
+    """A linear column of one mode φ under a press P: its tip's moment P φ takes 8/π² P φ φ' of the stiffness ω²."""
+    model = beam_body(0, modes=1, planes="y", formulation=LINEAR)
+    body = FlexibleBody(model)
+    shape, slope = model.interface_displacement[0, 1, 0], model.interface_rotation[0, 2, 0]
+    for press in (0.05, 0.1, 0.3):
+        force = press * BEAM.critical_load
+        share = 8.0 / np.pi**2 * force * shape * slope / model.angular_frequency[0] ** 2
+        assert share == pytest.approx(press, rel=0.2)
+        assert body.judge.error(np.array([-force, SIDE, 0.0, 0.0, 0.0, 0.0])) == pytest.approx(share, rel=1e-6)

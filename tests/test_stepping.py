@@ -306,3 +306,20 @@ def test_a_linear_body_under_a_force_linear_in_time_is_exact_for_any_step():
     for k in range(7):
         parts, _ = one.step_with_work(parts, {"tip": k / 7 * force}, END / 7, {"tip": (k + 1) / 7 * force})
     assert distance(one, whole, parts) < 1e-12
+
+
+@pytest.mark.parametrize("use_compiled", [True, False])
+def test_loads_that_grow_over_many_internal_steps_grow_as_over_as_many_short_ones(use_compiled):
+    """A step in eight parts is eight steps, whether the master or the body divides it."""
+    model = beam_body(3, modes=3, planes="y", damping=0.01)
+    first, last = (np.array([scale * f for f in HEAVY]) for scale in (0.2, 1.0))
+    limits = StepLimits(END / 8, 1e300)
+    flexible = FlexibleBody(model, COROTATED, limits=limits, use_compiled=use_compiled)
+    whole, work = flexible.step_with_work(flexible.rest(), {"tip": first}, END, {"tip": last})
+    assert work.substeps == 8
+    parts = flexible.rest()
+    for k in range(8):
+        start, end = (first + share / 8 * (last - first) for share in (k, k + 1))
+        parts, work = flexible.step_with_work(parts, {"tip": start}, END / 8, {"tip": end})
+        assert work.substeps == 1
+    assert distance(flexible, whole, parts) < 1e-10

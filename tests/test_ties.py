@@ -20,40 +20,45 @@ STIFFNESS = 2.0 * SPRING * LEVER**2
 COMPILED = [False, pytest.param(True, marks=pytest.mark.skipif(kernel._library() is None, reason="no C compiler"))]
 
 
-def on_springs(material=0.0, ratio=0.0, joined=False):
-    """The body, its one coordinate being √I θ; `material` (N m/rad) turns it back as well.
-
-    The springs pull from the ground, or, `joined`, from a second frame that does not move.
-    """
-    parents, turning = ((GROUND, GROUND), [1]) if joined else ((GROUND,), [0])
-    body = random_body(parents=parents, interface_frame=(turning[0],), modes=1)
-    still = np.zeros((len(parents), 3, 1))
+def turning(shape, squares, ratio, ends):
+    """Frames that turn about z by `shape` (frames, m) q, tied to each other or to the ground; ω² = `squares` (m,)."""
+    frames, modes = shape.shape
+    body = random_body(parents=(GROUND,) * frames, interface_frame=(ends[0],), modes=modes)
+    still = np.zeros((frames, 3, modes))
     spin = still.copy()
-    spin[turning, 2] = 1.0 / np.sqrt(INERTIA)
-    ends = np.array([[turning[0], 0 if joined else GROUND]])
-    rotation = np.zeros((1, 2, 3, 1))
-    rotation[0, 0] = spin[turning[0]]
+    spin[:, 2] = shape
+    rotation = np.stack([spin[end] if end != GROUND else 0.0 * spin[0] for end in ends])[None]
     ties = Ties(
-        ends,
+        np.array([ends]),
         np.zeros((1, 2, 3)),
-        np.zeros((1, 2, 3, 1)),
+        np.zeros((1, 2, 3, modes)),
         rotation,
         np.full((1, 3), SPRING),
         LEVER * np.eye(3)[None],
     )
     return replace(
         body,
-        angular_frequency=np.sqrt([(material + STIFFNESS) / INERTIA]),
-        damping_ratio=np.array([ratio]),
+        angular_frequency=np.sqrt(squares),
+        damping_ratio=np.full(modes, ratio),
         interface_point=np.zeros((1, 3)),
-        interface_displacement=np.zeros((1, 3, 1)),
-        interface_rotation=spin[turning],
-        joint_point=np.zeros_like(body.joint_point),
+        interface_displacement=np.zeros((1, 3, modes)),
+        interface_rotation=spin[[ends[0]]],
+        joint_point=np.zeros((frames, 3)),
         joint_displacement=still,
         joint_rotation=spin,
         frame_rotation=spin,
         ties=ties,
     )
+
+
+def on_springs(material=0.0, ratio=0.0, joined=False):
+    """The body, its one coordinate being √I θ; `material` (N m/rad) turns it back as well.
+
+    The springs pull from the ground, or, `joined`, from a second frame that does not move.
+    """
+    own = [1.0 / np.sqrt(INERTIA)]
+    squares = [(material + STIFFNESS) / INERTIA]
+    return turning(np.array([[0.0], own] if joined else [own]), squares, ratio, (1, 0) if joined else (0, GROUND))
 
 
 def at(angle, speed=0.0):
@@ -105,6 +110,28 @@ def test_what_a_mode_too_fast_for_the_step_loses_is_the_work_of_its_damper(joine
             lost = damper * (angle(state) - angle(before)) ** 2 / step
             assert lost > 1e-6 * STIFFNESS
             assert sum(body.energies(before)) - sum(body.energies(state)) == pytest.approx(lost, rel=1e-8)
+
+
+@pytest.mark.parametrize("use_compiled", COMPILED)
+def test_two_bodies_on_a_joint_lose_what_the_material_of_both_takes(use_compiled):
+    """C = Ĝ 2ZΩ Ĝᵀ, Ĝ the material's share of the modes' forces: modes that the joint couples are damped together."""
+    inertia, material, ratio = np.array([0.5, 0.8]), np.array([0.7, 0.2]) * STIFFNESS, 0.07
+    joint = STIFFNESS * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    root = np.sqrt(inertia)
+    squares, modes = np.linalg.eigh((np.diag(material) + joint) / np.outer(root, root))
+    shape = modes / root[:, None]
+    share = shape.T @ np.diag(material) @ shape / squares
+    damper = (share * (2.0 * ratio * np.sqrt(squares))) @ share.T
+    assert abs(damper[0, 1]) > 0.1 * damper[0, 0]
+    limits = StepLimits(tolerance=10.0)
+    body = FlexibleBody(turning(shape, squares, ratio, (1, 0)), limits=limits, use_compiled=use_compiled)
+    step = 2.0 / np.sqrt(squares[0])
+    state = State(np.linalg.solve(shape, [0.6, -0.3]), np.zeros(2))
+    for _ in range(6):
+        before, state = state, body.step(state, {}, step)
+        way = state.q - before.q
+        lost = way @ damper @ way / step
+        assert sum(body.energies(before)) - sum(body.energies(state)) == pytest.approx(lost, rel=1e-8)
 
 
 @pytest.mark.parametrize("use_compiled", COMPILED)

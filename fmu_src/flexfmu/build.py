@@ -37,6 +37,8 @@ from .summary import first_frequency, summary
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
+# Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
+_HEAVY_DAMPING = 0.3
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
 NUMBERS = "normal_modes"
@@ -79,10 +81,17 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
         report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
     store = store or Store()
     body = _cut_body(config, model, report, store) if config.cut else _reduced(config, model, report, store)[0]
+    damping_ratio = _damping(config.damping.ratio, body.mode_count)
+    first = float(damping_ratio[body.rigid_count])
+    if first > _HEAVY_DAMPING:
+        report.warning(
+            f"damping.ratio = {first:g} of the first mode: it hardly swings; the ratio is a share of critical damping, "
+            "1 % is 0.01"
+        )
     report.note(f"first frequency {first_frequency(body.angular_frequency)}")
     return replace(
         body,
-        damping_ratio=_damping(config.damping.ratio, body.mode_count),
+        damping_ratio=damping_ratio,
         compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
         formulation=config.formulation.formulation,
         velocity_outputs=config.output.velocities,
@@ -112,6 +121,11 @@ def _reduced(
     for text in cuts:
         report.warning(text)
     report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
+    if config.frames is not None and len(subdomains) < config.frames:
+        report.warning(
+            f"frames = {config.frames} were asked for, the body has layers of elements for {len(subdomains)} only: "
+            "ask for fewer, or mesh it finer"
+        )
 
     matrices = Matrices(model, volumes, report)
     nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]

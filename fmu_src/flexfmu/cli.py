@@ -112,6 +112,8 @@ def simulate(
             check_target(plot, PICTURE_SUFFIXES, inputs=(fmu, loads, output))
         settings = parse_parameters(parameter or [])
         if static_start:
+            if settings.get("initialization", "static") != "static":
+                raise typer.BadParameter("--static-start and --set initialization=… contradict each other; give one")
             settings["initialization"] = "static"
         simulate_csv(fmu, loads, output, step, stop, settings, ConsoleReporter())
         if plot is not None:

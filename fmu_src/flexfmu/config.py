@@ -8,16 +8,15 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from .errors import BodyFileError
+from .inputs import Kind
+from .limits import MOST_FRAMES, MOST_MODES
 from .mesh.units import UnitSystem
 from .model.errors import OptionError
 from .model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
-from .toml_files import read_toml, reason, spelled_key
+from .toml_files import explain, read_toml
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
-Count = Annotated[int, Field(ge=1)]
-_UNKNOWN = "unknown key; docs/file-formats.md lists the known ones"
-# What pydantic adds to the place of an error to tell the types that a key may have.
-_ALTERNATIVES = ("float", "list[float]", "str", "constrained-int", "list[constrained-int]", "bool", "list[str]")
+ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
 _C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -34,7 +33,7 @@ class _Table(BaseModel):
 class MeshTable(_Table):
     """`[mesh]`: where the mesh is and in which units."""
 
-    file: Path = Field(strict=False)
+    file: Path = Field(strict=False, examples=["arm.inp"])
     units: UnitSystem = Field(default=UnitSystem.SI, strict=False)
 
 
@@ -49,9 +48,9 @@ class MaterialTable(_Table):
 class SupportTable(_Table):
     """`[[support]]`: translations held at zero, or springs to the ground."""
 
-    nodes: str
-    fix: list[Literal["x", "y", "z"]] = []
-    stiffness: Vector | None = None
+    nodes: str = Field(examples=["CLAMP"])
+    fix: list[Literal["x", "y", "z"]] = Field(default=[], examples=[["x", "y", "z"]])
+    stiffness: Vector | None = Field(default=None, examples=[[1e6, 1e6, 1e6]])
 
     @field_validator("stiffness")
     @classmethod
@@ -75,9 +74,9 @@ class SupportTable(_Table):
 class InterfaceTable(_Table):
     """`[[interface]]`: where loads come in and motion goes out."""
 
-    name: Name
-    nodes: str
-    point: Vector | None = None
+    name: Name = Field(examples=["tip"])
+    nodes: str = Field(examples=["FLANGE"])
+    point: Vector | None = Field(default=None, examples=[[0.0, 0.0, 0.0]])
     weights: Literal["auto", "area", "node"] = "auto"
     compliance: bool = False
 
@@ -142,7 +141,7 @@ class ReductionTable(_Table):
     """`[reduction]`: the modal basis."""
 
     basis: Basis = Field(default=Basis.NORMAL, strict=False)
-    modes: Count | Annotated[list[Count], Field(min_length=1)] = 10
+    modes: ModeNumber | Annotated[list[ModeNumber], Field(min_length=1)] = 10
     residual_flexibility: bool | Annotated[list[str], Field(min_length=1)] = False
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
     inertia: bool | None = None
@@ -164,13 +163,19 @@ class ReductionTable(_Table):
 class DampingTable(_Table):
     """`[damping]`: modal damping ratio, one for all modes or one each."""
 
-    ratio: float | list[float] = 0.0
+    ratio: float | list[float] = Field(default=0.0, examples=[0.01])
 
     @field_validator("ratio")
     @classmethod
-    def _not_negative(cls, value: float | list[float]) -> float | list[float]:
-        if any(ratio < 0.0 for ratio in (value if isinstance(value, list) else [value])):
-            raise ValueError("a damping ratio is negative, expected ≥ 0")
+    def _below_critical(cls, value: float | list[float]) -> float | list[float]:
+        for ratio in value if isinstance(value, list) else [value]:
+            if ratio < 0.0:
+                raise ValueError(f"a damping ratio is negative, {ratio:g}, expected ≥ 0")
+            if ratio > 1.0:
+                raise ValueError(
+                    f"a damping ratio is {ratio:g}, expected at most 1, which is critical damping; {ratio:g} % is "
+                    f"{ratio / 100.0:g}"
+                )
         return value
 
 
@@ -213,14 +218,14 @@ class OutputTable(_Table):
 class BodyFile(_Table):
     """A whole body file."""
 
-    name: Name
+    name: Name = Field(examples=["arm"])
     mesh: MeshTable
     material: MaterialTable | None = None
     free: bool = False
     root: Name | None = None
     support: list[SupportTable] = []
     interface: list[InterfaceTable] = Field(min_length=1)
-    frames: int | None = Field(default=None, ge=0)
+    frames: int | None = Field(default=None, ge=0, le=MOST_FRAMES)
     frame: list[FrameTable] = []
     branch: list[BranchTable] = []
     cut: list[CutTable] = []
@@ -353,27 +358,11 @@ def read_body_file(path: Path) -> BodyFile:
     BodyFileError
         Every wrong key at once, with what was found and what would do.
     """
-    data = read_toml(path, BodyFileError)
+    data = read_toml(path, BodyFileError, Kind.BODY)
     try:
         body = BodyFile.model_validate(data)
     except ValidationError as error:
-        raise BodyFileError(f"{path}:\n  " + "\n  ".join(_explain(error))) from error
+        lines = explain(error, BodyFile, data, "docs/file-formats.md")
+        raise BodyFileError(f"{path}:\n  {lines}") from error
     mesh = body.mesh.model_copy(update={"file": path.parent / body.mesh.file})
     return body.model_copy(update={"mesh": mesh})
-
-
-def _explain(error: ValidationError) -> list[str]:
-    """One line for each wrong key: the key, what was found, what would do."""
-    reasons: dict[str, list[str]] = {}
-    for problem in error.errors():
-        key = spelled_key([part for part in problem["loc"] if part not in _ALTERNATIVES])
-        reasons.setdefault(key, []).append(reason(problem, _UNKNOWN))
-    # Of a key that may be of one type or another, the reason that went deepest is the one that helps.
-    deepest = [key for key in reasons if not any(other.startswith((f"{key}[", f"{key}.")) for other in reasons if key)]
-    lines = []
-    for key in deepest:
-        found, _, _ = reasons[key][0].rpartition("; ")
-        wanted = " or ".join(text.rpartition("; ")[2] for text in reasons[key])
-        text = f"{found}; {wanted}" if len(reasons[key]) > 1 else reasons[key][0]
-        lines.append(f"{key}: {text}" if key else text)
-    return lines

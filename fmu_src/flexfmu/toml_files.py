@@ -1,52 +1,225 @@
 """What the package's TOML files have in common: how they are read, and how a wrong key is explained."""
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from .errors import FlexfmuError
+from .inputs import Kind, check_input, toml_kind
+from .names import alike
 
 
-def read_toml(path: Path, error_type: type[FlexfmuError]) -> dict[str, Any]:
+def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[str, Any]:
     """Contents of a TOML file.
 
     Parameters
     ----------
     path : Path
     error_type : type of FlexfmuError
-        What is raised where the file is missing, cannot be read, or is not TOML.
+        What is raised where the file is missing, cannot be read, is not TOML, or is another kind of file.
+    wanted : Kind
 
     Returns
     -------
     dict
     """
+    check_input(path, error_type, wanted)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise error_type(f"{path}: no such file") from error
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise error_type(f"{path}: cannot be read ({error})") from error
     except tomllib.TOMLDecodeError as error:
-        raise error_type(f"{path}: not valid TOML: {error}") from error
+        raise error_type(
+            f"{path}: not valid TOML: {error}; texts stand in quotes, a [table] stands once, and several of a kind are "
+            "[[tables]]"
+        ) from error
+    found = toml_kind(data)
+    if found not in (None, wanted):
+        raise error_type(f"{path} is {found.value}, expected {wanted.value}: {found.use}")
+    return data
 
 
-def spelled_key(location: Sequence[int | str]) -> str:
-    """The key as the file spells it, from pydantic's location; tables of an array are counted from one."""
+def explain(error: ValidationError, model: type[BaseModel], data: Any, document: str) -> str:
+    """One line for each wrong key: the key, what was found, what would do.
+
+    Parameters
+    ----------
+    error : ValidationError
+    model : type of BaseModel
+        Of the whole file.
+    data : dict
+        What was checked.
+    document : str
+        Where the keys are described.
+
+    Returns
+    -------
+    str
+        Indented lines, the first one without indentation.
+    """
+    reasons: dict[str, list[tuple[str, str, str]]] = {}
+    for problem in error.errors():
+        place = _place(data, problem)
+        reasons.setdefault(_spelled(place), []).append(_reason(problem, model, place, document))
+    # Of a key that may be of one type or another, the reason that went deepest is the one that helps.
+    deepest = [key for key in reasons if not any(other.startswith((f"{key}[", f"{key}.")) for other in reasons if key)]
+    lines = []
+    for key in deepest:
+        found = reasons[key][0][0]
+        wanted = " or ".join(dict.fromkeys(text for _, text, _ in reasons[key] if text))
+        example = next((text for *_, text in reasons[key] if text), "")
+        text = "; ".join(part for part in (found, wanted) if part) + example
+        lines.append(f"{key}: {text}" if key else text)
+    return "\n  ".join(lines)
+
+
+def _place(data: Any, problem: Mapping[str, Any]) -> tuple[int | str, ...]:
+    """Where a problem stands in the data; pydantic adds the names of the types that a key may have."""
+    place: list[int | str] = []
+    here = data
+    location: Sequence[int | str] = problem["loc"]
+    for depth, part in enumerate(location):
+        inside = part in here if isinstance(here, Mapping) else isinstance(here, list) and isinstance(part, int)
+        if inside:
+            here = here[part]
+        elif not (problem["type"] == "missing" and depth == len(location) - 1):
+            continue
+        place.append(part)
+    return tuple(place)
+
+
+def _spelled(place: Sequence[int | str]) -> str:
+    """The key as the file spells it; tables of an array are counted from one."""
     key = ""
-    for part in location:
+    for part in place:
         key += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if key else part
     return key
 
 
-def reason(problem: Mapping[str, Any], unknown: str) -> str:
-    """What was found and what would do, of one of pydantic's problems; `unknown` is said of keys that are not known."""
-    message = str(problem["msg"]).removeprefix("Value error, ")
-    if problem["type"] == "extra_forbidden":
-        return unknown
-    if problem["type"] == "missing":
-        return "missing, and there is no default"
-    if problem["type"] == "value_error":
-        return message
-    message = message.replace("Input should", "should")
-    return f"found {problem.get('input')!r}; {message[0].lower()}{message[1:]}"
+def _reason(
+    problem: Mapping[str, Any], model: type[BaseModel], place: Sequence[int | str], document: str
+) -> tuple[str, str, str]:
+    """What was found, what would do, and an example, of one of pydantic's problems."""
+    kind, found, context = str(problem["type"]), problem.get("input"), problem.get("ctx", {})
+    names = [part for part in place if isinstance(part, str)]
+    key = names[-1] if names else ""
+    table = _table(model, names[:-1])
+    field = _fields(table).get(key) if table is not None else None
+    inner = None if field is None else _inner(field.annotation)
+    example = f", such as {key} = {_toml(field.examples[0])}" if field is not None and field.examples else ""
+    shown = f"found {found!r}"
+    match kind:
+        case "extra_forbidden":
+            return _unknown(key, model, table, document), "", ""
+        case "missing":
+            return "missing, and there is no default", "give a table" if inner is not None else "give it", example
+        case "value_error":
+            return str(problem["msg"]).removeprefix("Value error, "), "", ""
+        case "list_type" if inner is not None:
+            if isinstance(found, dict):
+                return "found one table", f"expected [[{key}]], in double brackets, since there may be several", ""
+            other = [name for name in alike(key, _fields(table) if table is not None else ()) if name != key]
+            return shown, f"expected [[{key}]] tables{f', or the key {other[0]}' if other else ''}", ""
+        case "model_type" | "model_attributes_type" if inner is not None:
+            found = "found several tables" if isinstance(found, list) else shown
+            return (
+                found,
+                f"expected one table, [{'.'.join(names)}], in single brackets, with the keys {_listed(inner)}",
+                "",
+            )
+        case "list_type":
+            single = f", such as {key} = [{found}]" if isinstance(found, int | float) else ""
+            return shown, "should be a valid list", example or single
+        case "too_short" | "too_long":
+            bound, words = context.get("min_length"), "at least "
+            if kind == "too_long":
+                bound, words = context.get("max_length"), "at most "
+            if bound in _bounds(field, "min_length") and bound in _bounds(field, "max_length"):
+                words = ""
+            there = f"there {'is' if context['actual_length'] == 1 else 'are'} {context['actual_length']}"
+            return shown, f"expected {words}{bound} value{'s'[: bound != 1]}, {there}", example
+        case "string_pattern_mismatch":
+            return shown, "expected letters, digits and _, beginning with a letter", example
+        case "int_type" if isinstance(found, float) and found.is_integer():
+            most = _bounds(field, "le")
+            limit = f", at most {most[0]}" if most else ""
+            return shown, f"should be a valid integer, written without point and exponent{limit}", ""
+    text = str(problem["msg"]).replace("Input should", "should")
+    return shown, text[0].lower() + text[1:], example if kind.endswith("_type") else ""
+
+
+def _unknown(key: str, model: type[BaseModel], table: type[BaseModel] | None, document: str) -> str:
+    """What is said of a key that is not known where it stands."""
+    own = _fields(table) if table is not None else {}
+    near = alike(key, own, 1)
+    elsewhere = [place for name, place in _places(model, "") if name == key]
+    if near:
+        hint = f", did you mean {near[0]!r}?"
+    elif elsewhere:
+        hint = f" here: it belongs {' or '.join(elsewhere)}"
+    else:
+        others = alike(key, dict(_places(model, "")), 1)
+        hint = f", did you mean {others[0]!r}, {dict(_places(model, ''))[others[0]]}?" if others else ""
+    known = f"; known here: {_listed(table)}" if table is not None and not near else ""
+    return f"unknown key{hint}{known}; {document} describes them"
+
+
+def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Fields of a table by the name that the file gives them."""
+    return {field.alias or name: field for name, field in table.model_fields.items()}
+
+
+def _listed(table: type[BaseModel]) -> str:
+    return ", ".join(_fields(table))
+
+
+def _inner(annotation: Any) -> type[BaseModel] | None:
+    """The table that a key holds, by itself or in a list."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := _inner(part)) is not None), None)
+
+
+def _table(model: type[BaseModel], names: Sequence[str]) -> type[BaseModel] | None:
+    """The table at a place, or None if there is none."""
+    table: type[BaseModel] | None = model
+    for name in names:
+        field = _fields(table).get(name) if table is not None else None
+        table = None if field is None else _inner(field.annotation)
+    return table
+
+
+def _places(table: type[BaseModel], title: str) -> Iterator[tuple[str, str]]:
+    """Every key that there is, with words for where it stands; those of the outer tables first."""
+    for name, field in _fields(table).items():
+        inner = _inner(field.annotation)
+        yield name, f"to {title}" if title else "at the top, above the first table" if inner is None else "at the top"
+    for name, field in _fields(table).items():
+        inner = _inner(field.annotation)
+        if inner is not None:
+            outer = f"{title.strip('[]')}.{name}" if title else name
+            several = "list" in str(field.annotation)
+            yield from _places(inner, f"[[{outer}]]" if several else f"[{outer}]")
+
+
+def _bounds(part: Any, name: str) -> list[Any]:
+    """Bounds of a name ("le", "max_length" …) that a field, or one of the types that it may have, is held to."""
+    constraints = [*(getattr(part, "metadata", None) or ()), *getattr(part, "__metadata__", ())]
+    own = [getattr(constraint, name) for constraint in constraints if hasattr(constraint, name)]
+    inner = [*constraints, *get_args(getattr(part, "annotation", part))]
+    return own + [bound for one in inner if one is not part for bound in _bounds(one, name)]
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML spells it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(one) for one in value) + "]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_toml(key)} = {_toml(one)}" for key, one in value.items()) + " }"
+    return f'"{value}"' if isinstance(value, str) else repr(value)

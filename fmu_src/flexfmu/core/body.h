@@ -138,6 +138,14 @@ FLEX_EXPORT double body_softening(Body *body, const double *inputs, const double
 /* Error of deflections from stiffness that the method misses: whether it may exceed a limit; itself; its own margin. */
 FLEX_EXPORT int body_may_miss(Body *body, const double *inputs, double limit);
 FLEX_EXPORT double body_missed(Body *body, const double *inputs, double *margin);
+/* Spin of a body that turns as a whole with constant mass over its lowest elastic frequency; 0 for others. */
+FLEX_EXPORT double body_spin(Body *body, const double *q, const double *v);
+/* Its angular momentum so far, from rest: impulse of the moments, rotation vector and its derivative where it was last
+ * looked at, the largest of impulse and momentum, and by what share of it they differ. Followed to a step's end. */
+typedef struct {
+    double impulse[3], angle[3], rate[3], largest, drift;
+} Momentum;
+FLEX_EXPORT void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
 /* Derivative (6n, 6n) of n interfaces' motion at a step's end by loads on them held over the step, in load order. */
 FLEX_EXPORT void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
                      int64_t n, double *out);

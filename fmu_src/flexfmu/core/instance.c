@@ -33,8 +33,10 @@ struct Instance {
 };
 
 /* Single numbers of the state. */
-enum { S_LAST_STEP, S_TIME, S_KNOWN, S_RUNNING, S_STATUS, S_HINT, S_MODES, S_SUBSTEPS, S_ITERATIONS, S_ERROR, S_LARGEST,
-       S_WARNED, S_COUNT = S_WARNED + WATCHES };
+enum {
+    S_LAST_STEP, S_TIME, S_KNOWN, S_RUNNING, S_STATUS, S_HINT, S_MODES, S_SUBSTEPS, S_ITERATIONS, S_ERROR, S_LARGEST,
+    S_WARNED, S_MOMENTUM = S_WARNED + WATCHES, S_COUNT = S_MOMENTUM + sizeof(Momentum) / sizeof(double)
+};
 
 static const Program *description(const Instance *x) { return &x->described->p; }
 
@@ -240,9 +242,9 @@ static Answer choose(Instance *x, char *why) {
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
     }
-    const StepLimits limits = {x->parameter[P_STEP_LIMIT], x->parameter[P_STEP_TOLERANCE], x->parameter[P_STEP_EFFORT]};
+    const StepLimits limits = {x->parameter[P_STEP_LIMIT], x->parameter[P_STEP_TOLERANCE], x->parameter[P_STEP_MOST]};
     if (body_options(body, x->parameter[P_DAMPING_SCALE], &limits) != FLEX_OK) {
-        snprintf(why, MESSAGE, "damping.scale, internal_step.limit and internal_step.effort must be finite and not negative, "
+        snprintf(why, MESSAGE, "damping.scale, internal_step.limit and internal_step.most must be finite and not negative, "
                                "internal_step.tolerance positive");
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
@@ -292,10 +294,14 @@ static void watches(const Instance *x, Watch *watch) {
     watch[WATCH_STABILITY].action = (OnLimit)x->parameter[P_ON_STABILITY];
     watch[WATCH_MISSED].limit = x->parameter[P_MISSED_LIMIT];
     watch[WATCH_MISSED].action = (OnLimit)x->parameter[P_ON_MISSED];
+    watch[WATCH_SPIN].limit = x->parameter[P_SPIN_LIMIT];
+    watch[WATCH_SPIN].action = (OnLimit)x->parameter[P_ON_SPIN];
+    watch[WATCH_MOMENTUM].limit = x->parameter[P_MOMENTUM_LIMIT];
+    watch[WATCH_MOMENTUM].action = (OnLimit)x->parameter[P_ON_MOMENTUM];
 }
 
 /* Look at a place under loads; ANSWER_OK where only warnings were found, which are told. */
-static Answer inspect(Instance *x, const double *q, const double *inputs, char *why) {
+static Answer inspect(Instance *x, const double *q, const double *v, int stepped, const double *inputs, char *why) {
     Watch watch[WATCHES];
     Findings found;
     Answer answer = ANSWER_OK;
@@ -305,8 +311,10 @@ static Answer inspect(Instance *x, const double *q, const double *inputs, char *
     memcpy(x->kept, x->seen, (size_t)x->loads * sizeof(double));
     x->memory.largest = x->single[S_LARGEST];
     memcpy(x->memory.warned, x->single + S_WARNED, sizeof x->memory.warned);
-    look(x->body, watch, q, inputs, &x->memory, x->room, x->shape, &found);
+    memcpy(&x->memory.momentum, x->single + S_MOMENTUM, sizeof x->memory.momentum);
+    look(x->body, watch, q, v, stepped, inputs, &x->memory, x->room, x->shape, &found);
     x->single[S_LARGEST] = x->memory.largest;
+    memcpy(x->single + S_MOMENTUM, &x->memory.momentum, sizeof x->memory.momentum);
     memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);
     for (int i = 0; i < found.count; i++) {
         if (found.action[i] == ON_WARN) continue;
@@ -334,7 +342,7 @@ static Answer failed(Instance *x, Answer answer) {
 Answer instance_start(Instance *x, char *why) {
     if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
-    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->previous, why) != ANSWER_OK) {
+    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0, x->previous, why) != ANSWER_OK) {
         char text[MESSAGE];
         memcpy(text, why, MESSAGE);
         snprintf(why, MESSAGE, "static initialisation: %.900s", text);
@@ -370,8 +378,8 @@ static int over_step(Instance *x, double step) {
 static void refusal(const Instance *x, int answer, double step, const Work *work, char *why) {
     switch (answer) {
     case FLEX_TOO_MUCH_WORK:
-        snprintf(why, MESSAGE, "the step of %.6g s would take more than the %.0f rounds of internal_step.effort (%lld internal steps tried): lower the load or "
-                               "the communication step, or raise internal_step.effort", step, x->parameter[P_STEP_EFFORT], (long long)work->substeps);
+        snprintf(why, MESSAGE, "the step of %.6g s would take more than the %.0f rounds of internal_step.most (%lld internal steps tried): lower the load or "
+                               "the communication step, or raise internal_step.most", step, x->parameter[P_STEP_MOST], (long long)work->substeps);
         return;
     case FLEX_NOT_FINITE:
         snprintf(why, MESSAGE, "the step ends in values that are not finite: the loads are too large for the arithmetic");
@@ -409,7 +417,7 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
         refusal(x, answer, step, &work, why);
         return failed(x, x->parameter[P_ON_STEP] == REFUSE_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED);
     }
-    const Answer verdict = inspect(x, x->q1, ramps ? x->end_inputs : x->start_inputs, why);
+    const Answer verdict = inspect(x, x->q1, x->v1, 1, ramps ? x->end_inputs : x->start_inputs, why);
     if (verdict != ANSWER_OK) return failed(x, verdict);
     memcpy(x->q, x->q1, (size_t)m * sizeof(double));
     memcpy(x->v, x->v1, (size_t)m * sizeof(double));
@@ -436,6 +444,8 @@ static double diagnostic(Instance *x, int64_t index) {
     /* Inputs set since the last step have not acted yet, and need not be finite. */
     case D_STABILITY: return body_stability(x->body, x->previous, x->q, 0);
     case D_MISSED: return body_missed(x->body, x->previous, 0);
+    case D_SPIN: return body_spin(x->body, x->q, x->v);
+    case D_MOMENTUM: return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1];
     case D_STEP_ERROR: return x->single[S_ERROR];
     case D_ITERATIONS: return x->single[S_ITERATIONS];
     case D_SUBSTEPS: return x->single[S_SUBSTEPS];
@@ -534,6 +544,8 @@ static int sensible(const Instance *x, const double *numbers) {
     }
     for (int i = S_KNOWN; i <= S_ITERATIONS; i++)
         if (!(single[i] >= 0.0 && single[i] <= 1e15)) return 0;
+    for (int i = 0; i < S_COUNT; i++)
+        if (!isfinite(single[i])) return 0;
     for (int64_t i = 0; i < 2 * x->modes; i++)
         if (!isfinite(numbers[x->q - x->numbers + i])) return 0;
     for (int64_t i = 0; i < x->loads; i++)

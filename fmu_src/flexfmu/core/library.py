@@ -56,6 +56,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_forces": (None, (_PLACE,) * 5),
     "body_mass": (None, (_PLACE,) * 3),
     "body_rotations": (_NUMBER, (_PLACE,) * 3),
+    "body_spin": (_NUMBER, (_PLACE,) * 3),
     "body_stability": (_NUMBER, (_PLACE,) * 4),
     "body_is_stable": (ctypes.c_int, (_PLACE, _PLACE, _PLACE, _NUMBER)),
     "body_softening": (_NUMBER, (_PLACE,) * 4),

@@ -10,7 +10,7 @@
 static const double CHANGED = 0.05;
 static const double DEGREES = 57.29577951308232;
 
-enum { ADVICE_ROTATION, ADVICE_MISSED, SOURCE_MISSED };
+enum { ADVICE_ROTATION, ADVICE_MISSED, SOURCE_MISSED, ADVICE_SPIN };
 
 static const char *name_of(const Program *p, int64_t index) { return text_at(p->names, p->name_bytes, index); }
 static const char *input_name(const Program *p, int64_t input) { return name_of(p, p->interfaces + p->frames + input); }
@@ -81,6 +81,8 @@ static void missed(Body *body, const Watch *watch, const double *inputs, Memory 
     if (!(watch->limit > 0.0) || !body_may_miss(body, inputs, watch->limit)) return;
     double margin;
     const double error = body_missed(body, inputs, &margin);
+    /* The quick looks are of every shape of the body, loaded or not. */
+    if (error <= watch->limit && error < 1.0) return;
     int64_t worst = 0;
     for (int64_t i = 1; i < p->loads; i++)
         if (fabs(inputs[i]) * p->judge_missed_bound[i] > fabs(inputs[worst]) * p->judge_missed_bound[worst]) worst = i;
@@ -96,13 +98,43 @@ static void missed(Body *body, const Watch *watch, const double *inputs, Memory 
              inputs[worst], text_at(p->advice, p->advice_bytes, ADVICE_MISSED));
 }
 
-void look(Body *body, const Watch *watch, const double *q, const double *inputs, Memory *memory, double *inputs_room,
+static void spinning(Body *body, const Watch *watch, const double *q, const double *v, Memory *memory, Findings *found) {
+    const Program *p = &body->p;
+    const double ratio = body_spin(body, q, v);
+    if (!(watch->limit > 0.0) || !(ratio > watch->limit)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_SPIN]);
+    if (!text) return;
+    const double first = p->omega[p->rigid];
+    snprintf(text, FINDING_TEXT,
+             "the body spins at %.3g rad/s, %.3g %% of its first elastic frequency (%.4g Hz; limit %.3g %%): constant mass "
+             "leaves out centrifugal forces and the stiffness that they give; %s",
+             ratio * first, 100.0 * ratio, first / 6.283185307179586, 100.0 * watch->limit,
+             text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
+}
+
+static void momentum(Body *body, const Watch *watch, const double *q, const double *v, Memory *memory, Findings *found) {
+    const Program *p = &body->p;
+    body_momentum(body, q, v, &memory->momentum);
+    if (!(watch->limit > 0.0) || !(memory->momentum.drift > watch->limit)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_MOMENTUM]);
+    if (!text) return;
+    snprintf(text, FINDING_TEXT,
+             "the body turns about changing axes, and its angular momentum is off by %.3g %% of its largest (limit %.3g %%): "
+             "constant mass leaves out gyroscopic terms; %s",
+             100.0 * memory->momentum.drift, 100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
+}
+
+void look(Body *body, const Watch *watch, const double *q, const double *v, int stepped, const double *inputs, Memory *memory, double *inputs_room,
           double *shape_room, Findings *found) {
     const int64_t loads = body->p.loads;
     const double square = dot(inputs, inputs, loads);
     found->count = 0;
     if (square > memory->largest) memory->largest = square;
     rotation(body, watch + WATCH_ROTATION, q, memory, found);
+    if (stepped && body->p.spins) {
+        spinning(body, watch + WATCH_SPIN, q, v, memory, found);
+        momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
+    }
     if (!(watch[WATCH_STABILITY].limit > 0.0 || watch[WATCH_MISSED].limit > 0.0)) return;
     double change = 0.0;
     for (int64_t i = 0; i < loads; i++) change += (inputs[i] - memory->inputs[i]) * (inputs[i] - memory->inputs[i]);

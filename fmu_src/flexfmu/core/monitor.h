@@ -5,7 +5,7 @@
 #include "body.h"
 
 typedef enum { ON_WARN, ON_DISCARD, ON_TERMINATE } OnLimit;
-enum { WATCH_ROTATION, WATCH_STABILITY, WATCH_MISSED, WATCHES };
+enum { WATCH_ROTATION, WATCH_STABILITY, WATCH_MISSED, WATCH_SPIN, WATCH_MOMENTUM, WATCHES };
 
 typedef struct {
     double limit;
@@ -16,6 +16,7 @@ typedef struct {
 typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
     double largest;          /* square of the largest loads so far */
+    Momentum momentum;
     double warned[WATCHES];  /* once a run, since a body that swings would be told of twice a period */
 } Memory;
 
@@ -26,9 +27,9 @@ typedef struct {
     char text[WATCHES][FINDING_TEXT];
 } Findings;
 
-/* Look at the end of a step under loads (L); `memory` is changed, as it counts if the step is accepted.
+/* Look at the end of a step, or where none was `stepped` yet, under loads (L); `memory` is changed, as it counts if the step is accepted.
  * `inputs_room` and `shape_room` are workspaces of L and m numbers. */
-void look(Body *body, const Watch *watch, const double *q, const double *inputs, Memory *memory, double *inputs_room,
+void look(Body *body, const Watch *watch, const double *q, const double *v, int stepped, const double *inputs, Memory *memory, double *inputs_room,
           double *shape_room, Findings *found);
 
 #endif

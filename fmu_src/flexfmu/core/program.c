@@ -85,9 +85,10 @@ static const char *inconsistent(const Program *p) {
     if (p->interfaces < 1 || k != s + p->interfaces + p->masses + 2 * p->ties) return "the nodes are not those of its parts";
     if (p->loads != 6 * p->interfaces + (p->masses ? 3 : 0)) return "the number of loads is not that of its interfaces";
     if (p->placement > PLACE_DEFORMED || !is_flag(p->tied) || p->tied != (p->ties > 0) || !is_flag(p->curved) ||
-        !is_flag(p->by_load_given) || !is_flag(p->by_mode_given) || !is_flag(p->judged) || !is_flag(p->inertial))
+        !is_flag(p->by_load_given) || !is_flag(p->by_mode_given) || !is_flag(p->judged) || !is_flag(p->inertial) ||
+        !is_flag(p->spins) || p->spins > p->rigid || !is_flag(p->spin_inertia_given) || p->spin_inertia_given > p->spins)
         return "an option is out of range";
-    if (p->rigid > m || p->elastic_first + p->elastic_count > m || p->turning_limit > 100) return "modes are out of range";
+    if (p->rigid >= m || p->elastic_first + p->elastic_count > m || p->turning_limit > 100) return "modes are out of range";
     if (!positive(p->omega, p->rigid, 1) || !positive(p->omega + p->rigid, m - p->rigid, 0)) return "frequencies are not positive";
     for (int64_t j = 0; j < p->rigid; j++)
         if (p->omega[j] != 0.0) return "rigid motions have frequencies";
@@ -122,7 +123,7 @@ static const char *inconsistent(const Program *p) {
     if (!within(p->inertial_frame, p->inertial_parts, 0, s - 1)) return "a mass is of no frame";
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";
     if (!within(p->compliance_interface, p->compliances, 0, p->interfaces - 1)) return "a compliance is of no interface";
-    if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < 3)
+    if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < 4)
         return "names are missing";
     if (texts_in(p->variable_texts, p->variable_bytes) != p->variables || texts_in(p->guid, p->guid_bytes) != 1)
         return "variables have no names";

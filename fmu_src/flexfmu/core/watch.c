@@ -40,12 +40,6 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     take_pull(body, arena, &room->pull);
 }
 
-int64_t watch_size(const Body *body) {
-    Arena count = {0, 0};
-    Room room;
-    take_room(body, &count, &room);
-    return count.used;
-}
 
 double body_rotations(Body *body, const double *q, double *angles) {
     const Program *p = &body->p;
@@ -169,25 +163,146 @@ int body_may_miss(Body *body, const double *inputs, double limit) {
     return !cholesky(sum, e);
 }
 
+/* Disturbance that any loads may come with, as a share of their size: nothing is aligned better. */
+static const double DISTURBANCE = 0.01;
+
+/* Largest singular value of the motions (6, 6) of one interface in `x` (6 n, 1 + 6 I) under unit loads on it. */
+static double answer_size(const double *x, int64_t interface, int64_t columns) {
+    double own[36], square[36] = {0}, values[6];
+    for (int i = 0; i < 6; i++) memcpy(own + 6 * i, x + (6 * interface + i) * columns + 1 + 6 * interface, 6 * sizeof(double));
+    add_transposed_product(own, own, square, 6, 6, 6);
+    symmetric_eigen(square, values, 0, 6);
+    return sqrt(fmax(values[5], 0.0));
+}
+
+/* Relative error of the interfaces' deflections under loads by what the method misses of their effect: of the loads as they
+ * are, and of a disturbance that acts on an interface in the worst direction, over the larger of the two deflections. Never
+ * more than that of any shape of the body. */
 double body_missed(Body *body, const double *inputs, double *margin) {
-    const int64_t e = body->p.elastic_count;
+    const Program *p = &body->p;
+    const int64_t e = p->elastic_count, columns = 1 + 6 * p->interfaces, rows = 6 * p->interfaces;
     if (margin) *margin = 1.0;
-    if (!body->p.judged) return 0.0;
+    if (!p->judged) return 0.0;
     Arena arena = work_arena(body);
     double *change = take(&arena, e * e), *missed = take(&arena, e * e), *values = take(&arena, e);
+    double *lower = take(&arena, e * e), *loads = take(&arena, e * columns), *right = take(&arena, e * columns);
+    double *deflection = take(&arena, rows * columns), *off = take(&arena, rows * columns);
     judged(body, inputs, change, missed);
     if (margin) {
         symmetric_eigen(change, values, 0, e);
         *margin = values[0];
         judged(body, inputs, change, missed);
     }
-    if (!cholesky(change, e)) return 1.0;
-    congruent(change, missed, e);
+    memcpy(lower, change, (size_t)(e * e) * sizeof(double));
+    if (!cholesky(lower, e)) return 1.0;
+    congruent(lower, missed, e);
     symmetric_eigen(missed, values, 0, e);
     if (values[0] <= -0.5) return 1.0;
-    double largest = 0.0;
-    for (int64_t i = 0; i < e; i++) largest = fmax(largest, fabs(values[i] / (1.0 + values[i])));
-    return largest;
+    double of_any_shape = 0.0;
+    for (int64_t i = 0; i < e; i++) of_any_shape = fmax(of_any_shape, fabs(values[i] / (1.0 + values[i])));
+    /* The loads, then unit loads on the interfaces, in columns. */
+    judged(body, inputs, change, missed);
+    memset(loads, 0, (size_t)(e * columns) * sizeof(double));
+    for (int64_t i = 0; i < e; i++) {
+        for (int64_t l = 0; l < p->loads; l++) loads[i * columns] += inputs[l] * p->judge_force[l * e + i];
+        for (int64_t r = 0; r < rows; r++) loads[i * columns + 1 + r] = p->judge_motion[r * e + i];
+    }
+    memcpy(right, loads, (size_t)(e * columns) * sizeof(double));
+    memcpy(lower, change, (size_t)(e * e) * sizeof(double));
+    if (!lu_factor(lower, body->pivot, e)) return 1.0;
+    lu_solve(lower, body->pivot, right, e, columns);
+    for (int64_t i = 0; i < e * e; i++) change[i] += missed[i];
+    if (!lu_factor(change, body->pivot, e)) return 1.0;
+    lu_solve(change, body->pivot, loads, e, columns);
+    for (int64_t i = 0; i < e * columns; i++) loads[i] -= right[i];
+    product(p->judge_motion, right, deflection, rows, e, columns);
+    product(p->judge_motion, loads, off, rows, e, columns);
+    double disturbance = 0.0, worst = 0.0;
+    for (int64_t l = 0; l < p->loads; l++) disturbance += inputs[l] * p->judge_size[l] * inputs[l] * p->judge_size[l];
+    disturbance = DISTURBANCE * sqrt(disturbance);
+    for (int64_t k = 0; k < p->interfaces; k++) {
+        double error = 0.0, size = 0.0;
+        for (int i = 0; i < 6; i++) {
+            error += off[(6 * k + i) * columns] * off[(6 * k + i) * columns];
+            size += deflection[(6 * k + i) * columns] * deflection[(6 * k + i) * columns];
+        }
+        error = sqrt(error) + disturbance * answer_size(off, k, columns);
+        size = fmax(sqrt(size), disturbance * answer_size(deflection, k, columns));
+        if (size > 0.0) worst = fmax(worst, error / size);
+    }
+    return fmin(of_any_shape, worst);
+}
+
+static int64_t missed_size(const Body *body) {
+    const int64_t e = body->p.elastic_count, columns = 1 + 6 * body->p.interfaces;
+    return 3 * e * e + e + 2 * e * columns + 12 * body->p.interfaces * columns;
+}
+
+int64_t watch_size(const Body *body) {
+    Arena count = {0, 0};
+    Room room;
+    take_room(body, &count, &room);
+    return count.used > missed_size(body) ? count.used : missed_size(body);
+}
+
+/* Rotation vector, its derivative, the rotation and T of a body that turns as a whole. */
+static void whole_turn(const Program *p, const double *q, const double *v, double *angle, double *rate, double *rotation,
+                       double *jacobian) {
+    rows_times(p->spin_rotation, q, angle, 3, p->rigid);
+    rows_times(p->spin_rotation, v, rate, 3, p->rigid);
+    exponential(angle, rotation, jacobian);
+}
+
+double body_spin(Body *body, const double *q, const double *v) {
+    double angle[3], rate[3], rotation[9], jacobian[9], spin[3];
+    if (!body->p.spins) return 0.0;
+    whole_turn(&body->p, q, v, angle, rate, rotation, jacobian);
+    apply(jacobian, rate, spin);
+    return norm(spin, 3) / body->p.omega[body->p.rigid];
+}
+
+/* Share of a moment below which the model hardly feels it, near full turns: what it is cannot be told from the motion. */
+static const double UNFELT = 0.05;
+
+void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far) {
+    const Program *p = &body->p;
+    double angle[3], rate[3], middle[3], rotation[9], jacobian[9], other[9], square[9] = {0}, values[3], axes[9], change[3];
+    double felt[3], moment[3] = {0}, spin[3], turned[3], momentum[3], off[3];
+    if (!p->spin_inertia_given) return;
+    whole_turn(p, q, v, angle, rate, rotation, jacobian);
+    /* The model's own law is I theta'' = Tᵀ M: from it follow the moments, whatever exerts them. */
+    for (int i = 0; i < 3; i++) {
+        middle[i] = 0.5 * (so_far->angle[i] + angle[i]);
+        change[i] = rate[i] - so_far->rate[i];
+    }
+    double turn[9];
+    exponential(middle, turn, other);
+    apply(p->spin_inertia, change, felt);
+    /* The least moment with Tᵀ M = felt: T (Tᵀ T)^-1, its small eigenvalues left out. */
+    add_transposed_product(other, other, square, 3, 3, 3);
+    symmetric_eigen(square, values, axes, 3);
+    for (int k = 0; k < 3; k++) {
+        if (!(values[k] > UNFELT * UNFELT * values[2])) continue;
+        double along = 0.0, column[3];
+        for (int i = 0; i < 3; i++) {
+            column[i] = axes[3 * i + k];
+            along += column[i] * felt[i] / values[k];
+        }
+        apply(other, column, turned);
+        for (int i = 0; i < 3; i++) moment[i] += along * turned[i];
+    }
+    apply(jacobian, rate, spin);
+    apply_back(rotation, spin, turned);
+    apply(p->spin_inertia, turned, spin);
+    apply(rotation, spin, momentum);
+    for (int i = 0; i < 3; i++) {
+        so_far->impulse[i] += moment[i];
+        so_far->angle[i] = angle[i];
+        so_far->rate[i] = rate[i];
+        off[i] = momentum[i] - so_far->impulse[i];
+    }
+    so_far->largest = fmax(so_far->largest, fmax(norm(so_far->impulse, 3), norm(momentum, 3)));
+    so_far->drift = so_far->largest > 0.0 ? norm(off, 3) / so_far->largest : 0.0;
 }
 
 /* Factors in room->lower of 1 + g_q (T - Lambda) / 2, of the step's own equation with its mean linearised about the step's

@@ -19,6 +19,7 @@ import pythonfmu
 
 from ..core.binaries import core_binaries
 from ..errors import PackagingError
+from ..inputs import Kind, check_input
 from ..model.errors import ContentsError, ModalFileError
 from ..model.modal_file import read_modal_file, write_modal_file
 from ..model.reduced_body import ReducedBody
@@ -153,8 +154,7 @@ def read_packaged_body(path: Path) -> ReducedBody:
     ModalFileError
         The modal file is missing, damaged, altered or of an unknown version.
     """
-    if not path.is_file():
-        raise ModalFileError(f"{path}: no such file")
+    check_input(path, PackagingError, Kind.FMU, Kind.MODAL)
     if not zipfile.is_zipfile(path):
         if path.suffix.lower() == ".fmu":
             raise PackagingError(f"{path}: not an archive, so no FMU; the file is damaged, or something else")

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import fmpy
 import numpy as np
-from fmpy.model_description import ModelDescription
+from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
 from ..errors import INTERRUPTED, SimulationError
+from ..inputs import Kind, check_input
+from ..names import nearest
 from ..progress import Reporter, ends_on_interrupt
+from .variables import STEP_TOLERANCE
 from ..targets import check_target, whole_file
 
 FloatArray = NDArray[np.float64]
@@ -60,14 +63,17 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
     SimulationError
         Naming the line that is wrong.
     """
+    check_input(path, SimulationError, Kind.TABLE)
     try:
         # Spreadsheets put a byte-order mark in front.
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read ({error})") from error
-    if len(lines) < 2 or not lines[0][1] or lines[0][1][0].strip() != "time":
-        raise SimulationError(f'{path}: expected a header "time,NAME,…" (commas) and at least one row of numbers')
+    if not lines or lines[0][1][0].strip() != "time":
+        raise SimulationError(f"{path}: {_header_fault(lines[0][1] if lines else [])}")
+    if len(lines) < 2:
+        raise SimulationError(f"{path}: a header and nothing else, expected at least one row of numbers")
     names = [name.strip() for name in lines[0][1][1:]]
     for name in names:
         if names.count(name) > 1 or name == "time":
@@ -79,12 +85,24 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
         try:
             values[k] = [float(cell) for cell in row]
         except ValueError as error:
-            raise SimulationError(f"{path}, line {number}: {error}; expected numbers") from error
+            raise SimulationError(f"{path}, line {number}: {error}; expected numbers, without units") from error
         if not np.all(np.isfinite(values[k])):
             raise SimulationError(f"{path}, line {number}: a value is not finite")
         if k and values[k, 0] < values[k - 1, 0]:
             raise SimulationError(f"{path}, line {number}: time goes back from {values[k - 1, 0]} to {values[k, 0]}")
     return names, values
+
+
+def _header_fault(cells: Sequence[str]) -> str:
+    """What is wrong with a table's first line that does not begin with "time"."""
+    first = cells[0].strip() if cells else ""
+    fault = f'the first column is called {first!r}: call it "time", in s' if cells else "nothing is in it"
+    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
+        if sign in first:
+            fault = f"its columns are separated by {name}"
+    if _number(first) is not None:
+        fault = "the first line is numbers"
+    return f'{fault}; expected a header "time,NAME,…" (commas), without units, then rows of numbers (decimal points)'
 
 
 def write_table(path: Path, names: Sequence[str], values: FloatArray) -> None:
@@ -122,18 +140,26 @@ def parse_parameters(settings: Sequence[str]) -> dict[str, object]:
     Raises
     ------
     SimulationError
-        A text without "=".
+        A text without a name, without a value, or two of one name.
     """
     result: dict[str, object] = {}
     for text in settings:
-        name, sign, value = text.partition("=")
-        if not sign:
-            raise SimulationError(f"--set {text}: expected NAME=VALUE")
-        try:
-            result[name.strip()] = float(value)
-        except ValueError:
-            result[name.strip()] = value.strip()
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not name or not value:
+            lacks = "the parameter's name" if not name or _number(text) is not None else "a value"
+            raise SimulationError(f"--set {text}: lacks {lacks}, expected NAME=VALUE, such as --set damping.scale=2")
+        if name in result:
+            raise SimulationError(f"--set {text}: {name} is set twice, expected each parameter once")
+        number = _number(value)
+        result[name] = value if number is None else number
     return result
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def simulate(
@@ -177,21 +203,30 @@ def simulate(
         A step that the FMU refuses, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
+    check_input(fmu, SimulationError, Kind.FMU)
     try:
         description = fmpy.read_model_description(str(fmu))
     except Exception as error:  # fmpy raises bare exceptions
         raise SimulationError(f"{fmu}: not a readable FMU ({error})") from error
-    settings = dict(parameters or {})
-    inputs = _known(description, "input", names, fmu)
-    _known(description, "parameter", settings, fmu)
+    inputs = [v.name for v in _known(description, "input", names, fmu)]
+    settings = _typed(_known(description, "parameter", parameters or {}, fmu), parameters or {})
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
     start = float(loads[0, 0])
     end = float(loads[-1, 0]) if stop is None else stop
     interval = float(description.defaultExperiment.stepSize) if step is None else step
+    if stop is None and end == start:
+        raise SimulationError(f"the table has rows at one time only, {start:g} s: add a later row, or give --stop")
     if not (math.isfinite(interval) and interval > 0.0 and math.isfinite(end) and end > start):
         raise SimulationError(
-            f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0"
+            f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0 "
+            "(--stop, --step; without them the table's last time and the FMU's own step)"
         )
+    if step is not None and interval > end - start:
+        raise SimulationError(
+            f"--step is {step:g} s, longer than the run from {start:g} s to {end:g} s: expected a shorter step; "
+            f"the FMU's own is {float(description.defaultExperiment.stepSize):g} s"
+        )
+    _tell_doubts(names, loads, end, settings, report)
     _check_size(start, end, interval, 1 + len(outputs))
     signals = _signals(inputs, names, loads)
     messages: list[str] = []
@@ -248,6 +283,24 @@ def simulate(
     return outputs, _columns(result, outputs)
 
 
+def _tell_doubts(
+    names: Sequence[str], loads: FloatArray, end: float, settings: Mapping[str, object], report: Reporter
+) -> None:
+    """Warn of what is allowed, and hardly meant."""
+    tolerance = settings.get(STEP_TOLERANCE, 0.0)
+    if isinstance(tolerance, int | float) and tolerance >= 1.0:
+        report.warning(
+            f"{STEP_TOLERANCE} = {tolerance:g} accepts any error of a step; expected a share below 1, such as 1e-4"
+        )
+    last = float(loads[-1, 0])
+    if end > last and len(loads) > 1:
+        report.warning(f"the run ends at {end:g} s, its table at {last:g} s: the last loads are held from there on")
+    if not names:
+        report.warning("the table has no column but time: nothing acts on the body; add inputs by name")
+    elif not np.any(loads[:, 1:]):
+        report.warning("all values of the table are zero: nothing acts on the body")
+
+
 def _columns(result: NDArray[np.void], outputs: Sequence[str]) -> FloatArray:
     """Time and outputs of fmpy's structured array."""
     return np.column_stack([result[name] for name in ("time", *outputs)])
@@ -265,13 +318,41 @@ def _check_size(start: float, end: float, interval: float, columns: int) -> None
         )
 
 
-def _known(description: ModelDescription, causality: str, names: Iterable[str], fmu: Path) -> list[str]:
+def _known(description: ModelDescription, causality: str, names: Iterable[str], fmu: Path) -> list[ScalarVariable]:
     """Variables of a causality, after making sure that all names asked for are among them."""
-    there = [v.name for v in description.modelVariables if v.causality == causality]
+    every = {v.name: v for v in description.modelVariables}
+    there = [v for v in every.values() if v.causality == causality]
     for name in names:
-        if name not in there:
-            raise SimulationError(f"{name!r} is no {causality} of {fmu.name}; it has: {', '.join(there)}")
+        if name in every and every[name].causality == causality:
+            continue
+        plain = name.partition("[")[0].strip()
+        if plain != name and plain in every:
+            help_ = f"names stand without units: {plain!r}, in {every[plain].unit}"
+        elif name in every:
+            help_ = f"it is of causality {every[name].causality}; {nearest('', [v.name for v in there])}"
+        else:
+            help_ = nearest(name, [v.name for v in there])
+        raise SimulationError(f"{name!r} is no {causality} of {fmu.name}; {help_}")
     return there
+
+
+def _typed(variables: Sequence[ScalarVariable], settings: Mapping[str, object]) -> dict[str, object]:
+    """Start values of their variables' types and within their limits."""
+    known = {v.name: v for v in variables}
+    result: dict[str, object] = {}
+    for name, value in settings.items():
+        variable = known[name]
+        if variable.type == "String":
+            result[name] = f"{value:g}" if isinstance(value, float) else value
+            continue
+        result[name] = value
+        if variable.type != "Real":
+            continue
+        low = -math.inf if variable.min is None else float(variable.min)
+        if not isinstance(value, int | float) or not low <= value < math.inf:
+            least = "" if variable.min is None else f" ≥ {low:g}"
+            raise SimulationError(f"--set {name}={value}: expected a finite number{least}")
+    return result
 
 
 def _signals(inputs: Sequence[str], names: Sequence[str], loads: FloatArray) -> NDArray[np.void]:

@@ -124,17 +124,58 @@ ROTATION_LIMIT = "watch.rotation.limit"
 ON_ROTATION = "watch.rotation.on_limit"
 MISSED_LIMIT = "watch.stiffness_missed.limit"
 ON_MISSED = "watch.stiffness_missed.on_limit"
+SPIN_LIMIT = "watch.spin.limit"
+ON_SPIN = "watch.spin.on_limit"
+MOMENTUM_LIMIT = "watch.angular_momentum.limit"
+ON_MOMENTUM = "watch.angular_momentum.on_limit"
 STABILITY_LIMIT = "watch.stability.limit"
 ON_STABILITY = "watch.stability.on_limit"
 ON_STEP = "watch.step.on_limit"
 FRAME_ROTATION = "diagnostics.rotation_within_frame"
 STABILITY = "diagnostics.stability"
 MISSED = "diagnostics.stiffness_missed"
+SPIN = "diagnostics.spin"
+MOMENTUM = "diagnostics.angular_momentum"
 STEP_ERROR = "diagnostics.step_error"
 STRAIN_ENERGY = "diagnostics.strain_energy"
 KINETIC_ENERGY = "diagnostics.kinetic_energy"
 ITERATIONS = "diagnostics.iterations"
 SUBSTEPS = "diagnostics.substeps"
+
+CORE_PARAMETERS = (
+    METHOD,
+    INITIALIZATION,
+    INTERPOLATION,
+    DAMPING_SCALE,
+    STEP_LIMIT,
+    STEP_TOLERANCE,
+    STEP_MOST,
+    ON_STEP,
+    ROTATION_LIMIT,
+    ON_ROTATION,
+    STABILITY_LIMIT,
+    ON_STABILITY,
+    MISSED_LIMIT,
+    ON_MISSED,
+    SPIN_LIMIT,
+    ON_SPIN,
+    MOMENTUM_LIMIT,
+    ON_MOMENTUM,
+)
+"""Parameters by the core's numbers (core/instance.h); those that fix interfaces follow."""
+CORE_DIAGNOSTICS = (
+    FRAME_ROTATION,
+    STABILITY,
+    MISSED,
+    SPIN,
+    MOMENTUM,
+    STEP_ERROR,
+    STRAIN_ENERGY,
+    KINETIC_ENERGY,
+    ITERATIONS,
+    SUBSTEPS,
+)
+"""Diagnostics by the core's numbers."""
 
 _MOTIONS = (
     ("displacement", "m", "displacement of the reference point"),
@@ -252,7 +293,7 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
     # Not an output: masters that take every output for a real number would stop at an integer.
     table.append(Variable(STATUS_CODE, "Integer", Group.STATUS, "local", "discrete", "calculated", None, None, status))
     table += _parameters(body)
-    table += _diagnostics()
+    table += _diagnostics(body)
     table += [
         Variable(
             f"{interface}.compliance.{'' if other == interface else f'{other}.'}{row}.{column}",
@@ -319,6 +360,16 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         number(MISSED_LIMIT, 0.1, None, f"largest {MISSED}; 0 for no limit"),
         choice(ON_MISSED, OnLimit.WARN, OnLimit, "what happens beyond it"),
         *(
+            (
+                number(SPIN_LIMIT, 0.15, None, f"largest {SPIN}; 0 for no limit"),
+                choice(ON_SPIN, OnLimit.WARN, OnLimit, "what happens beyond it"),
+                number(MOMENTUM_LIMIT, 0.1, None, f"largest {MOMENTUM}; 0 for no limit"),
+                choice(ON_MOMENTUM, OnLimit.WARN, OnLimit, "what happens beyond it"),
+            )
+            if body.rigid_count
+            else ()
+        ),
+        *(
             Variable(
                 f"{interface}{FIXED}",
                 "Boolean",
@@ -335,7 +386,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
     ]
 
 
-def _diagnostics() -> list[Variable]:
+def _diagnostics(body: ReducedBody) -> list[Variable]:
     """Diagnostics in the order of the core's."""
 
     def local(name: str, kind: str, unit: str | None, description: str) -> Variable:
@@ -349,6 +400,16 @@ def _diagnostics() -> list[Variable]:
         ),
         local(
             MISSED, "Real", None, "upper bound of the deflection error from geometric stiffness that the method omits"
+        ),
+        *(
+            (
+                local(SPIN, "Real", None, "spin of a body with constant mass over its first elastic frequency"),
+                local(
+                    MOMENTUM, "Real", None, "share by which its angular momentum has drifted from the moments' impulse"
+                ),
+            )
+            if body.rigid_count
+            else ()
         ),
         local(STEP_ERROR, "Real", None, f"estimated error of the last step, as {STEP_TOLERANCE} bounds it"),
         local(STRAIN_ENERGY, "Real", "J", "strain energy"),

@@ -1,6 +1,5 @@
 """The coupling file (TOML): its keys, checked, with errors that name the key; docs/master.md describes it."""
 
-import difflib
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -8,7 +7,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from ..errors import SimulationError
-from ..toml_files import read_toml, reason, spelled_key
+from ..inputs import Kind
+from ..toml_files import explain, read_toml
 
 # FMU instances; a dot parts them from their variables.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
@@ -18,8 +18,6 @@ StartValue = float | int | bool | str
 
 # The number of steps must be whole to this much of a step.
 _WHOLE = 1e-6
-# Kinds of value that pydantic adds to the place of an error where a key may have one of several.
-_ALTERNATIVES = ("float", "int", "bool", "str")
 
 
 class _Table(BaseModel):
@@ -98,7 +96,7 @@ class SpringTable(_Table):
 
     a: str
     b: str | None = None
-    stiffness: Six
+    stiffness: Six = Field(examples=[[1e6, 1e6, 1e6, 0.0, 0.0, 0.0]])
     damping: Six = [0.0] * 6
 
     @model_validator(mode="after")
@@ -149,7 +147,7 @@ def read_coupling_file(path: Path) -> CouplingFile:
     SimulationError
         Every wrong key at once, with what was found and what would do.
     """
-    data = read_toml(path, SimulationError)
+    data = read_toml(path, SimulationError, Kind.COUPLING)
     try:
         return parse_coupling(data, path.parent)
     except SimulationError as error:
@@ -178,30 +176,9 @@ def parse_coupling(data: dict[str, Any], folder: Path) -> CouplingFile:
     try:
         coupling = CouplingFile.model_validate(data)
     except ValidationError as error:
-        raise SimulationError("\n  ".join(_explain(error))) from error
+        raise SimulationError(explain(error, CouplingFile, data, "docs/master.md")) from error
     fmus = [
         fmu.model_copy(update={"file": folder / fmu.file, "input": None if fmu.input is None else folder / fmu.input})
         for fmu in coupling.fmu
     ]
     return coupling.model_copy(update={"fmu": fmus})
-
-
-def _explain(error: ValidationError) -> list[str]:
-    """One line for each wrong key."""
-    lines: dict[str, None] = {}
-    for problem in error.errors():
-        location = problem["loc"]
-        # Only start values may be of several kinds.
-        several = location.index("start") if "start" in location else len(location)
-        key = spelled_key([p for depth, p in enumerate(location) if depth <= several or p not in _ALTERNATIVES])
-        unknown = f"unknown key{_nearest_key(key.rpartition('.')[2])}; docs/master.md lists the known ones"
-        text = reason(problem, unknown)
-        lines[f"{key}: {text}" if key else text] = None
-    return list(lines)
-
-
-def _nearest_key(key: str) -> str:
-    tables = (CouplingFile, ExperimentTable, FmuTable, ConnectionTable, SpringTable, OutputTable)
-    known = {field.alias or name for table in tables for name, field in table.model_fields.items()}
-    near = difflib.get_close_matches(key, sorted(known), n=1)
-    return f", did you mean {near[0]!r}?" if near else ""

@@ -1,7 +1,6 @@
 """What FMUs say about themselves: variables, units and abilities, with words for what cannot be used."""
 
-import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,9 +8,9 @@ import fmpy
 from fmpy.model_description import BaseUnit, ModelVariable
 
 from ..errors import SimulationError
+from ..inputs import Kind, check_input
+from ..names import nearest
 
-# Names shown where one is unknown and nothing comes near.
-_SHOWN = 8
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 
 
@@ -98,8 +97,10 @@ def read_description(name: str, file: Path) -> Description:
     SimulationError
         No readable FMU, or not one of FMI 2.0 for co-simulation.
     """
-    if not file.is_file():
-        raise SimulationError(f"fmu {name!r}: {file}: no such file")
+    try:
+        check_input(file, SimulationError, Kind.FMU)
+    except SimulationError as error:
+        raise SimulationError(f"fmu {name!r}: {error}") from error
     try:
         model = fmpy.read_model_description(str(file))
     except Exception as error:  # fmpy raises bare exceptions
@@ -118,26 +119,6 @@ def read_description(name: str, file: Path) -> Description:
         {variable.name: variable for variable in model.modelVariables},
         {unit.name: unit.baseUnit for unit in model.unitDefinitions},
     )
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Words that help where a name is unknown: those like it, or those that there are.
-
-    Parameters
-    ----------
-    name : str
-    known : iterable of str
-
-    Returns
-    -------
-    str
-    """
-    names = list(known)
-    near = difflib.get_close_matches(name, names, n=3)
-    if near:
-        return f"did you mean {' or '.join(map(repr, near))}?"
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"there are: {', '.join(names[:_SHOWN])}{more}"
 
 
 def split(text: str, descriptions: Mapping[str, Description], wanted: str) -> tuple[Description, str]:

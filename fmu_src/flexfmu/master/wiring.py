@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..fmu.simulation import read_table
+from ..names import nearest
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, StartValue
-from .descriptions import Description, nearest, read_description, split, units_differ
+from .descriptions import Description, read_description, split, units_differ
 from .ends import Shares, end_names, lay_ends, lay_springs
 from .layout import Ends, Recorded, Role, Table, Wiring
 

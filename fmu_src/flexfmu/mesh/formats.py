@@ -9,6 +9,7 @@ import meshio
 import numpy as np
 
 from flexfmu.errors import MeshError
+from flexfmu.inputs import Kind, check_input
 from flexfmu.mesh.deck import read_deck
 from flexfmu.mesh.file_sets import cell_groups, node_sets_of
 from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray, Mesh
@@ -51,6 +52,7 @@ def read_mesh(path: Path, units: UnitSystem) -> Mesh:
     DeckError
         A deck's line cannot be honoured.
     """
+    check_input(path, MeshError, Kind.MESH)
     if path.suffix.lower() == DECK_SUFFIX:
         return read_deck(path, units)
     found = _read_with_meshio(path)
@@ -77,8 +79,6 @@ def read_mesh(path: Path, units: UnitSystem) -> Mesh:
 
 
 def _read_with_meshio(path: Path) -> Any:
-    if not path.is_file():
-        raise MeshError(f"{path} does not exist or is no file; give the path of an existing mesh file")
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):

@@ -30,6 +30,11 @@ _CHAIN = 0.25
 _MOMENT = 8.0 / np.pi**2
 
 
+_BY_LOAD, _BY_SECOND_ORDER = "geometric stiffness by load", "the frames to second order"
+# Smallest over largest eigenvalue of the inverse inertia below which an axis is held.
+_HELD = 1e-9
+
+
 def names_of_inputs(body: ReducedBody) -> list[str]:
     """Names of the loads in the order of a program: force and moment of each interface, then the acceleration."""
     names = [f"{name}.{kind}.{axis}" for name in body.interface_names for kind in ("force", "moment") for axis in "xyz"]
@@ -146,7 +151,7 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
         },
     )
     _texts(draft, "names", names)
-    _texts(draft, "advice", ["", "", ""])
+    _texts(draft, "advice", [_against_rotation(body, formulation), "", "", _against_spin(body, formulation)])
     _texts(draft, "guid", [""])
     if tree.curvature is not None:
         bent = bends(tree)
@@ -158,6 +163,8 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
         _ties(draft, body, tree)
     if formulation.mass is Mass.CONFIGURATION and tree.frames:
         _inertia(draft, body)
+    elif rigid and tree.frames:
+        _spin(draft, body)
     return draft
 
 
@@ -258,6 +265,74 @@ def _inertia(draft: Draft, body: ReducedBody) -> None:
     }
 
 
+def _spin(draft: Draft, body: ReducedBody) -> None:
+    """How a free body turns as a whole: what constant mass misses of it is watched (section 9)."""
+    # Every frame turns alike in rigid motions.
+    rotation = body.frame_rotation[0][:, : body.rigid_count]
+    # Rigid motions are mass-orthonormal.
+    inverse = rotation @ rotation.T
+    values = np.linalg.eigvalsh(inverse)
+    if values[-1] <= 0.0:
+        return
+    draft.sizes["spins"] = 1
+    draft.arrays["spin_rotation"] = rotation
+    if values[0] > _HELD * values[-1]:
+        draft.sizes["spin_inertia_given"] = 1
+        draft.arrays["spin_inertia"] = np.linalg.inv(inverse)
+
+
+def _interface_loads(draft: Draft, body: ReducedBody, elastic: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Modal forces (L, e) of unit loads and motions (I, 6, e) of interfaces over ω, and what makes loads comparable."""
+    omega, interfaces = body.angular_frequency[elastic], body.interface_count
+    displacement, rotation = (
+        operator[..., elastic] / omega for operator in (body.interface_displacement, body.interface_rotation)
+    )
+    # Displacement over rotation under loads of all directions.
+    moved, turned = (np.linalg.norm(operator, axis=(1, 2)) for operator in (displacement, rotation))
+    length = np.where((moved > 0.0) & (turned > 0.0), moved / np.where(turned > 0.0, turned, 1.0), 1.0)
+    motion = np.concatenate([displacement, rotation * length[:, None, None]], axis=1)
+    force = np.concatenate([displacement, rotation], axis=1).reshape(6 * interfaces, -1)
+    size = np.concatenate([np.ones((interfaces, 3)), np.repeat(1.0 / length[:, None], 3, axis=1)], axis=1).ravel()
+    if draft.sizes["masses"]:
+        inertia = np.asarray(draft.arrays["inertia_operator"])[:, elastic] / omega
+        force = np.concatenate([force, inertia])
+        size = np.concatenate([size, np.full(3, float(np.sum(np.asarray(draft.arrays["mass"]))))])
+    return force, motion, size
+
+
+def _against_rotation(body: ReducedBody, formulation: Formulation) -> str:
+    """What to do about rotation within a frame."""
+    if formulation.kinematics in _WRONG_AT_FIRST_ORDER:
+        return 'take method = "frames"' + ("" if body.frame_count else ", and build with frames")
+    if formulation.kinematics is Kinematics.COROTATED and body.second is not None:
+        return 'take method = "second_order", or build with more frames'
+    return "build with more frames"
+
+
+def _against_missed(body: ReducedBody, formulation: Formulation, source: str) -> str:
+    """What to do about stiffness that is missed."""
+    linear = formulation.kinematics is Kinematics.LINEAR
+    by_load = "stiffness_by_load" if linear else "frames_stiffness"
+    if source == _BY_SECOND_ORDER:
+        return 'take method = "second_order"'
+    if source == _BY_LOAD:
+        return f'take method = "{by_load}"'
+    stored = f'geometric_stiffness = ["by_load"] and take method = "{by_load}"'
+    if linear and body.frame_count > 1:
+        return f'take method = "frames", or build with {stored}'
+    return f"build with more frames, or with {stored}"
+
+
+def _against_spin(body: ReducedBody, formulation: Formulation) -> str:
+    """What to do about inertia that constant mass does not know."""
+    words = 'take mass = "configuration"'
+    if formulation.kinematics is not Kinematics.COROTATED:
+        words += ' with method = "frames"'
+    if body.inertia is None:
+        words = f"build with inertia = true in [reduction], and {words}"
+    return f"{words}, which holds for less than one turn about changing axes"
+
+
 def _judge(draft: Draft, body: ReducedBody, formulation: Formulation) -> None:
     """A second opinion on the tangent stiffness, by the best that the body holds (section 7)."""
     own = _unit_load_tangents(draft, body)
@@ -266,9 +341,9 @@ def _judge(draft: Draft, body: ReducedBody, formulation: Formulation) -> None:
     depth = _depth(body)
     if body.second is not None and body.frame_count:
         better = Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)
-        source, change = "the frames to second order", _unit_load_tangents(_kinematics(body, better), body)
+        source, change = _BY_SECOND_ORDER, _unit_load_tangents(_kinematics(body, better), body)
     elif body.stiffness_by_load is not None:
-        source = "geometric stiffness by load"
+        source = _BY_LOAD
         change = _in_load_order(np.asarray(body.stiffness_by_load), body.interface_count)
     elif depth:
         framed = Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)
@@ -294,7 +369,10 @@ def _judge(draft: Draft, body: ReducedBody, formulation: Formulation) -> None:
         "judge_bound": np.linalg.norm(judged, 2, (1, 2)),
         "judge_missed_bound": np.linalg.norm(missed, 2, (1, 2)),
     }
-    _texts(draft, "advice", ["", "", source])
+    force, motion, size = _interface_loads(draft, body, elastic)
+    draft.arrays |= {"judge_force": force, "judge_motion": motion, "judge_size": size}
+    advice = [_against_rotation(body, formulation), _against_missed(body, formulation, source), source]
+    _texts(draft, "advice", [*advice, _against_spin(body, formulation)])
 
 
 def _by_mode(draft: Draft, body: ReducedBody) -> FloatArray:

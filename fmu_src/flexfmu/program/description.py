@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..fmu.variables import Group, Variable
+from ..fmu.variables import CORE_DIAGNOSTICS, CORE_PARAMETERS, FIXED, Group, Variable
 from ..model.reduced_body import ReducedBody
 from .compile import Draft
 
@@ -28,7 +28,7 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
     counts = dict.fromkeys(Group, 0)
     index = []
     for variable in table:
-        index.append(counts[variable.group])
+        index.append(_core_number(body, variable, counts[variable.group]))
         counts[variable.group] += 1
     texts = b"".join("".join(f"{text}\n" for text in (v.name, *v.choices)).encode() + b"\0" for v in table)
     start = [v.choices.index(str(v.start)) if v.choices else float(v.start or 0.0) for v in table]
@@ -48,3 +48,14 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
             "compliance_interface": np.array(offered, dtype=np.int64),
         },
     )
+
+
+def _core_number(body: ReducedBody, variable: Variable, place: int) -> int:
+    """Number of a variable among those of its group, as core/instance.h has it."""
+    if variable.group is Group.DIAGNOSTIC:
+        return CORE_DIAGNOSTICS.index(variable.name)
+    if variable.group is Group.PARAMETER:
+        if variable.name.endswith(FIXED):
+            return len(CORE_PARAMETERS) + body.interface_names.index(variable.name.removesuffix(FIXED))
+        return CORE_PARAMETERS.index(variable.name)
+    return place

@@ -132,6 +132,7 @@ def check_targets(records: Sequence[Path], picture: Path | None, html: Path | No
     ------
     OutputError
     """
+    check_target(records[0], (".csv",))
     if picture is not None:
         check_target(picture, PICTURE_SUFFIXES, inputs=records)
     if html is not None:

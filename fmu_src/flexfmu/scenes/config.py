@@ -1,6 +1,5 @@
 """The scene file (TOML): its keys, checked, with errors that name the key; docs/scenes.md describes it."""
 
-import difflib
 from enum import Enum
 from itertools import pairwise
 from pathlib import Path
@@ -9,18 +8,16 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from ..config import Name
+from ..inputs import Kind
 from ..limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
 from ..model.reduced_body import Division, Kinematics, LoadPlacement, Mass, Stiffness
 from ..stability.config import StabilityTable
-from ..toml_files import read_toml, reason, spelled_key
+from ..toml_files import explain, read_toml
 from .errors import SceneError
 
 Positive = Annotated[float, Field(gt=0.0)]
 Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
 Frames = Annotated[int, Field(ge=1, le=MOST_FRAMES)]
-_KNOWN = "docs/scenes.md lists the known ones"
-# What pydantic adds to the place of an error to tell the types that a key may have.
-_ALTERNATIVES = ("str", "dict[str,float]", "float", "constrained-float", "literal['single']")
 
 
 class BasisChoice(Enum):
@@ -52,7 +49,7 @@ class StaticTable(_Table):
     """`[[static]]`: loads that hold still."""
 
     name: Name
-    loads: dict[str, float] = Field(min_length=1)
+    loads: dict[str, float] = Field(min_length=1, examples=[{"tip.force.y": 1000.0}])
     factors: list[Positive] = Field(default=[0.5, 1.0], min_length=1)
     results: Path | None = Field(default=None, strict=False)
     results_seconds: Positive | None = None
@@ -82,7 +79,7 @@ class TransientTable(_Table):
     """`[[transient]]`: motion from rest under loads over time."""
 
     name: Name
-    loads: dict[str, float] | str
+    loads: dict[str, float] | str = Field(examples=[{"tip.force.y": 1000.0}])
     duration: Positive | None = None
     step: Positive
     frequencies: list[float] | None = None
@@ -142,6 +139,15 @@ class AcceptedTable(_Table):
     rotation: Positive | None = None
     rotation_absolute: float = Field(default=0.0, ge=0.0)
 
+    @field_validator("displacement", "rotation")
+    @classmethod
+    def _share(cls, value: float | None) -> float | None:
+        if value is not None and value >= 1.0:
+            raise ValueError(
+                f"is {value:g}, expected a share of the motion below 1, such as 0.01; {value:g} % is {value / 100.0:g}"
+            )
+        return value
+
 
 class ToleranceTable(_Table):
     """`[tolerance]`."""
@@ -183,6 +189,12 @@ class SweepTable(_Table):
     finite_elements: list[Annotated[Solver, Field(strict=False)]] = list(Solver)
 
 
+class FitTable(_Table):
+    """`[fit]`: what the fitted body has to do beyond the scene."""
+
+    other_loads: float = Field(default=0.1, gt=0.0, le=1.0)
+
+
 class SceneFile(_Table):
     """A whole scene file."""
 
@@ -193,6 +205,7 @@ class SceneFile(_Table):
     tolerance: ToleranceTable = ToleranceTable()
     reference: ReferenceTable = ReferenceTable()
     sweep: SweepTable = SweepTable()
+    fit: FitTable = FitTable()
     stability: StabilityTable = StabilityTable()
 
     @model_validator(mode="after")
@@ -222,11 +235,11 @@ def read_scene_file(path: Path) -> SceneFile:
     SceneError
         Every wrong key at once, with what was found and what would do.
     """
-    data = read_toml(path, SceneError)
+    data = read_toml(path, SceneError, Kind.SCENE)
     try:
         scene = SceneFile.model_validate(data)
     except ValidationError as error:
-        raise SceneError(f"{path}:\n  " + "\n  ".join(_explain(error))) from error
+        raise SceneError(f"{path}:\n  " + explain(error, SceneFile, data, "docs/scenes.md")) from error
     folder = path.parent
     placed: dict[str, Any] = {}
     for kind in ("static", "transient"):
@@ -240,28 +253,3 @@ def read_scene_file(path: Path) -> SceneFile:
             cases.append(case.model_copy(update=update))
         placed[kind] = cases
     return scene.model_copy(update=placed)
-
-
-def _explain(error: ValidationError) -> list[str]:
-    """One line for each wrong key: the key, what was found, what would do."""
-    lines: dict[str, str] = {}
-    for problem in error.errors():
-        key = spelled_key([part for part in problem["loc"] if part not in _ALTERNATIVES])
-        if key not in lines:
-            text = reason(problem, _unknown(key.rpartition(".")[2]))
-            lines[key] = f"{key}: {text}" if key else text
-    return list(lines.values())
-
-
-def _unknown(key: str) -> str:
-    close = difflib.get_close_matches(key, _KEYS, n=1)
-    return f"unknown key{f'; is it {close[0]!r}?' if close else ''}; {_KNOWN}"
-
-
-_KEYS = sorted(
-    {
-        name
-        for table in (SceneFile, StaticTable, TransientTable, AcceptedTable, ToleranceTable, ReferenceTable, SweepTable)
-        for name in table.model_fields
-    }
-)

@@ -14,12 +14,17 @@ from ...model.errors import RuntimeBodyError
 from ...model.reduced_body import Formulation, ReducedBody
 from ...targets import whole_file
 from ..body_text import body_text
+from ..config import BasisChoice
 from ..fmu_cost import FmuTimer
 from ..measure import Errors
+from .modes import loaded_inputs
+from .other_loads import load_names, missed
 from .trial import Choice, Plan, Search, plan_config, reduced
 from .words import in_percent, short
 
 _TIMINGS = 2
+# Part of the static displacement that is missing under a load from which on the user is told.
+_STIFF = 0.1 + 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +49,8 @@ class Fit:
         By the key of the body file.
     limit : str
         Where the tolerance is not met: what stands in the way.
+    stiff : tuple of str
+        Loads, which the scene does not have, under which more than a tenth of the static displacement is missing.
     seconds : float
         What it took.
     tried : int
@@ -67,6 +74,7 @@ class Fit:
     given_frame_count: int
     reasons: dict[str, str]
     limit: str
+    stiff: tuple[str, ...]
     seconds: float
     tried: int
 
@@ -94,6 +102,11 @@ class Fit:
                 )
         else:
             lines.append(f"As given the body has no answer in this scene: {self.given.failure}")
+        if self.stiff:
+            lines.append(
+                f"Too stiff, or rigid, under loads that the scene does not have: {', '.join(self.stiff)}. Where they "
+                "may come, put them into the scene, or give its [fit] a smaller other_loads."
+            )
         return [*lines, self.limit] if self.limit else lines
 
 
@@ -144,6 +157,10 @@ def deliver(
         result = _measured(search, best, body, reasons, limit, fmu is not None)
         result = replace(result, seconds=time.perf_counter() - begun)
         part.write_text(body_text(config, target.parent, [title, *result.summary], reasons), encoding="utf-8")
+        if result.stiff:
+            search.report.warning(
+                f"too stiff, or rigid, under {', '.join(result.stiff)}, which the scene does not have"
+            )
         if fmu is not None:
             with search.report.stage(f"Write {fmu}"):
                 # The body file takes its name once the FMU is there.
@@ -187,9 +204,19 @@ def _measured(
         given_frame_count=0 if given is None else given.frame_count,
         reasons=reasons,
         limit=limit,
+        stiff=_too_stiff(search, best, body),
         seconds=math.nan,
         tried=search.tried,
     )
+
+
+def _too_stiff(search: Search, best: Choice, body: ReducedBody) -> tuple[str, ...]:
+    """Loads that the scene does not have and that the body as written gives way to by too little."""
+    most = max(search.scene.file.sweep.modes)
+    whole = search.body(Plan(BasisChoice.RESIDUAL, most, best.plan.frames), [best.formulation])
+    loaded = loaded_inputs(search.scene)
+    lacking = zip(load_names(whole), missed(body, whole), strict=True)
+    return tuple(name for name, part in lacking if part > _STIFF and name not in loaded)
 
 
 def _through_fmu(search: Search, bodies: list[ReducedBody]) -> list[dict[str, float]]:

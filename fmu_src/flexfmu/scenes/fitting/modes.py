@@ -1,5 +1,6 @@
 """Modes: in each basis the fewest that will do, chosen by what they have to do with the scene."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..measure import Errors
 from ..scene import AXES, Scene
 from .frames import LADDER
 from .motion import contributions
+from .other_loads import load_names, loads_to_keep
 from .subspace import joined_numbers, normal_frequencies, pairs, subset
 from .trial import Choice, Joints, Plan, Search
 
@@ -50,11 +52,16 @@ def modes_needed(
         if choice is not None:
             found.append(choice)
     loaded = loaded_inputs(search.scene)
-    if BasisChoice.RESIDUAL in search.scene.file.sweep.basis and loaded and not search.scene.config.cut:
+    if offers_shapes_by_load(search.scene) and loaded:
         choice = _fewest(search, BasisChoice.RESIDUAL, formulation, frames, plenty, allowed, loaded)
         if choice is not None:
             found.append(choice)
     return found
+
+
+def offers_shapes_by_load(scene: Scene) -> bool:
+    """Whether static shapes of single loads may be chosen: a cut body has all of them anyway."""
+    return BasisChoice.RESIDUAL in scene.file.sweep.basis and not scene.config.cut
 
 
 def loaded_inputs(scene: Scene) -> tuple[str, ...]:
@@ -77,9 +84,12 @@ def _fewest(
     frames: int | Joints,
     plenty: int,
     allowed: float,
-    residual: tuple[str, ...] = (),
+    loaded: tuple[str, ...] = (),
 ) -> Choice | None:
-    """Of a body in one piece: those that move most are taken first, then whatever can be spared is left out again."""
+    """Of a body in one piece: those that move most are taken first, then whatever can be spared is left out again.
+
+    With `loaded` static shapes are those of these loads, and of others as far as the scene asks for.
+    """
     try:
         body = search.body(Plan(basis, plenty, frames), [formulation])
     except (AccuracyError, BodyFileError):
@@ -89,12 +99,23 @@ def _fewest(
     part = contributions(search.scene, body, formulation, basis)
     order = sorted(groups, key=lambda group: -float(part[group].max()))
     tried: dict[tuple[int, ...], Errors] = {}
+    limit = search.scene.file.fit.other_loads
+    # Normal modes alone have to do as well, where static shapes are to be had instead.
+    alone = basis is BasisChoice.NORMAL and limit < 1.0 and offers_shapes_by_load(search.scene)
+    whole = search.body(Plan(BasisChoice.RESIDUAL, plenty, frames), [formulation]) if alone or loaded else body
+
+    def shapes(numbers: IntArray) -> tuple[str, ...]:
+        return loads_to_keep(whole, numbers, loaded, limit) if alone or loaded else ()
 
     def share(chosen: Sequence[IntArray]) -> float:
         numbers = joined_numbers(chosen)
+        kept = shapes(numbers)
+        if alone and kept:
+            # It has none of the shapes that it would need.
+            return math.inf
         key = tuple(numbers.tolist())
         if key not in tried:
-            tried[key] = search.errors(subset(body, basis, numbers, residual), formulation)
+            tried[key] = search.errors(subset(body, basis, numbers, kept), formulation)
         return tried[key].share
 
     quick = formulation.mass is Mass.CONSTANT
@@ -110,7 +131,10 @@ def _fewest(
     errors = tried[tuple(numbers.tolist())]
     lowest = int(numbers[-1]) + 1 == numbers.size
     modes = numbers.size if lowest else tuple(int(k) + 1 for k in numbers)
-    return Choice(Plan(basis, modes, frames, residual), formulation, subset(body, basis, numbers, residual), errors)
+    kept = shapes(numbers)
+    # All of them need no list.
+    listed = () if len(kept) == len(load_names(body)) else kept
+    return Choice(Plan(basis, modes, frames, listed), formulation, subset(body, basis, numbers, kept), errors)
 
 
 def mode_groups(body: ReducedBody, basis: BasisChoice, plenty: int) -> list[IntArray]:

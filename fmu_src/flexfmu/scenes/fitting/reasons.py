@@ -13,7 +13,7 @@ from ..candidates import GIVEN, Candidate, Reduction, has_meaning, lean
 from ..config import BasisChoice
 from ..scene import Scene
 from .frames import HELPS, Tried
-from .modes import mode_groups
+from .modes import loaded_inputs, mode_groups
 from .motion import contributions, courses
 from .subspace import normal_frequencies
 from .trial import Choice, Joints, Plan, Search
@@ -61,6 +61,12 @@ def reasons(search: Search, tried: list[Tried], found: list[Choice], best: Choic
         where = {int: "frames", tuple: "branch"}[type(best.plan.frames)]
         result["frame" if best.plan.frames == GIVEN else where] = _frames(own, best, scene, plenty)
         result["loads"] = _others([one for one in tried if one.formulation != formulation and not one.linear], found)
+    others = [name for name in best.plan.residual if name not in loaded_inputs(scene)]
+    if others:
+        result["residual_flexibility"] = (
+            f"{', '.join(others)}: not among the scene's loads, and kept so that under no load of an interface more "
+            f"than {_percent(scene.file.fit.other_loads)} of the static displacement is missing."
+        )
     result["basis"] = _bases([choice for choice in found if choice.formulation == formulation])
     if not scene.config.cut:
         result["modes"] = _modes(search, best, [c for c in found if c.formulation == formulation], plenty)
@@ -145,10 +151,10 @@ def _modes(search: Search, best: Choice, found: list[Choice], plenty: int) -> st
     words += f", and {len(kept) - _LISTED} more" if len(kept) > _LISTED else ""
     largest = max((float(part[g].max()) for g in left), default=0.0)
     words += f". Those of the lowest {plenty} that are left out have {_percent(largest)} at most." if left else "."
-    return words + _beyond_band(scene, best, found, normal_frequencies(body, plan.basis))
+    return words + _beyond_band(scene, best, found, normal_frequencies(body, plan.basis), plenty)
 
 
-def _beyond_band(scene: Scene, best: Choice, found: list[Choice], omega: np.ndarray) -> str:
+def _beyond_band(scene: Scene, best: Choice, found: list[Choice], omega: np.ndarray, plenty: int) -> str:
     """Modes above the frequencies that count contribute statically: whether residual flexibility replaces them."""
     bands = [case.frequencies[1] for case in scene.transient if case.frequencies is not None]
     if scene.transient and len(bands) < len(scene.transient):
@@ -173,6 +179,8 @@ def _beyond_band(scene: Scene, best: Choice, found: list[Choice], omega: np.ndar
                 f" {_list(above)}, which normal modes alone would need, are replaced by residual flexibility: "
                 f"{best.body.mode_count} modes instead of {normal.body.mode_count}."
             )
+    if best.plan.basis is BasisChoice.RESIDUAL and normal is None and BasisChoice.NORMAL in scene.file.sweep.basis:
+        return f" Normal modes alone, the lowest {plenty}, are too stiff for the scene or under other loads."
     return ""
 
 

@@ -1,0 +1,252 @@
+"""Whether the tests notice when one line of physics is wrong: changes of `mutations.toml`, one at a time.
+
+Run from the repository's root: python -m benchmarks.mutations [--only WORDS] [--skip N] [--output FILE.csv]. The tree
+is copied to a temporary folder; there each change is made in turn and the tests that should notice run until the first
+fails. A change is *killed* when one does, and *survives* when none does: then a test is missing. Ctrl-C ends the run
+with the results so far. It takes about a quarter of an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from dataclasses import asdict, dataclass
+from enum import Enum
+from pathlib import Path
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+TABLE = HERE / "mutations.toml"
+PACKAGE = Path("fmu_src") / "flexfmu"
+# Not needed by any test, or made anew.
+LEFT_OUT = (".git", ".venv*", "__pycache__", ".*_cache", ".hypothesis", "output", "build", "dist", "*.egg-info")
+# What setup.py hands to setuptools, built beside its source; a failure is an error here.
+COMPILE = """
+import runpy
+import setuptools
+
+given = {}
+setuptools.setup = given.update
+runpy.run_path("setup.py")
+for extension in given["ext_modules"]:
+    extension.optional = False
+command = setuptools.Distribution({"package_dir": {"": "fmu_src"}, **given}).get_command_obj("build_ext")
+command.inplace = command.force = True
+command.ensure_finalized()
+command.run()
+"""
+# Tests that take this long (s) do not end any more.
+LONGEST = 900.0
+
+
+class Outcome(Enum):
+    """What became of a change."""
+
+    KILLED = "killed"
+    """A test failed."""
+    SURVIVED = "survived"
+    """All tests passed."""
+    GONE = "gone"
+    """The line is not there any more, or more than once: the table has to be brought up to date."""
+    BROKEN = "broken"
+    """No test ran."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of one line, and the tests that should notice.
+
+    Attributes
+    ----------
+    file : str
+        Below the package.
+    before, after : str
+        Part of one line, found once in the file, and what takes its place.
+    tests : str
+        Arguments of pytest: files, test names, and -k with words joined by "|".
+    fact : str
+        What the change makes wrong.
+    """
+
+    file: str
+    before: str
+    after: str
+    tests: str
+    fact: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a change.
+
+    Attributes
+    ----------
+    outcome : Outcome
+    by : str
+        The test that failed, or what is wrong with the table.
+    seconds : float
+    """
+
+    outcome: Outcome
+    by: str
+    seconds: float
+
+
+def read_table(path: Path) -> list[Change]:
+    """Changes of a table."""
+    return [Change(**entry) for entry in tomllib.loads(path.read_text(encoding="utf-8"))["change"]]
+
+
+def arguments_of(tests: str) -> list[str]:
+    """Arguments of pytest: what follows -k is joined by "or"."""
+    files, _, words = tests.partition(" -k ")
+    return files.split() + (["-k", " or ".join(words.split("|"))] if words else [])
+
+
+def run_tests(tree: Path, tests: str) -> subprocess.CompletedProcess[str]:
+    """Run tests in a copy of the tree until the first fails."""
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(tree / "fmu_src"), str(tree)]),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-rf", "--tb=no", "-p", "no:cacheprovider"]
+    return subprocess.run(
+        [*command, *arguments_of(tests)],
+        cwd=tree,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LONGEST,
+    )
+
+
+def compile_kernel(tree: Path) -> None:
+    """Build the compiled step in place, as setup.py asks for it."""
+    done = subprocess.run([sys.executable, "-c", COMPILE], cwd=tree, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"the compiled step does not build:\n{done.stdout}\n{done.stderr}")
+
+
+def try_change(tree: Path, change: Change) -> Result:
+    """Make a change, run its tests, and take it back."""
+    start = time.perf_counter()
+    path = tree / PACKAGE / change.file
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    found = text.count(change.before)
+    if found != 1:
+        return Result(Outcome.GONE, f"the line is found {found} times, expected once", 0.0)
+    compiled = path.suffix == ".c"
+    path.write_text(text.replace(change.before, change.after), encoding="utf-8")
+    try:
+        if compiled:
+            compile_kernel(tree)
+        done = run_tests(tree, change.tests)
+        outcome, by = judged(done.returncode, done.stdout)
+    except subprocess.TimeoutExpired:
+        outcome, by = Outcome.KILLED, f"no end within {LONGEST:.0f} s"
+    finally:
+        path.write_text(text, encoding="utf-8")
+        if compiled:
+            compile_kernel(tree)
+    return Result(outcome, by, time.perf_counter() - start)
+
+
+def judged(code: int, output: str) -> tuple[Outcome, str]:
+    """What pytest's exit code says, and the test that failed."""
+    failed = [line.split()[1] for line in output.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+    if code == 0:
+        return Outcome.SURVIVED, ""
+    if code == 1:
+        return Outcome.KILLED, failed[0].partition("::")[2] if failed else "?"
+    if code < 0 or code > 5:
+        return Outcome.KILLED, f"the process ended with {code}"
+    return Outcome.BROKEN, (output.strip().splitlines() or ["no output"])[-1]
+
+
+def check_copy(tree: Path, changes: list[Change]) -> None:
+    """Make sure that tests run on the copy, and pass there as long as nothing is changed."""
+    code = "import flexfmu; print(flexfmu.__file__)"
+    environment = os.environ | {"PYTHONPATH": str(tree / "fmu_src")}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tree, env=environment, capture_output=True, text=True, check=False
+    )
+    if not done.stdout.startswith(str(tree)):
+        raise SystemExit(f"tests would run on {done.stdout.strip()!r} instead of the copy in {tree}")
+    for tests in dict.fromkeys(change.tests for change in changes):
+        done = run_tests(tree, tests)
+        if done.returncode:
+            raise SystemExit(f"without any change {tests!r} does not pass:\n{done.stdout}\n{done.stderr}")
+        print(f"passes without a change: {tests}", flush=True)
+
+
+def write_records(path: Path, results: dict[Change, Result]) -> None:
+    """Write one line for each change that was tried."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        names = ["file", "before", "after", "tests", "fact", "outcome", "by", "machine", "python"]
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        for change, result in results.items():
+            found = {"outcome": result.outcome.value, "by": result.by}
+            where = {"machine": platform.machine(), "python": platform.python_version()}
+            writer.writerow(asdict(change) | found | where)
+
+
+def run(changes: list[Change], check: bool) -> dict[Change, Result]:
+    """Try all changes, one after the other."""
+    results: dict[Change, Result] = {}
+    with tempfile.TemporaryDirectory(prefix="mutations_") as name:
+        tree = Path(name).resolve() / "tree"
+        shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(*LEFT_OUT))
+        compile_kernel(tree)
+        start = time.perf_counter()
+        try:
+            if check:
+                check_copy(tree, changes)
+            start = time.perf_counter()
+            for number, change in enumerate(changes, start=1):
+                result = results[change] = try_change(tree, change)
+                left = (time.perf_counter() - start) / number * (len(changes) - number)
+                print(
+                    f"{number} of {len(changes)}, about {left / 60.0:.1f} min left: {result.outcome.value} in "
+                    f"{result.seconds:.0f} s: {change.file}: {change.fact} ({result.by or change.tests})",
+                    flush=True,
+                )
+        except KeyboardInterrupt:
+            print("stopped: results so far", flush=True)
+    return results
+
+
+def main() -> None:
+    """Run as a script."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="only changes whose file or fact holds these words")
+    parser.add_argument("--skip", type=int, default=0, metavar="N", help="leave the first N out, to go on with a run")
+    parser.add_argument("--output", type=Path, help="records, CSV")
+    parser.add_argument("--unchecked", action="store_true", help="do not run the tests on the unchanged tree first")
+    arguments = parser.parse_args()
+    changes = [c for c in read_table(TABLE) if arguments.only in f"{c.file} {c.fact}"][arguments.skip :]
+    results = run(changes, not arguments.unchecked)
+    if arguments.output:
+        write_records(arguments.output, results)
+    for outcome in (Outcome.SURVIVED, Outcome.GONE, Outcome.BROKEN):
+        for change, result in results.items():
+            if result.outcome is outcome:
+                print(f"{outcome.value}: {change.file}: {change.before} → {change.after}. {change.fact}. {result.by}")
+    killed = sum(result.outcome is Outcome.KILLED for result in results.values())
+    print(f"{killed} of {len(results)} changes are noticed")
+    raise SystemExit(killed < len(changes))
+
+
+if __name__ == "__main__":
+    main()

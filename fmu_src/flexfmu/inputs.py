@@ -1,0 +1,98 @@
+"""Files that a job reads: what they are, and what is said where one is given for another."""
+
+import tomllib
+import zipfile
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from .errors import FlexfmuError
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_MESHES = (".inp", ".msh", ".vtk", ".vtu", ".bdf", ".nas", ".unv", ".med", ".xdmf", ".stl")
+
+
+class Kind(Enum):
+    """What a file is, in words."""
+
+    BODY = "a body file"
+    SCENE = "a scene file"
+    COUPLING = "a coupling file"
+    MESH = "a mesh"
+    FMU = "an FMU"
+    MODAL = "a modal file"
+    TABLE = "a table"
+
+    @property
+    def use(self) -> str:
+        """What a file of this kind is for."""
+        return _USES[self]
+
+
+_USES = {
+    Kind.BODY: "`flexfmu build` makes an FMU of it",
+    Kind.SCENE: "it goes to `flexfmu chart` and `fit` as --scene",
+    Kind.COUPLING: "`flexfmu couple` runs it",
+    Kind.MESH: 'name it in a body file, file = "…" in [mesh], and build that',
+    Kind.FMU: "it goes to `flexfmu info` and `simulate`, or into a coupling file",
+    Kind.MODAL: "`flexfmu info` shows it; the FMU of the same build has it inside",
+    Kind.TABLE: "it goes to `flexfmu simulate` as --input",
+}
+# Top-level keys by which TOML files are told from each other.
+_KEYS = {
+    Kind.BODY: {"mesh", "interface", "support"},
+    Kind.SCENE: {"static", "transient", "sweep"},
+    Kind.COUPLING: {"experiment", "fmu", "connection", "spring"},
+}
+
+
+def toml_kind(data: Mapping[str, Any]) -> Kind | None:
+    """Kind of a TOML file by its top-level keys; None where they are nobody's or several kinds'."""
+    found = [kind for kind, keys in _KEYS.items() if keys & set(data)]
+    return found[0] if len(found) == 1 else None
+
+
+def kind_of(path: Path) -> Kind | None:
+    """Kind of an existing file, by its ending or contents; None if that is not plain."""
+    suffix = path.suffix.lower()
+    if suffix in _MESHES:
+        return Kind.MESH
+    if suffix == ".csv":
+        return Kind.TABLE
+    if suffix == ".toml":
+        try:
+            return toml_kind(tomllib.loads(path.read_text(encoding="utf-8")))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+            return None
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            return Kind.FMU if "modelDescription.xml" in archive.namelist() else None
+    with path.open("rb") as file:
+        return Kind.MODAL if file.read(len(_HDF5)) == _HDF5 else None
+
+
+def check_input(path: Path, error_type: type[FlexfmuError], *wanted: Kind) -> None:
+    """Refuse what cannot be read, or is plainly another kind of file than the one that is wanted.
+
+    Parameters
+    ----------
+    path : Path
+    error_type : type of FlexfmuError
+        What is raised.
+    *wanted : Kind
+        Kinds that will do.
+    """
+    expected = f"expected {' or '.join(kind.value for kind in wanted)}"
+    if path.is_dir():
+        raise error_type(f"{path} cannot be read: it is a folder, {expected}")
+    if path.exists() and not path.is_file():
+        raise error_type(f"{path} cannot be read: it is a pipe or a device, which may never end, {expected} on disk")
+    if not path.exists():
+        raise error_type(f"{path}: no such file, {expected}; correct the path")
+    try:
+        found = kind_of(path)
+    except OSError as error:
+        raise error_type(f"{path} cannot be read ({error}), {expected}") from error
+    if found is not None and found not in wanted:
+        raise error_type(f"{path} is {found.value}, {expected}: {found.use}")

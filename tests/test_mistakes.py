@@ -1,0 +1,311 @@
+"""What users get wrong: each mistake is answered with the key, what was found and what would do, and leaves no file."""
+
+import os
+import shutil
+import subprocess
+import sys
+from typing import NamedTuple
+
+import pytest
+from typer.testing import CliRunner
+
+from flexfmu.cli import app
+from flexfmu.mesh.model import ElementType
+from flexfmu.pipeline import build_fmu
+from meshes import box, write_deck
+
+BODY = """
+name = "bar"
+frames = 2
+[mesh]
+file = "bar.inp"
+[[support]]
+nodes = "ROOT"
+fix = ["x", "y", "z"]
+[[interface]]
+name = "tip"
+nodes = "TIP"
+[reduction]
+modes = 4
+[damping]
+ratio = 0.01
+"""
+SCENE = '[[static]]\nname = "bend"\nloads = { "tip.force.y" = 100.0 }\n'
+COUPLING = """
+[experiment]
+stop = 0.01
+step = 0.001
+[[fmu]]
+name = "arm"
+file = "bar.fmu"
+[[spring]]
+a = "arm.tip"
+stiffness = [1, 1, 1, 0, 0, 0]
+"""
+LOADS = "time,tip.force.y\n0,10\n0.01,10\n"
+
+
+class Mistake(NamedTuple):
+    """A command, the files that it needs, its exit code, and what the answer must say."""
+
+    arguments: list[str]
+    files: dict[str, str]
+    words: list[str]
+    code: int = 1
+    runs: bool = False
+    """Whether it gets as far as running an FMU, which needs a process of its own."""
+
+
+def body(old, new, *words, code=1):
+    """Build a body file with a change."""
+    assert old in BODY
+    return Mistake(["build", "body.toml", "-o", "out.fmu"], {"body.toml": BODY.replace(old, new)}, list(words), code)
+
+
+def files(command, *words):
+    """Give a command wrong files."""
+    return Mistake(command.split(), {}, list(words))
+
+
+def loads(table, *words, options="", code=1, runs=False):
+    """Simulate with a table of loads."""
+    command = f"simulate bar.fmu -i loads.csv -o out.csv {options}".split()
+    return Mistake(command, {"loads.csv": table}, list(words), code, runs)
+
+
+def options(text, *words, code=1, runs=False):
+    """Simulate with options."""
+    return loads(LOADS, *words, options=text, code=code, runs=runs)
+
+
+def scene(old, new, *words):
+    """Chart a scene with a change."""
+    assert old in SCENE
+    command = ["chart", "body.toml", "--scene", "scene.toml", "--records", "out.csv"]
+    return Mistake(command, {"scene.toml": SCENE.replace(old, new)}, list(words))
+
+
+def coupling(old, new, *words):
+    """Run a coupling with a change."""
+    assert old in COUPLING
+    return Mistake(
+        ["couple", "coupling.toml", "-o", "out.csv"], {"coupling.toml": COUPLING.replace(old, new)}, list(words)
+    )
+
+
+FIX, MESH, RATIO, TIP = 'fix = ["x", "y", "z"]', 'file = "bar.inp"', "ratio = 0.01", 'nodes = "TIP"'
+MISTAKES = {
+    # Keys and tables of the body file.
+    "frame for frames": body("frames = 2", "frame = 8", "frame: found 8", "expected [[frame]]", "or the key frames"),
+    "capital letters": body("frames", "Frames", "Frames: unknown key", "did you mean 'frames'"),
+    "key below a table": body(
+        MESH, f"{MESH}\nfree = true", "mesh.free: unknown key", "at the top, above the first table"
+    ),
+    "key of another table": body(RATIO, f"{RATIO}\nmodes = 5", "damping.modes: unknown key", "belongs to [reduction]"),
+    "directions as one text": body(FIX, 'fix = "xyz"', "support[1].fix: found 'xyz'", 'such as fix = ["x", "y", "z"]'),
+    "[interface]": body(
+        "[[interface]]", "[interface]", "interface: found one table", "expected [[interface]], in double"
+    ),
+    "[[mesh]]": body("[mesh]", "[[mesh]]", "mesh: found several tables", "one table, [mesh], in single brackets"),
+    "name with a blank": body(
+        '"bar"', '"long bar"', "name: found 'long bar'", "letters, digits and _, beginning with a"
+    ),
+    "name that begins with a digit": body(
+        '"tip"', '"1st"', "interface[1].name: found '1st'", "beginning with a letter"
+    ),
+    "no name": body('name = "bar"', "", "name: missing", 'such as name = "arm"'),
+    "no mesh file": body(MESH, "", "mesh.file: missing", 'such as file = "arm.inp"'),
+    "two stiffnesses": body(
+        FIX, "stiffness = [1e6, 1e6]", "expected 3 values, there are 2", "such as stiffness = [1000000"
+    ),
+    "list of sets": body(
+        TIP, 'nodes = ["TIP"]', "interface[1].nodes: found ['TIP']", "string", 'such as nodes = "FLANGE"'
+    ),
+    "text without quotes": body(TIP, "nodes = TIP", "not valid TOML", "line 11", "texts stand in quotes"),
+    "a table twice": body(
+        RATIO, f"{RATIO}\n[mesh]\nunits = 'm-kg-s'", "not valid TOML", "'mesh'", "a [table] stands once"
+    ),
+    "units by one word": body(MESH, f'{MESH}\nunits = "mm"', "mesh.units: found 'mm'", "'mm-t-s'"),
+    "a set that is not there": body(TIP, 'nodes = "TOP"', "interface 'tip', nodes", "no node set 'TOP'", "ROOT, TIP"),
+    # Sizes.
+    "modes = 1e9": body("modes = 4", "modes = 1e9", "reduction.modes: found 1000000000.0", "at most 1000"),
+    "a thousand million modes": body("modes = 4", "modes = 1_000_000_000", "reduction.modes", "equal to 1000"),
+    "a mode of that number": body("modes = 4", "modes = [1, 1_000_000_000]", "reduction.modes[2]", "equal to 1000"),
+    "frames = 1e9": body("frames = 2", "frames = 1e9", "frames: found 1000000000.0", "at most 1000"),
+    "a thousand million frames": body("frames = 2", "frames = 1_000_000_000", "frames: found", "equal to 1000"),
+    "more frames than layers": body(
+        "frames = 2", "frames = 900", "frames = 900", "layers of elements for 4 only", code=0
+    ),
+    # Values that mean something else.
+    "damping of 2 percent as 2": body(
+        RATIO, "ratio = 2", "damping.ratio: a damping ratio is 2", "at most 1", "2 % is 0.02"
+    ),
+    "damping of 1 percent as 1": body(RATIO, "ratio = 1", "damping.ratio = 1 of the first mode", "1 % is 0.01", code=0),
+    "percent sign": body(RATIO, 'ratio = "1%"', "damping.ratio: found '1%'", "number", "such as ratio = 0.01"),
+    "density in t/mm³": body(
+        RATIO,
+        f"{RATIO}\n[material]\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\ndensity = 8e-9",
+        "[material] is not used",
+        "take one of them out",
+        code=0,
+    ),
+    # One file for another.
+    "build a deck": files("build bar.inp -o out.fmu", "bar.inp is a mesh", "expected a body file", "in [mesh]"),
+    "build an FMU": files("build bar.fmu -o out.fmu", "bar.fmu is an FMU", "expected a body file"),
+    "build a scene": files("build scene.toml -o out.fmu", "scene.toml is a scene file", "chart` and `fit` as --scene"),
+    "build nothing": files("build nobody.toml -o out.fmu", "nobody.toml: no such file", "expected a body file"),
+    "FMU of another ending": files("build body.toml -o out.zip", "out.zip", "ends in .fmu"),
+    "info on a body file": files(
+        "info body.toml", "body.toml is a body file", "an FMU or a modal file", "`flexfmu build`"
+    ),
+    "info on a table": files("info loads.csv", "loads.csv is a table", "expected an FMU or a modal file"),
+    "simulate a body file": files("simulate body.toml -i loads.csv -o out.csv", "is a body file, expected an FMU"),
+    "simulate a modal file": files("simulate bar.h5 -i loads.csv -o out.csv", "is a modal file, expected an FMU"),
+    "couple a body file": files("couple body.toml -o out.csv", "body.toml is a body file, expected a coupling file"),
+    "body and scene exchanged": files(
+        "fit scene.toml -s body.toml -o out.toml", "body.toml is a body file, expected a scene"
+    ),
+    "records as a picture": files("chart body.toml -s scene.toml -r out.png", "out.png", "ends in .csv"),
+    "a folder as mesh": body(MESH, 'file = "."', "it is a folder", "expected a mesh"),
+    # Tables of loads.
+    "semicolons": loads(
+        LOADS.replace(",", ";"), "loads.csv: its columns are separated by semicolons", '"time,NAME,…" (commas)'
+    ),
+    "tabs": loads(LOADS.replace(",", "\t"), "separated by tabs", "commas"),
+    "unit of time": loads(
+        LOADS.replace("time", "time [s]"), "the first column is called 'time [s]'", 'call it "time", in s'
+    ),
+    "unit of a force": loads(
+        LOADS.replace("y", "y [N]"), "'tip.force.y [N]' is no input", "without units: 'tip.force.y', in N"
+    ),
+    "no header": loads("0,10\n1,10\n", "the first line is numbers", 'expected a header "time,NAME,…"'),
+    "one row": loads("time,tip.force.y\n0,10\n", "rows at one time only, 0 s", "add a later row, or give --stop"),
+    "no row": loads("time,tip.force.y\n", "a header and nothing else", "at least one row"),
+    "misspelt input": loads(LOADS.replace("force", "forse"), "'tip.forse.y' is no input", "did you mean 'tip.force.y'"),
+    "output as input": loads(LOADS.replace("force", "rotation"), "'tip.rotation.y' is no input", "causality output"),
+    "unit beside a number": loads(LOADS.replace("10", "10N"), "loads.csv, line 2", "'10N'", "numbers, without units"),
+    "no column but time": loads("time\n0\n0.01\n", "no column but time", "add inputs by name", code=0, runs=True),
+    # Options of simulate.
+    "value without parameter": options(
+        "--set 0.5", "--set 0.5: lacks the parameter's name", "NAME=VALUE", "damping.scale=2"
+    ),
+    "parameter without value": options("--set damping.scale", "--set damping.scale: lacks a value", "NAME=VALUE"),
+    "parameter twice": options("--set damping.scale=1 --set damping.scale=2", "damping.scale is set twice"),
+    "misspelt parameter": options(
+        "--set damping=2", "'damping' is no parameter of bar.fmu", "did you mean 'damping.scale'"
+    ),
+    "text for a number": options("--set damping.scale=two", "--set damping.scale=two", "a finite number ≥ 0"),
+    "negative damping": options("--set damping.scale=-1", "--set damping.scale=-1", "a finite number ≥ 0"),
+    "unknown choice": options("--set initialization=still", "is 'still'", "one of ['rest', 'static']", runs=True),
+    "contradicting starts": options("--static-start --set initialization=rest", "--static-start and --set", code=2),
+    "step tolerance of 3": options(
+        "--set internal_step.tolerance=3", "internal_step.tolerance = 3", "expected a share below 1", code=0, runs=True
+    ),
+    "stop beyond the table": options(
+        "--stop 0.03", "ends at 0.03 s, its table at 0.01 s", "the last loads are held", code=0, runs=True
+    ),
+    "stop before the start": options("--stop -1", "from 0.0 s to -1.0 s", "expected a later end", "--stop"),
+    "step longer than the run": options("--step 1", "--step is 1 s", "longer than the run from 0 s to 0.01 s"),
+    # Scenes and couplings.
+    "tolerance of 3": scene(
+        SCENE, f"{SCENE}[tolerance.static]\ndisplacement = 3", "tolerance.static.displacement: is 3", "3 % is 0.03"
+    ),
+    "[static]": scene("[[static]]", "[static]", "static: found one table", "expected [[static]], in double brackets"),
+    "loads as a number": scene(
+        '{ "tip.force.y" = 100.0 }', "100.0", "static[1].loads: found 100.0", '"tip.force.y" = 1000.0'
+    ),
+    "load without axis": scene("tip.force.y", "tip.force", "'tip.force' is no input of the body", '"tip.force.y"'),
+    "modes of a sweep as a number": scene(
+        SCENE, f"{SCENE}[sweep]\nmodes = 10", "sweep.modes: found 10", "modes = [10]"
+    ),
+    "three stiffnesses of six": coupling(
+        "[1, 1, 1, 0, 0, 0]", "[1, 1, 1]", "spring[1].stiffness: found [1, 1, 1]", "expected 6 values, there are 3"
+    ),
+    "stiffness as a number": coupling(
+        "[1, 1, 1, 0, 0, 0]", "1e3", "spring[1].stiffness: found 1000.0", "such as stiffness = ["
+    ),
+    "scheme with a hyphen": coupling(
+        "[[fmu]]", 'scheme = "gauss-seidel"\n[[fmu]]', "experiment.scheme", "'gauss_seidel'"
+    ),
+    "tolerance of a coupling": coupling(
+        "[[fmu]]", "tolerance = 3\n[[fmu]]", "experiment.tolerance: found 3", "less than 1"
+    ),
+    "interface without its FMU": coupling("arm.tip", "tip", "spring 1, a: found 'tip'", '"FMU.NAME" with one of arm'),
+    "FMU that is a body file": coupling('"bar.fmu"', '"body.toml"', "fmu 'arm'", "is a body file, expected an FMU"),
+}
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    """A folder in which nothing is wrong: deck, body file, FMU, modal file, scene, coupling and loads."""
+    folder = tmp_path_factory.mktemp("sound")
+    write_deck(box(ElementType.C3D20R, (4, 1, 1), (1.0, 0.1, 0.13)), folder / "bar.inp")
+    for name, text in {"body": BODY, "scene": SCENE, "coupling": COUPLING}.items():
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+    (folder / "loads.csv").write_text(LOADS, encoding="utf-8")
+    build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
+    return folder
+
+
+def answer(folder, mistake, monkeypatch):
+    """Exit code and what is said on standard error."""
+    if mistake.runs:
+        command = [sys.executable, "-m", "flexfmu.cli", *mistake.arguments]
+        done = subprocess.run(
+            command,
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+            env={**os.environ, "COLUMNS": "400"},
+        )
+        # An FMU's library may disturb the interpreter's exit once all is written.
+        return (0 if "out.csv" in done.stdout else done.returncode), done.stderr
+    monkeypatch.chdir(folder)
+    done = CliRunner(env={"COLUMNS": "400"}).invoke(app, mistake.arguments)
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.stderr
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_a_mistake_is_answered_with_what_was_found_and_what_would_do(case, sound, tmp_path, monkeypatch):
+    mistake = MISTAKES[case]
+    folder = tmp_path / "work"
+    shutil.copytree(sound, folder)
+    for name, text in mistake.files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    code, said = answer(folder, mistake, monkeypatch)
+    for word in mistake.words:
+        assert word in said
+    assert code == mistake.code
+    assert "Traceback" not in said
+    if code:
+        assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("bar.inp", ["build", "body.toml", "-o", "out.fmu"]),
+        ("bar.vtk", ["build", "body.toml", "-o", "out.fmu"]),
+        ("body.toml", ["build", "body.toml", "-o", "out.fmu"]),
+        ("loads.csv", ["simulate", "bar.fmu", "-i", "loads.csv", "-o", "out.csv"]),
+        ("bar.fmu", ["info", "bar.fmu"]),
+    ],
+)
+def test_a_pipe_that_never_ends_is_refused_instead_of_waited_for(name, arguments, sound, tmp_path):
+    folder = tmp_path / "work"
+    shutil.copytree(sound, folder)
+    if name == "bar.vtk":
+        (folder / "body.toml").write_text(BODY.replace("bar.inp", name), encoding="utf-8")
+    (folder / name).unlink(missing_ok=True)
+    os.mkfifo(folder / name)
+    before = sorted(path.name for path in folder.iterdir())
+    command = [sys.executable, "-m", "flexfmu.cli", *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert f"{name} cannot be read: it is a pipe or a device" in done.stderr
+    assert sorted(path.name for path in folder.iterdir()) == before
