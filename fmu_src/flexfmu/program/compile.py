@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Core
+from ..methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
 from ..model.errors import OptionError
-from ..model.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from ..model.reduced_body import GROUND, ReducedBody
 from ..rotations import skew
 from .image import write_image
 from .tree import Tree, bends, build_tree
@@ -47,14 +48,15 @@ class Draft:
         return write_image(self.sizes, self.arrays)
 
 
-def compile_draft(body: ReducedBody, formulation: Formulation) -> Draft:
-    """Program of a body under a formulation, without what the FMI layer needs besides.
+def compile_draft(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> Draft:
+    """Program of a body under a method, without what the FMI layer needs besides.
 
     Parameters
     ----------
     body : ReducedBody
-        Its frames divided as the formulation asks for, its interfaces fixed as the scene does.
-    formulation : Formulation
+        Its frames divided as the method has them, its interfaces fixed as the scene does.
+    method : Method
+    mass : Mass
 
     Returns
     -------
@@ -63,38 +65,34 @@ def compile_draft(body: ReducedBody, formulation: Formulation) -> Draft:
     Raises
     ------
     OptionError
-        The formulation needs data that the body was built without.
+        The method needs data that the body was built without.
     """
-    draft = _kinematics(body, formulation)
-    if formulation.stiffness is Stiffness.BY_MODE:
+    recipe = recipe_of(method)
+    draft = _kinematics(body, recipe, mass)
+    if recipe.stiffness is Stiffness.BY_MODE:
         draft.sizes["by_mode_given"] = 1
-        draft.arrays["by_mode"] = _given(body.stiffness_by_mode, formulation)
-    if formulation.stiffness is Stiffness.BY_LOAD:
+        draft.arrays["by_mode"] = _given(body.stiffness_by_mode, Data.BY_MODE)
+    if recipe.stiffness is Stiffness.BY_LOAD:
         # What moving loads do at first order by themselves *is* part of it: taken out, nothing counts twice.
-        data = _in_load_order(_given(body.stiffness_by_load, formulation), body.interface_count)
+        data = _in_load_order(_given(body.stiffness_by_load, Data.BY_LOAD), body.interface_count)
         by_load = data - _unit_load_tangents(draft, body)
         draft.sizes["by_load_given"] = 1
         draft.arrays["by_load"] = by_load
-    elif body.ties is None and not _second_order_loads(formulation):
-        _judge(draft, body, formulation)
+    elif body.ties is None and recipe.kinematics is not Kinematics.SECOND_ORDER:
+        _judge(draft, body, recipe)
     return draft
 
 
-def compile_program(body: ReducedBody, formulation: Formulation) -> bytes:
+def compile_program(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> bytes:
     """The same as an image."""
-    return compile_draft(body, formulation).image()
+    return compile_draft(body, method, mass).image()
 
 
-def _second_order_loads(formulation: Formulation) -> bool:
-    """Whether there is no better opinion on stiffness than the method's own."""
-    return formulation.kinematics is Kinematics.SECOND_ORDER and formulation.loads is LoadPlacement.DEFORMED
-
-
-def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
+def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> Draft:
     """Everything but geometric stiffness and the second opinion on it."""
     m, interfaces = body.mode_count, body.interface_count
-    tree = build_tree(body, formulation.kinematics)
-    placement = formulation.loads
+    tree = build_tree(body, recipe.kinematics)
+    placement = recipe.loads
     if placement is LoadPlacement.DEFORMED and not np.any(tree.parent[tree.frames : tree.frames + interfaces] >= 0):
         # Linear kinematics have a constant derivative: loads on the deformed body are then those on the reference one.
         placement = LoadPlacement.REFERENCE
@@ -120,7 +118,7 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
             "loads": 6 * interfaces + (3 if masses.size else 0),
             "placement": _PLACEMENT[placement],
             "turnings": len(turning_frame),
-            "turning_limit": _FIRST_ORDER if formulation.kinematics in _WRONG_AT_FIRST_ORDER else 100,
+            "turning_limit": _FIRST_ORDER if recipe.kinematics in _WRONG_AT_FIRST_ORDER else 100,
             "elastic_first": rigid,
             "elastic_count": last - rigid,
             "stress_sets": len(points),
@@ -156,7 +154,7 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
         draft.arrays |= {"core_start": bent.start, "extent": bent.extent}
     if body.ties is not None and tree.frames:
         _ties(draft, body, tree)
-    if formulation.mass is Mass.CONFIGURATION and tree.frames:
+    if mass is Mass.CONFIGURATION and tree.frames:
         _inertia(draft, body)
     return draft
 
@@ -167,14 +165,12 @@ def _texts(draft: Draft, name: str, texts: list[str]) -> None:
     draft.sizes[{"names": "name_bytes", "advice": "advice_bytes", "guid": "guid_bytes"}[name]] = len(data)
 
 
-def _given(data: FloatArray | None, formulation: Formulation) -> FloatArray:
-    if data is None:
-        kind = formulation.stiffness.value
+def _given(values: FloatArray | None, data: Data) -> FloatArray:
+    if values is None:
         raise OptionError(
-            f'stiffness "{kind}" needs data that this body was built without: build it with geometric_stiffness = '
-            f'["{kind}"] in [reduction]'
+            f"the method needs data that this body was built without: build it with {ASKED_BY[data]} in [reduction]"
         )
-    return data
+    return values
 
 
 def _in_load_order(by_load: FloatArray, interfaces: int) -> FloatArray:
@@ -258,24 +254,24 @@ def _inertia(draft: Draft, body: ReducedBody) -> None:
     }
 
 
-def _judge(draft: Draft, body: ReducedBody, formulation: Formulation) -> None:
+def _judge(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
     """A second opinion on the tangent stiffness, by the best that the body holds (section 7)."""
     own = _unit_load_tangents(draft, body)
-    if formulation.stiffness is Stiffness.BY_MODE:
+    if recipe.stiffness is Stiffness.BY_MODE:
         own = own + _by_mode(draft, body)
     depth = _depth(body)
     if body.second is not None and body.frame_count:
-        better = Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)
+        better = recipe_of(Method.SECOND_ORDER)
         source, change = "the frames to second order", _unit_load_tangents(_kinematics(body, better), body)
     elif body.stiffness_by_load is not None:
         source = "geometric stiffness by load"
         change = _in_load_order(np.asarray(body.stiffness_by_load), body.interface_count)
     elif depth:
-        framed = Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)
+        framed = recipe_of(Method.FRAMES)
         source = "the frames"
         change = (1.0 + _CHAIN / depth**2) * _unit_load_tangents(_kinematics(body, framed), body)
     else:
-        moved = Formulation(formulation.kinematics, LoadPlacement.CORRECTIVE_MOMENT)
+        moved = Recipe(recipe.kinematics, LoadPlacement.CORRECTIVE_MOMENT)
         source = "the displacement of the loaded interfaces, an estimate"
         change = _MOMENT * _unit_load_tangents(_kinematics(body, moved), body)
     first, count = draft.sizes["elastic_first"], draft.sizes["elastic_count"]
