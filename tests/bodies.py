@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from flexfmu.model.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, ReducedBody, SecondOrder
+from flexfmu.methods import Method
+from flexfmu.model.reduced_body import GROUND, ReducedBody, SecondOrder
 
 FloatArray = NDArray[np.float64]
 
-LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
-COROTATED = Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)
-COROTATED_REFERENCE = Formulation(Kinematics.COROTATED, LoadPlacement.REFERENCE)
+LINEAR = Method.LINEAR
+COROTATED = Method.FRAMES
 
 # A branched tree, a second root, and three interfaces on different branches.
 BRANCHED = (GROUND, 0, 1, 1, GROUND)

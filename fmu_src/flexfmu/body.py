@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from .core import Core, StepAnswer
 from .loads import Loads, loads_from_mapping
+from .methods import Mass, Method, chosen
 from .model.division import divided
 from .model.errors import EquilibriumError, LoadError, OptionError, StepError
 from .model.fixing import with_fixed_interfaces
-from .model.reduced_body import Formulation, ReducedBody
+from .model.reduced_body import ReducedBody
 from .program.compile import compile_program
 from .rotations import cross
 
@@ -90,13 +91,15 @@ class Response:
 
 
 class FlexibleBody:
-    """A reduced body under one formulation. Constant: states go in and come out.
+    """A reduced body under one method. Constant: states go in and come out.
 
     Parameters
     ----------
     model : ReducedBody
-    formulation : Formulation, optional
-        Default: the one in the model.
+    method : Method or str, optional
+        Default: the one that the body was built with.
+    mass : Mass or str, optional
+        Default: the body's own, where the method knows it.
     damping_scale : float
         Factor on all modal damping ratios, not negative.
     limits : StepLimits
@@ -107,13 +110,15 @@ class FlexibleBody:
     Raises
     ------
     OptionError
-        A scale, limit or tolerance out of range, or interfaces that cannot be fixed.
+        No such method or mass, data that the body was built without, a scale, limit or tolerance out of range, or
+        interfaces that cannot be fixed.
     """
 
     def __init__(
         self,
         model: ReducedBody,
-        formulation: Formulation | None = None,
+        method: Method | str | None = None,
+        mass: Mass | str | None = None,
         damping_scale: float = 1.0,
         limits: StepLimits | None = None,
         fixed: Collection[str] = (),
@@ -127,18 +132,17 @@ class FlexibleBody:
             raise OptionError(f"internal step tolerance is {limits.tolerance}, expected a positive number")
         if not (math.isfinite(limits.most) and limits.most >= 1.0):
             raise OptionError(f"internal_step.most is {limits.most}, expected a finite number of internal steps ≥ 1")
-        self.formulation = formulation or model.formulation
-        model = with_fixed_interfaces(model, fixed, self.formulation.kinematics)
-        self.model = model = divided(model, self.formulation)
+        variant = chosen(model, method, mass)
+        self.variant, self.method = variant, variant.method
+        self.model = divided(with_fixed_interfaces(model, fixed, self.method), self.method)
         self.limits = limits
-        self.core = Core(
-            compile_program(model, self.formulation), damping_scale, limits.longest, limits.tolerance, limits.most
-        )
+        program = compile_program(self.model, self.method, variant.mass)
+        self.core = Core(program, damping_scale, limits.longest, limits.tolerance, limits.most)
 
     def __repr__(self) -> str:
-        """Name, formulation and size."""
+        """Name, method and size."""
         return (
-            f"<FlexibleBody {self.model.name!r}: {self.formulation.kinematics.value}, {self.core.modes} modes, "
+            f"<FlexibleBody {self.model.name!r}: {self.method.value}, {self.core.modes} modes, "
             f"{self.core.frames} frames, interfaces {', '.join(self.model.interface_names)}>"
         )
 
@@ -190,8 +194,8 @@ class FlexibleBody:
         answer, q, share, _ = self.core.static(self._packed(loads))
         if answer is StepAnswer.FREE:
             raise EquilibriumError(
-                f"the body is free to move in {self.model.rigid_count} rigid motions and has no equilibrium of its own: "
-                "fix an interface, or start at rest",
+                f"the body is free to move in {self.model.rigid_count} rigid motions and has no equilibrium of its "
+                "own: fix an interface, or start at rest",
                 0.0,
             )
         if answer is StepAnswer.TOO_MUCH_WORK:
@@ -264,8 +268,8 @@ class FlexibleBody:
             case StepAnswer.TOO_MUCH_WORK:
                 return (
                     f"the step of {step:.6g} s would take more work than internal_step.most = {self.limits.most:g} "
-                    f"allows ({substeps} internal steps were tried): lower the load or the communication step, or raise "
-                    "internal_step.most"
+                    f"allows ({substeps} internal steps were tried): lower the load or the communication step, or "
+                    "raise internal_step.most"
                 )
             case _:
                 return (
@@ -400,7 +404,7 @@ class FlexibleBody:
         return self.core.is_stable(inputs, state.q, margin)
 
     def stiffness_missed(self, inputs: FloatArray) -> float:
-        """Upper bound of the deflection error from geometric stiffness that the formulation omits; 1 at the most."""
+        """Upper bound of the deflection error from geometric stiffness that the method omits; 1 at the most."""
         return self.core.missed(inputs)
 
     def compliance(self, state: State, inputs: FloatArray, step: float, interfaces: Sequence[int]) -> FloatArray:

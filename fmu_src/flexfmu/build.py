@@ -17,7 +17,8 @@ from .mesh.checks import checked
 from .mesh.formats import read_mesh
 from .mesh.model import FloatArray, Mesh
 from .mesh.plausibility import implausible
-from .model.reduced_body import GROUND, Kinematics, Mass, Properties, ReducedBody, Stiffness, StressSet, Ties
+from .methods import Data
+from .model.reduced_body import GROUND, Properties, ReducedBody, StressSet, Ties
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
@@ -93,7 +94,8 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
         body,
         damping_ratio=damping_ratio,
         compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
-        formulation=config.formulation.formulation,
+        method=config.variant.method,
+        mass=config.variant.mass,
         velocity_outputs=config.output.velocities,
         provenance=_provenance(config, mesh),
         properties=properties,
@@ -138,15 +140,15 @@ def _reduced(
     _tell(modes, report)
     frames = frame_operators(mesh.points, modes.shapes, subdomains)
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
-    wanted = _geometric(config)
+    stored = config.stored
     by_load = by_mode = None
-    if "by_load" in wanted:
+    if Data.BY_LOAD in stored:
         by_load = stiffness_by_load(matrices, modes, key, loads, config.input.acceleration, store, report)
-    if "by_mode" in wanted:
+    if Data.BY_MODE in stored:
         by_mode = stiffness_by_mode(matrices, modes, key, store, report)
 
     second = None
-    if _curved(config) and subdomains:
+    if Data.SECOND_ORDER in stored and subdomains:
         heavy = config.input.acceleration
         shares = mass_shares(mesh, volumes, subdomains) if heavy else np.zeros((0, len(mesh.points)))
         readings = node_readings(mesh.points, subdomains, interfaces, shares, [by_node(s.nodes) for s in springs])
@@ -173,7 +175,7 @@ def _reduced(
         frame_rotation=frames.frame_rotation,
         whole=whole_frame(model, volumes, faces, modes.shapes, config) if several(subdomains) else None,
         masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
-        inertia=inertia_integrals(mesh, volumes, modes.shapes, subdomains, frames) if _heavy(config) else None,
+        inertia=inertia_integrals(mesh, volumes, modes.shapes, subdomains, frames) if Data.INERTIA in stored else None,
         stress_sets=_stress_sets(config, mesh, modes.shapes),
         stiffness_by_load=by_load,
         stiffness_by_mode=by_mode,
@@ -305,18 +307,6 @@ def _tell(modes: Modes, report: Reporter) -> None:
         )
 
 
-def _heavy(config: BodyFile) -> bool:
-    """Whether the data of the deformed body's mass goes aboard: as asked, or where the formulation needs it."""
-    wanted = config.reduction.inertia
-    return config.formulation.mass is Mass.CONFIGURATION if wanted is None else wanted
-
-
-def _curved(config: BodyFile) -> bool:
-    """Whether second-order motions within frames go aboard: as asked, or where the formulation needs them."""
-    wanted = config.reduction.second_order
-    return config.formulation.kinematics is Kinematics.SECOND_ORDER if wanted is None else wanted
-
-
 def _damping(ratio: float | list[float], count: int) -> FloatArray:
     values = np.asarray(ratio, dtype=np.float64)
     if values.ndim and values.size != count:
@@ -381,14 +371,6 @@ def _interfaces(
                 f"interface {interface.name!r} touches no frame: it will move linearly; put its nodes into a [[frame]]"
             )
     return interfaces
-
-
-def _geometric(config: BodyFile) -> list[str]:
-    """Which geometric stiffness goes aboard: as asked, or what the formulation needs."""
-    wanted: list[str] | None = config.reduction.geometric_stiffness  # type: ignore[assignment]
-    if wanted is None:
-        return [] if config.formulation.stiffness is Stiffness.CONSTANT else [config.formulation.stiffness.value]
-    return wanted
 
 
 def _stress_sets(config: BodyFile, mesh: Mesh, shapes: FloatArray) -> tuple[StressSet, ...]:

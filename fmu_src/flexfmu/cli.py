@@ -71,7 +71,7 @@ def build(
 def info(
     file: Annotated[Path, typer.Argument(help="FMU or modal file.")],
     cost: Annotated[
-        bool, typer.Option("--cost", help="Time a step of every formulation whose data is aboard.")
+        bool, typer.Option("--cost", help="Time a step of every method that the body has the data for.")
     ] = False,
 ) -> None:
     """Show what is in an FMU or a modal file: modes, interfaces, tree of frames, origin."""

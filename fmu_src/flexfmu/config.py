@@ -11,8 +11,9 @@ from .errors import BodyFileError
 from .inputs import Kind
 from .limits import MOST_FRAMES, MOST_MODES
 from .mesh.units import UnitSystem
+from .methods import ASKED_BY, DEFAULT, Data, Mass, Method, Variant, conflict, has_frames, needs
 from .model.errors import OptionError
-from .model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from .old_keys import OLD_KEYS, replaced
 from .toml_files import explain, read_toml
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -180,26 +181,31 @@ class DampingTable(_Table):
 
 
 class FormulationTable(_Table):
-    """`[formulation]`: kinematics and loads that the FMU starts with."""
+    """`[formulation]`: the method that the FMU starts with; without one, that of `methods.DEFAULT`."""
 
-    kinematics: Kinematics = Field(default=Kinematics.COROTATED, strict=False)
-    loads: LoadPlacement = Field(default=LoadPlacement.DEFORMED, strict=False)
-    stiffness: Stiffness = Field(default=Stiffness.CONSTANT, strict=False)
+    method: Method | None = Field(default=None, strict=False)
     mass: Mass = Field(default=Mass.CONSTANT, strict=False)
-    division: Division = Field(default=Division.TREE, strict=False)
 
-    @property
-    def formulation(self) -> Formulation:
-        """The formulation itself; a combination without meaning raises OptionError."""
-        return Formulation(self.kinematics, self.loads, self.stiffness, self.mass, self.division)
+    @model_validator(mode="before")
+    @classmethod
+    def _without_old_keys(cls, data: object) -> object:
+        old = {key: data[key] for key in OLD_KEYS if key in data} if isinstance(data, dict) else {}
+        if old:
+            raise ValueError(replaced(old))
+        return data
 
     @model_validator(mode="after")
     def _meaningful(self) -> "FormulationTable":
         try:
-            _ = self.formulation
+            _ = self.variant
         except OptionError as error:
             raise ValueError(str(error)) from error
         return self
+
+    @property
+    def variant(self) -> Variant:
+        """Method and mass of a body that has frames; a mass that the method does not know raises OptionError."""
+        return Variant(self.method or DEFAULT, self.mass)
 
 
 class InputTable(_Table):
@@ -264,34 +270,60 @@ class BodyFile(_Table):
             raise ValueError(f"root is {self.root!r}, which is no [[interface]]")
         if self.root is not None and not self.free:
             raise ValueError("root names the interface from which a free body is divided: it needs free = true")
-        if self.free and "by_load" in (self.formulation.stiffness.value, *(self.reduction.geometric_stiffness or ())):
+        if self.free and "by_load" in (self.reduction.geometric_stiffness or ()):
             raise ValueError(
-                'stiffness "by_load" needs the stress of each load by itself, and a free body has none: what balances '
-                'the load is not known before; take "by_mode" or "constant"'
+                'geometric_stiffness "by_load" needs the stress of each load by itself, and a free body has none: what '
+                "balances the load is not known before; take it out"
             )
+        reason = conflict(self.variant, self.free, bool(self.cut))
+        if reason is not None:
+            raise ValueError(reason)
         if self.cut:
             self._check_cut()
         known = {f.name for f in self.frame}
         for f in self.frame:
             if f.parent is not None and f.parent not in known:
                 raise ValueError(f"frame {f.name!r} has the parent {f.parent!r}, which is no [[frame]]")
-        wanted, aboard = self.formulation.stiffness, self.reduction.geometric_stiffness
-        if aboard is not None and wanted is not Stiffness.CONSTANT and wanted.value not in aboard:
-            raise ValueError(
-                f'formulation.stiffness is "{wanted.value}", but reduction.geometric_stiffness lists {aboard}: add it'
-            )
-        if self.formulation.mass is Mass.CONFIGURATION and self.reduction.inertia is False:
-            raise ValueError('formulation.mass is "configuration", but reduction.inertia is false: take that out')
-        if self.formulation.kinematics is Kinematics.SECOND_ORDER and self.reduction.second_order is False:
-            raise ValueError(
-                'formulation.kinematics is "second_order", but reduction.second_order is false: take that out'
-            )
+        self._check_data()
         ratio = self.damping.ratio
         plain = self.reduction.basis is Basis.NORMAL and not self.reduction.residual_flexibility
         count = len(self.reduction.numbers)
         if plain and isinstance(ratio, list) and len(ratio) != count:
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {count} modes")
         return self
+
+    @property
+    def variant(self) -> Variant:
+        """Method and mass that the FMU starts with."""
+        if self.formulation.method is None and self.frames == 0 and not self.free:
+            return Variant(Method.LINEAR)
+        return self.formulation.variant
+
+    @property
+    def stored(self) -> frozenset[Data]:
+        """Data of methods that the modal file holds: as `[reduction]` asks, or as the method needs."""
+        table, needed = self.reduction, needs(self.variant.method, self.variant.mass)
+        listed = table.geometric_stiffness
+        asked = {
+            Data.BY_LOAD: None if listed is None else "by_load" in listed,
+            Data.BY_MODE: None if listed is None else "by_mode" in listed,
+            Data.INERTIA: table.inertia,
+            Data.SECOND_ORDER: table.second_order,
+        }
+        return frozenset(data for data, wish in asked.items() if (data in needed if wish is None else wish))
+
+    def _check_data(self) -> None:
+        """Refuse a method whose data `[reduction]` leaves out, and frames that are not there."""
+        variant = self.variant
+        for data in sorted(needs(variant.method, variant.mass) - self.stored, key=lambda one: one.value):
+            raise ValueError(
+                f'method "{variant.words}" needs {ASKED_BY[data]}, and [reduction] says otherwise: take that key out'
+            )
+        if has_frames(variant.method) and self.frames == 0 and not self.free:
+            raise ValueError(
+                f'method "{variant.method.value}" needs frames, and frames is 0: take frames = 1 or more, or method '
+                '"linear"'
+            )
 
     def residual_columns(self) -> list[int]:
         """Places of the loads whose residual flexibility is listed, among forces of all interfaces, then moments."""
@@ -334,12 +366,10 @@ class BodyFile(_Table):
             raise ValueError("[[cut]] is for the frames' sake: it does not go with frames = 0")
         if self.free:
             raise ValueError("[[cut]] needs supports from which the frames of each part hang: it goes without free")
-        if self.formulation.stiffness is not Stiffness.CONSTANT or self.reduction.geometric_stiffness:
-            raise ValueError('[[cut]] goes with stiffness "constant" only: the other kinds know bodies in one piece')
-        if self.formulation.mass is not Mass.CONSTANT or self.reduction.inertia:
+        if self.reduction.geometric_stiffness:
+            raise ValueError("[[cut]] goes without geometric_stiffness, which knows bodies in one piece")
+        if self.reduction.inertia:
             raise ValueError('[[cut]] goes with mass "constant" only, without reduction.inertia')
-        if self.formulation.division is Division.ONE:
-            raise ValueError('[[cut]] gives each part frames of its own: it does not go with division "one"')
 
 
 def read_body_file(path: Path) -> BodyFile:

@@ -1,16 +1,16 @@
-"""What a step of each formulation costs, measured on the body itself."""
+"""What a step of each method costs, measured on the body itself."""
 
 import statistics
 import time
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
 from .body import FlexibleBody
 from .loads import Loads
-from .model.errors import OptionError, RuntimeBodyError
-from .model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from .methods import Method, Variant, offered_variants
+from .model.errors import RuntimeBodyError
+from .model.reduced_body import ReducedBody
 from .progress import Reporter
 
 _BLOCKS, _STEPS = 5, 20
@@ -24,21 +24,21 @@ class Cost:
 
     Attributes
     ----------
-    formulation : Formulation
+    variant : Variant
     median, fastest : float
         s, of blocks of steps.
     iterations : float
         Rounds of the implicit iteration per step.
     """
 
-    formulation: Formulation
+    variant: Variant
     median: float
     fastest: float
     iterations: float
 
 
 def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
-    """Time a step of every formulation whose data is aboard, at the suggested communication step.
+    """Time a step of every method whose data the body holds, at the suggested communication step.
 
     Parameters
     ----------
@@ -53,12 +53,11 @@ def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
     step = body.suggested_step
     with report.stage(f"Time steps of {step:g} s"):
         loads = _measuring_loads(body)
-        for kinematics, placement, stiffness, mass in product(Kinematics, LoadPlacement, Stiffness, Mass):
+        for variant in offered_variants(body):
             try:
-                model = FlexibleBody(body, Formulation(kinematics, placement, stiffness, mass))
-                costs.append(_time(model, loads, step))
-            except (OptionError, RuntimeBodyError):
-                # Without meaning, without data, or not stable under this load: nothing to time.
+                costs.append(_time(FlexibleBody(body, variant.method, variant.mass), loads, step))
+            except RuntimeBodyError:
+                # Not stable under this load: nothing to time.
                 continue
     return costs
 
@@ -68,7 +67,7 @@ def _measuring_loads(body: ReducedBody) -> Loads:
     points = np.concatenate([body.interface_point, body.joint_point])
     size = float(np.max(np.ptp(points, axis=0))) or 1.0
     force = np.ones((body.interface_count, 3))
-    linear = FlexibleBody(body, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE))
+    linear = FlexibleBody(body, Method.LINEAR)
     unit = Loads(force, np.zeros_like(force))
     moved = float(np.max(np.linalg.norm(linear.response(linear.static(unit)).displacement, axis=1)))
     return unit.scaled(_BENT * size / moved) if moved > 0.0 else unit
@@ -84,4 +83,4 @@ def _time(model: FlexibleBody, loads: Loads, step: float) -> Cost:
             model.response(state)
             iterations += work.iterations
         times.append((time.perf_counter() - start) / _STEPS)
-    return Cost(model.formulation, statistics.median(times), min(times), iterations / (_BLOCKS * _STEPS))
+    return Cost(model.variant, statistics.median(times), min(times), iterations / (_BLOCKS * _STEPS))

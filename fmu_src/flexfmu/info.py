@@ -10,6 +10,7 @@ from rich.tree import Tree
 
 from .build import NUMBERS
 from .cost import Cost
+from .methods import chosen, offered_variants
 from .model.reduced_body import GROUND, ReducedBody
 from .summary import first_frequency, point, summary
 
@@ -25,16 +26,16 @@ def describe(body: ReducedBody) -> list[RenderableType]:
     -------
     list of rich renderables
     """
-    formulation = body.formulation
     head = (
         f"[bold]{body.name}[/]: {body.mode_count} modes, {body.interface_count} interfaces, {body.frame_count} frames; "
-        f"kinematics {formulation.kinematics.value}, loads on the {formulation.loads.value} body"
+        f"method {chosen(body).words}"
     )
-    return [head, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
+    aboard = f"methods: {', '.join(variant.words for variant in offered_variants(body))}"
+    return [head, aboard, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
 
 
 def cost_table(costs: Sequence[Cost]) -> Table:
-    """Table of what a step of each formulation costs.
+    """Table of what a step of each method costs.
 
     Parameters
     ----------
@@ -44,13 +45,11 @@ def cost_table(costs: Sequence[Cost]) -> Table:
     -------
     rich.table.Table
     """
-    table = Table(
-        "kinematics", "loads", "stiffness", "mass", "median / µs", "fastest / µs", "iterations", title="Cost of a step"
-    )
+    table = Table("method", "median / µs", "fastest / µs", "iterations", title="Cost of a step")
     for cost in costs:
-        choice = cost.formulation
-        names = choice.kinematics.value, choice.loads.value, choice.stiffness.value, choice.mass.value
-        table.add_row(*names, f"{1e6 * cost.median:.0f}", f"{1e6 * cost.fastest:.0f}", f"{cost.iterations:.1f}")
+        table.add_row(
+            cost.variant.words, f"{1e6 * cost.median:.0f}", f"{1e6 * cost.fastest:.0f}", f"{cost.iterations:.1f}"
+        )
     return table
 
 

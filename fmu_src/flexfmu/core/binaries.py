@@ -77,8 +77,8 @@ def _made(name: str) -> Path:
     zig = zig_compiler()
     if zig is None:
         raise PackagingError(
-            f"no core for {name} in this installation, and no compiler for it: pip install ziglang (some 400 MB, needed "
-            "only to build), or install flexfmu from a wheel"
+            f"no core for {name} in this installation, and no compiler for it: pip install ziglang (some 400 MB, "
+            "needed only to build), or install flexfmu from a wheel"
         )
     path.parent.mkdir(parents=True, exist_ok=True)
     try:

@@ -78,8 +78,8 @@ def library_path() -> Path:
         if path.suffix in (".so", ".pyd", ".dylib", ".dll"):
             return path
     raise OptionError(
-        f"no core for this machine in {Path(__file__).parent}: install flexfmu anew, with a C compiler at hand or from a "
-        "wheel"
+        f"no core for this machine in {Path(__file__).parent}: install flexfmu anew, with a C compiler at hand or "
+        "from a wheel"
     )
 
 

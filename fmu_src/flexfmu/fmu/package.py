@@ -178,7 +178,7 @@ def read_packaged_body(path: Path) -> ReducedBody:
     packed = guid_of(program)
     if guid != packed:
         raise ContentsError(
-            f"{path}: {DESCRIPTION} has the guid {guid}, and the programs beside it are of {packed}: files of two FMUs are "
-            "mixed; unpack the FMU again, or build it again"
+            f"{path}: {DESCRIPTION} has the guid {guid}, and the programs beside it are of {packed}: files of two FMUs "
+            "are mixed; unpack the FMU again, or build it again"
         )
     return body

@@ -14,8 +14,8 @@ from ..errors import INTERRUPTED, SimulationError
 from ..inputs import Kind, check_input
 from ..names import nearest
 from ..progress import Reporter, ends_on_interrupt
-from .variables import STEP_TOLERANCE
 from ..targets import check_target, whole_file
+from .variables import STEP_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from enum import Enum
 
 import numpy as np
 
-from ..methods import Method, method_of, offered
+from ..methods import chosen, offered
 from ..model.reduced_body import GROUND, ReducedBody
 
 AXES = ("x", "y", "z")
@@ -343,7 +343,7 @@ def _parameters(body: ReducedBody) -> list[Variable]:
     fixable = body.interface_names if body.root_interface != GROUND else ()
     # The joints of a cut body ring in tension as it moves, which says nothing of the loads.
     stability = 0.05 if body.ties is None else 0.0
-    method = method_of(body.formulation) or Method.LINEAR
+    method = chosen(body).method
     return [
         choice(METHOD, method, offered(body), "how the motion follows from the modes"),
         choice(INITIALIZATION, Initialization.REST, Initialization, "how the body starts"),

@@ -8,17 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..methods import Division, Method, recipe_of
 from .errors import OptionError
-from .reduced_body import GROUND, Division, Formulation, Kinematics, Mass, ReducedBody, WholeFrame
+from .reduced_body import GROUND, ReducedBody, WholeFrame
 
 
-def divided(body: ReducedBody, formulation: Formulation) -> ReducedBody:
-    """The body with its frames as the division asks for.
+def divided(body: ReducedBody, method: Method) -> ReducedBody:
+    """The body with its frames as a method has them.
 
     Parameters
     ----------
     body : ReducedBody
-    formulation : Formulation
+    method : Method
 
     Returns
     -------
@@ -27,24 +28,11 @@ def divided(body: ReducedBody, formulation: Formulation) -> ReducedBody:
     Raises
     ------
     OptionError
-        The whole body's frame is not aboard, or the mass follows the tree.
+        The body does not hold the frame of the whole.
     """
-    division, mass = formulation.division, formulation.mass
-    own = body.frame_count - int(body.floating)
-    if division is Division.TREE or own < 2:
+    division = recipe_of(method).division
+    if division is Division.TREE or body.frame_count - int(body.floating) < 2:
         return body
-    if mass is not Mass.CONSTANT:
-        raise OptionError(
-            f'mass "{mass.value}" follows the tree of frames; take division "tree", or mass "{Mass.CONSTANT.value}"'
-        )
-    if formulation.kinematics is Kinematics.SECOND_ORDER:
-        raise OptionError(
-            f'kinematics "second_order" follow the tree of frames; take division "tree" instead of "{division.value}"'
-        )
-    if division is Division.ONE and body.ties is not None:
-        raise OptionError(
-            'division "one" has no meaning for a body that was cut: each part turns by itself; take division "tree"'
-        )
     if division is Division.SEPARATE:
         # Of a free body all frames hang on the floating one.
         parent = np.full(body.frame_count, 0 if body.floating else GROUND)
@@ -63,7 +51,7 @@ def _as_one(body: ReducedBody) -> ReducedBody:
             body.joint_point[0], body.joint_displacement[0], body.joint_rotation[0], body.frame_rotation[0]
         )
     if whole is None:
-        raise OptionError('division "one" needs the whole body\'s frame, which this modal file does not hold')
+        raise OptionError("the method needs the whole body's frame, which this modal file does not hold")
     masses, surface = body.masses, body.surface
     if masses is not None:
         masses = replace(masses, frame=np.zeros_like(masses.frame))

@@ -11,10 +11,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..methods import Method, has_frames
 from ..rotations import skew
 from .errors import OptionError
 from .inertia import without_frames
-from .reduced_body import GROUND, Kinematics, ReducedBody, SecondOrder, WholeFrame
+from .reduced_body import GROUND, ReducedBody, SecondOrder, WholeFrame
 
 FloatArray = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ FloatArray = NDArray[np.float64]
 _FREE = 1e-9
 
 
-def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics: Kinematics) -> ReducedBody:
+def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Method) -> ReducedBody:
     """Fix interfaces of a free body.
 
     Parameters
@@ -30,7 +31,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics:
     body : ReducedBody
     names : collection of str
         None to leave the body as it is.
-    kinematics : Kinematics
+    method : Method
         What the body will be used with.
 
     Returns
@@ -51,10 +52,10 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], kinematics:
             'interfaces; build it with free = true and basis = "craig_bampton"'
         )
     root = body.interface_names[body.root_interface]
-    if kinematics is not Kinematics.LINEAR and set(names) != {root}:
+    if has_frames(method) and set(names) != {root}:
         raise OptionError(
             f"fixed interfaces are {', '.join(sorted(names))}, but frames hang on {root!r}: expected that one alone; "
-            'set root in the body file, or take kinematics "linear"'
+            'set root in the body file, or take method "linear"'
         )
     held = [body.interface_names.index(name) for name in names]
     rows = np.concatenate([body.interface_displacement[held], body.interface_rotation[held]]).reshape(6 * len(held), -1)

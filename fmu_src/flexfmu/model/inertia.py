@@ -6,7 +6,8 @@ frame. Per unit of q_j all of it moves by
     Rᵀ ∂x'/∂q_j = t_j + w_j × y + e_j,
 
 t_j and w_j being the frame's own motion. So the kinetic energy knows of the finite element model only the moments of
-r and e_j: ∫ρ, ∫ρ y_a and ∫ρ y_a ⊗ y_b, which are constants; the core (core/inertia.c) makes M of them. Source: A. A. Shabana, Dynamics of Multibody Systems, 4th ed., chapter 5 (inertia shape integrals).
+r and e_j: ∫ρ, ∫ρ y_a and ∫ρ y_a ⊗ y_b, which are constants; the core (core/inertia.c) makes M of them. Source: A. A.
+Shabana, Dynamics of Multibody Systems, 4th ed., chapter 5 (inertia shape integrals).
 """
 
 from dataclasses import dataclass, field

@@ -10,19 +10,14 @@ from typing import Any, BinaryIO, NamedTuple
 import h5py
 import numpy as np
 
+from ..methods import Mass, Method
 from .errors import ModalFileError
 from .inertia import InertiaIntegrals
 from .reduced_body import (
-    Division,
-    Formulation,
-    Kinematics,
-    LoadPlacement,
-    Mass,
     Masses,
     Properties,
     ReducedBody,
     SecondOrder,
-    Stiffness,
     StressSet,
     Surface,
     Ties,
@@ -30,7 +25,7 @@ from .reduced_body import (
 )
 
 FORMAT = "flexfmu modal file"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
 
 
@@ -147,11 +142,8 @@ class _Digest:
         digest = hashlib.sha256()
         texts = [
             body.name,
-            body.formulation.kinematics.value,
-            body.formulation.loads.value,
-            body.formulation.stiffness.value,
-            body.formulation.mass.value,
-            body.formulation.division.value,
+            body.method.value,
+            body.mass.value,
             str(body.velocity_outputs),
             "\0".join(body.compliance_interfaces),
             str(body.root_interface),
@@ -207,11 +199,8 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             file.attrs["schema_version"] = SCHEMA_VERSION
             file.attrs["name"] = body.name
             file.attrs["frame_convention"] = FRAME_CONVENTION
-            file.attrs["kinematics"] = body.formulation.kinematics.value
-            file.attrs["loads"] = body.formulation.loads.value
-            file.attrs["stiffness"] = body.formulation.stiffness.value
-            file.attrs["mass"] = body.formulation.mass.value
-            file.attrs["division"] = body.formulation.division.value
+            file.attrs["method"] = body.method.value
+            file.attrs["mass"] = body.mass.value
             file.attrs["velocity_outputs"] = body.velocity_outputs
             file.attrs["compliance_interfaces"] = ",".join(body.compliance_interfaces)
             file.attrs["root_interface"] = body.root_interface
@@ -332,13 +321,8 @@ def _read(file: Any, name: str) -> ReducedBody:
     body = ReducedBody(
         **contents,
         name=str(file.attrs["name"]),
-        formulation=Formulation(
-            Kinematics(file.attrs["kinematics"]),
-            LoadPlacement(file.attrs["loads"]),
-            Stiffness(file.attrs["stiffness"]),
-            Mass(file.attrs["mass"]),
-            Division(file.attrs["division"]),
-        ),
+        method=Method(file.attrs["method"]),
+        mass=Mass(file.attrs["mass"]),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),
         root_interface=int(file.attrs["root_interface"]),

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ModalFileError, OptionError
+from ..methods import DEFAULT, Mass, Method, masses_of
+from .errors import ModalFileError
 
 if TYPE_CHECKING:
     from .inertia import InertiaIntegrals
@@ -21,101 +21,6 @@ _STEPS_PER_PERIOD = 40
 
 GROUND = -1
 """Parent of a root frame, and frame of an interface that no frame carries."""
-
-
-class Kinematics(Enum):
-    """How displacements follow from modal coordinates."""
-
-    LINEAR = "linear"
-    """Equation (1): modal superposition, nothing else."""
-    LITERAL = "literal"
-    """Displacements from a sub-domain's joint turned by its averaged rotation, as the words of the paper have it."""
-    SECANT = "secant"
-    """Displacements turned by half the averaged rotation: onto the chord of the arc."""
-    COROTATED = "corotated"
-    """The tree of corotated frames."""
-    SECOND_ORDER = "second_order"
-    """The same, with what motions within the frames lack at second order."""
-
-
-class LoadPlacement(Enum):
-    """Where loads act."""
-
-    REFERENCE = "reference"
-    """On the undeformed body."""
-    CORRECTIVE_MOMENT = "corrective_moment"
-    """On the undeformed body, with the moment u × F of the paper's equation (3)."""
-    DEFORMED = "deformed"
-    """On the deformed body, by the transpose of the kinematics' derivative."""
-
-
-class Stiffness(Enum):
-    """How stress changes stiffness."""
-
-    CONSTANT = "constant"
-    """Not at all: Λ."""
-    BY_LOAD = "by_load"
-    """Geometric stiffness of the linear stress of the loads, Σ f_l K_l."""
-    BY_MODE = "by_mode"
-    """Geometric stiffness of the stress of the modal coordinates, Σ q_j K_j."""
-
-
-class Mass(Enum):
-    """Whose inertia the body has."""
-
-    CONSTANT = "constant"
-    """That of the undeformed body: ΦᵀMΦ = I."""
-    CONFIGURATION = "configuration"
-    """That of the deformed body, M(q) = JᵀMJ with J the kinematics' derivative."""
-
-
-class Division(Enum):
-    """How the frames of a body hang together."""
-
-    TREE = "tree"
-    """Each on its parent, roots on the ground."""
-    SEPARATE = "separate"
-    """Each by itself, about the linear displacement of its joint."""
-    ONE = "one"
-    """One for the whole body."""
-
-
-@dataclass(frozen=True, slots=True)
-class Formulation:
-    """What a method is made of: kinematics, where loads act, how stress stiffens, the mass, and the frames.
-
-    Attributes
-    ----------
-    kinematics : Kinematics
-    loads : LoadPlacement
-    stiffness : Stiffness
-    mass : Mass
-    division : Division
-
-    Raises
-    ------
-    OptionError
-        A combination without meaning.
-    """
-
-    kinematics: Kinematics = Kinematics.COROTATED
-    loads: LoadPlacement = LoadPlacement.DEFORMED
-    stiffness: Stiffness = Stiffness.CONSTANT
-    mass: Mass = Mass.CONSTANT
-    division: Division = Division.TREE
-
-    def __post_init__(self) -> None:
-        """Refuse what would count one effect twice."""
-        if self.stiffness is Stiffness.BY_MODE and self.loads is not LoadPlacement.REFERENCE:
-            raise OptionError(
-                f'stiffness "by_mode" with loads "{self.loads.value}" counts the same load effect twice: the stress of '
-                'the modal coordinates already carries it; take loads "reference", or stiffness "by_load"'
-            )
-        if self.mass is Mass.CONFIGURATION and self.kinematics is not Kinematics.COROTATED:
-            raise OptionError(
-                f'mass "configuration" has no meaning with kinematics "{self.kinematics.value}": only the tree of '
-                'corotated frames moves every point of the body; take kinematics "corotated", or mass "constant"'
-            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,8 +222,10 @@ class ReducedBody:
         masses, accelerations of the supports; 1/(s² N), 1/(s² N m), 1/m.
     stiffness_by_mode : (m, m, m) float or None
         Reduced geometric stiffness of each unit modal coordinate, 1/(s² kg^1/2 m).
-    formulation : Formulation
-        The one that the body file asks for; another may be chosen at run time.
+    method : Method
+        The one that the body file asks for; another may be chosen when the body is used.
+    mass : Mass
+        The same of the mass.
     velocity_outputs : bool
         Whether the FMU offers velocities and angular velocities.
     compliance_interfaces : tuple of str
@@ -336,7 +243,7 @@ class ReducedBody:
     ties : Ties or None
         What joins the parts of a body that was cut.
     second : SecondOrder or None
-        What kinematics "second_order" need.
+        What method "second_order" needs.
     properties : Properties or None
         Mass, size and materials, for people; files from before it was kept do not have it.
     """
@@ -360,7 +267,8 @@ class ReducedBody:
     stress_sets: tuple[StressSet, ...] = ()
     stiffness_by_load: FloatArray | None = None
     stiffness_by_mode: FloatArray | None = None
-    formulation: Formulation = field(default_factory=Formulation)
+    method: Method = DEFAULT
+    mass: Mass = Mass.CONSTANT
     velocity_outputs: bool = False
     compliance_interfaces: tuple[str, ...] = ()
     root_interface: int = GROUND
@@ -457,6 +365,8 @@ class ReducedBody:
             raise ModalFileError("angular_frequency must be ascending and not negative")
         if self.angular_frequency[-1] == 0.0:
             raise ModalFileError("the body has rigid motions only, expected at least one elastic mode")
+        if self.mass not in masses_of(self.method):
+            raise ModalFileError(f'mass is "{self.mass.value}", which method "{self.method.value}" does not know')
         if not set(self.compliance_interfaces) <= set(self.interface_names):
             raise ModalFileError(
                 f"compliance_interfaces are {self.compliance_interfaces}, expected names of interfaces"

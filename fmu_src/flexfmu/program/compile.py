@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Core
+from ..methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
 from ..model.errors import OptionError
-from ..model.reduced_body import GROUND, Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from ..model.reduced_body import GROUND, ReducedBody
 from ..rotations import skew
 from .image import write_image
 from .tree import Tree, bends, build_tree
@@ -49,17 +50,19 @@ class Draft:
     arrays: Arrays
 
     def image(self) -> bytes:
+        """All of it as bytes."""
         return write_image(self.sizes, self.arrays)
 
 
-def compile_draft(body: ReducedBody, formulation: Formulation) -> Draft:
-    """Program of a body under a formulation, without what the FMI layer needs besides.
+def compile_draft(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> Draft:
+    """Program of a body under a method, without what the FMI layer needs besides.
 
     Parameters
     ----------
     body : ReducedBody
-        Its frames divided as the formulation asks for, its interfaces fixed as the scene does.
-    formulation : Formulation
+        Its frames divided as the method has them, its interfaces fixed as the scene does.
+    method : Method
+    mass : Mass
 
     Returns
     -------
@@ -68,38 +71,34 @@ def compile_draft(body: ReducedBody, formulation: Formulation) -> Draft:
     Raises
     ------
     OptionError
-        The formulation needs data that the body was built without.
+        The method needs data that the body was built without.
     """
-    draft = _kinematics(body, formulation)
-    if formulation.stiffness is Stiffness.BY_MODE:
+    recipe = recipe_of(method)
+    draft = _kinematics(body, recipe, mass)
+    if recipe.stiffness is Stiffness.BY_MODE:
         draft.sizes["by_mode_given"] = 1
-        draft.arrays["by_mode"] = _given(body.stiffness_by_mode, formulation)
-    if formulation.stiffness is Stiffness.BY_LOAD:
+        draft.arrays["by_mode"] = _given(body.stiffness_by_mode, Data.BY_MODE)
+    if recipe.stiffness is Stiffness.BY_LOAD:
         # What moving loads do at first order by themselves *is* part of it: taken out, nothing counts twice.
-        data = _in_load_order(_given(body.stiffness_by_load, formulation), body.interface_count)
+        data = _in_load_order(_given(body.stiffness_by_load, Data.BY_LOAD), body.interface_count)
         by_load = data - _unit_load_tangents(draft, body)
         draft.sizes["by_load_given"] = 1
         draft.arrays["by_load"] = by_load
-    elif body.ties is None and not _second_order_loads(formulation):
-        _judge(draft, body, formulation)
+    elif body.ties is None and recipe.kinematics is not Kinematics.SECOND_ORDER:
+        _judge(draft, body, recipe)
     return draft
 
 
-def compile_program(body: ReducedBody, formulation: Formulation) -> bytes:
+def compile_program(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> bytes:
     """The same as an image."""
-    return compile_draft(body, formulation).image()
+    return compile_draft(body, method, mass).image()
 
 
-def _second_order_loads(formulation: Formulation) -> bool:
-    """Whether there is no better opinion on stiffness than the method's own."""
-    return formulation.kinematics is Kinematics.SECOND_ORDER and formulation.loads is LoadPlacement.DEFORMED
-
-
-def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
+def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> Draft:
     """Everything but geometric stiffness and the second opinion on it."""
     m, interfaces = body.mode_count, body.interface_count
-    tree = build_tree(body, formulation.kinematics)
-    placement = formulation.loads
+    tree = build_tree(body, recipe.kinematics)
+    placement = recipe.loads
     if placement is LoadPlacement.DEFORMED and not np.any(tree.parent[tree.frames : tree.frames + interfaces] >= 0):
         # Linear kinematics have a constant derivative: loads on the deformed body are then those on the reference one.
         placement = LoadPlacement.REFERENCE
@@ -125,7 +124,7 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
             "loads": 6 * interfaces + (3 if masses.size else 0),
             "placement": _PLACEMENT[placement],
             "turnings": len(turning_frame),
-            "turning_limit": _FIRST_ORDER if formulation.kinematics in _WRONG_AT_FIRST_ORDER else 100,
+            "turning_limit": _FIRST_ORDER if recipe.kinematics in _WRONG_AT_FIRST_ORDER else 100,
             "elastic_first": rigid,
             "elastic_count": last - rigid,
             "stress_sets": len(points),
@@ -151,7 +150,7 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
         },
     )
     _texts(draft, "names", names)
-    _texts(draft, "advice", [_against_rotation(body, formulation), "", "", _against_spin(body, formulation)])
+    _texts(draft, "advice", [_against_rotation(body, recipe), "", "", _against_spin(body, recipe)])
     _texts(draft, "guid", [""])
     if tree.curvature is not None:
         bent = bends(tree)
@@ -161,7 +160,7 @@ def _kinematics(body: ReducedBody, formulation: Formulation) -> Draft:
         draft.arrays |= {"core_start": bent.start, "extent": bent.extent}
     if body.ties is not None and tree.frames:
         _ties(draft, body, tree)
-    if formulation.mass is Mass.CONFIGURATION and tree.frames:
+    if mass is Mass.CONFIGURATION and tree.frames:
         _inertia(draft, body)
     elif rigid and tree.frames:
         _spin(draft, body)
@@ -174,14 +173,12 @@ def _texts(draft: Draft, name: str, texts: list[str]) -> None:
     draft.sizes[{"names": "name_bytes", "advice": "advice_bytes", "guid": "guid_bytes"}[name]] = len(data)
 
 
-def _given(data: FloatArray | None, formulation: Formulation) -> FloatArray:
-    if data is None:
-        kind = formulation.stiffness.value
+def _given(values: FloatArray | None, data: Data) -> FloatArray:
+    if values is None:
         raise OptionError(
-            f'stiffness "{kind}" needs data that this body was built without: build it with geometric_stiffness = '
-            f'["{kind}"] in [reduction]'
+            f"the method needs data that this body was built without: build it with {ASKED_BY[data]} in [reduction]"
         )
-    return data
+    return values
 
 
 def _in_load_order(by_load: FloatArray, interfaces: int) -> FloatArray:
@@ -300,18 +297,18 @@ def _interface_loads(draft: Draft, body: ReducedBody, elastic: slice) -> tuple[F
     return force, motion, size
 
 
-def _against_rotation(body: ReducedBody, formulation: Formulation) -> str:
+def _against_rotation(body: ReducedBody, recipe: Recipe) -> str:
     """What to do about rotation within a frame."""
-    if formulation.kinematics in _WRONG_AT_FIRST_ORDER:
+    if recipe.kinematics in _WRONG_AT_FIRST_ORDER:
         return 'take method = "frames"' + ("" if body.frame_count else ", and build with frames")
-    if formulation.kinematics is Kinematics.COROTATED and body.second is not None:
+    if recipe.kinematics is Kinematics.COROTATED and body.second is not None:
         return 'take method = "second_order", or build with more frames'
     return "build with more frames"
 
 
-def _against_missed(body: ReducedBody, formulation: Formulation, source: str) -> str:
+def _against_missed(body: ReducedBody, recipe: Recipe, source: str) -> str:
     """What to do about stiffness that is missed."""
-    linear = formulation.kinematics is Kinematics.LINEAR
+    linear = recipe.kinematics is Kinematics.LINEAR
     by_load = "stiffness_by_load" if linear else "frames_stiffness"
     if source == _BY_SECOND_ORDER:
         return 'take method = "second_order"'
@@ -323,34 +320,34 @@ def _against_missed(body: ReducedBody, formulation: Formulation, source: str) ->
     return f"build with more frames, or with {stored}"
 
 
-def _against_spin(body: ReducedBody, formulation: Formulation) -> str:
+def _against_spin(body: ReducedBody, recipe: Recipe) -> str:
     """What to do about inertia that constant mass does not know."""
     words = 'take mass = "configuration"'
-    if formulation.kinematics is not Kinematics.COROTATED:
+    if recipe.kinematics is not Kinematics.COROTATED:
         words += ' with method = "frames"'
     if body.inertia is None:
         words = f"build with inertia = true in [reduction], and {words}"
     return f"{words}, which holds for less than one turn about changing axes"
 
 
-def _judge(draft: Draft, body: ReducedBody, formulation: Formulation) -> None:
+def _judge(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
     """A second opinion on the tangent stiffness, by the best that the body holds (section 7)."""
     own = _unit_load_tangents(draft, body)
-    if formulation.stiffness is Stiffness.BY_MODE:
+    if recipe.stiffness is Stiffness.BY_MODE:
         own = own + _by_mode(draft, body)
     depth = _depth(body)
     if body.second is not None and body.frame_count:
-        better = Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)
+        better = recipe_of(Method.SECOND_ORDER)
         source, change = _BY_SECOND_ORDER, _unit_load_tangents(_kinematics(body, better), body)
     elif body.stiffness_by_load is not None:
         source = _BY_LOAD
         change = _in_load_order(np.asarray(body.stiffness_by_load), body.interface_count)
     elif depth:
-        framed = Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)
+        framed = recipe_of(Method.FRAMES)
         source = "the frames"
         change = (1.0 + _CHAIN / depth**2) * _unit_load_tangents(_kinematics(body, framed), body)
     else:
-        moved = Formulation(formulation.kinematics, LoadPlacement.CORRECTIVE_MOMENT)
+        moved = Recipe(recipe.kinematics, LoadPlacement.CORRECTIVE_MOMENT)
         source = "the displacement of the loaded interfaces, an estimate"
         change = _MOMENT * _unit_load_tangents(_kinematics(body, moved), body)
     first, count = draft.sizes["elastic_first"], draft.sizes["elastic_count"]
@@ -371,8 +368,8 @@ def _judge(draft: Draft, body: ReducedBody, formulation: Formulation) -> None:
     }
     force, motion, size = _interface_loads(draft, body, elastic)
     draft.arrays |= {"judge_force": force, "judge_motion": motion, "judge_size": size}
-    advice = [_against_rotation(body, formulation), _against_missed(body, formulation, source), source]
-    _texts(draft, "advice", [*advice, _against_spin(body, formulation)])
+    advice = [_against_rotation(body, recipe), _against_missed(body, recipe, source), source]
+    _texts(draft, "advice", [*advice, _against_spin(body, recipe)])
 
 
 def _by_mode(draft: Draft, body: ReducedBody) -> FloatArray:

@@ -1,15 +1,15 @@
-"""The programs that an FMU carries: one for each method that its body has the data for, and interfaces that the scene fixes."""
+"""The programs that an FMU carries: one for each method that its body has the data for, and interfaces held."""
 
 import struct
 from collections.abc import Mapping
 from itertools import combinations
 
 from ..fmu.variables import variable_table
-from ..methods import Method, formulation_of, method_of, offered
+from ..methods import Mass, Method, chosen, has_frames, masses_of, offered
 from ..model.division import divided
 from ..model.errors import OptionError
 from ..model.fixing import with_fixed_interfaces
-from ..model.reduced_body import GROUND, Formulation, Kinematics, Mass, ReducedBody
+from ..model.reduced_body import GROUND, ReducedBody
 from .compile import Draft, compile_draft
 from .description import variable_fields
 from .image import read_image
@@ -20,13 +20,14 @@ DESCRIPTION = "body.prog"
 _MOST_FIXED = 5
 
 
-def program_of(body: ReducedBody, formulation: Formulation, fixed: tuple[str, ...] = ()) -> bytes:
-    """Program of a body under a formulation, some of its interfaces fixed.
+def program_of(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT, fixed: tuple[str, ...] = ()) -> bytes:
+    """Program of a body under a method, some of its interfaces fixed.
 
     Parameters
     ----------
     body : ReducedBody
-    formulation : Formulation
+    method : Method
+    mass : Mass
     fixed : tuple of str
 
     Returns
@@ -36,10 +37,10 @@ def program_of(body: ReducedBody, formulation: Formulation, fixed: tuple[str, ..
     Raises
     ------
     OptionError
-        The formulation needs data that the body was built without, or interfaces cannot be fixed.
+        The method needs data that the body was built without, or interfaces cannot be fixed.
     """
-    held = with_fixed_interfaces(body, fixed, formulation.kinematics)
-    return compile_draft(divided(held, formulation), formulation).image()
+    held = with_fixed_interfaces(body, fixed, method)
+    return compile_draft(divided(held, method), method, mass).image()
 
 
 def programs(body: ReducedBody) -> dict[str, Draft]:
@@ -54,15 +55,14 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
     dict of str to Draft
     """
     fields = variable_fields(body, variable_table(body))
-    start = method_of(body.formulation)
+    start = chosen(body).method
     result = {}
     for method in offered(body):
-        mass = body.formulation.mass if method is Method.FRAMES else Mass.CONSTANT
-        formulation = formulation_of(method, mass)
-        for fixed in _fixed_sets(body, formulation):
+        mass = body.mass if body.mass in masses_of(method) else Mass.CONSTANT
+        for fixed in _fixed_sets(body, method):
             names = tuple(body.interface_names[number] for number in fixed)
             try:
-                held = divided(with_fixed_interfaces(body, names, formulation.kinematics), formulation)
+                held = divided(with_fixed_interfaces(body, names, method), method)
             except OptionError:
                 if not fixed:
                     raise
@@ -71,7 +71,7 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
             name = (
                 DESCRIPTION if method is start and not fixed else f"{'-'.join([method.value, *map(str, fixed)])}.prog"
             )
-            draft = compile_draft(held, formulation)
+            draft = compile_draft(held, method, mass)
             result[name] = Draft(draft.sizes | fields.sizes, draft.arrays | fields.arrays)
     return result
 
@@ -93,11 +93,11 @@ def guid_of(image: bytes) -> str:
         return ""
 
 
-def _fixed_sets(body: ReducedBody, formulation: Formulation) -> list[tuple[int, ...]]:
+def _fixed_sets(body: ReducedBody, method: Method) -> list[tuple[int, ...]]:
     """Sets of interfaces that a scene may fix, none first."""
     if body.root_interface == GROUND:
         return [()]
-    if formulation.kinematics is not Kinematics.LINEAR:
+    if has_frames(method):
         return [(), (body.root_interface,)]
     count = body.interface_count
     sizes = range(count + 1) if count <= _MOST_FIXED else (0, 1, count)

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..methods import Kinematics
 from ..model.errors import OptionError
-from ..model.reduced_body import GROUND, Kinematics, ReducedBody
+from ..model.reduced_body import GROUND, ReducedBody
 from ..rotations import skew
 
 FloatArray = NDArray[np.float64]
@@ -129,8 +130,8 @@ def _curvature(body: ReducedBody, parent: IntArray, offset: FloatArray, section:
     data = body.second
     if data is None:
         raise OptionError(
-            'kinematics "second_order" needs data that this body was built without: build it with second_order = true '
-            "in [reduction]"
+            'method "second_order" needs data that this body was built without: build it with second_order = true in '
+            "[reduction]"
         )
     frames, averaged = body.frame_count, body.frame_rotation
     hung = np.flatnonzero(parent >= 0)

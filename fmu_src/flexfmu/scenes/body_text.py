@@ -26,7 +26,7 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
     header : sequence of str
         Paragraphs at the top; an empty one is an empty line.
     reasons : mapping of str to str
-        Comments by key: "frames", "interface", "basis", "modes", "kinematics", "loads", "stiffness", "mass".
+        Comments by key: "frames", "interface", "basis", "modes", "method", "mass".
 
     Returns
     -------
@@ -49,14 +49,12 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
             lines += ["", *comment, f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
             lines += [f"{name} = {_value(one)}" for name, one in table.items()]
             comment = []
-    reduction, formulation = config.reduction, config.formulation
+    reduction = config.reduction
     chosen: dict[str, dict[str, Any]] = {
         "reduction": {"basis": reduction.basis.value, "modes": reduction.modes},
         "formulation": {
-            "kinematics": formulation.kinematics.value,
-            "loads": formulation.loads.value,
-            "stiffness": formulation.stiffness.value,
-            "mass": formulation.mass.value,
+            "method": config.variant.method.value,
+            "mass": config.variant.mass.value,
         },
     }
     if reduction.residual_flexibility:

@@ -1,4 +1,4 @@
-"""Models of a body that may do for a scene: basis, modes, frames and formulation."""
+"""Models of a body that may do for a scene: basis, modes, frames and method."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -10,17 +10,8 @@ import numpy as np
 from ..body import StepLimits
 from ..config import Basis, BodyFile, FormulationTable
 from ..mesh.model import IntArray
-from ..model.errors import OptionError
-from ..model.reduced_body import (
-    Division,
-    Formulation,
-    Kinematics,
-    LoadPlacement,
-    Mass,
-    ReducedBody,
-    SecondOrder,
-    Stiffness,
-)
+from ..methods import Data, Method, Variant, conflict, has_frames, masses_of, needs
+from ..model.reduced_body import ReducedBody, SecondOrder
 from .config import BasisChoice
 from .records import REDUCED
 from .scene import Scene
@@ -54,25 +45,24 @@ class Reduction:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A reduction under a formulation, with its internal step.
+    """A reduction under a method, with its internal step.
 
     Attributes
     ----------
     reduction : Reduction
-    formulation : Formulation
+    variant : Variant
     internal_step : float
         Error accepted per step; or `SINGLE`, `EXACT`.
     """
 
     reduction: Reduction
-    formulation: Formulation
+    variant: Variant
     internal_step: float = StepLimits().tolerance
 
     @property
     def key(self) -> tuple[str, ...]:
         """What tells it from others, in the order of the records' columns."""
-        r, f = self.reduction, self.formulation
-        words = f.kinematics.value, f.loads.value, f.stiffness.value, f.mass.value, f.division.value
+        r, words = self.reduction, (self.variant.method.value, self.variant.mass.value)
         return (REDUCED, "", r.basis.value, str(r.modes), str(r.frames), *words, self.internal_step_word)
 
     @property
@@ -106,73 +96,31 @@ def candidates(scene: Scene) -> list[Candidate]:
         tolerances = [StepLimits().tolerance if StepLimits().tolerance in tolerances else tolerances[-1]]
     bases = [_known_basis(config, basis) for basis in sweep.basis]
     found: dict[Candidate, None] = {}
-    for parts in product(sweep.kinematics, sweep.loads, sweep.stiffness, sweep.mass, sweep.division):
-        formulation = _meaningful(config, *parts)
-        if formulation is None:
+    for method, mass in product(sweep.methods, sweep.mass):
+        if mass not in masses_of(method):
             continue
-        linear = formulation.kinematics is Kinematics.LINEAR
-        frames = [linear_frames(config)] if linear else offered_frames(config, sweep.frames)
-        if parts[-1] is Division.ONE and not linear:
-            # One frame for the whole body is the tree of one.
-            frames = [1]
-        steps = [EXACT] if is_exact(config, formulation) else tolerances
+        variant = Variant(method, mass)
+        frames = _frame_counts(config, method, sweep.frames)
+        steps = [EXACT] if method is Method.LINEAR else tolerances
         for basis, modes, count, internal in product(bases, sweep.modes, frames, steps):
-            here = formulation
-            if formulation.division is Division.SEPARATE and _frame_count(config, count) < 2:
-                here = replace(formulation, division=Division.TREE)
-            candidate = Candidate(Reduction(basis, modes, count), here, internal)
+            candidate = Candidate(Reduction(basis, modes, count), variant, internal)
             if has_meaning(config, candidate):
                 found[candidate] = None
     order = {candidate: place for place, candidate in enumerate(found)}
     return sorted(found, key=lambda c: (_reduction_key(c.reduction), order[c]))
 
 
-def _meaningful(
-    config: BodyFile,
-    kinematics: Kinematics,
-    loads: LoadPlacement,
-    stiffness: Stiffness,
-    mass: Mass,
-    division: Division,
-) -> Formulation | None:
-    """The formulation, under the one name of those that are the same; None where it has no meaning."""
-    if kinematics is Kinematics.LINEAR:
-        division = Division.TREE
-        if loads is LoadPlacement.DEFORMED:
-            # The same as on the undeformed body.
-            loads = LoadPlacement.REFERENCE
-    if division is Division.ONE:
-        # Each part of a cut body turns by itself.
-        if config.cut:
-            return None
-        division = Division.TREE
-    curved = kinematics is Kinematics.SECOND_ORDER
-    if division is not Division.TREE and (curved or mass is not Mass.CONSTANT):
-        return None
-    if curved and loads is LoadPlacement.DEFORMED and stiffness is Stiffness.BY_LOAD:
-        # Such loads are the geometric stiffness already.
-        return None
-    try:
-        return Formulation(kinematics, loads, stiffness, mass, division)
-    except OptionError:
-        return None
+def _frame_counts(config: BodyFile, method: Method, listed: Iterable[int]) -> list[int]:
+    """Numbers of frames with which a method is tried."""
+    if not has_frames(method):
+        return [linear_frames(config)]
+    # One frame for the whole body is the same in a body of any number.
+    return [1] if method is Method.FLOATING_FRAME else offered_frames(config, listed)
 
 
 def _known_basis(config: BodyFile, basis: BasisChoice) -> BasisChoice:
     """The basis, under the one name of those that are the same: a cut body always has residual flexibility."""
     return BasisChoice.RESIDUAL if config.cut and basis is BasisChoice.NORMAL else basis
-
-
-def _frame_count(config: BodyFile, frames: int) -> int:
-    return len(config.frame) if frames == GIVEN else frames
-
-
-def is_exact(config: BodyFile, formulation: Formulation) -> bool:
-    """Whether no load depends on the motion, so that a step of any length is exact."""
-    plain = formulation.stiffness is Stiffness.CONSTANT and formulation.mass is Mass.CONSTANT
-    # What joins the parts of a cut body follows its frames, where they turn.
-    joined = bool(config.cut) and formulation.kinematics is not Kinematics.LINEAR
-    return plain and formulation.loads is LoadPlacement.REFERENCE and not joined
 
 
 def _reduction_key(reduction: Reduction) -> tuple[int, int, str]:
@@ -192,61 +140,41 @@ def offered_frames(config: BodyFile, numbers: Iterable[int]) -> list[int]:
 
 def has_meaning(config: BodyFile, candidate: Candidate) -> bool:
     """Whether the body file would take a combination."""
-    formulation, frames = candidate.formulation, candidate.reduction.frames
-    if config.free and formulation.stiffness is Stiffness.BY_LOAD:
+    if conflict(candidate.variant, config.free, bool(config.cut)) is not None:
         return False
-    plain = formulation.stiffness is Stiffness.CONSTANT and formulation.mass is Mass.CONSTANT
-    return not (config.cut and (not plain or frames == 0))
+    return not (config.cut and candidate.reduction.frames == 0)
 
 
-def reduction_config(config: BodyFile, reduction: Reduction, formulations: list[Formulation]) -> BodyFile:
-    """Body file of a reduction, with what some formulations need aboard.
+def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Variant]) -> BodyFile:
+    """Body file of a reduction, with the data that some methods need.
 
     Parameters
     ----------
     config : BodyFile
     reduction : Reduction
-    formulations : list of Formulation
+    variants : list of Variant
         The first is the one that the body starts with.
 
     Returns
     -------
     BodyFile
     """
-    needed = sorted({f.stiffness.value for f in formulations if f.stiffness is not Stiffness.CONSTANT})
+    data = {one for variant in variants for one in needs(variant.method, variant.mass)}
+    listed = {Data.BY_LOAD: "by_load", Data.BY_MODE: "by_mode"}
     table = config.reduction.model_copy(
         update={
             "basis": Basis.CRAIG_BAMPTON if reduction.basis is BasisChoice.CRAIG_BAMPTON else Basis.NORMAL,
             "modes": reduction.modes,
             "residual_flexibility": reduction.basis is BasisChoice.RESIDUAL,
-            "geometric_stiffness": needed,
-            "inertia": any(f.mass is Mass.CONFIGURATION for f in formulations),
-            "second_order": any(f.kinematics is Kinematics.SECOND_ORDER for f in formulations),
+            "geometric_stiffness": [word for one, word in listed.items() if one in data],
+            "inertia": Data.INERTIA in data,
+            "second_order": Data.SECOND_ORDER in data,
         }
     )
-    first = formulations[0]
-    start = FormulationTable(
-        kinematics=first.kinematics,
-        loads=first.loads,
-        stiffness=first.stiffness,
-        mass=first.mass,
-        division=first.division,
-    )
+    start = FormulationTable(method=variants[0].method, mass=variants[0].mass)
     own = reduction.frames == GIVEN
     frames = {"frames": None if own else reduction.frames, "frame": config.frame if own else []}
     return config.model_copy(update={**frames, "reduction": table, "formulation": start})
-
-
-def lean(body: ReducedBody, formulation: Formulation) -> ReducedBody:
-    """The body with nothing aboard that a formulation does not need."""
-    return replace(
-        body,
-        formulation=formulation,
-        stiffness_by_load=body.stiffness_by_load if formulation.stiffness is Stiffness.BY_LOAD else None,
-        stiffness_by_mode=body.stiffness_by_mode if formulation.stiffness is Stiffness.BY_MODE else None,
-        inertia=body.inertia if formulation.mass is Mass.CONFIGURATION else None,
-        second=body.second if formulation.kinematics is Kinematics.SECOND_ORDER else None,
-    )
 
 
 def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:

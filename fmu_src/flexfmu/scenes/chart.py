@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
+from ..methods import Method
 from ..targets import PICTURE_SUFFIXES, check_target, whole_file
 from .errors import SceneError
 from .page import page
@@ -29,14 +30,18 @@ SAME_COST = 0.03
 _MARKERS = {"normal": "o", "residual": "s", "craig_bampton": "^"}
 _BASES = {"normal": "normal modes", "residual": "with residual flexibility", "craig_bampton": "Craig-Bampton"}
 _LINEAR = "0.55"
-_SEPARATE = "tab:orange"
-# Kinematics with a shade for each number of frames.
-_SHADED = ("corotated", "second_order")
-# Kinematics for comparison.
-_OTHERS = {"literal": "tab:red", "secant": "tab:pink"}
-# Shades of the frames, one map a body.
-_MAPS = ("viridis", "cool", "autumn")
-_CURVED_MAPS = ("RdPu", "YlOrBr", "Greys")
+# Methods with a shade for each number of frames: maps for one body after the other, and what part of them.
+_SHADES = {
+    Method.FRAMES.value: (("viridis", "cool", "autumn"), 0.92, 0.05),
+    Method.FRAMES_STIFFNESS.value: (("YlGn", "PuBu", "copper_r"), 0.5, 1.0),
+    Method.SECOND_ORDER.value: (("RdPu", "YlOrBr", "Greys"), 0.5, 1.0),
+}
+# Methods on frames that are there for comparison.
+_OTHERS = {
+    Method.MODAL_ROTATION.value: "tab:red",
+    Method.HALF_ROTATION.value: "tab:pink",
+    Method.FLOATING_FRAME.value: "tab:orange",
+}
 _STARS = {"flexfmu": "*", "calculix": "P", "results": "X"}
 # Panels, inches: with and without the strip for the finite element model.
 _WIDTH, _STRIP, _HEIGHT = 5.6, 0.9, 3.6
@@ -228,21 +233,16 @@ class _Picture:
             plt.close(figure)
 
     def _colour(self, row: Record) -> str | tuple[float, ...]:
-        """Grey for linear kinematics, a shade for each number of frames of a body, and one for separate frames."""
+        """Grey for linear methods, a shade for each number of frames of a body, and one each for comparison."""
         body = self._bodies.index(row.body)
-        if row.kinematics == "linear":
+        if not row.on_frames:
             return _LINEAR if body == 0 else "0.78"
-        if row.kinematics not in _SHADED:
-            return _OTHERS.get(row.kinematics, "tab:brown")
-        if row.division == "separate":
-            return _SEPARATE
-        counts = sorted({r.frames for r in self._rows if r.kinematics == row.kinematics and r.body == row.body})
+        if row.method not in _SHADES:
+            return _OTHERS.get(row.method, "tab:brown")
+        counts = sorted({r.frames for r in self._rows if r.method == row.method and r.body == row.body})
         place = counts.index(row.frames) / max(len(counts) - 1, 1)
-        shade: tuple[float, ...]
-        if row.kinematics == "second_order":
-            shade = plt.get_cmap(_CURVED_MAPS[body % len(_CURVED_MAPS)])(0.5 + 0.5 * place)
-        else:
-            shade = plt.get_cmap(_MAPS[body % len(_MAPS)])(0.92 - 0.87 * place)
+        maps, first, last = _SHADES[row.method]
+        shade: tuple[float, ...] = plt.get_cmap(maps[body % len(maps)])(first + (last - first) * place)
         return shade
 
     def _finite_elements(self, quantity: str) -> list[Record]:
@@ -271,13 +271,12 @@ class _Picture:
             if not (math.isfinite(value) and value > 0.0 and math.isfinite(cost)):
                 continue
             colour = self._colours[row]
-            hollow = row.loads == "reference" and row.kinematics != "linear"
             axes.plot(
                 cost,
                 100.0 * value,
                 _MARKERS.get(row.basis, "D"),
                 markersize=4.0 + 1.5 * math.log10(max(row.mode_count, 1)),
-                markerfacecolor="none" if hollow else colour,
+                markerfacecolor=colour,
                 markeredgecolor=colour,
                 # Strong where all that the scene accepts is met.
                 alpha=0.95 if row.share <= 1.0 else 0.35,
@@ -356,10 +355,8 @@ class _Picture:
 
         rows, several = self._rows, len(self._bodies) > 1
         known: dict[str, str | tuple[float, ...]] = {}
-        ranks = {"linear": 0, "corotated": 1, "second_order": 2}
-        for row in sorted(
-            rows, key=lambda r: (self._bodies.index(r.body), ranks.get(r.kinematics, 3), r.division, r.frames)
-        ):
+        ranks = [method.value for method in Method]
+        for row in sorted(rows, key=lambda r: (self._bodies.index(r.body), ranks.index(r.method), r.frames)):
             known.setdefault((f"{row.body}: " if several else "") + _colour_words(row), self._colours[row])
         handles = [dot(words, markerfacecolor=c, markeredgecolor=c) for words, c in known.items()]
         handles += [
@@ -367,8 +364,6 @@ class _Picture:
             for basis, words in _BASES.items()
             if any(row.basis == basis for row in rows)
         ]
-        if any(row.loads == "reference" and row.kinematics != "linear" for row in rows):
-            handles.append(dot("hollow: loads on the undeformed body", markerfacecolor="none"))
         if any(row.share > 1.0 for row in rows):
             handles.append(dot("pale: beyond the scene's tolerance", alpha=0.35))
         words = {"flexfmu": "finite elements (flexfmu)", "calculix": "CalculiX", "results": "results brought"}
@@ -389,11 +384,11 @@ def _mark(axis: Any, low: float, high: float) -> None:
 
 def _colour_words(row: Record) -> str:
     """What a colour stands for."""
-    if row.kinematics == "linear":
+    if not row.on_frames:
         return "linear"
-    words = row.kinematics.replace("_", " ")
-    if row.kinematics not in _SHADED or row.division == "separate":
-        return f"{words}{', separate frames' if row.division == 'separate' else ''}"
+    words = row.method.replace("_", " ")
+    if row.method not in _SHADES:
+        return words
     return f"{words}, frames = {row.frames}" if row.frames >= 0 else f"{words}, the body's own frames"
 
 

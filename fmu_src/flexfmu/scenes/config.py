@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from ..config import Name
 from ..inputs import Kind
 from ..limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
-from ..model.reduced_body import Division, Kinematics, LoadPlacement, Mass, Stiffness
+from ..methods import Mass, Method
 from ..stability.config import StabilityTable
 from ..toml_files import explain, read_toml
 from .errors import SceneError
@@ -172,17 +172,18 @@ class SweepTable(_Table):
     basis: list[Annotated[BasisChoice, Field(strict=False)]] = Field(default=list(BasisChoice), min_length=1)
     modes: list[Modes] = Field(default=[5, 10, 20], min_length=1)
     frames: list[Frames] = Field(default=[1, 2, 4, 8], min_length=1)
-    kinematics: list[Annotated[Kinematics, Field(strict=False)]] = Field(
-        default=[Kinematics.LINEAR, Kinematics.COROTATED, Kinematics.SECOND_ORDER], min_length=1
-    )
-    loads: list[Annotated[LoadPlacement, Field(strict=False)]] = Field(
-        default=[LoadPlacement.REFERENCE, LoadPlacement.DEFORMED], min_length=1
-    )
-    stiffness: list[Annotated[Stiffness, Field(strict=False)]] = Field(
-        default=[Stiffness.CONSTANT, Stiffness.BY_LOAD], min_length=1
+    methods: list[Annotated[Method, Field(strict=False)]] = Field(
+        default=[
+            Method.LINEAR,
+            Method.STIFFNESS_BY_LOAD,
+            Method.FLOATING_FRAME,
+            Method.FRAMES,
+            Method.FRAMES_STIFFNESS,
+            Method.SECOND_ORDER,
+        ],
+        min_length=1,
     )
     mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=[Mass.CONSTANT], min_length=1)
-    division: list[Annotated[Division, Field(strict=False)]] = Field(default=list(Division), min_length=1)
     internal_step: list[Literal["single"] | Annotated[float, Field(gt=0.0, lt=1.0)]] = Field(
         default=["single", 1e-4], min_length=1
     )

@@ -56,15 +56,15 @@ def fit(scene: Scene, target: Path, report: Reporter, store: Store | None = None
         allowed = (1.0 + _SPARE) * one.shares[frames].share
         chosen = [(one, frames)]
     found: list[Choice] = []
-    with report.counted("2 of 3: leave out modes", len(chosen), "formulations") as tell:
+    with report.counted("2 of 3: leave out modes", len(chosen), "methods") as tell:
         for done, (one, frames) in enumerate(chosen, start=1):
-            found += modes_needed(search, one.formulation, frames, plenty, allowed)
+            found += modes_needed(search, one.variant, frames, plenty, allowed)
             tell(done)
     if not found:
         # Only so many modes with everything: as the frames were found.
         one, frames = chosen[0]
         plan = Plan(BasisChoice.RESIDUAL, plenty, frames)
-        found = [Choice(plan, one.formulation, search.body(plan, [one.formulation]), one.shares[frames])]
+        found = [Choice(plan, one.variant, search.body(plan, [one.variant]), one.shares[frames])]
     with report.stage(f"3 of 3: time {len(found)} models, and write the best"):
         best = cheapest(search, found)
         return deliver(search, best, reasons(search, tried, found, best, plenty), why, target, fmu, begun)

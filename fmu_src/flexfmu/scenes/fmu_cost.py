@@ -1,6 +1,6 @@
 """What a step costs through the FMU, against an empty FMU of the same variables driven in turns with it.
 
-A body is packaged once for all formulations whose data is aboard: they are chosen by the FMU's parameters. The FMUs
+A body is packaged once for all methods whose data it holds: they are chosen by the FMU's parameter `method`. The FMUs
 live in one process beside this one (`fmu_worker`).
 """
 
@@ -20,8 +20,8 @@ from ..body import StepLimits
 from ..errors import SimulationError
 from ..fmu.package import package_fmu
 from ..fmu.variables import METHOD, STEP_LIMIT, STEP_TOLERANCE
-from ..methods import method_of
-from ..model.reduced_body import Formulation, ReducedBody
+from ..methods import Variant
+from ..model.reduced_body import ReducedBody
 from .fmu_worker import LONGEST_STEPS, MARK
 from .scene import AXES, Scene
 
@@ -90,18 +90,18 @@ class FmuTimer:
         self._end()
 
     def times(
-        self, body: ReducedBody, scene: Scene, step: float, formulation: Formulation, limits: StepLimits
+        self, body: ReducedBody, scene: Scene, step: float, variant: Variant, limits: StepLimits
     ) -> dict[str, float]:
         """Time steps of a body's FMU and of the empty one, in turns.
 
         Parameters
         ----------
         body : ReducedBody
-            With the data of all formulations that it will be timed with; packaged when it is another one than before.
+            With the data of all variants that it will be timed with; packaged when it is another one than before.
         scene : Scene
         step : float
             s.
-        formulation : Formulation
+        variant : Variant
         limits : StepLimits
 
         Returns
@@ -115,11 +115,8 @@ class FmuTimer:
             One of them does not run.
         """
         name, against = self._ready(body)
-        method = method_of(formulation)
-        if method is None:
-            raise SimulationError(f"no method is made of {formulation}")
         parameters: dict[str, float | str] = {
-            METHOD: method.value,
+            METHOD: variant.method.value,
             STEP_LIMIT: limits.longest,
             STEP_TOLERANCE: limits.tolerance,
         }

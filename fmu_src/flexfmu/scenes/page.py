@@ -7,18 +7,16 @@ from collections.abc import Sequence
 from dataclasses import fields
 from importlib.resources import files
 
+from ..methods import Method, has_frames
 from .records import REDUCED, Record
 
 _FILTERS = (
     "body",
     "solver",
-    "kinematics",
+    "method",
     "frames",
-    "division",
     "basis",
     "modes",
-    "loads",
-    "stiffness",
     "mass",
     "internal_step",
     "status",
@@ -69,6 +67,7 @@ def page(rows: Sequence[Record], title: str) -> str:
         for kind, axes in (("costs", _COSTS), ("errors", _ERRORS))
     }
     content = {"rows": data, "columns": names, "filters": _FILTERS, "reduced": REDUCED, **offered}
+    content["linear"] = [method.value for method in Method if not has_frames(method)]
     # Nothing in the data may end the script.
     text = json.dumps(content, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     template = files(__package__).joinpath("page.html").read_text(encoding="utf-8")

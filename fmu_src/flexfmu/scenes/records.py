@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..methods import Method, has_frames
 from ..record_file import Layout, RecordFile
 from .errors import SceneError
 
@@ -16,11 +17,8 @@ KEY = (
     "basis",
     "modes",
     "frames",
-    "kinematics",
-    "loads",
-    "stiffness",
+    "method",
     "mass",
-    "division",
     "internal_step",
 )
 # Internal steps that need no word: without error, the FMU's own tolerance, and none at all.
@@ -42,7 +40,7 @@ class Record:
         "reduced"; of the finite element model "flexfmu", "calculix", or "results" for what the user brings.
     case : str
         Of the finite element model: the case that it was solved for.
-    basis, modes, frames, kinematics, loads, stiffness, mass, division, internal_step
+    basis, modes, frames, method, mass, internal_step
         The combination; the internal step is "single", "exact" or its tolerance. Of the finite element model nothing.
     mode_count, frame_count : int
         What came of it; of the finite element model its degrees of freedom, and none.
@@ -74,7 +72,7 @@ class Record:
     modal_bytes : int
         Size of the modal file.
     build_s : float
-        Time of the reduction, s, which serves all formulations of the same basis, modes and frames.
+        Time of the reduction, s, which serves all methods of the same basis, modes and frames.
     build_reused : str
         "yes" where parts of it came from an earlier build.
     """
@@ -86,11 +84,8 @@ class Record:
     basis: str = ""
     modes: int = 0
     frames: int = 0
-    kinematics: str = ""
-    loads: str = ""
-    stiffness: str = ""
+    method: str = ""
     mass: str = ""
-    division: str = ""
     internal_step: str = ""
     mode_count: int = 0
     frame_count: int = 0
@@ -136,16 +131,12 @@ class Record:
             return f"finite elements ({who}), {self.case}"
         basis = {"normal": "normal", "residual": "normal + residual", "craig_bampton": "Craig-Bampton"}
         modes = f"{basis.get(self.basis, self.basis)} {self.modes}"
-        words = [self.kinematics]
-        if self.kinematics != "linear":
+        words = [Method(self.method).label]
+        if self.on_frames:
             own = f"own {self.frame_count}" if self.frames < 0 else str(self.frames)
-            words = [f"{own} × {self.kinematics.replace('_', ' ')}", self.loads.replace("_", " ")]
-        if self.stiffness != "constant":
-            words.append(self.stiffness.replace("_", " "))
+            words = [f"{own} × {words[0]}"]
         if self.mass != "constant":
             words.append(f"mass {self.mass}")
-        if self.division == "separate":
-            words.append("separate frames")
         if self.internal_step == "single":
             words.append("one internal step")
         elif self.internal_step not in _USUAL_STEPS:
@@ -153,13 +144,16 @@ class Record:
         return f"{', '.join(words)}; {modes}"
 
     @property
+    def on_frames(self) -> bool:
+        """Whether its method moves the body by frames."""
+        return bool(self.method) and has_frames(Method(self.method))
+
+    @property
     def plainness(self) -> float:
         """How much there is to it beyond the plainest model: of models that are as good, the lowest is named."""
         extras = (
-            self.stiffness != "constant",
+            self.method not in (Method.LINEAR.value, Method.FRAMES.value),
             self.mass != "constant",
-            self.division not in ("tree", ""),
-            self.kinematics not in ("linear", "corotated"),
             self.internal_step not in _USUAL_STEPS,
             self.basis != "normal",
         )

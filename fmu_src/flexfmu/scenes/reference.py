@@ -10,11 +10,11 @@ import numpy as np
 
 from ..body import FlexibleBody, StepLimits
 from ..build import reduce_body
-from ..config import Basis
+from ..config import Basis, FormulationTable
 from ..loads import Loads
 from ..mesh.model import FloatArray
+from ..methods import Mass, Method
 from ..model.errors import EquilibriumError, StepError
-from ..model.reduced_body import Formulation, Mass
 from ..progress import Reporter, Tell, tell_nobody
 from ..store import Store, content_key
 from .errors import SceneError
@@ -149,11 +149,13 @@ def _tight_model(
             "inertia": mass is Mass.CONFIGURATION,
         }
     )
-    tight = config.model_copy(update={"frames": settings.frames, "frame": [], "reduction": reduction})
+    method = FormulationTable(method=Method.FRAMES, mass=mass)
+    changes = {"frames": settings.frames, "frame": [], "reduction": reduction, "formulation": method}
+    tight = config.model_copy(update=changes)
 
     def run() -> dict[str, FloatArray]:
         body = reduce_body(tight, report, store)
-        model = FlexibleBody(body, Formulation(mass=mass), limits=StepLimits(tolerance=settings.tolerance))
+        model = FlexibleBody(body, limits=StepLimits(tolerance=settings.tolerance))
         steps = len(case.start_loads)
         title = f"Follow {case.name} with {body.mode_count} modes and {body.frame_count} frames, {steps} steps"
         with report.counted(title, steps, "steps") as tell:

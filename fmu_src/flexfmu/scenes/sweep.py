@@ -10,12 +10,13 @@ from pathlib import Path
 from ..body import FlexibleBody
 from ..build import reduce_body
 from ..errors import AccuracyError, SimulationError
+from ..methods import Variant, lean
 from ..model.errors import RuntimeBodyError
 from ..model.modal_file import write_modal_file
-from ..model.reduced_body import Formulation, ReducedBody
+from ..model.reduced_body import ReducedBody
 from ..progress import Reporter
 from ..store import Store
-from .candidates import GIVEN, Candidate, Reduction, candidates, grouped, lean, reduction_config
+from .candidates import GIVEN, Candidate, Reduction, candidates, grouped, reduction_config
 from .finite_elements import finite_element_records
 from .fmu_cost import FmuTimer
 from .measure import array_bytes, communication_step, equilibrium_time, errors, step_cost
@@ -65,11 +66,11 @@ class Workshop:
             self._known = references(self.scene, self._report, self._store, self.whole)
         return self._known
 
-    def reduce(self, reduction: Reduction, formulations: list[Formulation]) -> tuple[ReducedBody, float, bool]:
+    def reduce(self, reduction: Reduction, variants: list[Variant]) -> tuple[ReducedBody, float, bool]:
         """Reduce the body; seconds that it took, and whether something came from an earlier build."""
         listening = _Listening(self._report)
         start = time.perf_counter()
-        body = reduce_body(reduction_config(self.scene.config, reduction, formulations), listening, self._store)
+        body = reduce_body(reduction_config(self.scene.config, reduction, variants), listening, self._store)
         return body, time.perf_counter() - start, listening.reused
 
     def record(
@@ -80,8 +81,8 @@ class Workshop:
         timer: FmuTimer | None = None,
     ) -> Record:
         """Measure a candidate on a body that was reduced for it, and maybe for others."""
-        scene, reduction, formulation = self.scene, candidate.reduction, candidate.formulation
-        slim = lean(body, formulation)
+        scene, reduction, variant = self.scene, candidate.reduction, candidate.variant
+        slim = lean(body, variant)
         words: dict[str, object] = {
             "scene": scene.digest,
             "body": scene.config.name,
@@ -125,7 +126,7 @@ class Workshop:
     def _fmu_costs(self, timer: FmuTimer, body: ReducedBody, candidate: Candidate, step: float) -> dict[str, object]:
         """What it costs through the FMU; a note where that does not run."""
         try:
-            times = timer.times(body, self.scene, step, candidate.formulation, candidate.limits)
+            times = timer.times(body, self.scene, step, candidate.variant, candidate.limits)
         except SimulationError as error:
             self._report.warning(str(error))
             return {"note": str(error)}
@@ -185,9 +186,9 @@ def sweep(
         for reduction, members in grouped(left):
             count = "own" if reduction.frames == GIVEN else reduction.frames
             title = f"{reduction.basis.value}, {reduction.modes} modes, {count} frames"
-            with report.stage(f"{title}: {len(members)} formulations"):
+            with report.stage(f"{title}: {len(members)} methods"):
                 try:
-                    body, seconds, reused = workshop.reduce(reduction, [member.formulation for member in members])
+                    body, seconds, reused = workshop.reduce(reduction, [member.variant for member in members])
                 except AccuracyError as error:
                     report.warning(f"{title}: {error}")
                     done += len(members)

@@ -1,16 +1,17 @@
-"""Map of a load that presses against the critical one, per formulation: deflection under a small side load."""
+"""Map of a load that presses against the critical one, per method: deflection under a small side load."""
 
 import time
 from collections.abc import Container, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..body import FlexibleBody
 from ..loads import Loads
 from ..mesh.model import FloatArray
+from ..methods import Method, Variant, lean
 from ..model.errors import RuntimeBodyError
-from ..model.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from ..model.reduced_body import ReducedBody
 from ..program.compile import compile_draft
 from .config import Map
 from .records import Key, Run, StabilityError, Verdict, verdict
@@ -19,11 +20,8 @@ from .subject import Subject, linear_response, unit
 
 # Deflection by the side load alone, as part of the interface's distance from the farthest point of the body.
 _SIDE = 1e-3
-_LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
-_BLIND = Formulation(Kinematics.COROTATED, LoadPlacement.REFERENCE)
 # With more frames the second order has little to add.
 _FEW = 2
-_MOMENT = Formulation(Kinematics.COROTATED, LoadPlacement.CORRECTIVE_MOMENT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +53,12 @@ def reason_against(subject: Subject) -> str | None:
     return None
 
 
-def _rows(subject: Subject) -> Iterator[tuple[int, list[tuple[str, Formulation]], list[Run]]]:
-    """Numbers of frames, the formulations that each serves, and their runs, of which nothing is known yet."""
+def _rows(subject: Subject) -> Iterator[tuple[int, list[tuple[str, Method]], list[Run]]]:
+    """Numbers of frames, the methods that each serves, and their runs, of which nothing is known yet."""
     shares = subject.table.shares
     for frames in (0, *subject.table.frames):
-        rows = _formulations(frames, max(subject.table.frames))
-        blank = [subject.blank(Map.BUCKLING, "formulations", f"{s:g}", label) for label, _ in rows for s in shares]
+        rows = _methods(frames, max(subject.table.frames))
+        blank = [subject.blank(Map.BUCKLING, "methods", f"{s:g}", label) for label, _ in rows for s in shares]
         yield frames, rows, blank
 
 
@@ -96,36 +94,32 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
             frames=frames or None,
             geometric_stiffness=["by_load"],
             second_order=bool(frames),
-            formulation=Formulation() if frames else _LINEAR,
+            method=Method.FRAMES if frames else Method.LINEAR,
         )
-        for label, formulation in rows:
-            # What a formulation does not need is not aboard, as in an FMU that was built for it.
-            data = body.stiffness_by_load if formulation.stiffness is Stiffness.BY_LOAD else None
-            second = body.second if formulation.kinematics is Kinematics.SECOND_ORDER else None
-            with Aboard(replace(body, stiffness_by_load=data, second=second, formulation=formulation)) as aboard:
+        for label, method in rows:
+            # As in an FMU that was built for the method alone.
+            with Aboard(lean(body, Variant(method))) as aboard:
                 for run in keys:
                     if run.y == label and run.key not in done:
                         share = float(run.x)
                         yield _one(subject, aboard, run, press, truth[share], reader)
 
 
-def _formulations(frames: int, most: int) -> list[tuple[str, Formulation]]:
+def _methods(frames: int, most: int) -> list[tuple[str, Method]]:
     """Rows that a body with so many frames serves."""
-    by_load = Stiffness.BY_LOAD
     if not frames:
-        return [("linear", _LINEAR), ("linear, by load", replace(_LINEAR, stiffness=by_load))]
-    rows = [(f"{frames} × deformed", Formulation())]
+        return [(method.label, method) for method in (Method.LINEAR, Method.STIFFNESS_BY_LOAD)]
+    methods = [Method.FRAMES]
     if frames <= _FEW:
-        rows.append((f"{frames} × second order", Formulation(Kinematics.SECOND_ORDER)))
+        methods.append(Method.SECOND_ORDER)
     if frames == most:
-        rows = [(f"{frames} × reference", _BLIND), (f"{frames} × corrective moment", _MOMENT), *rows]
-        rows += [(f"{frames} × deformed, by load", replace(Formulation(), stiffness=by_load))]
-    return rows
+        methods = [Method.MODAL_ROTATION, Method.HALF_ROTATION, *methods, Method.FRAMES_STIFFNESS]
+    return [(f"{frames} × {method.label}", method) for method in methods]
 
 
 def _press(subject: Subject, body: ReducedBody, reader: int) -> _Press:
     """Direction in which the body buckles first, or the one given, and a side load that finds the shape."""
-    draft = compile_draft(body, _LINEAR)
+    draft = compile_draft(body, Method.LINEAR)
     count = draft.sizes["elastic_count"]
     # What each unit load does to the tangent stiffness, over the unloaded one.
     changes = np.asarray(draft.arrays["judge_change"]).reshape(-1, count, count)

@@ -18,7 +18,7 @@ class Map(Enum):
     """What is mapped."""
 
     BUCKLING = "buckling"
-    """Axial load against the critical one, per formulation."""
+    """Axial load against the critical one, per method."""
     ROTATION = "rotation"
     """Rotation against the number of frames."""
     COUPLING = "coupling"

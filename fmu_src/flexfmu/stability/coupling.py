@@ -17,7 +17,8 @@ from ..master.config import parse_coupling
 from ..master.coupling import CouplingStoppedError
 from ..master.results import Result
 from ..mesh.model import FloatArray
-from ..model.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody
+from ..methods import Method
+from ..model.reduced_body import ReducedBody
 from ..progress import Reporter
 from .config import Map
 from .records import Key, Run, verdict
@@ -147,7 +148,7 @@ def _point_mass(mass: float) -> ReducedBody:
         interface_displacement=displacement,
         interface_rotation=zero,
         interface_frame=np.array([-1]),
-        formulation=Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE),
+        method=Method.LINEAR,
         velocity_outputs=True,
     )
 

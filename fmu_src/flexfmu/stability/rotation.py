@@ -6,16 +6,17 @@ from collections.abc import Container, Iterator
 import numpy as np
 
 from ..body import FlexibleBody
+from ..fmu.variables import METHOD
 from ..loads import Loads
 from ..mesh.model import FloatArray
+from ..methods import Method
 from ..model.errors import RuntimeBodyError
-from ..model.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody
+from ..model.reduced_body import ReducedBody
 from .config import Map
 from .records import Key, Run, verdict
 from .slave import Aboard, Told
 from .subject import Subject, linear_response, unit
 
-_LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
 # A cut body is turned by the scene's loads up to this angle (°): its supports let it go no further.
 _CUT = 30.0
 
@@ -27,14 +28,13 @@ def reason_against(subject: Subject) -> str | None:
     return None
 
 
-def _rows(subject: Subject) -> Iterator[tuple[int, list[tuple[str, Formulation]], list[Run]]]:
-    """Numbers of frames, the formulations that each serves, and their runs, of which nothing is known yet."""
+def _rows(subject: Subject) -> Iterator[tuple[int, list[tuple[str, Method]], list[Run]]]:
+    """Numbers of frames, the methods that each serves, and their runs, of which nothing is known yet."""
     least = 1 if subject.config.cut else 0
     for frames in (least, *(n for n in subject.table.frames if n > least)):
-        rows = [("linear", _LINEAR)] if frames == least else []
+        rows = [("linear", Method.LINEAR)] if frames == least else []
         if frames:
-            rows += [(f"{frames} × corotated", Formulation())]
-            rows += [(f"{frames} × second order", Formulation(Kinematics.SECOND_ORDER))]
+            rows += [(f"{frames} × {m.label}", m) for m in (Method.FRAMES, Method.SECOND_ORDER)]
         angles = _angles(subject)
         yield (
             frames,
@@ -71,13 +71,13 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
     for frames, rows, keys in _rows(subject):
         if all(run.key in done for run in keys):
             continue
-        body = subject.reduced(frames=frames or None, second_order=bool(frames), formulation=rows[-1][1])
+        body = subject.reduced(frames=frames or None, second_order=bool(frames), method=rows[-1][1])
         with Aboard(body) as aboard:
-            for label, formulation in rows:
+            for label, method in rows:
                 for run in keys:
                     if run.y == label and run.key not in done:
                         inputs = np.radians(float(run.x)) * pattern
-                        yield _one(subject, aboard, run, formulation, inputs, truth[float(run.x)], reader)
+                        yield _one(subject, aboard, run, method, inputs, truth[float(run.x)], reader)
 
 
 def _pattern(subject: Subject, body: ReducedBody, reader: int) -> FloatArray:
@@ -107,14 +107,13 @@ def _one(
     subject: Subject,
     aboard: Aboard,
     run: Run,
-    formulation: Formulation,
+    method: Method,
     inputs: FloatArray,
     truth: FloatArray | None,
     reader: int,
 ) -> Run:
     start = time.perf_counter()
-    chosen = {"formulation.kinematics": formulation.kinematics.value, "formulation.loads": formulation.loads.value}
-    told = Told(aboard, {"initialization": "static", **chosen}, inputs)
+    told = Told(aboard, {"initialization": "static", METHOD: method.value}, inputs)
     error = turned = float("nan")
     if not told.refused:
         turned = told.real("diagnostics.rotation_within_frame")

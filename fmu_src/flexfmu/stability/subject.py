@@ -10,7 +10,8 @@ from ..body import FlexibleBody
 from ..build import reduce_body
 from ..config import BodyFile, FormulationTable, read_body_file
 from ..mesh.model import FloatArray
-from ..model.reduced_body import Formulation, ReducedBody
+from ..methods import Method
+from ..model.reduced_body import ReducedBody
 from ..progress import Reporter
 from ..scenes.config import SceneFile, read_scene_file
 from ..store import Store
@@ -70,17 +71,12 @@ class Subject:
         return Run(self.digest, self.config.name, kind.value, panel, x, y, "")
 
     def reduced(self, **changes: object) -> ReducedBody:
-        """Body with changes of its `[reduction]`; `frames` and `formulation` are keys of their own."""
+        """Body with changes of its `[reduction]`; `frames` and `method` are keys of their own."""
         update: dict[str, object] = {}
         if "frames" in changes:
             update |= {"frames": changes.pop("frames"), "frame": [], "branch": []}
-        if "formulation" in changes:
-            f = changes.pop("formulation")
-            if not isinstance(f, Formulation):
-                raise TypeError(f"formulation is a {type(f).__name__}, expected a Formulation")
-            update["formulation"] = FormulationTable(
-                kinematics=f.kinematics, loads=f.loads, stiffness=f.stiffness, mass=f.mass, division=f.division
-            )
+        if "method" in changes:
+            update["formulation"] = FormulationTable.model_validate({"method": changes.pop("method")})
         update["reduction"] = self.config.reduction.model_copy(update=changes)
         return reduce_body(self.config.model_copy(update=update), self.quiet, self.store)
 
@@ -93,7 +89,7 @@ class Subject:
             residual_flexibility=True,
             frames=_REFERENCE_FRAMES,
             geometric_stiffness=["by_load"],
-            formulation=Formulation(),
+            method=Method.FRAMES,
         )
         return FlexibleBody(body)
 
@@ -180,7 +176,7 @@ def period(body: ReducedBody) -> float:
 
 
 def slim(body: ReducedBody) -> ReducedBody:
-    """Body without the data that only some formulations need."""
+    """Body without the data that only some methods need."""
     return replace(body, stiffness_by_load=None, stiffness_by_mode=None, inertia=None)
 
 

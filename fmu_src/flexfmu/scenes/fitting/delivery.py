@@ -10,8 +10,9 @@ from pathlib import Path
 from ...body import FlexibleBody, StepLimits
 from ...config import read_body_file
 from ...fmu.package import package_fmu
+from ...methods import Variant, chosen
 from ...model.errors import RuntimeBodyError
-from ...model.reduced_body import Formulation, ReducedBody
+from ...model.reduced_body import ReducedBody
 from ...targets import whole_file
 from ..body_text import body_text
 from ..config import BasisChoice
@@ -34,7 +35,7 @@ class Fit:
     Attributes
     ----------
     plan : Plan
-    formulation : Formulation
+    variant : Variant
     met : bool
         Whether the tolerance is met, as measured on the file that was written.
     predicted, measured, given : Errors
@@ -58,7 +59,7 @@ class Fit:
     """
 
     plan: Plan
-    formulation: Formulation
+    variant: Variant
     met: bool
     predicted: Errors
     measured: Errors
@@ -146,7 +147,7 @@ def deliver(
     -------
     Fit
     """
-    config = plan_config(search.scene.config, best.plan, [best.formulation])
+    config = plan_config(search.scene.config, best.plan, [best.variant])
     title = f"{config.name}: the smallest and fastest model found within a scene's tolerance."
     if limit:
         title = f"{config.name}: the best model found for a scene; its tolerance is not met."
@@ -175,20 +176,20 @@ def _measured(
     given = None
     try:
         given = reduced(search.scene.given, search.store)
-        given_errors = search.errors(given, given.formulation)
+        given_errors = search.errors(given, chosen(given))
     except RuntimeBodyError as error:
         given_errors = Errors(failure=str(error))
     times = {"fit": math.inf, "given": math.inf}
     for _ in range(_TIMINGS):
-        times["fit"] = min(times["fit"], search.cost(body, best.formulation))
+        times["fit"] = min(times["fit"], search.cost(body, best.variant))
         if given is not None and not given_errors.failure:
-            times["given"] = min(times["given"], search.cost(given, given.formulation))
-    measured = search.errors(body, best.formulation)
+            times["given"] = min(times["given"], search.cost(given, chosen(given)))
+    measured = search.errors(body, best.variant)
     bodies = [body] if given is None or given_errors.failure else [body, given]
     fmu_times = _through_fmu(search, bodies) if through_fmu else []
     return Fit(
         plan=best.plan,
-        formulation=best.formulation,
+        variant=best.variant,
         met=measured.share <= 1.0,
         predicted=best.errors,
         measured=measured,
@@ -213,14 +214,14 @@ def _measured(
 def _too_stiff(search: Search, best: Choice, body: ReducedBody) -> tuple[str, ...]:
     """Loads that the scene does not have and that the body as written gives way to by too little."""
     most = max(search.scene.file.sweep.modes)
-    whole = search.body(Plan(BasisChoice.RESIDUAL, most, best.plan.frames), [best.formulation])
+    whole = search.body(Plan(BasisChoice.RESIDUAL, most, best.plan.frames), [best.variant])
     loaded = loaded_inputs(search.scene)
     lacking = zip(load_names(whole), missed(body, whole), strict=True)
     return tuple(name for name, part in lacking if part > _STIFF and name not in loaded)
 
 
 def _through_fmu(search: Search, bodies: list[ReducedBody]) -> list[dict[str, float]]:
-    """Time steps of bodies, each under its own formulation, through their FMUs."""
+    """Time steps of bodies, each under its own method, through their FMUs."""
     step = search.step(FlexibleBody(bodies[0]))
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder, FmuTimer(Path(folder)) as timer:
-        return [timer.times(body, search.scene, step, body.formulation, StepLimits()) for body in bodies]
+        return [timer.times(body, search.scene, step, chosen(body), StepLimits()) for body in bodies]

@@ -7,40 +7,50 @@ import numpy as np
 from ...body import FlexibleBody, State
 from ...errors import BodyFileError
 from ...mesh.model import FloatArray
+from ...methods import Mass, Method, Variant, has_frames, lean
 from ...model.errors import RuntimeBodyError
-from ...model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from ...model.reduced_body import ReducedBody
 from ...progress import Tell
-from ..candidates import Candidate, Reduction, has_meaning, lean, linear_frames, offered_frames
+from ..candidates import Candidate, Reduction, has_meaning, linear_frames, offered_frames
 from ..config import BasisChoice
 from ..measure import Errors
 from ..scene import Scene
 from .branches import LEVELS, Branch, find_branches, frames_of, spread_joints, turning
 from .motion import courses
 from .trial import Joints, Plan, Search
-from .words import formulation_words, frames_words, short
+from .words import frames_words, short
 
 LADDER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
 """Numbers that are tried one after the other."""
 # What takes less than this share off the error does not help.
 HELPS = 0.1
+# Those that are there for comparison are left out.
+_WORTH_TRYING = (
+    Method.LINEAR,
+    Method.STIFFNESS_BY_LOAD,
+    Method.FRAMES,
+    Method.SECOND_ORDER,
+    Method.FRAMES_STIFFNESS,
+)
+_ALWAYS = (Method.LINEAR, Method.FRAMES)
 # Frames are given up when so many more tries have not helped.
 _PATIENCE = 2
 
 
 @dataclass(slots=True)
 class Tried:
-    """Divisions tried under one formulation.
+    """Divisions tried under one variant.
 
     Attributes
     ----------
-    formulation : Formulation
+    variant : Variant
     shares : dict of int or Joints to Errors
         Ascending in each of both ways of dividing.
     counts : dict of int or Joints to int
         Frames that came of it.
     """
 
-    formulation: Formulation
+    variant: Variant
     shares: dict[int | Joints, Errors] = field(default_factory=dict)
     counts: dict[int | Joints, int] = field(default_factory=dict)
 
@@ -60,11 +70,11 @@ class Tried:
     @property
     def linear(self) -> bool:
         """Whether it knows no frames."""
-        return self.formulation.kinematics is Kinematics.LINEAR
+        return not has_frames(self.variant.method)
 
 
 def frames_needed(search: Search, plenty: int) -> list[Tried]:
-    """Under each formulation the fewest frames that will do, with plenty of modes and residual flexibility.
+    """Under each variant the fewest frames that will do, with plenty of modes and residual flexibility.
 
     Parameters
     ----------
@@ -77,7 +87,7 @@ def frames_needed(search: Search, plenty: int) -> list[Tried]:
     list of Tried
     """
     scene = search.scene
-    tried = [Tried(formulation) for formulation in _formulations(scene)]
+    tried = [Tried(variant) for variant in _variants(scene)]
     most = max(scene.file.sweep.frames)
     levels = offered_frames(scene.config, (n for n in LADDER if n <= most))
     title = "1 of 3: frames, with plenty of modes"
@@ -92,53 +102,40 @@ def frames_needed(search: Search, plenty: int) -> list[Tried]:
     return [one for one in tried if one.shares]
 
 
-def _formulations(scene: Scene) -> list[Formulation]:
-    """What may do, roughly by cost; readings that are there for comparison are left out."""
+def _variants(scene: Scene) -> list[Variant]:
+    """What may do, roughly by cost: linear, frames, and what `[sweep]` lists of the others."""
     sweep = scene.file.sweep
-    linear, turned = Kinematics.LINEAR, Kinematics.COROTATED
-    undeformed, deformed = LoadPlacement.REFERENCE, LoadPlacement.DEFORMED
-    found = [Formulation(linear, undeformed)]
-    if LoadPlacement.REFERENCE in sweep.loads:
-        found.append(Formulation(turned, undeformed))
-    if Stiffness.BY_LOAD in sweep.stiffness:
-        found.append(Formulation(linear, undeformed, Stiffness.BY_LOAD))
-    found.append(Formulation(turned, deformed))
-    if Kinematics.SECOND_ORDER in sweep.kinematics:
-        found.append(Formulation(Kinematics.SECOND_ORDER, deformed))
-    if Stiffness.BY_LOAD in sweep.stiffness:
-        found.append(Formulation(turned, deformed, Stiffness.BY_LOAD))
+    found = [Variant(method) for method in _WORTH_TRYING if method in (*_ALWAYS, *sweep.methods)]
     if scene.transient and Mass.CONFIGURATION in sweep.mass:
-        found.append(Formulation(turned, deformed, mass=Mass.CONFIGURATION))
+        found.append(Variant(Method.FRAMES, Mass.CONFIGURATION))
     flat = linear_frames(scene.config)
-    smallest = [Reduction(BasisChoice.NORMAL, 1, flat if f.kinematics is linear else 1) for f in found]
-    return [f for f, r in zip(found, smallest, strict=True) if has_meaning(scene.config, Candidate(r, f))]
+    smallest = [Reduction(BasisChoice.NORMAL, 1, 1 if has_frames(v.method) else flat) for v in found]
+    return [v for v, r in zip(found, smallest, strict=True) if has_meaning(scene.config, Candidate(r, v))]
 
 
 def _open(tried: list[Tried]) -> list[Tried]:
-    """Formulations that need frames and have not enough yet; the deformed body's mass only where no other will do."""
+    """Methods that need frames and have not enough yet; the deformed body's mass only where no other will do."""
     wanted = [one for one in tried if not one.linear and one.enough is None]
     if any(one.enough is not None for one in tried):
-        wanted = [one for one in wanted if one.formulation.mass is Mass.CONSTANT]
+        wanted = [one for one in wanted if one.variant.mass is Mass.CONSTANT]
     return wanted
 
 
 def _try(search: Search, plenty: int, division: int | Joints, wanted: list[Tried]) -> ReducedBody | None:
-    """Measure a division under some formulations; None where the body cannot be divided so."""
+    """Measure a division under some variants; None where the body cannot be divided so."""
     if not wanted:
         return None
     plan = Plan(BasisChoice.RESIDUAL, plenty, division)
     with search.report.stage(f"Try {frames_words(division)} with {plenty} modes"):
         try:
-            body = search.body(plan, [one.formulation for one in wanted])
+            body = search.body(plan, [one.variant for one in wanted])
         except BodyFileError:
             return None
         for one in wanted:
-            one.shares[division] = search.errors(body, one.formulation)
+            one.shares[division] = search.errors(body, one.variant)
             one.counts[division] = body.frame_count
     for one in wanted:
-        search.report.note(
-            f"{formulation_words(one.formulation)}: {short(one.shares[division].share)} of the tolerance"
-        )
+        search.report.note(f"{one.variant.words}: {short(one.shares[division].share)} of the tolerance")
     return body
 
 
@@ -147,7 +144,7 @@ def _uneven(search: Search, plenty: int, tried: list[Tried], most: int, tell: Te
     scene = search.scene
     if not any(not one.linear for one in tried):
         return
-    turned = Formulation()
+    turned = Variant(Method.FRAMES)
     with search.report.stage(f"See where the body turns, with {LEVELS} levels"):
         branches = find_branches(scene.config)
         fine = search.body(Plan(BasisChoice.RESIDUAL, plenty, LEVELS), [turned])
@@ -165,7 +162,7 @@ def _uneven(search: Search, plenty: int, tried: list[Tried], most: int, tell: Te
         if joints:
             body = _try(search, plenty, joints, wanted)
         else:
-            body = search.body(Plan(BasisChoice.RESIDUAL, plenty, 1), [one.formulation for one in wanted])
+            body = search.body(Plan(BasisChoice.RESIDUAL, plenty, 1), [one.variant for one in wanted])
         if body is None:
             return
         within = _rotation(scene, body, branches, counts, turns)
@@ -174,13 +171,11 @@ def _uneven(search: Search, plenty: int, tried: list[Tried], most: int, tell: Te
 
 
 def _improvable(tried: list[Tried]) -> list[Tried]:
-    """Formulations of which fewer frames would be worth having, or other ones might do."""
+    """Methods of which fewer frames would be worth having, or other ones might do."""
     turned = [one for one in tried if not one.linear]
     if any(one.enough is not None for one in turned):
         return [
-            one
-            for one in turned
-            if one.enough is not None or not (one.stuck or one.formulation.mass is not Mass.CONSTANT)
+            one for one in turned if one.enough is not None or not (one.stuck or one.variant.mass is not Mass.CONSTANT)
         ]
     return turned
 
@@ -193,8 +188,8 @@ def _rotation(
     own = frames_of(branches, counts, body)
     if own is None:
         return even
-    formulation = Formulation()
-    model = FlexibleBody(lean(body, formulation))
+    variant = Variant(Method.FRAMES)
+    model = FlexibleBody(lean(body, variant))
     largest = np.zeros(model.model.frame_count)
     try:
         for course in courses(scene, model, False):

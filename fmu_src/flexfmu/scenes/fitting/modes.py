@@ -7,7 +7,8 @@ import numpy as np
 
 from ...errors import AccuracyError, BodyFileError
 from ...mesh.model import IntArray
-from ...model.reduced_body import Formulation, Mass, ReducedBody
+from ...methods import Mass, Variant
+from ...model.reduced_body import ReducedBody
 from ..config import BasisChoice
 from ..measure import Errors
 from ..scene import AXES, Scene
@@ -25,15 +26,13 @@ _FEWER = 0.75
 _TIMINGS, _CLOSE = 3, 0.2
 
 
-def modes_needed(
-    search: Search, formulation: Formulation, frames: int | Joints, plenty: int, allowed: float
-) -> list[Choice]:
+def modes_needed(search: Search, variant: Variant, frames: int | Joints, plenty: int, allowed: float) -> list[Choice]:
     """In each basis the fewest modes that will do.
 
     Parameters
     ----------
     search : Search
-    formulation : Formulation
+    variant : Variant
     frames : int or Joints
     plenty : int
         Number of modes to choose among.
@@ -48,12 +47,12 @@ def modes_needed(
     # The parts of a cut body have modes of their own, which no choice by contribution knows apart.
     fewest = _fewest_of_parts if search.scene.config.cut else _fewest
     for basis in dict.fromkeys(search.scene.file.sweep.basis):
-        choice = fewest(search, basis, formulation, frames, plenty, allowed)
+        choice = fewest(search, basis, variant, frames, plenty, allowed)
         if choice is not None:
             found.append(choice)
     loaded = loaded_inputs(search.scene)
     if offers_shapes_by_load(search.scene) and loaded:
-        choice = _fewest(search, BasisChoice.RESIDUAL, formulation, frames, plenty, allowed, loaded)
+        choice = _fewest(search, BasisChoice.RESIDUAL, variant, frames, plenty, allowed, loaded)
         if choice is not None:
             found.append(choice)
     return found
@@ -80,7 +79,7 @@ def loaded_inputs(scene: Scene) -> tuple[str, ...]:
 def _fewest(
     search: Search,
     basis: BasisChoice,
-    formulation: Formulation,
+    variant: Variant,
     frames: int | Joints,
     plenty: int,
     allowed: float,
@@ -91,18 +90,18 @@ def _fewest(
     With `loaded` static shapes are those of these loads, and of others as far as the scene asks for.
     """
     try:
-        body = search.body(Plan(basis, plenty, frames), [formulation])
+        body = search.body(Plan(basis, plenty, frames), [variant])
     except (AccuracyError, BodyFileError):
         # Interfaces that cannot be held one by one, for Craig-Bampton.
         return None
     groups = mode_groups(body, basis, plenty)
-    part = contributions(search.scene, body, formulation, basis)
+    part = contributions(search.scene, body, variant, basis)
     order = sorted(groups, key=lambda group: -float(part[group].max()))
     tried: dict[tuple[int, ...], Errors] = {}
     limit = search.scene.file.fit.other_loads
     # Normal modes alone have to do as well, where static shapes are to be had instead.
     alone = basis is BasisChoice.NORMAL and limit < 1.0 and offers_shapes_by_load(search.scene)
-    whole = search.body(Plan(BasisChoice.RESIDUAL, plenty, frames), [formulation]) if alone or loaded else body
+    whole = search.body(Plan(BasisChoice.RESIDUAL, plenty, frames), [variant]) if alone or loaded else body
 
     def shapes(numbers: IntArray) -> tuple[str, ...]:
         return loads_to_keep(whole, numbers, loaded, limit) if alone or loaded else ()
@@ -115,10 +114,10 @@ def _fewest(
             return math.inf
         key = tuple(numbers.tolist())
         if key not in tried:
-            tried[key] = search.errors(subset(body, basis, numbers, kept), formulation)
+            tried[key] = search.errors(subset(body, basis, numbers, kept), variant)
         return tried[key].share
 
-    quick = formulation.mass is Mass.CONSTANT
+    quick = variant.mass is Mass.CONSTANT
     count = _first(len(order), lambda n: share(order[:n]) <= allowed, quick)
     if count is None:
         return None
@@ -134,7 +133,7 @@ def _fewest(
     kept = shapes(numbers)
     # All of them need no list.
     listed = () if len(kept) == len(load_names(body)) else kept
-    return Choice(Plan(basis, modes, frames, listed), formulation, subset(body, basis, numbers, kept), errors)
+    return Choice(Plan(basis, modes, frames, listed), variant, subset(body, basis, numbers, kept), errors)
 
 
 def mode_groups(body: ReducedBody, basis: BasisChoice, plenty: int) -> list[IntArray]:
@@ -171,7 +170,7 @@ def _first(last: int, enough: Callable[[int], bool], quick: bool) -> int | None:
 
 
 def _fewest_of_parts(
-    search: Search, basis: BasisChoice, formulation: Formulation, frames: int | Joints, plenty: int, allowed: float
+    search: Search, basis: BasisChoice, variant: Variant, frames: int | Joints, plenty: int, allowed: float
 ) -> Choice | None:
     """Of a cut body: the lowest modes of each part, which always gets residual flexibility."""
     if basis is BasisChoice.NORMAL and BasisChoice.RESIDUAL in search.scene.file.sweep.basis:
@@ -180,17 +179,17 @@ def _fewest_of_parts(
     for count in (plenty, *(n for n in LADDER if n < plenty), plenty):
         plan = Plan(basis, count, frames)
         try:
-            body = search.body(plan, [formulation])
+            body = search.body(plan, [variant])
         except (AccuracyError, BodyFileError):
             if count == plenty:
                 return None
             continue
-        found = search.errors(body, formulation)
+        found = search.errors(body, variant)
         if count == plenty and found.share > allowed:
             return None
         if count < plenty and found.share <= allowed:
-            return Choice(plan, formulation, body, found)
-    return Choice(plan, formulation, body, found)
+            return Choice(plan, variant, body, found)
+    return Choice(plan, variant, body, found)
 
 
 def cheapest(search: Search, found: list[Choice]) -> Choice:
@@ -212,7 +211,7 @@ def cheapest(search: Search, found: list[Choice]) -> Choice:
         done = 0
         for _ in range(_TIMINGS):
             for choice in left:
-                choice.cost = min(choice.cost, search.cost(choice.body, choice.formulation))
+                choice.cost = min(choice.cost, search.cost(choice.body, choice.variant))
                 done += 1
                 tell(done)
             fastest = min(choice.cost for choice in left)
@@ -223,5 +222,5 @@ def cheapest(search: Search, found: list[Choice]) -> Choice:
 
 def _beats(one: Choice, other: Choice) -> bool:
     """Whether one is faster than the other without a look at the clock: the same steps with far fewer modes."""
-    same = one.formulation == other.formulation and one.body.frame_count == other.body.frame_count
+    same = one.variant == other.variant and one.body.frame_count == other.body.frame_count
     return same and one.body.mode_count <= _FEWER * other.body.mode_count

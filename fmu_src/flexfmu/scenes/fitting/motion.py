@@ -6,9 +6,9 @@ import numpy as np
 
 from ...body import FlexibleBody
 from ...mesh.model import FloatArray
+from ...methods import Variant, lean
 from ...model.errors import EquilibriumError, RuntimeBodyError
-from ...model.reduced_body import Formulation, ReducedBody
-from ..candidates import lean
+from ...model.reduced_body import ReducedBody
 from ..config import BasisChoice
 from ..measure import _within
 from ..scene import Scene
@@ -80,7 +80,7 @@ def courses(scene: Scene, model: FlexibleBody, filtered: bool = True) -> list[Co
 
 
 def contributions(
-    scene: Scene, body: ReducedBody, formulation: Formulation, basis: BasisChoice = BasisChoice.NORMAL
+    scene: Scene, body: ReducedBody, variant: Variant, basis: BasisChoice = BasisChoice.NORMAL
 ) -> FloatArray:
     """How much each normal mode has to do with the motion of the scene's interfaces.
 
@@ -89,7 +89,7 @@ def contributions(
     scene : Scene
     body : ReducedBody
         With the interfaces of `scene.config`.
-    formulation : Formulation
+    variant : Variant
     basis : BasisChoice
         Of the body. With residual flexibility modes are there for vibration only, q + Q/ω² = −q̈/ω²: what follows the
         loads is there without them. Craig-Bampton's normal modes hold the interfaces still: what counts is their part
@@ -102,7 +102,7 @@ def contributions(
         cases: of a static one the displacement that the mode adds to an interface, over the interface's; of motion
         over time the rms of both, within the frequencies that count.
     """
-    found = courses(scene, FlexibleBody(lean(body, formulation)))
+    found = courses(scene, FlexibleBody(lean(body, variant)))
     shapes = normal_shapes(body, basis)
     part = np.zeros(shapes.shape[1])
     for course in found:

@@ -7,9 +7,9 @@ import numpy as np
 
 from ...body import FlexibleBody
 from ...errors import AccuracyError
+from ...methods import Data, Mass, Method, Variant, has_frames, lean, needs
 from ...model.errors import RuntimeBodyError
-from ...model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
-from ..candidates import GIVEN, Candidate, Reduction, has_meaning, lean
+from ..candidates import GIVEN, Candidate, Reduction, has_meaning
 from ..config import BasisChoice
 from ..scene import Scene
 from .frames import HELPS, Tried
@@ -17,7 +17,7 @@ from .modes import loaded_inputs, mode_groups
 from .motion import contributions, courses
 from .subspace import normal_frequencies
 from .trial import Choice, Joints, Plan, Search
-from .words import basis_words, formulation_words, frames_words, short
+from .words import basis_words, frames_words, short
 
 # Groups of modes that a comment lists.
 _LISTED = 6
@@ -41,35 +41,34 @@ def reasons(search: Search, tried: list[Tried], found: list[Choice], best: Choic
     -------
     dict of str to str
     """
-    scene, formulation = search.scene, best.formulation
+    scene, variant = search.scene, best.variant
     result: dict[str, str] = {}
     left = [table.name for table in scene.given.interface if table not in scene.config.interface]
     if left:
         result["interface"] = f"Left out, since the scene neither loads nor reads them: {', '.join(left)}."
     linear = [one for one in tried if one.linear]
     seen = "; ".join(
-        f"{formulation_words(one.formulation)} comes to {short(next(iter(one.shares.values())).share)} times the "
-        "tolerance"
+        f"{one.variant.words} comes to {short(next(iter(one.shares.values())).share)} times the tolerance"
         for one in linear
     )
-    if formulation.kinematics is Kinematics.LINEAR:
-        result["kinematics"] = f"Linear is enough: with {plenty} modes {seen}."
-        result["frames"] = "Linear kinematics need no frames."
+    if not has_frames(variant.method):
+        result["method"] = f"Linear is enough: with {plenty} modes {seen}."
+        result["frames"] = "Linear methods need no frames."
     else:
-        result["kinematics"] = f"Linear is not enough: with {plenty} modes {seen}."
-        own = next(one for one in tried if one.formulation == formulation)
+        own = next(one for one in tried if one.variant == variant)
+        others = _others([one for one in tried if one.variant != variant and not one.linear], found)
+        result["method"] = f"Linear is not enough: with {plenty} modes {seen}. {others}".strip()
         where = {int: "frames", tuple: "branch"}[type(best.plan.frames)]
         result["frame" if best.plan.frames == GIVEN else where] = _frames(own, best, scene, plenty)
-        result["loads"] = _others([one for one in tried if one.formulation != formulation and not one.linear], found)
-    others = [name for name in best.plan.residual if name not in loaded_inputs(scene)]
-    if others:
+    spared = [name for name in best.plan.residual if name not in loaded_inputs(scene)]
+    if spared:
         result["residual_flexibility"] = (
-            f"{', '.join(others)}: not among the scene's loads, and kept so that under no load of an interface more "
+            f"{', '.join(spared)}: not among the scene's loads, and kept so that under no load of an interface more "
             f"than {_percent(scene.file.fit.other_loads)} of the static displacement is missing."
         )
-    result["basis"] = _bases([choice for choice in found if choice.formulation == formulation])
+    result["basis"] = _bases([choice for choice in found if choice.variant == variant])
     if not scene.config.cut:
-        result["modes"] = _modes(search, best, [c for c in found if c.formulation == formulation], plenty)
+        result["modes"] = _modes(search, best, [c for c in found if c.variant == variant], plenty)
     else:
         result["modes"] = "The lowest of each part, and residual flexibility of its interfaces and sections."
     return result
@@ -91,15 +90,15 @@ def _frames(own: Tried, choice: Choice, scene: Scene, plenty: int) -> str:
 
 
 def _others(others: list[Tried], found: list[Choice]) -> str:
-    """What the other formulations need, and their fastest steps."""
+    """What the other variants need, and their fastest steps."""
     fastest = {
-        one.formulation: min((c for c in found if c.formulation == one.formulation), key=lambda c: c.cost, default=None)
+        one.variant: min((c for c in found if c.variant == one.variant), key=lambda c: c.cost, default=None)
         for one in others
     }
     words = [
-        f"{formulation_words(one.formulation)} "
+        f"{one.variant.words} "
         + (
-            f"needs {_plural(one.counts[one.enough], 'frame')}{_told(fastest[one.formulation])}"
+            f"needs {_plural(one.counts[one.enough], 'frame')}{_told(fastest[one.variant])}"
             if one.enough is not None
             else f"does not reach it with {_plural(max(one.counts.values()), 'frame')}"
         )
@@ -130,9 +129,9 @@ def _microseconds(choice: Choice) -> str:
 
 def _modes(search: Search, best: Choice, found: list[Choice], plenty: int) -> str:
     """What each of the chosen modes adds, what was left out, and what lies beyond the frequencies that count."""
-    scene, plan, formulation = search.scene, best.plan, best.formulation
-    body = search.body(Plan(plan.basis, plenty, plan.frames), [formulation])
-    part = contributions(scene, body, formulation, plan.basis)
+    scene, plan, variant = search.scene, best.plan, best.variant
+    body = search.body(Plan(plan.basis, plenty, plan.frames), [variant])
+    part = contributions(scene, body, variant, plan.basis)
     groups = mode_groups(body, plan.basis, plenty)
     chosen = set(plan.numbers)
     kept = [g for g in groups if g[0] + 1 in chosen]
@@ -198,7 +197,7 @@ def _percent(part: float) -> str:
 
 def rotation_left(scene: Scene, choice: Choice) -> float:
     """Largest rotation within any frame in the scene, rad: the FMU's own `diagnostics.rotation_within_frame`."""
-    model = FlexibleBody(lean(choice.body, choice.formulation))
+    model = FlexibleBody(lean(choice.body, choice.variant))
     try:
         every = [q for course in courses(scene, model, False) for q in course.q]
         return max(model.largest_rotation(replace(model.rest(), q=q)) for q in every)
@@ -221,9 +220,9 @@ def limit(search: Search, one: Tried, frames: int | Joints, plenty: int) -> str:
     -------
     str
     """
-    formulation, here = one.formulation, one.shares[frames].share
+    variant, here = one.variant, one.shares[frames].share
     after: dict[str, float] = {}
-    for words, (plan, other) in _more(search.scene, formulation, frames, one.counts[frames], plenty).items():
+    for words, (plan, other) in _more(search.scene, variant, frames, one.counts[frames], plenty).items():
         levels = plan.frames if isinstance(plan.frames, int) else 1
         if not has_meaning(search.scene.config, Candidate(Reduction(plan.basis, plenty, levels), other)):
             continue
@@ -244,25 +243,23 @@ def limit(search: Search, one: Tried, frames: int | Joints, plenty: int) -> str:
 
 
 def _more(
-    scene: Scene, formulation: Formulation, frames: int | Joints, count: int, plenty: int
-) -> dict[str, tuple[Plan, Formulation]]:
+    scene: Scene, variant: Variant, frames: int | Joints, count: int, plenty: int
+) -> dict[str, tuple[Plan, Variant]]:
     """Models that have more of one thing each."""
     residual = BasisChoice.RESIDUAL
-    corotated = replace(formulation, kinematics=Kinematics.COROTATED, loads=LoadPlacement.DEFORMED)
-    second = formulation.kinematics is Kinematics.SECOND_ORDER
-    turned = replace(formulation, loads=LoadPlacement.DEFORMED) if second else corotated
+    turned = variant if has_frames(variant.method) else Variant(Method.FRAMES)
     now = frames if isinstance(frames, int) and frames != GIVEN else count
     twice = 2 * max(now, 1)
     found = {
-        f"modes ({2 * plenty} instead of {plenty})": (Plan(residual, 2 * plenty, frames), formulation),
+        f"modes ({2 * plenty} instead of {plenty})": (Plan(residual, 2 * plenty, frames), variant),
         f"frames ({twice} instead of {'its own' if frames == GIVEN else now})": (
             Plan(residual, plenty, twice),
             turned,
         ),
     }
     at = Plan(residual, plenty, frames or 1)
-    if formulation.stiffness is Stiffness.CONSTANT:
-        found['stiffness = "by_load"'] = (at, replace(corotated, stiffness=Stiffness.BY_LOAD))
-    if scene.transient and formulation.mass is Mass.CONSTANT:
-        found['mass = "configuration"'] = (at, replace(corotated, mass=Mass.CONFIGURATION))
+    if Data.BY_LOAD not in needs(variant.method):
+        found[f'method = "{Method.FRAMES_STIFFNESS.value}"'] = (at, Variant(Method.FRAMES_STIFFNESS))
+    if scene.transient and variant.mass is Mass.CONSTANT:
+        found['mass = "configuration"'] = (at, Variant(Method.FRAMES, Mass.CONFIGURATION))
     return found

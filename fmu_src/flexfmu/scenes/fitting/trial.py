@@ -6,11 +6,12 @@ from functools import cached_property
 from ...body import FlexibleBody
 from ...build import reduce_body
 from ...config import BodyFile, BranchTable
+from ...methods import Variant, lean
 from ...model.errors import RuntimeBodyError
-from ...model.reduced_body import Formulation, ReducedBody
+from ...model.reduced_body import ReducedBody
 from ...progress import Reporter
 from ...store import Store
-from ..candidates import GIVEN, Reduction, lean, reduction_config
+from ..candidates import GIVEN, Reduction, reduction_config
 from ..config import BasisChoice
 from ..measure import Errors, communication_step, errors, step_cost
 from ..reference import Reference, references
@@ -53,7 +54,7 @@ class Choice:
     Attributes
     ----------
     plan : Plan
-    formulation : Formulation
+    variant : Variant
     body : ReducedBody
     errors : Errors
     cost : float
@@ -61,27 +62,27 @@ class Choice:
     """
 
     plan: Plan
-    formulation: Formulation
+    variant: Variant
     body: ReducedBody
     errors: Errors
     cost: float = float("inf")
 
 
-def plan_config(config: BodyFile, plan: Plan, formulations: list[Formulation]) -> BodyFile:
-    """Body file of a plan, with what some formulations need aboard, the first of them to start with.
+def plan_config(config: BodyFile, plan: Plan, variants: list[Variant]) -> BodyFile:
+    """Body file of a plan, with what some variants need aboard, the first of them to start with.
 
     Parameters
     ----------
     config : BodyFile
     plan : Plan
-    formulations : list of Formulation
+    variants : list of Variant
 
     Returns
     -------
     BodyFile
     """
     levels = plan.frames if isinstance(plan.frames, int) else 1
-    found = reduction_config(config, Reduction(plan.basis, plan.numbers[-1], levels), formulations)
+    found = reduction_config(config, Reduction(plan.basis, plan.numbers[-1], levels), variants)
     branch = config.branch if plan.frames == GIVEN else []
     if not isinstance(plan.frames, int):
         branch = [BranchTable(toward=toward, joints=list(joints)) for toward, joints in plan.frames]
@@ -108,7 +109,7 @@ class Search:
         self.scene = scene
         self.report = report
         self.store = store or Store()
-        self._bodies: dict[Plan, tuple[ReducedBody, frozenset[Formulation]]] = {}
+        self._bodies: dict[Plan, tuple[ReducedBody, frozenset[Variant]]] = {}
         self._step: float | None = None
         self.tried = 0
 
@@ -117,25 +118,25 @@ class Search:
         """The references, found when first needed."""
         return references(self.scene, self.report, self.store)
 
-    def body(self, plan: Plan, formulations: list[Formulation]) -> ReducedBody:
-        """Reduce the body for some formulations, once."""
+    def body(self, plan: Plan, variants: list[Variant]) -> ReducedBody:
+        """Reduce the body for some variants, once."""
         found = self._bodies.get(plan)
-        if found is None or not set(formulations) <= found[1]:
-            config = plan_config(self.scene.config, plan, formulations)
-            found = self._bodies[plan] = reduced(config, self.store), frozenset(formulations)
+        if found is None or not set(variants) <= found[1]:
+            config = plan_config(self.scene.config, plan, variants)
+            found = self._bodies[plan] = reduced(config, self.store), frozenset(variants)
         return found[0]
 
-    def errors(self, body: ReducedBody, formulation: Formulation) -> Errors:
-        """Error of a reduced body under a formulation."""
+    def errors(self, body: ReducedBody, variant: Variant) -> Errors:
+        """Error of a reduced body under a variant."""
         self.tried += 1
         try:
-            return errors(self.scene, self.known, FlexibleBody(lean(body, formulation)))
+            return errors(self.scene, self.known, FlexibleBody(lean(body, variant)))
         except RuntimeBodyError as error:
             return Errors(failure=str(error))
 
-    def cost(self, body: ReducedBody, formulation: Formulation) -> float:
+    def cost(self, body: ReducedBody, variant: Variant) -> float:
         """Fastest step, s."""
-        model = FlexibleBody(lean(body, formulation))
+        model = FlexibleBody(lean(body, variant))
         return step_cost(self.scene, model, self.step(model)).fastest
 
     def step(self, model: FlexibleBody) -> float:

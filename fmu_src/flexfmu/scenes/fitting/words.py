@@ -2,7 +2,6 @@
 
 import math
 
-from ...model.reduced_body import Formulation, Kinematics, Mass, Stiffness
 from ..candidates import GIVEN
 from ..config import BasisChoice
 from ..measure import Errors
@@ -27,18 +26,6 @@ def frames_words(division: int | Joints) -> str:
             f"{', '.join(f'{place:g}' for place in places)} m toward {toward}" for toward, places in division
         )
     return "the body's own frames" if division == GIVEN else f"{division} frame" + ("" if division == 1 else "s")
-
-
-def formulation_words(formulation: Formulation) -> str:
-    """A formulation, what is usual left out."""
-    words = [formulation.kinematics.value]
-    if formulation.kinematics is not Kinematics.LINEAR:
-        words.append(f"loads {formulation.loads.value}")
-    if formulation.stiffness is not Stiffness.CONSTANT:
-        words.append(f"stiffness {formulation.stiffness.value}")
-    if formulation.mass is not Mass.CONSTANT:
-        words.append(f"mass {formulation.mass.value}")
-    return ", ".join(words)
 
 
 def short(share: float) -> str:
