@@ -1,6 +1,7 @@
 """The smallest, fastest model of a body that a scene's tolerance allows, with the reason of each choice."""
 
 import time
+from itertools import product
 from pathlib import Path
 
 from ..progress import Reporter
@@ -9,7 +10,7 @@ from ..targets import check_target
 from .config import BasisChoice
 from .fitting.delivery import Fit, deliver
 from .fitting.frames import frames_needed
-from .fitting.modes import cheapest, modes_needed
+from .fitting.modes import bases_to_try, cheapest, modes_needed
 from .fitting.reasons import limit, reasons
 from .fitting.trial import Choice, Plan, Search
 from .scene import Scene
@@ -56,9 +57,13 @@ def fit(scene: Scene, target: Path, report: Reporter, store: Store | None = None
         allowed = (1.0 + _SPARE) * one.shares[frames].share
         chosen = [(one, frames)]
     found: list[Choice] = []
-    with report.counted("2 of 3: leave out modes", len(chosen), "methods") as tell:
-        for done, (one, frames) in enumerate(chosen, start=1):
-            found += modes_needed(search, one.variant, frames, plenty, allowed)
+    searches = list(product(chosen, bases_to_try(scene)))
+    title = f"2 of 3: leave out modes under {len(chosen)} methods"
+    with report.counted(title, len(searches), "bases") as tell:
+        for done, ((one, frames), basis) in enumerate(searches, start=1):
+            choice = modes_needed(search, basis, one.variant, frames, plenty, allowed)
+            if choice is not None:
+                found.append(choice)
             tell(done)
     if not found:
         # Only so many modes with everything: as the frames were found.

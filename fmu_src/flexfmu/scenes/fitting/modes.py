@@ -26,12 +26,28 @@ _FEWER = 0.75
 _TIMINGS, _CLOSE = 3, 0.2
 
 
-def modes_needed(search: Search, variant: Variant, frames: int | Joints, plenty: int, allowed: float) -> list[Choice]:
-    """In each basis the fewest modes that will do.
+def bases_to_try(scene: Scene) -> list[tuple[BasisChoice, tuple[str, ...]]]:
+    """Bases, each with the loads of the scene where static shapes are those of single loads."""
+    found: list[tuple[BasisChoice, tuple[str, ...]]] = [(basis, ()) for basis in dict.fromkeys(scene.file.sweep.basis)]
+    loaded = loaded_inputs(scene)
+    return [*found, (BasisChoice.RESIDUAL, loaded)] if offers_shapes_by_load(scene) and loaded else found
+
+
+def modes_needed(
+    search: Search,
+    basis: tuple[BasisChoice, tuple[str, ...]],
+    variant: Variant,
+    frames: int | Joints,
+    plenty: int,
+    allowed: float,
+) -> Choice | None:
+    """The fewest modes of a basis that will do.
 
     Parameters
     ----------
     search : Search
+    basis : tuple
+        One of `bases_to_try`.
     variant : Variant
     frames : int or Joints
     plenty : int
@@ -41,21 +57,12 @@ def modes_needed(search: Search, variant: Variant, frames: int | Joints, plenty:
 
     Returns
     -------
-    list of Choice
+    Choice or None
     """
-    found = []
-    # The parts of a cut body have modes of their own, which no choice by contribution knows apart.
-    fewest = _fewest_of_parts if search.scene.config.cut else _fewest
-    for basis in dict.fromkeys(search.scene.file.sweep.basis):
-        choice = fewest(search, basis, variant, frames, plenty, allowed)
-        if choice is not None:
-            found.append(choice)
-    loaded = loaded_inputs(search.scene)
-    if offers_shapes_by_load(search.scene) and loaded:
-        choice = _fewest(search, BasisChoice.RESIDUAL, variant, frames, plenty, allowed, loaded)
-        if choice is not None:
-            found.append(choice)
-    return found
+    if search.scene.config.cut:
+        # Its parts have modes of their own, which no choice by contribution knows apart.
+        return _fewest_of_parts(search, basis[0], variant, frames, plenty, allowed)
+    return _fewest(search, basis[0], variant, frames, plenty, allowed, basis[1])
 
 
 def offers_shapes_by_load(scene: Scene) -> bool:
@@ -83,7 +90,7 @@ def _fewest(
     frames: int | Joints,
     plenty: int,
     allowed: float,
-    loaded: tuple[str, ...] = (),
+    loaded: tuple[str, ...],
 ) -> Choice | None:
     """Of a body in one piece: those that move most are taken first, then whatever can be spared is left out again.
 
