@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .core import Core, StepAnswer
+from .core import Core, StepAnswer, StepLimits
 from .loads import Loads, loads_from_mapping
 from .methods import Mass, Method, chosen
 from .model.division import divided
@@ -17,26 +17,9 @@ from .model.reduced_body import ReducedBody
 from .program.compile import compile_program
 from .rotations import cross
 
+__all__ = ["FlexibleBody", "Response", "State", "StepLimits", "Work"]
+
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class StepLimits:
-    """What bounds the internal step, and the work of a call.
-
-    Attributes
-    ----------
-    longest : float
-        Longest internal step, s; zero for no limit.
-    tolerance : float
-        Error accepted per step in the energy norm, relative to the motion's; sub-steps are halved until it is met.
-    most : float
-        Internal steps of usual cost that one call may take.
-    """
-
-    longest: float = 0.0
-    tolerance: float = 1e-4
-    most: float = 1024.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +120,7 @@ class FlexibleBody:
         self.model = divided(with_fixed_interfaces(model, fixed, self.method), self.method)
         self.limits = limits
         program = compile_program(self.model, self.method, variant.mass)
-        self.core = Core(program, damping_scale, limits.longest, limits.tolerance, limits.most)
+        self.core = Core(program, damping_scale, limits)
 
     def __repr__(self) -> str:
         """Name, method and size."""
@@ -192,24 +175,8 @@ class FlexibleBody:
             There is none that the unloaded body could reach.
         """
         answer, q, share, _ = self.core.static(self._packed(loads))
-        if answer is StepAnswer.FREE:
-            raise EquilibriumError(
-                f"the body is free to move in {self.model.rigid_count} rigid motions and has no equilibrium of its "
-                "own: fix an interface, or start at rest",
-                0.0,
-            )
-        if answer is StepAnswer.TOO_MUCH_WORK:
-            raise EquilibriumError(
-                f"the equilibrium would take more work than internal_step.most = {self.limits.most:g} allows, and "
-                f"{100.0 * share:.1f} % of the load were reached: lower the load, or raise internal_step.most",
-                share,
-            )
         if answer is not StepAnswer.OK:
-            raise EquilibriumError(
-                f"no stable equilibrium beyond {100.0 * share:.1f} % of the load: it is near or above the critical "
-                "load of the reduced body; lower the load, or check its direction and units",
-                share,
-            )
+            raise EquilibriumError(self.core.static_refusal(answer, share), share)
         return State(q, np.zeros_like(q))
 
     def step(self, state: State, loads: Loads | Mapping[str, Sequence[float]], step: float) -> State:
@@ -256,27 +223,8 @@ class FlexibleBody:
         """As `step_with_work`, with loads as the array (6I,) or, of a body with masses, (6I + 3,) of `Loads.packed`."""
         answer, q, v, hint, work = self.core.step(state.q, state.v, inputs, step, end_inputs, state.substeps)
         if answer is not StepAnswer.OK:
-            raise StepError(self._refusal(answer, step, work[0]))
+            raise StepError(self.core.step_refusal(answer, step, work))
         return State(q, v, hint), Work(*work)
-
-    def _refusal(self, answer: StepAnswer, step: float, substeps: int) -> str:
-        match answer:
-            case StepAnswer.BAD_STEP:
-                return f"step is {step} s, expected a positive number"
-            case StepAnswer.NOT_FINITE:
-                return "the step ends in values that are not finite: the loads are too large for the arithmetic"
-            case StepAnswer.TOO_MUCH_WORK:
-                return (
-                    f"the step of {step:.6g} s would take more work than internal_step.most = {self.limits.most:g} "
-                    f"allows ({substeps} internal steps were tried): lower the load or the communication step, or "
-                    "raise internal_step.most"
-                )
-            case _:
-                return (
-                    f"the step of {step:.6g} s does not converge with {substeps} internal steps: the load exceeds what "
-                    "the reduced body can bear, or moves it beyond the kinematics' range; lower the load or the "
-                    "communication step"
-                )
 
     def motion(self, state: State) -> FloatArray:
         """Displacement and rotation vector of each interface in turn, (6I,); as `response`."""

@@ -2,13 +2,19 @@
 #include "body.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "internal.h"
 
-/* Internal steps of a step at the most. */
-enum { MOST_SUBSTEPS = 1 << 14 };
+/* Rounds of the iteration in an internal step of ordinary cost. */
+static const double ORDINARY_ROUNDS = 5.0;
+/* Angle by which the slowest mode of a body with ties turns in an internal step at the most, rad: a step that resolves no
+ * mode at all has no estimate of its error. */
+static const double RESOLVED = 1.5;
+/* Numbers of steps above this are all alike. */
+static const double UNCOUNTED = 1e15;
 /* Steps (s) below this would vanish when divided. */
 static const double INDIVISIBLE = 1e-300;
 /* Square of coordinates and rates beyond which arithmetic overflows: far beyond anything that a body bears. */
@@ -122,7 +128,7 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     for (int64_t i = 0; i < 6 * p->nodes; i++)
         for (int64_t j = 0; j < p->modes; j++) body->operator_t[j * 6 * p->nodes + i] = p->operator_[i * p->modes + j];
     transpose_bends(body);
-    const StepLimits usual = {0.0, 1e-4, 0.0};
+    const StepLimits usual = {0.0, 1e-4, 4096.0};
     body_options(body, 1.0, &usual);
     *why = "";
     return body;
@@ -143,7 +149,7 @@ int body_options(Body *body, double damping_scale, const StepLimits *limits) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
     if (!(isfinite(damping_scale) && damping_scale >= 0.0 && isfinite(limits->longest) && limits->longest >= 0.0 &&
-          isfinite(limits->tolerance) && limits->tolerance > 0.0 && isfinite(limits->effort) && limits->effort >= 0.0))
+          isfinite(limits->tolerance) && limits->tolerance > 0.0 && isfinite(limits->most) && limits->most >= 1.0))
         return FLEX_BAD_OPTION;
     body->damping_scale = damping_scale;
     body->limits = *limits;
@@ -222,6 +228,66 @@ static int beyond_reach(Body *body, const double *inputs, const double *inputs_e
     return 0;
 }
 
+/* Internal steps that a step has at least. */
+static double fewest_steps(const Body *body, double step) {
+    const double longest = body->limits.longest;
+    double fewest = longest > 0.0 ? step / longest * (1.0 - 1e-9) : 1.0;
+    /* An error as large as the motion is none that anyone asks for. */
+    if (body->p.tied && body->limits.tolerance < 1.0) fewest = fmax(fewest, step * body->p.omega[0] / RESOLVED);
+    return fmax(1.0, ceil(fmin(fewest, UNCOUNTED)));
+}
+
+void body_refusal(const Body *body, int answer, double step, const Work *work, char *text, int64_t size) {
+    const double most = body->limits.most;
+    char error[64] = "unsettled";
+    switch (answer) {
+    case FLEX_BAD_STEP: snprintf(text, (size_t)size, "step is %g s, expected a positive number", step); return;
+    case FLEX_NOT_FINITE:
+        snprintf(text, (size_t)size, "the step ends in values that are not finite: the loads are too large for the arithmetic");
+        return;
+    case FLEX_TOO_MANY_STEPS:
+        snprintf(text, (size_t)size,
+                 "the step of %.6g s needs %lld internal steps by %s, more than internal_step.most = %.6g: take a shorter "
+                 "communication step, or raise these limits",
+                 step, (long long)work->substeps,
+                 body->limits.longest > 0.0 ? "internal_step.limit" : "the slowest vibration", most);
+        return;
+    case FLEX_TOO_MUCH_WORK:
+        if (isfinite(work->error)) snprintf(error, sizeof error, "error %.2g", work->error);
+        snprintf(text, (size_t)size,
+                 "the step of %.6g s needs more work than %.6g internal steps of ordinary cost take (internal_step.most): "
+                 "tried %lld internal steps (%s) for a tolerance of %.2g, %lld rounds in all; take a shorter communication "
+                 "step, raise internal_step.most or internal_step.tolerance, or lower the load, which may exceed what the "
+                 "body can bear",
+                 step, most, (long long)work->substeps, error, body->limits.tolerance, (long long)work->iterations);
+        return;
+    default:
+        snprintf(text, (size_t)size,
+                 "the step of %.6g s does not converge: the loads would turn the linear body by more than two turns within "
+                 "a frame; lower the load or the communication step", step);
+    }
+}
+
+void body_static_refusal(const Body *body, int answer, double share, char *text, int64_t size) {
+    switch (answer) {
+    case FLEX_FREE:
+        snprintf(text, (size_t)size,
+                 "the body is free to move in %lld rigid motions and has no equilibrium of its own: fix an interface, or "
+                 "start at rest", (long long)body->p.rigid);
+        return;
+    case FLEX_TOO_MUCH_WORK:
+        snprintf(text, (size_t)size,
+                 "no equilibrium beyond %.1f %% of the load within the work of %.6g internal steps (internal_step.most): the "
+                 "load is near the critical one, or bends the body very far; lower it, or raise internal_step.most",
+                 100.0 * share, body->limits.most);
+        return;
+    default:
+        snprintf(text, (size_t)size,
+                 "no stable equilibrium beyond %.1f %% of the load: it is near or above the critical load of the reduced "
+                 "body; lower the load, or check its direction and units", 100.0 * share);
+    }
+}
+
 int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
               int64_t *hint, Work *work) {
     const Program *p = &body->p;
@@ -234,28 +300,29 @@ int body_step(Body *body, const double *inputs, const double *inputs_end, double
     memcpy(q1, q, (size_t)m * sizeof(double));
     memcpy(v1, v, (size_t)m * sizeof(double));
     if (!exact_step(body, inputs, inputs_end, step, q1, v1)) {
-        const double longest = body->limits.longest;
-        const double least = longest > 0.0 ? ceil(step / longest * (1.0 - 1e-9)) : 1.0;
-        if (least > MOST_SUBSTEPS) return FLEX_TOO_MUCH_WORK;
-        int64_t fewest = least < 1.0 ? 1 : (int64_t)least;
-        Division d = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, 0, 0.0};
-        d.most_rounds = body->limits.effort > 9e18 ? 0 : (int64_t)body->limits.effort;
+        const double most = body->limits.most, least = fewest_steps(body, step);
+        work->substeps = (int64_t)least;
+        work->iterations = 0;
+        if (least > most) return FLEX_TOO_MANY_STEPS;
+        const int64_t fewest = (int64_t)least;
+        Division d = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)fmin(ORDINARY_ROUNDS * most, UNCOUNTED), 0.0};
         /* The shortest of numbers cannot be divided. */
         d.count = step > INDIVISIBLE ? (fewest > next ? fewest : next) : 1;
+        if ((double)d.count > most) d.count = (int64_t)most;
         int answer = UNSETTLED;
-        while (d.count <= MOST_SUBSTEPS) {
+        while ((double)d.count <= most && d.rounds < d.most_rounds) {
             d.step = step / (double)d.count;
             memcpy(q1, q, (size_t)m * sizeof(double));
             memcpy(v1, v, (size_t)m * sizeof(double));
             answer = p->tied ? tied_steps(body, &d, q1, v1) : p->inertial ? inertial_steps(body, &d, q1, v1) : plain_steps(body, &d, q1, v1);
             work->iterations = d.rounds;
             work->substeps = d.count;
-            if (answer == EXHAUSTED) return FLEX_TOO_MUCH_WORK;
+            work->error = answer == INACCURATE ? d.worst : HUGE_VAL;
             if (answer == DONE) break;
             d.count *= 2;
-            if (d.count >= SUSPECT && beyond_reach(body, inputs, inputs_end, step, q, v)) break;
+            if (d.count >= SUSPECT && beyond_reach(body, inputs, inputs_end, step, q, v)) return FLEX_NOT_CONVERGED;
         }
-        if (answer != DONE) return FLEX_NOT_CONVERGED;
+        if (answer != DONE) return FLEX_TOO_MUCH_WORK;
         done.substeps = d.count;
         done.iterations = d.rounds;
         done.error = d.worst;

@@ -58,7 +58,7 @@ enum { RULES = 16, TIED_RULES = 8 };
 typedef struct {
     double longest;   /* internal step, s; 0 for none */
     double tolerance; /* error accepted in an internal step, relative, in the energy norm */
-    double effort;    /* rounds that one call may take; 0 for no limit */
+    double most;      /* work that one call may take, discarded tries included, in internal steps of ordinary cost */
 } StepLimits;
 
 typedef struct {
@@ -96,12 +96,13 @@ typedef struct Body {
 enum {
     FLEX_OK = 0,
     FLEX_NOT_FINITE,       /* the result is beyond the arithmetic */
-    FLEX_NOT_CONVERGED,    /* no division of the step settles */
-    FLEX_TOO_MUCH_WORK,    /* it would take more rounds than the limit */
+    FLEX_NOT_CONVERGED,    /* the loads are beyond the reach of the method */
+    FLEX_TOO_MUCH_WORK,    /* it would take more work than the limit */
     FLEX_FREE,             /* no equilibrium: the body is free to move */
     FLEX_BEYOND_CRITICAL,  /* no stable equilibrium beyond a share of the load */
     FLEX_BAD_STEP,         /* not a positive, finite step */
-    FLEX_BAD_OPTION
+    FLEX_BAD_OPTION,
+    FLEX_TOO_MANY_STEPS    /* the longest internal step asks for more of them than the limit */
 };
 
 /* Make a body of an image, which is copied; null with words in `why` where it cannot be. */
@@ -116,6 +117,11 @@ FLEX_EXPORT int body_static(Body *body, const double *inputs, double *q, double 
  * `hint` is the number of internal steps to begin with, and the one for the next step. */
 FLEX_EXPORT int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
               int64_t *hint, Work *work);
+
+/* What a step was refused for, in words. */
+FLEX_EXPORT void body_refusal(const Body *body, int answer, double step, const Work *work, char *text, int64_t size);
+/* The same of an equilibrium that reached a share of the load. */
+FLEX_EXPORT void body_static_refusal(const Body *body, int answer, double share, char *text, int64_t size);
 
 /* Displacement and rotation vector of each interface (I, 2, 3); velocity and spin unless null (v may then be null). */
 FLEX_EXPORT void body_motion(Body *body, const double *q, const double *v, double *motion, double *rates);

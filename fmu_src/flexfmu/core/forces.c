@@ -170,11 +170,13 @@ double force_work(const Body *body, const Loads *loads, const Configuration *at)
     return work;
 }
 
-/* What the round-off of work is measured by: force times the size of the place that it acts at. */
-double load_reach(const Body *body, const Loads *loads) {
-    double reach = 0.0;
-    for (int64_t k = 0; k < body->p.nodes; k++) reach += norm(loads->force + 3 * k, 3) * norm(body->p.point + 3 * k, 3);
-    return reach;
+/* What the round-off of places can make of the work of forces (n, 3) on them, over epsilon: their norms by the size of the
+ * body, since frames turn places, so that each coordinate has the round-off of all three. */
+double work_reach(const Body *body, const double *force, int64_t n) {
+    double sum = 0.0, far = 0.0;
+    for (int64_t i = 0; i < n; i++) sum += norm(force + 3 * i, 3);
+    for (int64_t k = 0; k < body->p.nodes; k++) far = fmax(far, dot(body->p.point + 3 * k, body->p.point + 3 * k, 3));
+    return sum * sqrt(far);
 }
 
 int64_t gap_derivative_size(const Body *body) { return 12 * body->p.ties * body->p.modes; }

@@ -244,8 +244,8 @@ static Answer choose(Instance *x, char *why) {
     }
     const StepLimits limits = {x->parameter[P_STEP_LIMIT], x->parameter[P_STEP_TOLERANCE], x->parameter[P_STEP_MOST]};
     if (body_options(body, x->parameter[P_DAMPING_SCALE], &limits) != FLEX_OK) {
-        snprintf(why, MESSAGE, "damping.scale, internal_step.limit and internal_step.most must be finite and not negative, "
-                               "internal_step.tolerance positive");
+        snprintf(why, MESSAGE, "damping.scale and internal_step.limit must be finite and not negative, "
+                               "internal_step.tolerance positive, internal_step.most at least 1");
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
     }
@@ -268,15 +268,11 @@ static Answer begin(Instance *x, char *why) {
             }
         double share;
         int64_t rounds;
-        switch (body_static(x->body, x->input, x->q1, &share, &rounds)) {
-        case FLEX_OK: break;
-        case FLEX_FREE:
-            snprintf(why, MESSAGE, "static initialisation: the body is free to move in %lld rigid motions and has no equilibrium of its own: fix an "
-                                   "interface, or start at rest", (long long)x->body->p.rigid);
-            return ANSWER_FAILED;
-        default:
-            snprintf(why, MESSAGE, "static initialisation: no stable equilibrium beyond %.1f %% of the load: it is near or above the critical load of the "
-                                   "reduced body; lower the load, or check its direction and units", 100.0 * share);
+        const int answer = body_static(x->body, x->input, x->q1, &share, &rounds);
+        if (answer != FLEX_OK) {
+            char words[MESSAGE];
+            body_static_refusal(x->body, answer, share, words, MESSAGE);
+            snprintf(why, MESSAGE, "static initialisation: %.900s", words);
             return ANSWER_FAILED;
         }
         memcpy(x->q, x->q1, (size_t)m * sizeof(double));
@@ -375,21 +371,6 @@ static int over_step(Instance *x, double step) {
     return differ;
 }
 
-static void refusal(const Instance *x, int answer, double step, const Work *work, char *why) {
-    switch (answer) {
-    case FLEX_TOO_MUCH_WORK:
-        snprintf(why, MESSAGE, "the step of %.6g s would take more than the %.0f rounds of internal_step.most (%lld internal steps tried): lower the load or "
-                               "the communication step, or raise internal_step.most", step, x->parameter[P_STEP_MOST], (long long)work->substeps);
-        return;
-    case FLEX_NOT_FINITE:
-        snprintf(why, MESSAGE, "the step ends in values that are not finite: the loads are too large for the arithmetic");
-        return;
-    default:
-        snprintf(why, MESSAGE, "the step of %.6g s does not converge with %lld internal steps: the load exceeds what the reduced body can bear, or moves it "
-                               "beyond the kinematics' range; lower the load or the communication step", step, (long long)work->substeps);
-    }
-}
-
 Answer instance_step(Instance *x, double time, double step, char *why) {
     char room[MESSAGE / 4];
     if (!isfinite(time) || !isfinite(step) || step < 0.0) {
@@ -414,7 +395,7 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     memcpy(x->v1, x->v, (size_t)m * sizeof(double));
     const int answer = body_step(x->body, x->start_inputs, ramps ? x->end_inputs : 0, step, x->q1, x->v1, &hint, &work);
     if (answer != FLEX_OK) {
-        refusal(x, answer, step, &work, why);
+        body_refusal(x->body, answer, step, &work, why, MESSAGE);
         return failed(x, x->parameter[P_ON_STEP] == REFUSE_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED);
     }
     const Answer verdict = inspect(x, x->q1, x->v1, 1, ramps ? x->end_inputs : x->start_inputs, why);

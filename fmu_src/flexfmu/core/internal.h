@@ -47,7 +47,7 @@ void modal_force(const Body *body, const Loads *loads, int with_moments, const C
                  double *scratch, double *out);
 double force_work(const Body *body, const Loads *loads, const Configuration *at);
 int has_potential(const Body *body);
-double load_reach(const Body *body, const Loads *loads);
+double work_reach(const Body *body, const double *force, int64_t n);
 int64_t tangent_size(const Body *body);
 /* Lambda - dQ/dq (m, m). */
 void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,

@@ -2,6 +2,7 @@
 
 import ctypes
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -15,13 +16,14 @@ from ..program.image import read_image
 
 FloatArray = NDArray[np.float64]
 
+_WORDS = 1024
 _PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
 
 
 class _Limits(ctypes.Structure):
     """`StepLimits` of core/body.h."""
 
-    _fields_ = [("longest", _NUMBER), ("tolerance", _NUMBER), ("effort", _NUMBER)]
+    _fields_ = [("longest", _NUMBER), ("tolerance", _NUMBER), ("most", _NUMBER)]
 
 
 class _Work(ctypes.Structure):
@@ -30,17 +32,37 @@ class _Work(ctypes.Structure):
     _fields_ = [("substeps", _WHOLE), ("iterations", _WHOLE), ("error", _NUMBER)]
 
 
+@dataclass(frozen=True, slots=True)
+class StepLimits:
+    """What bounds the internal step, and the work of a call.
+
+    Attributes
+    ----------
+    longest : float
+        Longest internal step, s; zero for no limit.
+    tolerance : float
+        Error accepted per step in the energy norm, relative to the motion's; sub-steps are halved until it is met.
+    most : float
+        Work accepted per call, discarded tries included, in internal steps of ordinary cost; more is refused.
+    """
+
+    longest: float = 0.0
+    tolerance: float = 1e-4
+    most: float = 4096.0
+
+
 class StepAnswer(Enum):
     """How a step or an equilibrium ended; as core/body.h has it."""
 
     OK = 0
     NOT_FINITE = 1
-    NOT_CONVERGED = 2
+    BEYOND_REACH = 2
     TOO_MUCH_WORK = 3
     FREE = 4
     BEYOND_CRITICAL = 5
     BAD_STEP = 6
     BAD_OPTION = 7
+    TOO_MANY_STEPS = 8
 
 
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -49,6 +71,8 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_options": (ctypes.c_int, (_PLACE, _NUMBER, ctypes.POINTER(_Limits))),
     "body_static": (ctypes.c_int, (_PLACE,) * 5),
     "body_step": (ctypes.c_int, (_PLACE, _PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _PLACE, ctypes.POINTER(_Work))),
+    "body_refusal": (None, (_PLACE, ctypes.c_int, _NUMBER, ctypes.POINTER(_Work), ctypes.c_char_p, _WHOLE)),
+    "body_static_refusal": (None, (_PLACE, ctypes.c_int, _NUMBER, ctypes.c_char_p, _WHOLE)),
     "body_motion": (None, (_PLACE,) * 5),
     "body_nodes": (None, (_PLACE,) * 4),
     "body_stress": (None, (_PLACE,) * 3),
@@ -120,8 +144,7 @@ class Core:
         The program.
     damping_scale : float
         Factor on all modal damping ratios.
-    longest, tolerance, effort : float
-        Longest internal step, s, 0 for none; error accepted in one; rounds that one step may take, 0 for no limit.
+    limits : StepLimits
 
     Raises
     ------
@@ -133,17 +156,18 @@ class Core:
         self,
         image: bytes,
         damping_scale: float = 1.0,
-        longest: float = 0.0,
-        tolerance: float = 1e-4,
-        effort: float = 0.0,
+        limits: StepLimits | None = None,
     ):
+        limits = limits or StepLimits()
         self._body = None
         self._library = library()
         why = ctypes.c_char_p()
         self._body = self._library.body_open(image, len(image), ctypes.byref(why))
         if not self._body:
             raise OptionError(f"not a program: {(why.value or b'').decode()}")
-        if self._library.body_options(self._body, damping_scale, _Limits(longest, tolerance, effort)):
+        if self._library.body_options(
+            self._body, damping_scale, _Limits(limits.longest, limits.tolerance, limits.most)
+        ):
             raise OptionError("an option is out of range")
         program = read_image(image)
         self.modes, self.nodes, self.frames, self.interfaces, self.loads = (
@@ -208,6 +232,18 @@ class Core:
             self._body, _place(loads), _place(end), step, _place(q1), _place(v1), _place(next_hint), ctypes.byref(work)
         )
         return StepAnswer(answer), q1, v1, int(next_hint[0]), (work.substeps, work.iterations, work.error)
+
+    def step_refusal(self, answer: StepAnswer, step: float, work: tuple[int, int, float]) -> str:
+        """Why a step of some length (s) was refused."""
+        text, told = ctypes.create_string_buffer(_WORDS), _Work(*work)
+        self._library.body_refusal(self._body, answer.value, step, ctypes.byref(told), text, _WORDS)
+        return text.value.decode()
+
+    def static_refusal(self, answer: StepAnswer, share: float) -> str:
+        """Why there is no equilibrium beyond a share of the load."""
+        text = ctypes.create_string_buffer(_WORDS)
+        self._library.body_static_refusal(self._body, answer.value, share, text, _WORDS)
+        return text.value.decode()
 
     def motion(self, q: FloatArray) -> FloatArray:
         """Displacement and rotation vector of each interface in turn, (6I,)."""

@@ -14,6 +14,9 @@ static const double SYMMETRIC = 1e-9;
 /* Halving the increment ten times: a load that still fails is at a limit point. */
 static const double SMALLEST_INCREMENT = 1.0 / 1024.0;
 
+/* What a round costs, in internal steps of ordinary cost. */
+static const double STEPS_PER_ROUND = 20.0;
+
 typedef struct {
     Configuration at;
     Loads loads;
@@ -120,7 +123,7 @@ int body_static(Body *body, const double *inputs, double *q, double *share, int6
     double reached = room.loads.active ? 0.0 : 1.0, increment = 1.0;
     while (reached < 1.0) {
         const double target = fmin(1.0, reached + increment);
-        if (body->limits.effort > 0.0 && (double)*rounds > body->limits.effort) {
+        if ((double)*rounds * STEPS_PER_ROUND >= body->limits.most) {
             *share = reached;
             return FLEX_TOO_MUCH_WORK;
         }

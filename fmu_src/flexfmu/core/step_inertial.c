@@ -81,9 +81,11 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
         for (int64_t j = 0; j < m; j++) growth[j] += loads.constant[j] / (double)d->count;
     }
     memcpy(v0, v, (size_t)m * sizeof(double));
-    configure(body, q, here);
+    memset(body->need, 1, (size_t)p->nodes * sizeof *body->need);
+    if (!recall(body, body->need, q, here)) configure(body, q, here);
     mass_matrix(body, here, room.inertia, room.mass);
     for (int64_t number = 0; number < d->count; number++) {
+        if (d->rounds >= d->most_rounds) return EXHAUSTED;
         if (d->inputs_end) {
             const double share = ((double)number + 0.5) / (double)d->count;
             for (int64_t i = 0; i < p->loads; i++) between[i] = d->inputs[i] + share * (d->inputs_end[i] - d->inputs[i]);
@@ -92,7 +94,7 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
         if (d->inputs_end || number == 0) end_force(body, &loads, here, v0, &room, spare, start);
         excess_times(room.mass, v0, m, momentum);
         const double start_work = force_work(body, &loads, here);
-        const double load_size = load_reach(body, &loads) + fabs(start_work);
+        const double load_size = work_reach(body, loads.force, p->nodes) + fabs(start_work);
         for (int64_t j = 0; j < m; j++) {
             free_q[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j] + rule->ramp[j] * growth[j];
             free_v[j] = rule->p21[j] * here->q[j] + rule->p22[j] * v0[j] + rule->ramp_rate[j] * growth[j];
@@ -104,7 +106,6 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
         int settled = 0;
         for (int round = 1; !settled; round++) {
             if (round > FIXED_POINT_ROUNDS + NEWTON_ROUNDS) return UNSETTLED;
-            if (d->most_rounds && d->rounds >= d->most_rounds) return EXHAUSTED;
             d->rounds++;
             configure(body, q1, there);
             configure_halfway(body, 0, here, there, &middle);
@@ -211,6 +212,7 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
         here = there;
         there = passed;
     }
+    remember(body, body->need, here);
     memcpy(q, here->q, (size_t)m * sizeof(double));
     memcpy(v, v0, (size_t)m * sizeof(double));
     return DONE;

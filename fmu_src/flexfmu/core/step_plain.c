@@ -14,8 +14,11 @@ static const double TOLERANCE = 1e-12;
 static const double SETTLED = 1e-5;
 /* The bracket is skipped where it is round-off: it is cubic in the way, and would be divided by its square. */
 static const double ROUND_OFF = 64.0 * 2.220446049250313e-16;
-/* A fixed point that has not settled after this many rounds is slow: Newton's method takes over. */
-enum { FIXED_POINT_ROUNDS = 6, NEWTON_ROUNDS = 12 };
+/* Part of that bound by which the bracket is uncertain where it is not round-off: no change below what it makes counts. */
+static const double NOISE = 1.0 / 16.0;
+/* A fixed point that has not settled after this many rounds is slow: the step is divided. Newton's method would settle some
+ * of these steps, but hardly one of them to the tolerance. */
+enum { MOST_ROUNDS = 16 };
 
 int64_t plain_size(const Body *body) {
     const int64_t m = body->p.modes;
@@ -24,7 +27,7 @@ int64_t plain_size(const Body *body) {
     Loads loads;
     for (int i = 0; i < 3; i++) take_configuration(body, &count, &at);
     take_loads(body, &count, &loads);
-    return count.used + 14 * m + body->p.loads + m * m + modal_force_size(body) + tangent_size(body);
+    return count.used + 11 * m + body->p.loads + modal_force_size(body);
 }
 
 int plain_steps(Body *body, Division *d, double *q, double *v) {
@@ -41,8 +44,7 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
     double *v0 = take(&arena, m), *q1 = take(&arena, m), *free = take(&arena, m), *start = take(&arena, m);
     double *end = take(&arena, m), *force = take(&arena, m), *mean = take(&arena, m), *way = take(&arena, m);
     double *bare = take(&arena, m), *growth = take(&arena, m), *change = take(&arena, m);
-    double *between = take(&arena, p->loads), *newton = take(&arena, m * m);
-    double *scratch = take(&arena, modal_force_size(body)), *rest = take(&arena, tangent_size(body));
+    double *between = take(&arena, p->loads), *scratch = take(&arena, modal_force_size(body));
     const Rule *rule = rule_of(body, d->step);
     double start_work = 0.0, end_work = 0.0;
 
@@ -63,6 +65,7 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
         configure_places(body, need, here);
     }
     for (int64_t number = 0; number < d->count; number++) {
+        if (d->rounds >= d->most_rounds) return EXHAUSTED;
         if (d->inputs_end) {
             const double share = ((double)number + 0.5) / (double)d->count;
             for (int64_t i = 0; i < p->loads; i++) between[i] = d->inputs[i] + share * (d->inputs_end[i] - d->inputs[i]);
@@ -72,16 +75,15 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
             modal_force(body, &loads, 1, here, 0, scratch, start);
             start_work = force_work(body, &loads, here);
         }
-        const double reach = load_reach(body, &loads) + fabs(start_work), speed = norm(v0, m);
+        const double reach = work_reach(body, loads.force, p->nodes) + fabs(start_work), speed = norm(v0, m);
         for (int64_t j = 0; j < m; j++) {
             free[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j];
             q1[j] = free[j] + rule->gq[j] * start[j];
         }
-        double size = HUGE_VAL, before = HUGE_VAL, correction = 0.0;
+        double size = HUGE_VAL, before = HUGE_VAL, correction = 0.0, uncertain = 0.0;
         int settled = 0;
         for (int round = 1; !settled; round++) {
-            if (round > FIXED_POINT_ROUNDS + NEWTON_ROUNDS) return UNSETTLED;
-            if (d->most_rounds && d->rounds >= d->most_rounds) return EXHAUSTED;
+            if (round > MOST_ROUNDS) return UNSETTLED;
             d->rounds++;
             double square = 0.0;
             configure_linear(body, need, q1, there);
@@ -101,38 +103,29 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
                     conservative = bare;
                 }
                 const double bracket = end_work - start_work - dot(conservative, way, m);
-                correction = fabs(bracket) > ROUND_OFF * (reach + fabs(end_work)) ? bracket / square : 0.0;
+                const double round_off = ROUND_OFF * (reach + fabs(end_work));
+                correction = fabs(bracket) > round_off ? bracket / square : 0.0;
+                uncertain = correction != 0.0 ? NOISE * round_off / square : 0.0;
             }
             for (int64_t j = 0; j < m; j++) {
                 mean[j] = force[j] + correction * way[j];
                 change[j] = q1[j] - free[j] - rule->gq[j] * mean[j];
             }
-            if (round == FIXED_POINT_ROUNDS + 1) {
-                /* The tangent asks for all nodes. */
-                configure(body, middle.q, &middle);
-                /* The mean's derivative by q1 is half the load stiffness in the middle, but for the correction's. */
-                tangent_stiffness(body, &loads, 1, &middle, 0, rest, newton);
-                for (int64_t i = 0; i < m; i++)
-                    for (int64_t j = 0; j < m; j++) {
-                        const double slope = (i == j ? body->stiffness[i] : 0.0) - newton[i * m + j];
-                        newton[i * m + j] = (i == j ? 1.0 : 0.0) - 0.5 * rule->gq[i] * slope;
-                    }
-                if (!lu_factor(newton, body->pivot, m)) return UNSETTLED;
-            }
-            if (round > FIXED_POINT_ROUNDS) lu_solve(newton, body->pivot, change, m, 1);
-            double moved = 0.0, sized = 0.0;
+            double moved = 0.0, sized = 0.0, blurred = 0.0;
             for (int64_t j = 0; j < m; j++) {
                 q1[j] -= change[j];
                 const double step = p->weight[j] * change[j], reached = p->weight[j] * q1[j];
+                const double blur = p->weight[j] * rule->gq[j] * uncertain * way[j];
                 moved += step * step;
                 sized += reached * reached;
+                blurred += blur * blur;
             }
             const double scale = sqrt(sized) + speed;
             size = scale > 0.0 ? sqrt(moved) / scale : 0.0;
             if (!isfinite(size)) return UNSETTLED;
             /* What is left of the error is the change times the rate at which changes fall. */
             const double rate = size < before ? size / before : 1.0;
-            settled = corrected && size * rate <= TOLERANCE;
+            settled = corrected && size * rate * scale <= fmax(TOLERANCE * scale, sqrt(blurred));
             before = size;
         }
         for (int64_t j = 0; j < m; j++) {

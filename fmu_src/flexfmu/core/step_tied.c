@@ -11,8 +11,12 @@
 /* Change of q over a round relative to q and to the way of a step. */
 static const double TOLERANCE = 1e-11;
 static const double ROUND_OFF = 64.0 * 2.220446049250313e-16;
-/* A chord iteration that has not settled after this many rounds is slow: Newton's method takes over. */
-enum { CHORD_ROUNDS = 16, NEWTON_ROUNDS = 12 };
+/* As in step_plain.c. */
+static const double NOISE = 1.0 / 16.0;
+/* A round that leaves more than this of the change before it has the ties pull anew in its own middle. */
+static const double FAST = 0.02;
+/* An iteration that has not settled after this many rounds is slow: the step is divided. */
+enum { MOST_ROUNDS = 16 };
 
 int64_t tied_size(const Body *body) {
     const int64_t m = body->p.modes;
@@ -21,16 +25,15 @@ int64_t tied_size(const Body *body) {
     Loads loads;
     for (int i = 0; i < 3; i++) take_configuration(body, &count, &at);
     take_loads(body, &count, &loads);
-    return count.used + pull_size(body) + 14 * m + 2 * m * m + body->p.loads + 12 * body->p.ties + modal_force_size(body) +
-           6 * body->p.nodes + pass_back_size(body) + tangent_size(body);
+    return count.used + pull_size(body) + 14 * m + body->p.loads + 12 * body->p.ties + modal_force_size(body) +
+           6 * body->p.nodes + pass_back_size(body);
 }
 
-/* Energy that the ties hold beyond what the modes do, E - q H q / 2, is E less this. */
-static double held_by_modes(const Body *body, const double *q) {
-    const int64_t m = body->p.modes;
-    double sum = 0.0;
-    for (int64_t j = 0; j < m; j++) sum += q[j] * dot(body->p.tie_initial + j * m, q, m);
-    return 0.5 * sum;
+/* Twice the strain energy, of springs that hold `held`; `linear` is Hq. */
+static double strain_of(const Body *body, const double *q, double held, const double *linear) {
+    double strain = 2.0 * held;
+    for (int64_t j = 0; j < body->p.modes; j++) strain += q[j] * (body->stiffness[j] * q[j] - linear[j]);
+    return fabs(strain);
 }
 
 int tied_steps(Body *body, Division *d, double *q, double *v) {
@@ -48,25 +51,30 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
     take_pull(body, &arena, &pull);
     double *v0 = take(&arena, m), *q1 = take(&arena, m), *free = take(&arena, m), *force = take(&arena, m);
     double *bare = take(&arena, m), *mean = take(&arena, m), *way = take(&arena, m), *speed = take(&arena, m);
-    double *off = take(&arena, m), *change = take(&arena, m), *slope = take(&arena, m);
-    double *tangent = take(&arena, m * m), *newton = take(&arena, m * m), *between = take(&arena, p->loads);
-    double *tense = take(&arena, 12 * p->ties), *scratch = take(&arena, modal_force_size(body));
-    double *unit = take(&arena, 6 * p->nodes + pass_back_size(body)), *rest = take(&arena, tangent_size(body));
+    double *off = take(&arena, m), *change = take(&arena, m), *linear = take(&arena, m), *end_linear = take(&arena, m);
+    double *between = take(&arena, p->loads), *tense = take(&arena, 12 * p->ties);
+    double *scratch = take(&arena, modal_force_size(body)), *unit = take(&arena, 6 * p->nodes + pass_back_size(body));
     const Rule *rule = rule_of(body, d->step);
-    const double h = d->step, noise = p->tie_noise[0] / p->omega[m - 1];
+    const double h = d->step, fastest = p->omega[m - 1], noise = p->tie_noise[0] / fastest;
+    /* Root of the energy that is round-off of the springs' strain and of the rates that follow from it. */
+    const double quiet = noise * (fastest + 2.0 / h);
 
     d->worst = 0.0;
     memcpy(v0, v, (size_t)m * sizeof(double));
-    configure(body, q, here);
+    memset(body->need, 1, (size_t)p->nodes * sizeof *body->need);
+    if (!recall(body, body->need, q, here)) configure(body, q, here);
     spread(body, d->inputs, &loads);
+    rows_times(p->tie_initial, q, linear, m, m);
+    double start_energy = strain_of(body, q, tie_tension(body, here, tense), linear) + dot(v0, v0, m);
     for (int64_t number = 0; number < d->count; number++) {
+        if (d->rounds >= d->most_rounds) return EXHAUSTED;
         if (d->inputs_end) {
             const double share = ((double)number + 0.5) / (double)d->count;
             for (int64_t i = 0; i < p->loads; i++) between[i] = d->inputs[i] + share * (d->inputs_end[i] - d->inputs[i]);
             spread(body, between, &loads);
         }
-        const double held = tie_tension(body, here, tense), start_work = force_work(body, &loads, here) - held;
-        const double rate = norm(v0, m), reach = load_reach(body, &loads) + fabs(start_work);
+        const double load_work = force_work(body, &loads, here), start_work = load_work - tie_tension(body, here, tense);
+        const double rate = norm(v0, m), reach = work_reach(body, loads.force, p->nodes) + fabs(start_work);
         double last = HUGE_VAL, earlier = HUGE_VAL;
         for (int64_t j = 0; j < m; j++) {
             free[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j];
@@ -74,16 +82,14 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
         }
         configure(body, q1, there);
         configure_halfway(body, 0, here, there, &middle);
-        if (!pull_at(body, rule, &middle, unit, body->pivot, &pull)) return UNSETTLED;
-        int settled = 0, newtons = 0;
+        int settled = 0, stale = 1;
         for (int round = 1; !settled; round++) {
-            if (round > CHORD_ROUNDS + NEWTON_ROUNDS) return UNSETTLED;
-            if (d->most_rounds && d->rounds >= d->most_rounds) return EXHAUSTED;
             d->rounds++;
             if (round > 1) {
                 configure(body, q1, there);
                 configure_halfway(body, 0, here, there, &middle);
             }
+            if (stale && !pull_at(body, rule, &middle, unit, body->pivot, &pull)) return UNSETTLED;
             for (int64_t j = 0; j < m; j++) {
                 way[j] = q1[j] - here->q[j];
                 speed[j] = way[j] / h;
@@ -91,7 +97,7 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             modal_force(body, &loads, 1, &middle, 0, scratch, force);
             const double square = dot(way, way, m);
             const double *conservative = force;
-            double correction = 0.0;
+            double correction = 0.0, blur = 0.0, blurred = 0.0;
             if (potential && square > 0.0) {
                 const double end_work = force_work(body, &loads, there) - tie_tension(body, there, tense);
                 if (loads.has_moments) {
@@ -99,46 +105,26 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
                     conservative = bare;
                 }
                 const double bracket = end_work - start_work - dot(conservative, way, m);
-                if (fabs(bracket) > ROUND_OFF * (reach + fabs(end_work))) correction = bracket / square;
+                /* The springs' strain is a difference of places. */
+                const double round_off = ROUND_OFF * (reach + fabs(end_work) + work_reach(body, tense, 4 * p->ties));
+                if (fabs(bracket) > round_off) {
+                    correction = bracket / square;
+                    blur = NOISE * round_off / square;
+                }
             }
             for (int64_t j = 0; j < m; j++) {
                 mean[j] = force[j] + correction * way[j] + dot(p->tie_initial + j * m, middle.q, m) -
                           dot(body->coupled + j * m, speed, m);
                 off[j] = q1[j] - free[j] - rule->gq[j] * mean[j];
+                blurred += rule->gq[j] * way[j] * rule->gq[j] * way[j];
             }
-            if (newtons) {
-                tangent_stiffness(body, &loads, 1, &middle, 0, rest, tangent);
-                memset(slope, 0, (size_t)m * sizeof(double));
-                if (correction != 0.0) {
-                    /* How the correction's factor changes with q1. */
-                    memcpy(change, conservative, (size_t)m * sizeof(double));
-                    if (loads.has_moments) tangent_stiffness(body, &loads, 0, &middle, 0, rest, newton);
-                    const double *of_forces = loads.has_moments ? newton : tangent;
-                    for (int64_t j = 0; j < m; j++)
-                        slope[j] = body->stiffness[j] * way[j] - dot(of_forces + j * m, way, m) -
-                                   dot(p->tie_initial + j * m, way, m);
-                    modal_force(body, &loads, 0, there, 0, scratch, bare);
-                    for (int64_t j = 0; j < m; j++)
-                        slope[j] = (bare[j] - change[j] - 0.5 * slope[j] - 2.0 * correction * way[j]) / square;
-                }
-                for (int64_t i = 0; i < m; i++)
-                    for (int64_t j = 0; j < m; j++) {
-                        const double one = i == j ? 1.0 : 0.0;
-                        const double by_q = 0.5 * (one * body->stiffness[i] - tangent[i * m + j]) + one * correction +
-                                            way[i] * slope[j];
-                        newton[i * m + j] = one - rule->gq[i] * (by_q - body->coupled[i * m + j] / h);
-                    }
-                memcpy(change, off, (size_t)m * sizeof(double));
-                if (!lu_factor(newton, body->pivot, m)) return UNSETTLED;
-                lu_solve(newton, body->pivot, change, m, 1);
-            } else {
-                respond(body, rule, &pull, off, change);
-            }
+            respond(body, rule, &pull, off, change);
             for (int64_t j = 0; j < m; j++) q1[j] -= change[j];
             const double size = norm(change, m), enough = TOLERANCE * (norm(q1, m) + h * rate);
             if (!isfinite(size)) return UNSETTLED;
-            settled = size <= (enough > noise ? enough : noise);
-            newtons = newtons || size > 0.5 * earlier || round >= CHORD_ROUNDS;
+            settled = size <= fmax(fmax(enough, noise), blur * sqrt(blurred));
+            if (!settled && (size > 0.5 * earlier || round >= MOST_ROUNDS)) return UNSETTLED;
+            stale = size > FAST * last;
             earlier = last;
             last = size;
         }
@@ -153,11 +139,11 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             way[j] = q1[j] - here->q[j];
             v0[j] = rule->p21[j] * here->q[j] + rule->p22[j] * v0[j] + rule->gv[j] * mean[j];
         }
-        double strain = 2.0 * (tie_tension(body, there, tense) - held_by_modes(body, q1)), error = 0.0;
+        double error = 0.0;
+        rows_times(p->tie_initial, q1, end_linear, m, m);
         for (int64_t j = 0; j < m; j++) {
             speed[j] = body->stiffness[j] * way[j];
-            off[j] = rule->gq[j] * (force[j] - bare[j] + dot(p->tie_initial + j * m, way, m) - speed[j]);
-            strain += body->stiffness[j] * q1[j] * q1[j];
+            off[j] = rule->gq[j] * (force[j] - bare[j] + end_linear[j] - linear[j] - speed[j]);
         }
         respond(body, rule, &pull, off, change);
         for (int64_t j = 0; j < m; j++) {
@@ -167,14 +153,32 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             const double lost = p->omega[j] * fmin(fabs(moved), fabs(followed));
             error += lost * lost;
         }
-        const double size = fabs(strain) + dot(v0, v0, m);
-        error = size > 0.0 ? sqrt(error / size) : 0.0;
+        /* Work of the loads: forces by their potential, moments by their value in the middle. */
+        double work = potential ? force_work(body, &loads, there) - load_work : 0.0;
+        memset(tense, 0, (size_t)(12 * p->ties) * sizeof(double));
+        if (!potential || loads.has_moments) {
+            modal_force(body, &loads, 1, &middle, tense, scratch, force);
+            work += dot(force, way, m);
+        }
+        if (potential && loads.has_moments) {
+            modal_force(body, &loads, 0, &middle, tense, scratch, force);
+            work -= dot(force, way, m);
+        }
+        /* Energy that neither was there at the start nor came from the loads is error as well, and what blows up may not be
+         * measured by itself. */
+        const double energy = strain_of(body, q1, tie_tension(body, there, tense), end_linear) + dot(v0, v0, m);
+        const double bound = start_energy + 2.0 * fabs(work) + quiet * quiet + 2.0 * ROUND_OFF * (reach + energy);
+        error = sqrt(error) + (!(energy <= bound) ? sqrt(energy) - sqrt(bound) : 0.0);
+        error = !(error <= quiet) ? error / sqrt(fmin(energy, bound)) : 0.0;
+        start_energy = energy;
+        memcpy(linear, end_linear, (size_t)m * sizeof(double));
         if (!(error <= d->worst)) d->worst = error;
         if (!(d->worst <= d->tolerance)) return INACCURATE;
         Configuration *passed = here;
         here = there;
         there = passed;
     }
+    remember(body, body->need, here);
     memcpy(q, here->q, (size_t)m * sizeof(double));
     memcpy(v, v0, (size_t)m * sizeof(double));
     return DONE;

@@ -11,6 +11,7 @@ from enum import Enum
 
 import numpy as np
 
+from ..core import StepLimits
 from ..methods import chosen, offered
 from ..model.reduced_body import GROUND, ReducedBody
 
@@ -349,10 +350,12 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         choice(INITIALIZATION, Initialization.REST, Initialization, "how the body starts"),
         choice(INTERPOLATION, Interpolation.CONSTANT, Interpolation, "how inputs are taken over a step"),
         number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
-        number(STEP_LIMIT, 0.0, "s", "longest internal step; 0 for none"),
-        number(STEP_TOLERANCE, 1e-4, None, "error accepted per step, relative, in the energy norm", 1e-14),
-        number(STEP_MOST, 1024.0, None, "internal steps of usual cost that one step may take at the most", 1.0),
-        choice(ON_STEP, OnRefusal.DISCARD, OnRefusal, "what happens when a step does not converge"),
+        number(STEP_LIMIT, StepLimits().longest, "s", "longest internal step; 0 for none"),
+        number(
+            STEP_TOLERANCE, StepLimits().tolerance, None, "error accepted per step, relative, in the energy norm", 1e-14
+        ),
+        number(STEP_MOST, StepLimits().most, None, "most work of a call, in internal steps of ordinary cost", 1.0),
+        choice(ON_STEP, OnRefusal.DISCARD, OnRefusal, "what happens when a step is refused"),
         number(ROTATION_LIMIT, 0.5, "rad", "largest rotation within a frame; 0 for no limit"),
         choice(ON_ROTATION, OnLimit.WARN, OnLimit, "what happens beyond it"),
         number(STABILITY_LIMIT, stability, None, f"smallest stability, see {STABILITY}; 0 for no limit"),

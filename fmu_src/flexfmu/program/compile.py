@@ -229,7 +229,9 @@ def _ties(draft: Draft, body: ReducedBody, tree: Tree) -> None:
     turns = np.any(directions, axis=1) & np.any(ties.lever != 0.0, axis=(1, 2))
     resists = np.concatenate([directions, np.repeat(turns[:, None], 3, axis=1)], axis=1)
     pull = np.flatnonzero(resists)
-    noise = _ROUND_OFF * float(np.abs(tree.point).max() * np.sqrt(ties.stiffness.max()))
+    # Each tie has four springs along an axis: at its centre and at three levers.
+    far = float(np.linalg.norm(tree.point, axis=1).max())
+    noise = _ROUND_OFF * far * float(np.sqrt(4.0 * ties.stiffness.sum()))
     draft.sizes |= {"ties": count, "tied": 1, "pulls": pull.size}
     draft.arrays |= {
         "tie_stiffness": ties.stiffness,
