@@ -73,7 +73,12 @@ def test_a_file_is_written_where_only_its_owner_may_write(tmp_path):
 def test_a_file_that_is_not_finished_leaves_the_one_before_it(tmp_path):
     target = tmp_path / "result.csv"
     target.write_text("old", encoding="utf-8")
-    with pytest.raises(OutputError, match="cannot be written"), whole_file(target) as part:
-        part.write_text("half", encoding="utf-8")
-        raise OSError("disk full")
+
+    def fail():
+        with whole_file(target) as part:
+            part.write_text("half", encoding="utf-8")
+            raise OSError("disk full")
+
+    with pytest.raises(OutputError, match="cannot be written"):
+        fail()
     assert [(path.name, path.read_text(encoding="utf-8")) for path in tmp_path.iterdir()] == [("result.csv", "old")]

@@ -85,6 +85,8 @@ class FlexibleBody:
             raise OptionError(f"internal step limit is {limits.longest} s, expected 0 (none) or a positive number")
         if not (np.isfinite(limits.tolerance) and limits.tolerance > 0.0):
             raise OptionError(f"internal step tolerance is {limits.tolerance}, expected a positive number")
+        if not (np.isfinite(limits.most) and limits.most >= 1.0):
+            raise OptionError(f"internal_step.most is {limits.most}, expected a finite number of internal steps ≥ 1")
         self.formulation = formulation or model.formulation
         model = with_fixed_interfaces(model, fixed, self.formulation.kinematics)
         self.model = model = divided(model, self.formulation)
@@ -185,7 +187,7 @@ class FlexibleBody:
         EquilibriumError
             There is none that the unloaded body could reach.
         """
-        q, _ = equilibrium(self._dynamics, self._as_loads(loads))
+        q, _ = equilibrium(self._dynamics, self._as_loads(loads), self.limits.most)
         return State(q, np.zeros_like(q))
 
     def step(self, state: State, loads: Loads | Mapping[str, Sequence[float]], step: float) -> State:

@@ -1,5 +1,6 @@
 """Equations of motion of a reduced body under one formulation: modal forces, their potential and derivative."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -314,6 +315,15 @@ def force_work(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> fl
     if dynamics.ties is not None:
         work -= energy(dynamics.ties, state)
     return work
+
+
+def work_reach(tree: Tree, force: FloatArray) -> float:
+    """What the round-off of places can make of the work of forces (n, 3) on them, over ε: their norms by the size, J.
+
+    Frames turn places, so that each coordinate has the round-off of all three.
+    """
+    norms = np.sqrt(np.einsum("ki,ki->k", force, force))
+    return float(norms.sum()) * math.sqrt(float(np.einsum("ki,ki->k", tree.point, tree.point).max()))
 
 
 def _displacement_stiffness(dynamics: Dynamics, loads: NodeLoads, state: Configuration) -> FloatArray:

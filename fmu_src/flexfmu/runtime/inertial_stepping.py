@@ -16,7 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, tangent_stiffness
+from .dynamics import (
+    Dynamics,
+    NodeLoads,
+    between,
+    configuration_at,
+    force_work,
+    modal_force,
+    tangent_stiffness,
+    work_reach,
+)
 from .inertia import InertiaIntegrals, convective_force, kinetic_gradient, mass_gradient, mass_matrix
 from .propagation import Propagator
 from .tree import Configuration
@@ -68,6 +77,7 @@ def inertial_substeps(
     here: Configuration,
     substeps: int,
     tolerance: float,
+    most: int,
 ) -> tuple[tuple[FloatArray, FloatArray, Configuration] | None, int, float]:
     """Equal sub-steps; None for the state where one of them fails or errs too much.
 
@@ -87,6 +97,8 @@ def inertial_substeps(
     substeps : int
     tolerance : float
         Error accepted in a sub-step, relative, in the energy norm.
+    most : int
+        Rounds of the iteration after which no sub-step is begun.
 
     Returns
     -------
@@ -103,6 +115,8 @@ def inertial_substeps(
     start = _moment(dynamics, inertia, mean, q, v, here)
     rounds, worst = 0, 0.0
     for number in range(substeps):
+        if rounds >= most:
+            return None, rounds, np.inf
         if end_loads is not None:
             mean = between(loads, end_loads, (number + 0.5) / substeps)
             start = _moment(dynamics, inertia, mean, start.q, start.v, start.here)
@@ -166,7 +180,7 @@ def _implicit_step(
         if start.work is not None and work is not None:
             forces = loads if loads.forces_only is None else loads.forces_only
             bracket += work - start.work - float(modal_force(dynamics, forces, middle) @ difference)
-            reach += float(np.vdot(np.abs(loads.force), np.abs(tree.point))) + abs(start.work) + abs(work)
+            reach += work_reach(tree, loads.force) + abs(start.work) + abs(work)
         if abs(bracket) > _ROUND_OFF * reach:
             force = force + bracket / float(difference @ difference) * difference
         if rounds > _FIXED_POINT_ROUNDS:

@@ -1,7 +1,7 @@
 /* The steps of stepping.py and tied_stepping.py and the outputs of body.py, compiled. A transcription of them, tree.py,
- * dynamics.py and ties.py for speed alone: the same formulas, the same tolerances, the same results to round-off. What
- * it cannot settle by fixed point it leaves to Newton's method there. No global data: everything is in the struct Body, whose arrays belong to the
- * caller, row by row (C order), in SI units. Equation numbers are those of docs/theory.md. */
+ * dynamics.py and ties.py for speed alone: the same formulas, the same tolerances, the same results to round-off. No
+ * global data: everything is in the struct Body, whose arrays belong to the caller, row by row (C order), in SI units.
+ * Equation numbers are those of docs/theory.md. */
 
 #include <math.h>
 #include <stdint.h>
@@ -14,14 +14,14 @@
 #endif
 
 /* Raised whenever the struct or a signature changes; kernel.py asks for it. */
-#define KERNEL_VERSION 5
+#define KERNEL_VERSION 6
 
 enum { REFERENCE = 0, CORRECTIVE_MOMENT = 1, DEFORMED = 2 };
-enum { DONE = 0, UNSETTLED = 1, INACCURATE = 2 };
+enum { DONE = 0, UNSETTLED = 1, INACCURATE = 2, EXHAUSTED = 3 };
 
 /* As in stepping.py. */
-static const double TOLERANCE = 1e-12, SETTLED = 1e-5, ROUND_OFF = 64.0 * 2.220446049250313e-16;
-enum { ROUNDS = 6 };
+static const double TOLERANCE = 1e-12, SETTLED = 1e-5, ROUND_OFF = 64.0 * 2.220446049250313e-16, NOISE = 1.0 / 16.0;
+enum { ROUNDS = 16 };
 
 typedef struct {
     int64_t modes, nodes, frames, interfaces, masses, placement, nonlinear, turnings, parts, ties, pulls;
@@ -387,6 +387,21 @@ static double force_work(const Body *body, const Loads *loads, const Configurati
     return work;
 }
 
+/* What the round-off of places can make of the work of forces (n, 3), over ε: work_reach() of dynamics.py. */
+static double work_reach(const Body *body, const double *force, int64_t n) {
+    double sum = 0.0, far = 0.0;
+    for (int64_t i = 0; i < n; i++) sum += sqrt(dot(force + 3 * i, force + 3 * i, 3));
+    for (int64_t k = 0; k < body->nodes; k++) far = fmax(far, dot(body->point + 3 * k, body->point + 3 * k, 3));
+    return sum * sqrt(far);
+}
+
+/* Twice the strain energy of a body with ties, whose springs hold `held`; `linear` is Hq. */
+static double strain_of(const Body *body, const double *q, double held, const double *linear) {
+    double strain = 2.0 * held;
+    for (int64_t j = 0; j < body->modes; j++) strain += q[j] * (body->omega[j] * body->omega[j] * q[j] - linear[j]);
+    return fabs(strain);
+}
+
 static int has_potential(const Body *body) { return body->placement != CORRECTIVE_MOMENT && body->by_mode == 0; }
 
 static double *take(double **free, int64_t count) {
@@ -432,15 +447,15 @@ EXPORT int64_t kernel_work_size(const Body *body) {
     const int64_t m = body->modes, n = body->pulls;
     const int64_t configuration = m + 42 * body->nodes + body->parts * m + (body->curvature ? 6 * body->nodes * m : 0);
     const int64_t pull = 2 * n * m + 2 * n * n + 2 * n + 12 * body->ties;
-    return 3 * configuration + 6 * body->nodes + 2 * m + 2 * m * m + scratch_size(body) + pull + 20 * m +
+    return 3 * configuration + 6 * body->nodes + 2 * m + 2 * m * m + scratch_size(body) + pull + 22 * m +
            6 * body->interfaces + 3 + 12 * body->nodes;
 }
 
 /* Equal sub-steps from (q, v), which are overwritten where the result is DONE: _substeps() of stepping.py.
- * `inputs_end` is null for loads that are constant over the step. */
+ * `inputs_end` is null for loads that are constant over the step; `most` bounds the rounds. */
 EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const double *inputs, const double *inputs_end,
-                               double *q, double *v, int64_t substeps, double tolerance, int64_t *rounds,
-                               double *worst) {
+                               double *q, double *v, int64_t substeps, double tolerance, int64_t most,
+                               int64_t *rounds, double *worst) {
     const int64_t m = body->modes, width = 6 * body->interfaces + (body->masses ? 3 : 0);
     double *free = body->work;
     Configuration middle, here;
@@ -475,6 +490,7 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
         start_work = force_work(body, &loads, &here);
     }
     for (int64_t number = 0; number < substeps; number++) {
+        if (*rounds >= most) return EXHAUSTED;
         if (inputs_end) {
             const double share = ((double)number + 0.5) / (double)substeps;
             for (int64_t i = 0; i < width; i++) between[i] = inputs[i] + share * (inputs_end[i] - inputs[i]);
@@ -482,8 +498,8 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
             modal_force(body, &loads, 1, &here, 0, scratch, start);
             start_work = force_work(body, &loads, &here);
         }
-        double reach = fabs(start_work), speed = 0.0;
-        for (int64_t i = 0; i < 3 * body->nodes; i++) reach += fabs(loads.force[i]) * fabs(body->point[i]);
+        const double reach = fabs(start_work) + work_reach(body, loads.force, body->nodes);
+        double speed = 0.0, uncertain = 0.0;
         for (int64_t j = 0; j < m; j++) {
             target[j] = p->p11[j] * q0[j] + p->p12[j] * v0[j];
             q1[j] = target[j] + p->gq[j] * start[j];
@@ -512,21 +528,25 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
                     conservative = bare;
                 }
                 const double bracket = end_work - start_work - dot(conservative, difference, m);
-                correction = fabs(bracket) > ROUND_OFF * (reach + fabs(end_work)) ? bracket / square : 0.0;
+                const double round_off = ROUND_OFF * (reach + fabs(end_work));
+                correction = fabs(bracket) > round_off ? bracket / square : 0.0;
+                uncertain = correction != 0.0 ? NOISE * round_off / square : 0.0;
             }
-            double change = 0.0, scale = 0.0;
+            double change = 0.0, scale = 0.0, blurred = 0.0;
             for (int64_t j = 0; j < m; j++) {
                 mean[j] = force[j] + correction * difference[j];
                 const double next = target[j] + p->gq[j] * mean[j];
                 const double moved = body->weight[j] * (q1[j] - next), sized = body->weight[j] * next;
+                const double blur = body->weight[j] * p->gq[j] * uncertain * difference[j];
                 change += moved * moved;
                 scale += sized * sized;
+                blurred += blur * blur;
                 q1[j] = next;
             }
             scale = sqrt(scale) + speed;
             size = scale > 0.0 ? sqrt(change) / scale : 0.0;
             if (!isfinite(size)) return UNSETTLED;
-            settled = corrected && size <= TOLERANCE;
+            settled = corrected && size * scale <= fmax(TOLERANCE * scale, sqrt(blurred));
         }
         if (!settled) return UNSETTLED;
         double error = 0.0, energy = 0.0;
@@ -555,7 +575,7 @@ EXPORT int64_t kernel_substeps(const Body *body, const Propagator *p, const doub
 }
 
 /* Steps of a body with ties: tied_stepping.py. */
-static const double TIED_TOLERANCE = 1e-11;
+static const double TIED_TOLERANCE = 1e-11, FAST = 0.02;
 enum { TIED_ROUNDS = 16 };
 
 typedef struct {
@@ -661,7 +681,7 @@ static void respond(const Body *body, const TiedRule *rule, Pull *pull, const do
 /* Equal sub-steps of a body with ties: as kernel_substeps. */
 EXPORT int64_t kernel_tied_substeps(const Body *body, const Propagator *p, const TiedRule *rule, const double *inputs,
                                     const double *inputs_end, double *q, double *v, int64_t substeps,
-                                    double tolerance, int64_t *rounds, double *worst) {
+                                    double tolerance, int64_t most, int64_t *rounds, double *worst) {
     const int64_t m = body->modes, n = body->pulls, width = 6 * body->interfaces + (body->masses ? 3 : 0);
     double *free = body->work;
     Configuration states[2], middle, *here = states, *there = states + 1;
@@ -675,41 +695,48 @@ EXPORT int64_t kernel_tied_substeps(const Body *body, const Propagator *p, const
     double *target = take(&free, m), *v0 = take(&free, m), *q1 = take(&free, m), *force = take(&free, m);
     double *bare = take(&free, m), *mean = take(&free, m), *way = take(&free, m), *rate = take(&free, m);
     double *off = take(&free, m), *change = take(&free, m), *tense = take(&free, 12 * body->ties);
-    double *unit = take(&free, 6 * body->nodes);
+    double *unit = take(&free, 6 * body->nodes), *linear = take(&free, m), *end_linear = take(&free, m);
     pull.rows = take(&free, n * m), pull.answer = take(&free, n * m), pull.hold = take(&free, n * n);
     pull.square = take(&free, n * n), pull.strain = take(&free, n), pull.force = take(&free, n);
     const int potential = has_potential(body);
+    double fastest = 0.0;
+    for (int64_t j = 0; j < m; j++) fastest = fmax(fastest, body->omega[j]);
+    /* Root of the energy that is round-off of the springs' strain and of the rates that follow from it. */
+    const double noise = body->noise * (fastest + 2.0 / rule->step);
 
     *rounds = 0;
     *worst = 0.0;
     memcpy(v0, v, m * sizeof(double));
     configure(body, q, here);
+    rows_times(body->tie_initial, q, linear, m, m);
+    double start_energy = strain_of(body, q, tension(body, here, tense), linear) + dot(v0, v0, m);
     if (!inputs_end) spread(body, inputs, &loads);
     for (int64_t number = 0; number < substeps; number++) {
+        if (*rounds >= most) return EXHAUSTED;
         if (inputs_end) {
             const double share = ((double)number + 0.5) / (double)substeps;
             for (int64_t i = 0; i < width; i++) between[i] = inputs[i] + share * (inputs_end[i] - inputs[i]);
             spread(body, between, &loads);
         }
-        const double start_work = force_work(body, &loads, here) - tension(body, here, tense);
-        const double speed = norm(v0, m);
-        double reach = fabs(start_work), last = HUGE_VAL, earlier = HUGE_VAL;
-        for (int64_t i = 0; i < 3 * body->nodes; i++) reach += fabs(loads.force[i]) * fabs(body->point[i]);
+        const double load_work = force_work(body, &loads, here);
+        const double start_work = load_work - tension(body, here, tense);
+        const double speed = norm(v0, m), reach = fabs(start_work) + work_reach(body, loads.force, body->nodes);
+        double last = HUGE_VAL, earlier = HUGE_VAL;
         for (int64_t j = 0; j < m; j++) {
             target[j] = p->p11[j] * here->q[j] + p->p12[j] * v0[j];
             q1[j] = here->q[j] + rule->step * v0[j];
         }
         configure(body, q1, there);
         configure_halfway(body, here, there, &middle);
-        if (!pull_at(body, p, rule, &middle, scratch, unit, &pull)) return UNSETTLED;
-        int settled = 0;
+        int settled = 0, stale = 1;
         for (int round = 1; !settled; round++) {
-            double correction = 0.0;
+            double correction = 0.0, blur = 0.0, blurred = 0.0;
             ++*rounds;
             if (round > 1) {
                 configure(body, q1, there);
                 configure_halfway(body, here, there, &middle);
             }
+            if (stale && !pull_at(body, p, rule, &middle, scratch, unit, &pull)) return UNSETTLED;
             for (int64_t j = 0; j < m; j++) {
                 way[j] = q1[j] - here->q[j];
                 rate[j] = way[j] / rule->step;
@@ -724,19 +751,24 @@ EXPORT int64_t kernel_tied_substeps(const Body *body, const Propagator *p, const
                     conservative = bare;
                 }
                 const double bracket = end_work - start_work - dot(conservative, way, m);
-                if (fabs(bracket) > ROUND_OFF * (reach + fabs(end_work))) correction = bracket / square;
+                /* The springs' strain is a difference of places. */
+                const double round_off =
+                    ROUND_OFF * (reach + fabs(end_work) + work_reach(body, tense, 4 * body->ties));
+                if (fabs(bracket) > round_off) correction = bracket / square, blur = NOISE * round_off / square;
             }
             for (int64_t j = 0; j < m; j++) {
                 mean[j] = force[j] + correction * way[j] + dot(body->tie_initial + j * m, middle.q, m) -
                           dot(body->material + j * m, rate, m);
                 off[j] = q1[j] - target[j] - p->gq[j] * mean[j];
+                blurred += p->gq[j] * way[j] * p->gq[j] * way[j];
             }
             respond(body, rule, &pull, off, change);
             for (int64_t j = 0; j < m; j++) q1[j] -= change[j];
             const double size = norm(change, m), enough = TIED_TOLERANCE * (norm(q1, m) + rule->step * speed);
             if (!isfinite(size)) return UNSETTLED;
-            settled = size <= (enough > body->noise ? enough : body->noise);
+            settled = size <= fmax(fmax(enough, body->noise), blur * sqrt(blurred));
             if (!settled && (size > 0.5 * earlier || round >= TIED_ROUNDS)) return UNSETTLED;
+            stale = size > FAST * last;
             earlier = last;
             last = size;
         }
@@ -750,12 +782,11 @@ EXPORT int64_t kernel_tied_substeps(const Body *body, const Propagator *p, const
             way[j] = q1[j] - here->q[j];
             v0[j] = p->p21[j] * here->q[j] + p->p22[j] * v0[j] + p->gv[j] * mean[j];
         }
-        double strain = 2.0 * tension(body, there, tense), error = 0.0;
+        double error = 0.0;
+        rows_times(body->tie_initial, q1, end_linear, m, m);
         for (int64_t j = 0; j < m; j++) {
-            const double held = dot(body->tie_initial + j * m, way, m), stiffness = body->omega[j] * body->omega[j];
-            rate[j] = stiffness * way[j];
-            off[j] = p->gq[j] * (force[j] - bare[j] + held - rate[j]);
-            strain += q1[j] * (stiffness * q1[j] - dot(body->tie_initial + j * m, q1, m));
+            rate[j] = body->omega[j] * body->omega[j] * way[j];
+            off[j] = p->gq[j] * (force[j] - bare[j] + end_linear[j] - linear[j] - rate[j]);
         }
         respond(body, rule, &pull, off, change);
         for (int64_t j = 0; j < m; j++) {
@@ -763,8 +794,23 @@ EXPORT int64_t kernel_tied_substeps(const Body *body, const Propagator *p, const
             const double lost = body->omega[j] * fmin(fabs(moved), fabs(followed));
             error += lost * lost;
         }
-        const double size = fabs(strain) + dot(v0, v0, m);
-        error = size > 0.0 ? sqrt(error / size) : 0.0;
+        /* Work of the loads: forces by their potential, moments by their value in the middle. */
+        double work = potential ? force_work(body, &loads, there) - load_work : 0.0;
+        memset(tense, 0, 12 * body->ties * sizeof(double));
+        if (!potential || loads.has_moments) {
+            modal_force(body, &loads, 1, &middle, tense, scratch, force);
+            work += dot(force, way, m);
+        }
+        if (potential && loads.has_moments) {
+            modal_force(body, &loads, 0, &middle, tense, scratch, force);
+            work -= dot(force, way, m);
+        }
+        const double energy = strain_of(body, q1, tension(body, there, tense), end_linear) + dot(v0, v0, m);
+        const double bound = start_energy + 2.0 * fabs(work) + noise * noise + 2.0 * ROUND_OFF * (reach + energy);
+        error = sqrt(error) + (!(energy <= bound) ? sqrt(energy) - sqrt(bound) : 0.0);
+        error = !(error <= noise) ? error / sqrt(fmin(energy, bound)) : 0.0;
+        start_energy = energy;
+        memcpy(linear, end_linear, m * sizeof(double));
         if (!(error <= *worst)) *worst = error;
         if (!(*worst <= tolerance)) return INACCURATE;
         Configuration *passed = here;

@@ -5,6 +5,7 @@ nothing of Python: any version loads it. Where it cannot be loaded, on another p
 """
 
 import ctypes
+import math
 from functools import cache
 from pathlib import Path
 
@@ -21,14 +22,14 @@ FloatArray = NDArray[np.float64]
 
 PATTERN = "_kernel.*"
 """File names of the library, which end in what the platform asks for."""
-_VERSION = 5
+_VERSION = 6
 _PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
 # Rotation, rad, and displacement relative to the body's size, over which forces are differenced.
 _DIFFERENCE = 1e-6
 # Extent of the nodes over their coordinates below which they are all at one place, and the body's size is not known.
 _ONE_PLACE = 1e-9
-# What kernel_substeps answers.
-_DONE, _UNSETTLED = 0, 1
+# What kernel_substeps answers where there is a state, and where there is an error that is too large.
+_DONE, _INACCURATE = 0, 2
 # As many as the cache of propagators holds.
 _MOST_PROPAGATORS = 16
 _POINTER = ctypes.c_void_p
@@ -77,9 +78,9 @@ def _library() -> ctypes.CDLL | None:
         library.kernel_work_size.restype = integer
         library.kernel_work_size.argtypes = [place]
         library.kernel_substeps.restype = integer
-        library.kernel_substeps.argtypes = [*[place] * 6, integer, number, place, place]
+        library.kernel_substeps.argtypes = [*[place] * 6, integer, number, integer, place, place]
         library.kernel_tied_substeps.restype = integer
-        library.kernel_tied_substeps.argtypes = [*[place] * 7, integer, number, place, place]
+        library.kernel_tied_substeps.argtypes = [*[place] * 7, integer, number, integer, place, place]
         library.kernel_linear_step.restype = integer
         library.kernel_linear_step.argtypes = [place] * 6
         library.kernel_largest_rotation.restype = number
@@ -191,9 +192,10 @@ class Kernel:
         v: FloatArray,
         count: int,
         tolerance: float,
+        most: int,
         rule: TiedRule | None = None,
-    ) -> tuple[tuple[FloatArray, FloatArray] | None, int, float] | None:
-        """`count` equal sub-steps; None where a fixed point does not settle them.
+    ) -> tuple[tuple[FloatArray, FloatArray] | None, int, float]:
+        """`count` equal sub-steps.
 
         Parameters
         ----------
@@ -204,30 +206,30 @@ class Kernel:
         count : int
         tolerance : float
             Error accepted in a sub-step.
+        most : int
+            Rounds of the iteration after which no sub-step is begun.
         rule : TiedRule, optional
             Of a body with ties, in place of p.
 
         Returns
         -------
         state : tuple of (m,) float, or None
-            None where the error is larger.
+            None where one does not settle, errs too much, or is beyond the rounds.
         rounds : int
             Of the iteration.
         error : float
-            The largest of a sub-step.
+            The largest of a sub-step; infinite where one has none.
         """
         at_start, at_end, at_q, at_v = self._places
         end = self._load(inputs, end_inputs, q, v, at_end)
-        rest = at_start, end, at_q, at_v, count, tolerance, *self._counters
+        rest = at_start, end, at_q, at_v, count, tolerance, most, *self._counters
         if rule is None:
             answer = self._library.kernel_substeps(self._at, self._place(p), *rest)
         else:
             places = self._place(rule.p), self._rule_place(rule)
             answer = self._library.kernel_tied_substeps(self._at, *places, *rest)
-        if answer == _UNSETTLED:
-            return None
         state = (self._q.copy(), self._v.copy()) if answer == _DONE else None
-        return state, self._rounds.value, self._worst.value
+        return state, self._rounds.value, self._worst.value if answer in (_DONE, _INACCURATE) else math.inf
 
     def motion(self, q: FloatArray) -> FloatArray:
         """Displacement and rotation vector of each interface in turn, (6I,), at q (m,)."""

@@ -30,6 +30,7 @@ from .variables import (
     SPIN_LIMIT,
     STABILITY_LIMIT,
     STEP_LIMIT,
+    STEP_MOST,
     STEP_TOLERANCE,
     STIFFNESS,
     Group,
@@ -103,7 +104,7 @@ class Parameters:
     @property
     def step_limits(self) -> StepLimits:
         """Bounds of the internal step."""
-        return StepLimits(float(self[STEP_LIMIT]), float(self[STEP_TOLERANCE]))
+        return StepLimits(float(self[STEP_LIMIT]), float(self[STEP_TOLERANCE]), float(self[STEP_MOST]))
 
     @property
     def damping_scale(self) -> float:

@@ -1,5 +1,7 @@
 """Equilibrium Λq = Q(q) under constant loads, by Newton's method with load increments where it needs them."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,17 +19,21 @@ _MAX_ITERATIONS = 15
 _TOLERANCE = 1e-9
 # Round-off leaves a tangent that has a potential symmetric to this.
 _SYMMETRIC = 1e-9
+# What an iteration costs, in internal steps of ordinary cost that are compiled.
+_STEPS_PER_ITERATION = 20
 # Halving the increment ten times: a load that still fails is at a limit point.
 _SMALLEST_INCREMENT = 2.0**-10
 
 
-def equilibrium(dynamics: Dynamics, loads: Loads) -> tuple[FloatArray, int]:
+def equilibrium(dynamics: Dynamics, loads: Loads, most: float = math.inf) -> tuple[FloatArray, int]:
     """Stable equilibrium on the path from the unloaded body.
 
     Parameters
     ----------
     dynamics : Dynamics
     loads : Loads
+    most : float
+        Work accepted, as of `StepLimits.most`.
 
     Returns
     -------
@@ -40,7 +46,7 @@ def equilibrium(dynamics: Dynamics, loads: Loads) -> tuple[FloatArray, int]:
     ------
     EquilibriumError
         The body is free to move, or the load exceeds what it can bear in a stable way, or bends it further than the
-        kinematics reach.
+        kinematics reach, or the way there is more work than accepted.
     """
     free = int(np.sum(dynamics.stiffness == 0.0))
     if free:
@@ -55,6 +61,13 @@ def equilibrium(dynamics: Dynamics, loads: Loads) -> tuple[FloatArray, int]:
         return full.constant / dynamics.stiffness, 0
     reached, increment, iterations = 0.0, 1.0, 0
     while reached < 1.0:
+        if iterations * _STEPS_PER_ITERATION >= most:
+            raise EquilibriumError(
+                f"{100.0 * reached:.3g} % of the load are reached after {iterations} iterations, which cost as much as "
+                f"{most:.6g} internal steps (internal_step.most): the load is near the critical one, or bends the body "
+                "very far; lower it, or raise internal_step.most",
+                reached,
+            )
         target = min(1.0, reached + increment)
         solution, used = _newton(dynamics, loads.scaled(target), q)
         iterations += used

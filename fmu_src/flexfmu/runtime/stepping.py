@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, spread, tangent_stiffness
+from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, spread, work_reach
 from .errors import StepError
 from .evaluation import FeedRates, explicit_substeps, feed_rates
 from .inertial_stepping import inertial_substeps
@@ -33,18 +33,19 @@ FloatArray = NDArray[np.float64]
 _TOLERANCE = 1e-12
 # Change below which the discrete gradient's bracket joins the iteration: its own error is then far below the tolerance.
 _SETTLED = 1e-5
-# A fixed point that has not settled after this many rounds is slow: Newton takes over.
-_FIXED_POINT_ROUNDS = 6
-_NEWTON_ROUNDS = 12
+# A fixed point that has not settled after this many rounds is slow: the step is divided. Newton's method would settle
+# some of these steps, but hardly one of them to the tolerance.
+_MOST_ROUNDS = 16
 # The discrete gradient's bracket is skipped where it is round-off: it is cubic in Δq, and would be divided by |Δq|.
-_ROUND_OFF = 64.0 * np.finfo(np.float64).eps
-# Steps (s) below this would vanish when divided.
-_INDIVISIBLE = 1e-300
+# Where it is not, part of that bound is how uncertain it is: no change below what that makes means anything.
+_ROUND_OFF, _NOISE = 64.0 * np.finfo(np.float64).eps, 1.0 / 16.0
+# Steps (s) below this would vanish when divided, and numbers of steps above this are all alike.
+_INDIVISIBLE, _UNCOUNTED = 1e-300, 1e18
 # Sub-steps from which on it is looked at whether more of them can help, and rotation within a frame, rad, of the linear
 # body at the step's end from which on they cannot.
 _SUSPECT, _SENSELESS = 32, 4.0 * math.pi
-# Sub-steps per step at the most; a step that wants more is refused.
-MAX_SUBSTEPS = 2**14
+# Rounds of the iteration in an internal step of ordinary cost.
+_ORDINARY_ROUNDS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +58,14 @@ class StepLimits:
         Longest internal step, s; zero for no limit.
     tolerance : float
         Error accepted per step in the energy norm, relative to the motion's; sub-steps are halved until it is met.
+    most : float
+        Work accepted per step, discarded tries included, in internal steps of ordinary cost; a step that takes more is
+        refused.
     """
 
     longest: float = 0.0
     tolerance: float = 1e-4
+    most: float = 4096.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,29 +218,50 @@ class Stepper:
             exact = self._exact(state, inputs, step, end_inputs)
             if exact is not None:
                 return State(*exact, state.substeps), Work(1, 0, 0.0)
-        tolerance, longest = self._limits.tolerance, self._limits.longest
-        fewest = 1 if longest <= 0.0 else math.ceil(step / longest * (1.0 - 1e-9))
-        # The shortest of numbers cannot be divided.
+        tolerance, most, fewest = self._limits.tolerance, self._limits.most, self._fewest(step)
+        if fewest > most:
+            reason = f"internal_step.limit = {self._limits.longest:.6g} s"
+            if self.tied is not None and fewest == math.ceil(step / self.tied.longest):
+                reason = f"the slowest vibration, which allows {self.tied.longest:.3g} s"
+            raise StepError(
+                f"the step of {step:.6g} s needs {fewest} internal steps by {reason}, more than internal_step.most = "
+                f"{most:.6g}: take a shorter communication step, or raise these limits"
+            )
         if self._explicit:
             return self._held(state, inputs, end_inputs, step, fewest)
-        substeps = max(fewest, state.substeps) if step > _INDIVISIBLE else 1
-        iterations = 0
-        while substeps <= MAX_SUBSTEPS:
-            end, rounds, error = self._try(state, inputs, end_inputs, step, substeps)
+        # The shortest of numbers cannot be divided.
+        substeps = min(max(fewest, state.substeps), int(most)) if step > _INDIVISIBLE else 1
+        iterations, within, tried = 0, int(_ORDINARY_ROUNDS * most), []
+        while substeps <= most and iterations < within:
+            end, rounds, error = self._try(state, inputs, end_inputs, step, substeps, within - iterations)
             iterations += rounds
             if end is not None:
                 # The error falls with the cube of the internal step: try half as many next time only when that would
                 # do.
                 suggestion = substeps // 2 if 16.0 * error < tolerance and substeps > fewest else substeps
                 return State(*end, max(suggestion, 1)), Work(substeps, iterations, error)
+            tried.append(f"{substeps} (error {error:.2g})" if math.isfinite(error) else f"{substeps} (unsettled)")
             substeps *= 2
             if substeps >= _SUSPECT and self._beyond_reach(state, inputs, end_inputs, step):
-                break
+                raise StepError(
+                    f"the step of {step:.6g} s does not converge: the loads would turn the linear body by more than "
+                    "two turns within a frame; lower the load or the communication step"
+                )
         raise StepError(
-            f"the step of {step:.6g} s does not converge with {min(substeps, MAX_SUBSTEPS)} internal steps: the load "
-            "exceeds what the reduced body can bear, or moves it beyond the kinematics' range; lower the load or the "
-            "communication step"
+            f"the step of {step:.6g} s needs more work than {most:.6g} internal steps of ordinary cost take "
+            f"(internal_step.most): tried {', '.join(tried[-2:])} internal steps for a tolerance of {tolerance:.2g}, "
+            f"{iterations} rounds in all; take a shorter communication step, raise internal_step.most or "
+            "internal_step.tolerance, or lower the load, which may exceed what the body can bear"
         )
+
+    def _fewest(self, step: float) -> int:
+        """Internal steps that a step (s) has at least."""
+        longest = self._limits.longest
+        fewest = 1.0 if longest <= 0.0 else step / longest * (1.0 - 1e-9)
+        # An error as large as the motion is none that anyone asks for.
+        if self.tied is not None and self._limits.tolerance < 1.0:
+            fewest = max(fewest, step / self.tied.longest)
+        return math.ceil(min(fewest, _UNCOUNTED))
 
     def _held(
         self, state: State, inputs: FloatArray, end_inputs: FloatArray | None, step: float, substeps: int
@@ -250,10 +276,8 @@ class Stepper:
 
     def feed_rates(self, state: State, inputs: FloatArray, step: float) -> FeedRates:
         """What explicit evaluation does to vibrations about a state under loads (6I,) or (6I + 3,), at a step (s)."""
-        longest = self._limits.longest
-        substeps = 1 if longest <= 0.0 else math.ceil(step / longest * (1.0 - 1e-9))
         loads, _ = self._spread(inputs, None)
-        p = self._cache(step / substeps)
+        p = self._cache(step / self._fewest(step))
         return feed_rates(self._dynamics, p, loads, self.configuration(state.q), self._damping_ratio)
 
     def _beyond_reach(self, state: State, inputs: FloatArray, end_inputs: FloatArray | None, step: float) -> bool:
@@ -283,23 +307,21 @@ class Stepper:
         return (q, v) if end is None else _ramped(p, q, v, start, end, 1)
 
     def _try(
-        self, state: State, inputs: FloatArray, end_inputs: FloatArray | None, step: float, substeps: int
+        self, state: State, inputs: FloatArray, end_inputs: FloatArray | None, step: float, substeps: int, most: int
     ) -> tuple[tuple[FloatArray, FloatArray] | None, int, float]:
-        """Try a number of equal sub-steps; None for the state where one of them fails or errs too much."""
+        """Try a number of equal sub-steps, at most so many rounds; None for the state where one fails or errs."""
         p, tolerance = self._cache(step / substeps), self._limits.tolerance
         if self.kernel is not None:
             rule = None if self.tied is None else self.tied.rule(p.step)
-            found = self.kernel.substeps(p, inputs, end_inputs, state.q, state.v, substeps, tolerance, rule)
-            if found is not None:
-                return found
+            return self.kernel.substeps(p, inputs, end_inputs, state.q, state.v, substeps, tolerance, most, rule)
         start, end = self._spread(inputs, end_inputs)
         here = self.configuration(state.q)
         with np.errstate(all="ignore"):
             if self.tied is not None:
                 q, v = state.q, state.v
-                result = self.tied.substeps(p.step, start, end, q, v, here, substeps, tolerance)
+                result = self.tied.substeps(p.step, start, end, q, v, here, substeps, tolerance, most)
             else:
-                result = _substeps(self._dynamics, p, start, end, state, here, substeps, tolerance)
+                result = _substeps(self._dynamics, p, start, end, state, here, substeps, tolerance, most)
         state_there, rounds, error = result
         if state_there is None:
             return None, rounds, error
@@ -321,11 +343,12 @@ def _substeps(
     here: Configuration,
     substeps: int,
     tolerance: float,
+    most: int,
 ) -> tuple[tuple[FloatArray, FloatArray, Configuration] | None, int, float]:
-    """Equal sub-steps, each by fixed point, then by Newton; None for the state where one fails or errs too much."""
+    """Equal sub-steps within so many rounds; None for the state where one does not settle or errs too much."""
     if dynamics.inertia is not None:
         return inertial_substeps(
-            dynamics, dynamics.inertia, p, loads, end_loads, state.q, state.v, here, substeps, tolerance
+            dynamics, dynamics.inertia, p, loads, end_loads, state.q, state.v, here, substeps, tolerance, most
         )
     omega = np.sqrt(dynamics.stiffness)
     q, v = state.q, state.v
@@ -333,6 +356,8 @@ def _substeps(
     start_force, start_work = modal_force(dynamics, mean, here), force_work(dynamics, mean, here)
     iterations, worst = 0, 0.0
     for number in range(substeps):
+        if iterations >= most:
+            return None, iterations, np.inf
         if end_loads is not None:
             mean = between(loads, end_loads, (number + 0.5) / substeps)
             start_force, start_work = modal_force(dynamics, mean, here), force_work(dynamics, mean, here)
@@ -380,47 +405,31 @@ def _implicit_step(
     weight = dynamics.weight
     free = p.p11 * q0 + p.p12 * v0
     q1 = free + p.gq * force0
-    correction = 0.0
-    newton: FloatArray | None = None
+    correction = uncertain = 0.0
     size, corrected = np.inf, False
-    for rounds in range(1, _FIXED_POINT_ROUNDS + _NEWTON_ROUNDS + 1):
+    for rounds in range(1, _MOST_ROUNDS + 1):
         middle = configuration_at(dynamics, 0.5 * (q0 + q1))
         force = modal_force(dynamics, loads, middle)
         difference = q1 - q0
         # The correction is cubic in Δq: it can wait until q₁ has nearly settled, but has to be there when it has.
         corrected = size <= _SETTLED
         if corrected and difference.any():
-            correction = _correction(dynamics, loads, middle, force, q1, work0, difference)
+            correction, uncertain = _correction(dynamics, loads, middle, force, q1, work0, difference)
         mean_force = force + correction * difference
-        residual = q1 - free - p.gq * mean_force
-        if rounds > _FIXED_POINT_ROUNDS and newton is None:
-            # ∂Q̄/∂q₁ is half the load stiffness at the middle, but for terms of the correction's size.
-            half = 0.5 * (np.diag(dynamics.stiffness) - tangent_stiffness(dynamics, loads, middle))
-            newton = np.eye(q0.size) - p.gq[:, None] * half
-        change = residual if newton is None else _solve(newton, residual)
-        if change is None:
-            return None, rounds
+        change = q1 - free - p.gq * mean_force
         q1 = q1 - change
         scale = _norm(weight * q1) + _norm(v0)
         size = _norm(weight * change) / scale if scale > 0.0 else 0.0
         if not np.isfinite(size):
             return None, rounds
-        if corrected and size <= _TOLERANCE:
+        if corrected and size * scale <= max(_TOLERANCE * scale, uncertain * _norm(weight * p.gq * difference)):
             return (q1, mean_force), rounds
-    return None, _FIXED_POINT_ROUNDS + _NEWTON_ROUNDS
+    return None, _MOST_ROUNDS
 
 
 def _norm(vector: FloatArray) -> float:
     """Euclidean norm, without the overhead of the general one."""
     return math.sqrt(vector @ vector)
-
-
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
-    try:
-        result: FloatArray = np.linalg.solve(matrix, right).astype(np.float64, copy=False)
-        return result
-    except np.linalg.LinAlgError:
-        return None
 
 
 def _correction(
@@ -431,16 +440,19 @@ def _correction(
     q1: FloatArray,
     work0: float | None,
     difference: FloatArray,
-) -> float:
-    """Discrete gradient's factor [J(q₁) − J(q₀) − Q(q̄)·Δq]/|Δq|², zero where the bracket is round-off.
+) -> tuple[float, float]:
+    """Discrete gradient's factor [J(q₁) − J(q₀) − Q(q̄)·Δq]/|Δq|², zero where the bracket is round-off, and that of it.
 
     J and Q are those of the forces: moments enter the step by their value in the middle alone.
     """
     work1 = force_work(dynamics, loads, configuration_at(dynamics, q1))
     if work0 is None or work1 is None:
-        return 0.0
+        return 0.0, 0.0
     if loads.forces_only is not None:
         force = modal_force(dynamics, loads.forces_only, middle)
     bracket = work1 - work0 - float(np.vdot(force, difference))
-    reach = float(np.vdot(np.abs(loads.force), np.abs(dynamics.tree.point))) + abs(work0) + abs(work1)
-    return bracket / float(np.vdot(difference, difference)) if abs(bracket) > _ROUND_OFF * reach else 0.0
+    round_off = _ROUND_OFF * (work_reach(dynamics.tree, loads.force) + abs(work0) + abs(work1))
+    if not abs(bracket) > round_off:
+        return 0.0, 0.0
+    square = float(np.vdot(difference, difference))
+    return bracket / square, _NOISE * round_off / square

@@ -25,7 +25,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import Dynamics, NodeLoads, between, configuration_at, force_work, modal_force, tangent_stiffness
+from .dynamics import (
+    Dynamics,
+    NodeLoads,
+    between,
+    configuration_at,
+    force_work,
+    modal_force,
+    tangent_stiffness,
+    work_reach,
+)
 from .indicators import interface_jacobian
 from .propagation import Propagator, propagator
 from .ties import TieForces, energy, foreseen_tension, relative_motion, relative_stiffness, resisting, tension
@@ -35,13 +44,15 @@ FloatArray = NDArray[np.float64]
 
 # Change of q over an iteration relative to q and to the way of a step.
 _TOLERANCE = 1e-11
-# A chord iteration that has not settled after this many rounds is slow: Newton takes over.
+# A chord iteration that has not settled after this many rounds is slow: the step is divided.
 _CHORD_ROUNDS = 16
-_NEWTON_ROUNDS = 12
+# Part of the change before it that a round may leave at the most, else the ties' pull is taken anew in the present
+# middle. The one that the velocity foresees is far off where stiff modes ring.
+_FAST = 0.02
 # Angle by which a mode that the step resolves turns in it at the most, rad.
 _RESOLVED = 1.5
 # As in `stepping`.
-_ROUND_OFF = 64.0 * np.finfo(np.float64).eps
+_ROUND_OFF, _NOISE = 64.0 * np.finfo(np.float64).eps, 1.0 / 16.0
 _MOST_RULES = 16
 
 
@@ -105,6 +116,9 @@ class TiedSteps:
         # The same without H: of springs that turned frames stretch without any cause, it would leave round-off only.
         bare = replace(ties, initial=np.zeros_like(ties.initial))
         self._bare = replace(dynamics, ties=bare)
+        self._loads_alone = replace(dynamics, ties=None)
+        # A step that resolves no mode at all has no estimate of its error.
+        self.longest = _RESOLVED / math.sqrt(float(dynamics.stiffness.min()))
         self._resisting = resisting(ties)
         self.noise = ties.noise / math.sqrt(float(dynamics.stiffness.max()))
         # A mode is damped by way of the forces in its material. Those of the springs between the sections are left out:
@@ -158,6 +172,7 @@ class TiedSteps:
         here: Configuration,
         substeps: int,
         tolerance: float,
+        most: int,
     ) -> tuple[tuple[FloatArray, FloatArray, Configuration] | None, int, float]:
         """Equal sub-steps; None for the state where one of them fails or errs too much.
 
@@ -175,6 +190,8 @@ class TiedSteps:
         substeps : int
         tolerance : float
             Error accepted in a sub-step, relative, in the energy norm.
+        most : int
+            Rounds of the iteration after which no sub-step is begun.
 
         Returns
         -------
@@ -185,26 +202,29 @@ class TiedSteps:
             The largest of a sub-step.
         """
         rule, mean, rounds, worst = self.rule(step), loads, 0, 0.0
+        energy = self._energy(here, v)
         for number in range(substeps):
+            if rounds >= most:
+                return None, rounds, np.inf
             if end_loads is not None:
                 mean = between(loads, end_loads, (number + 0.5) / substeps)
-            pull = self._pull(rule, q, v)
-            solution, used = self._implicit_step(rule, pull, mean, q, v, here)
+            solution, used = self._implicit_step(rule, mean, q, v, here)
             rounds += used
             if solution is None:
                 return None, rounds, np.inf
-            q1, v1 = solution
+            q1, v1, pull = solution
             there = configuration_at(self._dynamics, q1)
-            error = self._error(rule, pull, mean, here, there, v1)
-            worst = max(worst, error)
+            end_energy = self._energy(there, v1)
+            error = self._error(rule, pull, mean, here, there, energy, end_energy)
+            # Not a number is no error to be accepted either.
+            worst = worst if error <= worst else error
             if not worst <= tolerance:
                 return None, rounds, worst
-            q, v, here = q1, v1, there
+            q, v, here, energy = q1, v1, there, end_energy
         return (q, v, here), rounds, worst
 
-    def _pull(self, rule: TiedRule, q: FloatArray, v: FloatArray) -> _Pull:
-        """How ties pull in the middle of a step that begins at q with the rate v."""
-        middle = configuration_at(self._dynamics, q + 0.5 * rule.p.step * v)
+    def _pull(self, rule: TiedRule, middle: Configuration) -> _Pull:
+        """How ties pull in the middle of a step."""
         kept = self._resisting
         rows = relative_motion(self._ties, self._dynamics.tree, middle)[kept]
         stiffness = relative_stiffness(self._ties, middle)[np.ix_(kept, kept)]
@@ -213,84 +233,55 @@ class TiedSteps:
         return _Pull(rows, answer, np.linalg.solve(matrix, stiffness).astype(np.float64, copy=False))
 
     def _implicit_step(
-        self, rule: TiedRule, pull: _Pull, loads: NodeLoads, q0: FloatArray, v0: FloatArray, here: Configuration
-    ) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
-        """Solve for q₁; return it with its rate, and the number of rounds."""
+        self, rule: TiedRule, loads: NodeLoads, q0: FloatArray, v0: FloatArray, here: Configuration
+    ) -> tuple[tuple[FloatArray, FloatArray, _Pull] | None, int]:
+        """Solve for q₁; return it with its rate and how ties pull there, and the number of rounds."""
         d, bare, p = self._dynamics, self._bare, rule.p
         acting = loads if loads.forces_only is None else loads.forces_only
         work0 = force_work(bare, loads, here)
-        reach = float(np.vdot(np.abs(loads.force), np.abs(d.tree.point)))
+        reach = work_reach(d.tree, loads.force)
         free = p.p11 * q0 + p.p12 * v0
         q1 = q0 + p.step * v0
         # Of a round, and of the one before it: the first two need not come closer yet.
         last = earlier = np.inf
-        newton = False
-        for rounds in range(1, _CHORD_ROUNDS + _NEWTON_ROUNDS + 1):
+        pull: _Pull | None = None
+        for rounds in range(1, _CHORD_ROUNDS + 1):
             middle, there = configuration_at(d, 0.5 * (q0 + q1)), configuration_at(d, q1)
+            if pull is None:
+                pull = self._pull(rule, middle)
             way = q1 - q0
             force = modal_force(bare, loads, middle)
-            potential = force
             square = float(way @ way)
             work1 = force_work(bare, loads, there)
-            c = 0.0
+            c = blur = 0.0
             if square > 0.0 and work0 is not None and work1 is not None:
                 potential = force if acting is loads else modal_force(bare, acting, middle)
                 bracket = work1 - work0 - float(potential @ way)
-                if abs(bracket) > _ROUND_OFF * (reach + abs(work0) + abs(work1)):
-                    c = bracket / square
+                # The springs' strain is a difference of places.
+                strained = work_reach(d.tree, tension(self._ties, there).reshape(-1, 3))
+                round_off = _ROUND_OFF * (reach + abs(work0) + abs(work1) + strained)
+                if abs(bracket) > round_off:
+                    c, blur = bracket / square, _NOISE * round_off / square
             mean = force + c * way + self._ties.initial @ middle.q - self.coupled_damping @ (way / p.step)
             residual = q1 - free - p.gq * mean
-            if newton:
-                slope = self._slope(acting, potential, middle, there, way, c)
-                try:
-                    change = self._newton_change(p, loads, middle, residual, c, np.outer(way, slope))
-                except np.linalg.LinAlgError:
-                    return None, rounds
-            else:
-                change = pull.respond(rule, residual)
+            change = pull.respond(rule, residual)
             q1 = q1 - change
             size, scale = _norm(change), _norm(q1) + p.step * _norm(v0)
             if not math.isfinite(size):
                 return None, rounds
-            if size <= max(_TOLERANCE * scale, self.noise):
-                return (q1, p.p21 * q0 + p.p22 * v0 + p.gv * mean), rounds
-            newton = newton or size > 0.5 * earlier or rounds >= _CHORD_ROUNDS
+            if size <= max(_TOLERANCE * scale, self.noise, blur * _norm(p.gq * way)):
+                return (q1, p.p21 * q0 + p.p22 * v0 + p.gv * mean, pull), rounds
+            if size > 0.5 * earlier:
+                return None, rounds
+            if size > _FAST * last:
+                pull = None
             earlier, last = last, size
-        return None, _CHORD_ROUNDS + _NEWTON_ROUNDS
+        return None, _CHORD_ROUNDS
 
-    def _slope(
-        self,
-        acting: NodeLoads,
-        potential: FloatArray,
-        middle: Configuration,
-        there: Configuration,
-        way: FloatArray,
-        c: float,
-    ) -> FloatArray:
-        """∂c/∂q₁ (m,) of the discrete gradient's factor c; `potential` is what has a potential in the middle."""
-        if c == 0.0:
-            return np.zeros_like(way)
-        d = self._dynamics
-        change = d.stiffness * way - tangent_stiffness(d, acting, middle) @ way - self._ties.initial @ way
-        end = modal_force(self._bare, acting, there)
-        result: FloatArray = (end - potential - 0.5 * change - 2.0 * c * way) / float(way @ way)
-        return result
-
-    def _newton_change(
-        self,
-        p: Propagator,
-        loads: NodeLoads,
-        middle: Configuration,
-        residual: FloatArray,
-        c: float,
-        correction: FloatArray,
-    ) -> FloatArray:
-        """Newton's step (m,); `correction` (m, m) is what the factor c changes by itself."""
-        d, one = self._dynamics, np.eye(residual.size)
-        change_of_mean = 0.5 * (np.diag(d.stiffness) - tangent_stiffness(d, loads, middle)) + c * one + correction
-        matrix = one - p.gq[:, None] * change_of_mean + (p.gq / p.step)[:, None] * self.coupled_damping
-        result: FloatArray = np.linalg.solve(matrix, residual).astype(np.float64, copy=False)
-        return result
+    def _energy(self, state: Configuration, v: FloatArray) -> float:
+        """Twice the strain and kinetic energy, J."""
+        strain = float(state.q @ (self._dynamics.stiffness * state.q)) + 2.0 * energy(self._ties, state)
+        return abs(strain) + float(v @ v)
 
     def _error(
         self,
@@ -299,23 +290,46 @@ class TiedSteps:
         loads: NodeLoads,
         here: Configuration,
         there: Configuration,
-        v: FloatArray,
+        start: float,
+        end: float,
     ) -> float:
-        """What the change of forces over the sub-step does beyond its mean, relative, in the energy norm."""
+        """What the change of forces over the sub-step does beyond its mean, relative, in the energy norm.
+
+        Energy that neither was there at the start (twice it, J) nor came from the loads is error as well.
+        """
         d = self._dynamics
+        middle = configuration_at(d, 0.5 * (here.q + there.q))
         way = there.q - here.q
         # Stiff springs that vibrate faster than the step can tell are strained by it at its ends as they never are in
         # truth: their tension is taken as it is in the middle, and how it changes from how the body gives way.
-        tense = tension(self._ties, configuration_at(d, 0.5 * (here.q + there.q)))
+        tense = tension(self._ties, middle)
         held = d.stiffness * way
         change = modal_force(d, loads, there, tense) - modal_force(d, loads, here, tense) - held
         moved = rule.lag * pull.respond(rule, rule.p.gq * change)
         # A mode of the straight body that the turned one only follows, at hardly any acceleration of its own, asks for
         # no shorter step, however its force changes.
         off = np.minimum(np.abs(moved), np.abs(moved + rule.p.ramp * held))
-        strain = float(there.q @ (d.stiffness * there.q)) + 2.0 * energy(self._ties, there)
-        size = abs(strain) + float(v @ v)
-        return math.sqrt(float(d.stiffness @ off**2) / size) if size > 0.0 else 0.0
+        work = self._work(loads, here, middle, there)
+        round_off = (
+            2.0 * _ROUND_OFF * (work_reach(d.tree, loads.force) + abs(force_work(self._bare, loads, here) or 0.0) + end)
+        )
+        # No change of q below `noise` means anything, nor the rates that follow from it.
+        noise = self.noise * (math.sqrt(float(d.stiffness.max())) + 2.0 / rule.p.step)
+        bound = start + 2.0 * abs(work) + noise * noise + round_off
+        created = 0.0 if end <= bound else math.sqrt(end) - math.sqrt(bound)
+        error = math.sqrt(float(d.stiffness @ off**2)) + created
+        return 0.0 if error <= noise else error / math.sqrt(min(end, bound))
+
+    def _work(self, loads: NodeLoads, here: Configuration, middle: Configuration, there: Configuration) -> float:
+        """Work of the loads over a sub-step: of forces by their potential, of moments by their value in the middle."""
+        d = self._loads_alone
+        before, after = force_work(d, loads, here), force_work(d, loads, there)
+        if before is None or after is None:
+            return float(modal_force(d, loads, middle) @ (there.q - here.q))
+        if loads.forces_only is None:
+            return after - before
+        moments = modal_force(d, loads, middle) - modal_force(d, loads.forces_only, middle)
+        return after - before + float(moments @ (there.q - here.q))
 
     def compliance(self, step: float, loads: NodeLoads, state: Configuration, interfaces: Sequence[int]) -> FloatArray:
         """As `indicators.compliance`, of this rule."""
@@ -323,7 +337,7 @@ class TiedSteps:
         motion = interface_jacobian(d, state, interfaces)
         # Between steps stiff springs ring; halfway through what they do next, their tension is that of the motion.
         force = modal_force(d, loads, state) - d.stiffness * state.q
-        change = self._pull(rule, state.q, np.zeros_like(state.q)).respond(rule, rule.p.gq * force)
+        change = self._pull(rule, state).respond(rule, rule.p.gq * force)
         tense = foreseen_tension(self._ties, state, *jacobians(d.tree, state), 0.5 * change)
         tangent = tangent_stiffness(d, loads, state, tense)
         gq = rule.p.gq[:, None]

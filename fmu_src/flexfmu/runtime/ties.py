@@ -83,7 +83,9 @@ def tie_forces(body: ReducedBody, tree: Tree) -> TieForces | None:
     weighed = bare.stiffness[..., None] * change
     each = np.einsum("tcim,tcin->tmn", weighed, change, optimize=True)
     welded = np.asarray(body.ties.frame[:, 1] >= 0)
-    noise = _ROUND_OFF * float(np.abs(tree.point).max() * np.sqrt(body.ties.stiffness.max()))
+    # Each tie has four springs along an axis: at its centre and at three levers.
+    far = float(np.linalg.norm(tree.point, axis=1).max())
+    noise = _ROUND_OFF * far * float(np.sqrt(4.0 * body.ties.stiffness.sum()))
     initial = each.sum(axis=0)
     return TieForces(first, second, bare.stiffness, bare.lever, apart, initial, each[welded].sum(axis=0), noise)
 

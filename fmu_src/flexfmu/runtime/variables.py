@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 
 from .reduced_body import GROUND, Division, Evaluation, Kinematics, LoadPlacement, Mass, ReducedBody, Stiffness
+from .stepping import StepLimits
 from .watch import OnLimit, OnRefusal
 
 AXES = ("x", "y", "z")
@@ -97,6 +98,7 @@ INTERPOLATION = "input.interpolation"
 DAMPING_SCALE = "damping.scale"
 STEP_LIMIT = "internal_step.limit"
 STEP_TOLERANCE = "internal_step.tolerance"
+STEP_MOST = "internal_step.most"
 FIXED = ".fixed"
 """Ends the name of the parameter that fixes an interface of a free body."""
 ROTATION_LIMIT = "watch.rotation.limit"
@@ -310,9 +312,12 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         text(INITIALIZATION, Initialization.REST, "how the body starts"),
         text(INTERPOLATION, Interpolation.CONSTANT, "how inputs are taken over a step"),
         number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
-        number(STEP_LIMIT, 0.0, "s", "longest internal step; 0 for none"),
-        number(STEP_TOLERANCE, 1e-4, None, "error accepted per step, relative, in the energy norm", 1e-14),
-        text(ON_STEP, OnRefusal.DISCARD, "what happens when a step does not converge"),
+        number(STEP_LIMIT, StepLimits().longest, "s", "longest internal step; 0 for none"),
+        number(
+            STEP_TOLERANCE, StepLimits().tolerance, None, "error accepted per step, relative, in the energy norm", 1e-14
+        ),
+        number(STEP_MOST, StepLimits().most, None, "most work of a call, in internal steps of ordinary cost", 1.0),
+        text(ON_STEP, OnRefusal.DISCARD, "what happens when a step is refused"),
         number(ROTATION_LIMIT, 0.5, "rad", "largest rotation within a frame; 0 for no limit"),
         text(ON_ROTATION, OnLimit.WARN, "what happens beyond it"),
         # The joints of a cut body ring in tension as it moves, which says nothing of the loads.
