@@ -35,6 +35,7 @@ from flexfmu.fmu.package import package_fmu
 from flexfmu.progress import Reporter
 from flexfmu.runtime.body import FlexibleBody
 from flexfmu.runtime.modal_file import read_modal_file, write_modal_file
+from flexfmu.runtime.reduced_body import Kinematics
 from flexfmu.store import Store
 
 HERE = Path(__file__).parent
@@ -105,7 +106,7 @@ def build(deck: Path, folder: Path, name: str, frames: int | None, cut: bool = F
     config = read_body_file(HERE / "body.toml").model_copy(update={"mesh": MeshTable(file=deck)})
     if not cut:
         # What the loop is off by, the second order does not mend.
-        config = config.model_copy(update={"cut": [], "formulation": FormulationTable()})
+        config = config.model_copy(update={"cut": [], "formulation": FormulationTable(kinematics=Kinematics.COROTATED)})
     if frames is not None:
         config = config.model_copy(update={"frame": [], "frames": frames})
     body = reduce_body(config, report, Store(folder / "store"))

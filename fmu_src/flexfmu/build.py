@@ -28,7 +28,7 @@ from .reduction.masses import body_properties, mass_shares, sub_masses
 from .reduction.model import Model, assemble_model, element_set, elements_without_material, node_set
 from .reduction.modes import Modes
 from .reduction.rigid_fit import by_node, modal_fit
-from .reduction.second_order import node_readings, second_order
+from .reduction.second_order import hourglass_warnings, node_readings, second_order
 from .reduction.subdomains import Subdomain, carrying_frame, frame_operators
 from .reduction.surface import body_surface
 from .runtime.reduced_body import GROUND, Kinematics, Mass, Properties, ReducedBody, Stiffness, StressSet, Ties
@@ -93,7 +93,7 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
         body,
         damping_ratio=damping_ratio,
         compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
-        formulation=config.formulation.formulation,
+        formulation=config.start,
         velocity_outputs=config.output.velocities,
         provenance=_provenance(config, mesh),
         properties=properties,
@@ -147,12 +147,16 @@ def _reduced(
 
     second = None
     if _curved(config) and subdomains:
+        for text in hourglass_warnings(mesh, subdomains):
+            report.warning(text)
         heavy = config.input.acceleration
         shares = mass_shares(mesh, volumes, subdomains) if heavy else np.zeros((0, len(mesh.points)))
-        readings = node_readings(mesh.points, subdomains, interfaces, shares, [by_node(s.nodes) for s in springs])
-        with report.stage(f"Find what motions within frames lack at second order, at {len(readings)} places"):
-            rotation = frames.frame_rotation
-            second = second_order(mesh, matrices.supported, modes.shapes, subdomains, rotation, readings)
+        turned, nodes = frames.frame_rotation, [by_node(spring.nodes) for spring in springs]
+        readings = node_readings(mesh.points, modes.shapes, subdomains, turned, interfaces, shares, nodes)
+        rigid = np.flatnonzero(modes.angular_frequency == 0.0)
+        floating = any(domain.floating for domain in subdomains)
+        with report.stage(f"Find where {len(readings)} places go at second order"):
+            second = second_order(mesh, matrices.supported, modes.shapes, rigid, floating, readings)
 
     body = ReducedBody(
         name=config.name,
@@ -314,7 +318,7 @@ def _heavy(config: BodyFile) -> bool:
 def _curved(config: BodyFile) -> bool:
     """Whether second-order motions within frames go aboard: as asked, or where the formulation needs them."""
     wanted = config.reduction.second_order
-    return config.formulation.kinematics is Kinematics.SECOND_ORDER if wanted is None else wanted
+    return config.start.kinematics is Kinematics.SECOND_ORDER if wanted is None else wanted
 
 
 def _damping(ratio: float | list[float], count: int) -> FloatArray:

@@ -180,23 +180,33 @@ class DampingTable(_Table):
 
 
 class FormulationTable(_Table):
-    """`[formulation]`: kinematics and loads that the FMU starts with."""
+    """`[formulation]`: kinematics and loads that the FMU starts with.
 
-    kinematics: Kinematics = Field(default=Kinematics.COROTATED, strict=False)
+    Without `kinematics` the body file as a whole decides: `BodyFile.start`.
+    """
+
+    kinematics: Kinematics | None = Field(default=None, strict=False)
     loads: LoadPlacement = Field(default=LoadPlacement.DEFORMED, strict=False)
     stiffness: Stiffness = Field(default=Stiffness.CONSTANT, strict=False)
     mass: Mass = Field(default=Mass.CONSTANT, strict=False)
     division: Division = Field(default=Division.TREE, strict=False)
 
-    @property
-    def formulation(self) -> Formulation:
-        """The formulation itself; a combination without meaning raises OptionError."""
-        return Formulation(self.kinematics, self.loads, self.stiffness, self.mass, self.division)
+    def formulation(self, second_order: bool) -> Formulation:
+        """The formulation itself; a combination without meaning raises OptionError.
+
+        Parameters
+        ----------
+        second_order : bool
+            Whether kinematics that are not given may be of second order.
+        """
+        plain = (self.stiffness, self.mass, self.division) == (Stiffness.CONSTANT, Mass.CONSTANT, Division.TREE)
+        default = Kinematics.SECOND_ORDER if second_order and plain else Kinematics.COROTATED
+        return Formulation(self.kinematics or default, self.loads, self.stiffness, self.mass, self.division)
 
     @model_validator(mode="after")
     def _meaningful(self) -> "FormulationTable":
         try:
-            _ = self.formulation
+            _ = self.formulation(second_order=True)
         except OptionError as error:
             raise ValueError(str(error)) from error
         return self
@@ -235,6 +245,15 @@ class BodyFile(_Table):
     formulation: FormulationTable = FormulationTable()
     input: InputTable = InputTable()
     output: OutputTable = OutputTable()
+
+    @property
+    def start(self) -> Formulation:
+        """The formulation that the FMU starts with: of second order where that is possible and nothing else is asked.
+
+        It is not where there are no frames, where `reduction.second_order` is false, or with what it does not go with:
+        the deformed body's mass, frames apart from each other, geometric stiffness.
+        """
+        return self.formulation.formulation(self.frames != 0 and self.reduction.second_order is not False)
 
     @field_validator("name")
     @classmethod

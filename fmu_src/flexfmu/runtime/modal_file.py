@@ -30,7 +30,7 @@ from .reduced_body import (
 )
 
 FORMAT = "flexfmu modal file"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
 
 
@@ -112,9 +112,8 @@ TIES: dict[str, Entry] = {
 }
 # Rows are the nodes of the tree: frames, interfaces, centres of mass, ends of ties.
 SECOND: dict[str, Entry] = {
-    "displacement": Entry("second/displacement", "kg^-1 m^-1", "(K, 3, m, m) quadratic part of displacements"),
-    "rotation": Entry("second/rotation", "rad/(kg m^2)", "(K, 3, m, m) quadratic part of rotations"),
-    "section": Entry("second/section", "1", "(K, 3, 3, 3) rotation read off displacements S (x - X)"),
+    "displacement": Entry("second/displacement", "kg^-1 m^-1", "(K, 3, m, m) second derivative of displacements"),
+    "rotation": Entry("second/rotation", "rad/(kg m^2)", "(K, 3, m, m) second derivative of rotation vectors"),
 }
 SURFACE: dict[str, Entry] = {
     "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),

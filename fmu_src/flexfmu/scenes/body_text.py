@@ -49,7 +49,7 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
             lines += ["", *comment, f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
             lines += [f"{name} = {_value(one)}" for name, one in table.items()]
             comment = []
-    reduction, formulation = config.reduction, config.formulation
+    reduction, formulation = config.reduction, config.start
     chosen: dict[str, dict[str, Any]] = {
         "reduction": {"basis": reduction.basis.value, "modes": reduction.modes},
         "formulation": {
