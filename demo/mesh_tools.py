@@ -34,8 +34,13 @@ BRICK_FACES = np.array(
     ]
 )
 
+TETRAHEDRON_NODES = 10
+TETRAHEDRON_FACES = np.array([[0, 1, 2, 4, 5, 6], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [2, 0, 3, 6, 7, 9]])
+
 # Integrals of the quad8 shape functions over a parallelogram of unit area: corners, then mid-sides.
 QUAD8_SHARES = np.array([-1 / 12] * 4 + [1 / 3] * 4)
+# The same of the tria6 over a flat triangle with straight sides.
+TRIA6_SHARES = np.array([0.0] * 3 + [1 / 3] * 3)
 
 # Nodes closer than this part of the mesh's size are one node; far above round-off, far below an element.
 MERGE_TOLERANCE = 1e-7
@@ -53,7 +58,7 @@ class BrickMesh:
     points : ndarray, shape (n_nodes, 3)
         Node coordinates, m.
     bricks : ndarray of int, shape (n_elements, 20)
-        Node indices of each element, counted from 0.
+        Node indices of each element, counted from 0; of 10-node tetrahedra, shape (n_elements, 10).
     """
 
     points: np.ndarray
@@ -130,10 +135,11 @@ def merge(*meshes: BrickMesh) -> BrickMesh:
 
 
 def faces_within(mesh: BrickMesh, nodes: np.ndarray) -> np.ndarray:
-    """Return the element faces (quad8) all of whose nodes belong to a set, shape (n_faces, 8)."""
+    """Return the element faces all of whose nodes belong to a set, (n_faces, 8), or (n_faces, 6) of tetrahedra."""
     inside = np.zeros(len(mesh.points), dtype=bool)
     inside[nodes] = True
-    faces = mesh.bricks[:, BRICK_FACES].reshape(-1, 8)
+    table = TETRAHEDRON_FACES if mesh.bricks.shape[1] == TETRAHEDRON_NODES else BRICK_FACES
+    faces = mesh.bricks[:, table].reshape(-1, table.shape[1])
     return faces[inside[faces].all(axis=1)]
 
 
@@ -164,6 +170,10 @@ def traction_weights(mesh: BrickMesh, nodes: np.ndarray) -> np.ndarray:
     faces = faces_within(mesh, nodes)
     if len(faces) == 0 or not np.array_equal(np.unique(faces), np.sort(nodes)):
         raise ValueError("the node set has to consist of the nodes of whole element faces, each node once")
+    if faces.shape[1] == len(TRIA6_SHARES):
+        corner = mesh.points[faces[:, :3]]
+        area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+        return _shared(mesh, nodes, faces, area, TRIA6_SHARES)
     corner = mesh.points[faces[:, :4]]
     middle = mesh.points[faces[:, 4:]]
     size = np.ptp(corner, axis=1).max()
@@ -173,8 +183,12 @@ def traction_weights(mesh: BrickMesh, nodes: np.ndarray) -> np.ndarray:
         raise ValueError("the shares of a uniform traction are known for parallelogram faces only")
 
     area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 3] - corner[:, 0]), axis=1)
+    return _shared(mesh, nodes, faces, area, QUAD8_SHARES)
+
+
+def _shared(mesh: BrickMesh, nodes: np.ndarray, faces: np.ndarray, area: np.ndarray, shares: np.ndarray) -> np.ndarray:
     weights = np.zeros(len(mesh.points))
-    np.add.at(weights, faces, area[:, None] * QUAD8_SHARES)
+    np.add.at(weights, faces, area[:, None] * shares)
     return weights[nodes] / area.sum()
 
 
@@ -200,11 +214,12 @@ def write_model(
     lines = [f"** {line}" for line in heading]
     lines.append("*NODE")
     lines += [f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(mesh.points, start=1)]
-    lines.append("*ELEMENT, TYPE=C3D20R, ELSET=EALL")
+    tetrahedra = mesh.bricks.shape[1] == TETRAHEDRON_NODES
+    lines.append(f"*ELEMENT, TYPE={'C3D10' if tetrahedra else 'C3D20R'}, ELSET=EALL")
     for i, brick in enumerate(mesh.bricks + 1, start=1):
         # The element number and 15 nodes fill the first line; the comma at its end announces the second.
-        lines.append(", ".join(map(str, [i, *brick[:15]])) + ",")
-        lines.append(", ".join(map(str, brick[15:])))
+        lines.append(", ".join(map(str, [i, *brick[:15]])) + ("" if tetrahedra else ","))
+        lines += [] if tetrahedra else [", ".join(map(str, brick[15:]))]
     for name, nodes in node_sets.items():
         lines += _node_set_lines(name, np.sort(nodes) + 1)
     lines += [

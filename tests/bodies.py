@@ -61,7 +61,7 @@ def with_second_order(body: ReducedBody, size: float = 1.0) -> ReducedBody:
     rng = np.random.default_rng(1000)
     displacement, rotation = size * rng.standard_normal((2, count, 3, modes, modes))
     parts = displacement + displacement.swapaxes(2, 3), rotation + rotation.swapaxes(2, 3)
-    return replace(body, second=SecondOrder(*parts, size * rng.standard_normal((count, 3, 3, 3))))
+    return replace(body, second=SecondOrder(*parts))
 
 
 def turning_body(axis: FloatArray, pivot: FloatArray) -> ReducedBody:

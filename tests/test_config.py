@@ -52,8 +52,23 @@ def test_defaults_are_those_of_the_documentation(tmp_path):
     assert (body.reduction.basis, body.reduction.modes) == (Basis.NORMAL, 10)
     assert not body.reduction.residual_flexibility
     assert body.damping.ratio == 0.0
-    assert body.formulation.formulation == Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.CONSTANT)
+    assert body.start == Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED, Stiffness.CONSTANT)
     assert (body.output.velocities, body.output.surface, body.input.acceleration) == (False, False, False)
+
+
+@pytest.mark.parametrize(
+    "rest",
+    [
+        '[formulation]\nmass = "configuration"',
+        '[formulation]\ndivision = "separate"',
+        '[formulation]\ndivision = "one"',
+        '[formulation]\nstiffness = "by_load"',
+        "[reduction]\nsecond_order = false",
+        '[formulation]\nkinematics = "corotated"',
+    ],
+)
+def test_kinematics_are_corotated_where_second_order_does_not_go(tmp_path, rest):
+    assert read(tmp_path, content(rest=rest)).start.kinematics is Kinematics.COROTATED
 
 
 def test_everything_given_is_taken(tmp_path):

@@ -515,3 +515,41 @@ def test_axle_in_one_piece_and_cut_are_the_same_linearly(axles):
         expected, found = (model.response(model.static({wheel: list(unit)})) for model in models)
         for a, b in ((expected.displacement, found.displacement), (expected.rotation, found.rotation)):
             assert np.linalg.norm(a - b) < 1e-4 * np.linalg.norm(a)
+
+
+@pytest.mark.parametrize(("step", "force"), [(0.03, 1e3), (0.03, 2e3), (0.05, 1e3)])
+def test_a_dead_force_gives_the_axle_its_work_and_no_more_in_a_long_step(one_frame_a_part, step, force):
+    flexible = FlexibleBody(one_frame_a_part)
+    loads = flexible.loads({WHEELS[0]: [0.0, 0.0, force]})
+    state, work = flexible.step_with_work(flexible.rest(), loads, step)
+    lifted = flexible.response(state).displacement[0, 2]
+    energy = sum(flexible.energies(state))
+    # Damping of one per cent takes some of it.
+    assert 0.9 * force * lifted < energy < (1.0 + 1e-6) * force * lifted
+    assert work.error <= flexible.limits.tolerance
+    # What is accepted is right: the same by steps that resolve every mode of the motion, with no say of the estimate.
+    fine = FlexibleBody(one_frame_a_part, limits=StepLimits(0.0, 1e300))
+    there, count = fine.rest(), 2000
+    for _ in range(count):
+        there = fine.step(there, loads, step / count)
+    assert lifted == pytest.approx(fine.response(there).displacement[0, 2], rel=work.substeps * work.error)
+    assert lifted > 0.05
+
+
+def test_springs_that_ring_cost_a_long_step_of_the_axle_no_more_rounds_than_calm_ones(one_frame_a_part):
+    flexible = FlexibleBody(one_frame_a_part)
+    loads = flexible.loads({WHEELS[0]: [0.0, 0.0, 0.0, 107.0, 0.0, 0.0]})
+    state, work = flexible.step_with_work(flexible.rest(), loads, 0.05)
+    assert work.substeps >= 32
+    assert work.iterations < 9 * work.substeps
+    assert sum(flexible.energies(state)) > 1e-3
+
+
+@pytest.mark.parametrize("use_compiled", [False, True], ids=["numpy", "compiled"])
+def test_a_cut_body_at_rest_stays_so_in_one_internal_step(one_frame_a_part, use_compiled):
+    flexible = FlexibleBody(one_frame_a_part, use_compiled=use_compiled)
+    state = flexible.rest()
+    for step in (1e-4, 1e-3, 1e-3):
+        state, work = flexible.step_with_work(state, flexible.loads({}), step)
+        assert (work.substeps, work.error) == (1, 0.0)
+    assert sum(flexible.energies(state)) < 1e-16

@@ -288,7 +288,10 @@ def convergence(mesh, loads, length, folder):
     """Relative errors with 1, 2, 4 and 8 levels against 24, of one mesh and one modal basis."""
 
     def solution(levels, formulation=None):
-        config = body_file(mesh, folder, interface=list(loads), frames=levels, reduction={"modes": 30})
+        first_order = {"kinematics": "corotated"}
+        config = body_file(
+            mesh, folder, interface=list(loads), frames=levels, reduction={"modes": 30}, formulation=first_order
+        )
         body = FlexibleBody(reduce_body(config, Reporter()), formulation)
         state = body.static({name.lower(): load for name, load in loads.items()})
         return body.response(state).displacement

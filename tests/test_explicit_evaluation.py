@@ -161,6 +161,6 @@ def test_explicit_evaluation_of_the_deformed_bodys_mass_is_refused():
 
 def test_a_senseless_load_is_refused_without_thousands_of_internal_steps():
     body = FlexibleBody(beam_body(4, modes=4))
-    with pytest.raises(RuntimeBodyError, match=r"does not converge with 32 internal steps: the load exceeds") as told:
+    with pytest.raises(RuntimeBodyError, match=r"does not converge: the loads would turn") as told:
         body.step(body.rest(), {"tip": [-1e9, 1e9, 0.0]}, 1e-2)
     assert "lower the load" in str(told.value)

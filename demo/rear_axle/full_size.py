@@ -105,7 +105,7 @@ def build(deck: Path, folder: Path, name: str, frames: int | None, cut: bool = F
     config = read_body_file(HERE / "body.toml").model_copy(update={"mesh": MeshTable(file=deck)})
     if not cut:
         # What the loop is off by, the second order does not mend.
-        config = config.model_copy(update={"cut": [], "formulation": FormulationTable()})
+        config = config.model_copy(update={"cut": [], "formulation": FormulationTable(kinematics=Kinematics.COROTATED)})
     if frames is not None:
         config = config.model_copy(update={"frame": [], "frames": frames})
     body = reduce_body(config, report, Store(folder / "store"))

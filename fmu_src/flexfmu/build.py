@@ -30,7 +30,7 @@ from .reduction.masses import body_properties, mass_shares, sub_masses
 from .reduction.model import Model, assemble_model, element_set, elements_without_material, node_set
 from .reduction.modes import Modes
 from .reduction.rigid_fit import by_node, modal_fit
-from .reduction.second_order import node_readings, second_order
+from .reduction.second_order import hourglass_warnings, node_readings, second_order
 from .reduction.subdomains import Subdomain, carrying_frame, frame_operators
 from .reduction.surface import body_surface
 from .store import Store, content_key
@@ -149,12 +149,16 @@ def _reduced(
 
     second = None
     if Data.SECOND_ORDER in stored and subdomains:
+        for text in hourglass_warnings(mesh, subdomains):
+            report.warning(text)
         heavy = config.input.acceleration
         shares = mass_shares(mesh, volumes, subdomains) if heavy else np.zeros((0, len(mesh.points)))
-        readings = node_readings(mesh.points, subdomains, interfaces, shares, [by_node(s.nodes) for s in springs])
-        with report.stage(f"Find what motions within frames lack at second order, at {len(readings)} places"):
-            rotation = frames.frame_rotation
-            second = second_order(mesh, matrices.supported, modes.shapes, subdomains, rotation, readings)
+        turned, nodes = frames.frame_rotation, [by_node(spring.nodes) for spring in springs]
+        readings = node_readings(mesh.points, modes.shapes, subdomains, turned, interfaces, shares, nodes)
+        rigid = np.flatnonzero(modes.angular_frequency == 0.0)
+        floating = any(domain.floating for domain in subdomains)
+        with report.stage(f"Find where {len(readings)} places go at second order"):
+            second = second_order(mesh, matrices.supported, modes.shapes, rigid, floating, readings)
 
     body = ReducedBody(
         name=config.name,

@@ -181,7 +181,7 @@ class DampingTable(_Table):
 
 
 class FormulationTable(_Table):
-    """`[formulation]`: the method that the FMU starts with; without one, that of `methods.DEFAULT`."""
+    """`[formulation]`: the method that the FMU starts with; without one, see `BodyFile.variant`."""
 
     method: Method | None = Field(default=None, strict=False)
     mass: Mass = Field(default=Mass.CONSTANT, strict=False)
@@ -294,10 +294,18 @@ class BodyFile(_Table):
 
     @property
     def variant(self) -> Variant:
-        """Method and mass that the FMU starts with."""
-        if self.formulation.method is None and self.frames == 0 and not self.free:
+        """Method and mass that the FMU starts with.
+
+        Where no method is given, second order; linear for a body without frames; frames with the deformed body's mass,
+        or where `reduction.second_order` is false.
+        """
+        table = self.formulation
+        if table.method is not None:
+            return table.variant
+        if self.frames == 0 and not self.free:
             return Variant(Method.LINEAR)
-        return self.formulation.variant
+        possible = self.frames != 0 and table.mass is Mass.CONSTANT and self.reduction.second_order is not False
+        return Variant(Method.SECOND_ORDER) if possible else table.variant
 
     @property
     def stored(self) -> frozenset[Data]:

@@ -50,7 +50,7 @@ class Mass(Enum):
 
 
 DEFAULT = Method.FRAMES
-"""What a body with frames starts with where nothing is said; one without frames is linear."""
+"""What needs no data besides frames: of bodies that are made without a body file."""
 
 
 class Kinematics(Enum):

@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 
 from .errors import SimulationError
 from .fmu.simulation import read_table
+from .targets import whole_file
 
 _QUANTITIES = {
     "displacement": "displacement / m",
@@ -54,8 +55,9 @@ def plot_result(table: Path, picture: Path) -> None:
     axes[-1, 0].set_xlabel("time / s")
     figure.tight_layout()
     try:
-        figure.savefig(picture, dpi=150)
-    except (ValueError, OSError) as error:
+        with whole_file(picture) as part:
+            figure.savefig(part, dpi=150)
+    except ValueError as error:
         raise SimulationError(f"{picture}: cannot be drawn ({error})") from error
     finally:
         plt.close(figure)

@@ -1,8 +1,9 @@
 """Files that a job is to write: checked before the work, written whole or not at all."""
 
 import os
+import tempfile
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import OutputError
@@ -43,6 +44,8 @@ def check_target(path: Path, suffixes: Collection[str], inputs: Collection[Path]
 def whole_file(path: Path) -> Iterator[Path]:
     """Name of a file to write to that takes the place of `path` when all went well, and disappears otherwise.
 
+    The file stands in a new folder that nobody else may write to, so that no link that others have laid is followed.
+
     Parameters
     ----------
     path : Path
@@ -52,12 +55,12 @@ def whole_file(path: Path) -> Iterator[Path]:
     OutputError
         The file cannot be written.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        yield part
-        part.replace(path)
+        with tempfile.TemporaryDirectory(
+            prefix=f".{path.name}.", dir=path.parent, ignore_cleanup_errors=True
+        ) as folder:
+            part = Path(folder) / path.name
+            yield part
+            part.replace(path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error})") from error
-    finally:
-        with suppress(FileNotFoundError):
-            part.unlink()

@@ -64,6 +64,40 @@ def volume_matrices(mesh: Mesh) -> tuple[FloatArray, ...]:
     return tuple(result)
 
 
+def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]:
+    """Mean displacement gradient over the volume of some elements, as a sum over their nodes.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    elements : (k,) int
+        Counted over all blocks; at least one.
+
+    Returns
+    -------
+    nodes : (j,) int
+        Of these elements, ascending.
+    gradient : (j, 3) float
+        ∫ ∂N_a/∂X dV over the volume, 1/m: the mean of ∂u_i/∂X_J is the sum of u_ai times entry (a, J).
+    """
+    total, volume = np.zeros((len(mesh.points), 3)), 0.0
+    used = np.zeros(len(mesh.points), dtype=bool)
+    first = 0
+    for block in mesh.blocks:
+        chosen = elements[(elements >= first) & (elements < first + len(block.labels))] - first
+        first += len(block.labels)
+        if not chosen.size:
+            continue
+        cells = block.connectivity[chosen]
+        choice = rule(block.type)
+        region = _region(mesh, cells, choice.element, choice.mass)
+        np.add.at(total, cells, np.einsum("aJqe,qe->eaJ", region.dhdX, region.dV, optimize=True))
+        volume += float(region.dV.sum())
+        used[cells] = True
+    nodes = np.flatnonzero(used)
+    return nodes, total[nodes] / volume
+
+
 def scatter(block: ElementBlock, matrices: FloatArray, size: int) -> sp.csr_array:
     """Sum element matrices of one block into a scalar matrix over nodes.
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..curvature import from_ground
 from ..methods import Method, has_frames
 from ..rotations import skew
 from .errors import OptionError
@@ -111,17 +112,27 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
 
 
 def _second_order_fixed(body: ReducedBody, second: SecondOrder, turn: FloatArray) -> SecondOrder:
-    """The same displacements within frames, moved as one so that the root interface stays where it is."""
+    """The same motions moved as one so that the root interface stays where it is, seen from the ground."""
     gone, root = int(body.floating), body.frame_count + body.root_interface
-    points = [body.joint_point, body.interface_point, *([] if body.masses is None else [body.masses.point])]
+    masses = body.masses
+    points = [body.joint_point, body.interface_point, *([] if masses is None else [masses.point])]
+    moved = [body.joint_displacement, body.interface_displacement, *([] if masses is None else [masses.displacement])]
+    turned = [body.frame_rotation, body.interface_rotation]
+    turned += [] if masses is None else [np.zeros_like(masses.displacement)]
     arm = np.concatenate(points) - body.interface_point[body.root_interface]
-    parts = (
+    displacement, rotation = (
         np.einsum("kiab,ac,bd->kicd", part, turn, turn, optimize=True)
         for part in (second.displacement, second.rotation)
     )
-    displacement, rotation = parts
     displacement = displacement - displacement[root] + np.einsum("kij,jab->kiab", skew(arm), rotation[root])
-    return SecondOrder(displacement[gone:], (rotation - rotation[root])[gone:], second.section[gone:])
+    rotation = rotation - rotation[root]
+    if body.floating:
+        reference = body.frame_rotation[0] @ turn
+        change = np.concatenate(moved) @ turn + skew(arm) @ reference
+        displacement, rotation = from_ground(
+            displacement, rotation, reference, arm, change, np.concatenate(turned) @ turn
+        )
+    return SecondOrder(displacement[gone:], rotation[gone:])
 
 
 def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> FloatArray:

@@ -1,8 +1,7 @@
 """The modal file: a `ReducedBody` in HDF5. This module is the schema; docs/file-formats.md describes it in words."""
 
 import hashlib
-import os
-from contextlib import suppress
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -107,9 +106,8 @@ TIES: dict[str, Entry] = {
 }
 # Rows are the nodes of the tree: frames, interfaces, centres of mass, ends of ties.
 SECOND: dict[str, Entry] = {
-    "displacement": Entry("second/displacement", "kg^-1 m^-1", "(K, 3, m, m) quadratic part of displacements"),
-    "rotation": Entry("second/rotation", "rad/(kg m^2)", "(K, 3, m, m) quadratic part of rotations"),
-    "section": Entry("second/section", "1", "(K, 3, 3, 3) rotation read off displacements S (x - X)"),
+    "displacement": Entry("second/displacement", "kg^-1 m^-1", "(K, 3, m, m) second derivative of displacements"),
+    "rotation": Entry("second/rotation", "rad/(kg m^2)", "(K, 3, m, m) second derivative of rotation vectors"),
 }
 SURFACE: dict[str, Entry] = {
     "points": Entry("surface/points", "m", "(n, 3) undeformed corner nodes of the outer faces"),
@@ -192,8 +190,9 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
     OSError
         The folder cannot be written to.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    # A new folder, which nobody else may write to: no link that others have laid is followed.
+    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+        part = Path(folder) / path.name
         with h5py.File(part, "w", libver=("v110", "v110")) as file:
             file.attrs["format"] = FORMAT
             file.attrs["schema_version"] = SCHEMA_VERSION
@@ -243,9 +242,6 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             for key in sorted(body.provenance):
                 group.attrs[key] = body.provenance[key]
         part.replace(path)
-    finally:
-        with suppress(FileNotFoundError):
-            part.unlink()
 
 
 def _encoded(names: tuple[str, ...]) -> Any:

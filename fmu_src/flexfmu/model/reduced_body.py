@@ -115,21 +115,19 @@ class Ties:
 
 @dataclass(frozen=True, slots=True)
 class SecondOrder:
-    """What motions within the frames lack at second order, docs/theory.md equation (18).
+    """Motions at second order in q, docs/theory.md equation (18).
 
-    One row for each node of the tree: frames (their joints), interfaces, centres of mass, ends a of all ties, ends b.
+    Seen from the floating frame of a body that has one, else from the ground. One row for each node of the tree: frames
+    (their joints), interfaces, centres of mass, ends a of all ties, ends b.
 
     Attributes
     ----------
     displacement, rotation : (K, 3, m, m) float
-        A motion is ½ qᵀ (·) q; symmetric, m/(kg m²) and rad/(kg m²).
-    section : (K, 3, 3, 3) float
-        Rotation that the node's fit reads off displacements S (x − X), per component of the symmetric S.
+        Second derivatives of displacements and of rotation vectors, m/(kg m²) and rad/(kg m²); symmetric.
     """
 
     displacement: FloatArray
     rotation: FloatArray
-    section: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,7 +322,7 @@ class ReducedBody:
             count = frames + interfaces + (0 if self.masses is None else np.size(self.masses.mass))
             count += 0 if self.ties is None else 2 * len(self.ties.stiffness)
             found = [np.shape(getattr(self.second, name)) for name in self.second.__slots__]
-            if found != [(count, 3, modes, modes), (count, 3, modes, modes), (count, 3, 3, 3)]:
+            if found != 2 * [(count, 3, modes, modes)]:
                 raise ModalFileError(f"second-order parts have shapes {found}, expected {count} nodes, {modes} modes")
         if self.properties is not None:
             made = self.properties

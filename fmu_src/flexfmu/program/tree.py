@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..curvature import relative_curvature
 from ..methods import Kinematics
 from ..model.errors import OptionError
 from ..model.reduced_body import GROUND, ReducedBody
@@ -111,12 +112,13 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
         c[hung] -= theta[p]
     curvature = None
     if kinematics is Kinematics.SECOND_ORDER and frames:
-        section = np.concatenate([body.joint_rotation, theta[frames:]])
-        curvature = _curvature(body, on, offset, section)
+        curvature = _curvature(body, on, offset, d, theta)
     return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature)
 
 
-def _curvature(body: ReducedBody, parent: IntArray, offset: FloatArray, section: FloatArray) -> FloatArray:
+def _curvature(
+    body: ReducedBody, parent: IntArray, offset: FloatArray, change: FloatArray, rotation: FloatArray
+) -> FloatArray:
     """Second derivatives (6K, m, m) of offsets and relative rotations, (19) and (20).
 
     Parameters
@@ -124,8 +126,10 @@ def _curvature(body: ReducedBody, parent: IntArray, offset: FloatArray, section:
     body : ReducedBody
     parent : (K,) int
     offset : (K, 3) float
-    section : (K, 3, m) float
-        Linear rotations of the nodes' sections.
+    change : (K, 3, m) float
+        D_k.
+    rotation : (K, 3, m) float
+        Linear rotations of the nodes.
     """
     data = body.second
     if data is None:
@@ -133,31 +137,20 @@ def _curvature(body: ReducedBody, parent: IntArray, offset: FloatArray, section:
             'method "second_order" needs data that this body was built without: build it with second_order = true in '
             "[reduction]"
         )
-    frames, averaged = body.frame_count, body.frame_rotation
+    # Seen from the floating frame, if there is one.
+    turn = rotation - body.frame_rotation[0] if body.floating else rotation
+    d, c = data.displacement.copy(), data.rotation.copy()
     hung = np.flatnonzero(parent >= 0)
     p = parent[hung]
-    # A frame's own material is clamped at its joint, whose section has turned by exp(ω) in it.
-    own = section[:frames] - averaged
-    clamp = data.rotation[:frames] - _read_off(data.section[:frames], own)
-    inside = section.copy()
-    inside[hung] -= averaged[p]
-    d = data.displacement.copy()
-    d[hung] -= data.displacement[p] - np.einsum("kij,kjab->kiab", skew(offset[hung]), clamp[p])
-    c = data.rotation - _read_off(data.section, inside)
-    c[hung] -= clamp[p]
-    # exp(ω in the parent) exp(−ω in the frame) to second order.
-    turned = np.einsum("kija,kjb->kiab", np.moveaxis(skew(np.swapaxes(inside[:frames], 1, 2)), 1, 3), own)
-    c[:frames] -= 0.5 * (turned + turned.swapaxes(2, 3))
+    d[hung], c[hung] = relative_curvature(
+        data.displacement[hung] - data.displacement[p],
+        np.stack([data.rotation[hung], data.rotation[p]]),
+        turn[p],
+        turn[hung],
+        offset[hung],
+        change[hung],
+    )
     return np.concatenate([d.reshape(-1, *d.shape[2:]), c.reshape(-1, *c.shape[2:])])
-
-
-def _read_off(section: FloatArray, turn: FloatArray) -> FloatArray:
-    """Rotation (K, 3, m, m) that fits (K, 3, 3, 3) read off the second-order part ½ ω̂² (x − X) of turns (K, 3, m)."""
-    outer = np.einsum("kja,klb->kjlab", turn, turn)
-    stretch = 0.5 * (outer + outer.swapaxes(3, 4))
-    stretch -= np.einsum("kiiab,jl->kjlab", outer, np.eye(3))
-    result: FloatArray = np.einsum("kijl,kjlab->kiab", section, stretch, optimize=True)
-    return result
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from ..errors import BodyFileError, MeshError
 from ..fe.faces import FaceBlock
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND
-from .subdomains import Subdomain, section, volume_weighted
+from .subdomains import Subdomain, mean_rotation, section, volume_weighted
 
 # A piece that reaches along the body for less than this share of a level is a sliver: it would bend too little to
 # be worth a frame.
@@ -337,7 +337,8 @@ def _tree(
         joint = section(mesh.points, faces, np.intersect1d(bodies[p].nodes, beyond))
         index = GROUND if up == GROUND else position[up]
         elements = np.flatnonzero(piece == p)
-        subdomains.append(Subdomain(names[p], index, elements, bodies[p], joint, joint.centre(mesh.points)))
+        turn = mean_rotation(mesh, elements)
+        subdomains.append(Subdomain(names[p], index, elements, bodies[p], turn, joint, joint.centre(mesh.points)))
 
     return Division(tuple(subdomains), _open_loops(mesh, subdomains, shared[np.ix_(order, order)]))
 

@@ -16,6 +16,7 @@ from .subdomains import (
     division_warnings,
     floating_frame,
     frame_operators,
+    mean_rotation,
     on_floating_frame,
     requested_subdomains,
     section,
@@ -113,7 +114,9 @@ def whole_frame(
     mesh = model.mesh
     body = volume_weighted(mesh, volumes, np.arange(mesh.element_count))
     joint = section(mesh.points, faces, hanging(model, config))
-    domain = Subdomain("whole", GROUND, np.arange(mesh.element_count), body, joint, joint.centre(mesh.points))
+    every = np.arange(mesh.element_count)
+    turn = mean_rotation(mesh, every)
+    domain = Subdomain("whole", GROUND, every, body, turn, joint, joint.centre(mesh.points))
     found = frame_operators(mesh.points, shapes, [domain])
     operators = found.joint_displacement[0], found.joint_rotation[0], found.frame_rotation[0]
     return WholeFrame(domain.joint_point, *operators)

@@ -247,8 +247,7 @@ def _second_order(
             turned.append(np.einsum("kiab,ac,bd->kicd", getattr(second, name), own, own, optimize=True))
         return np.array([turned[p][k] for p, k in rows])
 
-    section = np.array([second.section[k] for p, k in rows if (second := found[p]) is not None])
-    return SecondOrder(of_whole("displacement"), of_whole("rotation"), section)
+    return SecondOrder(of_whole("displacement"), of_whole("rotation"))
 
 
 def _masses(

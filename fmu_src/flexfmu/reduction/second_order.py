@@ -1,14 +1,15 @@
-"""What motions within frames lack at second order (docs/theory.md, section 4a).
+"""Where the nodes of the tree go at second order (docs/theory.md, section 4a).
 
-Within its frame a point of sub-domain s moves by e = u − u(X_s) − θ_s × (x − X_s), linear in q. The strain of that is
-not linear: it holds E = ½ GᵀG with G = ∇u − θ̂_s, so that a bent piece grows longer, and a twisted open profile bends,
-though no stress asks for it. What is added to e is the displacement w that takes this strain away again, as far as a
-displacement can: the response of the body to the initial strain −E. No more is needed of it than how the nodes of the
-tree are moved. By Betti's theorem that is the work of E on the stress S of a unit load at the node,
+A displacement field u = Φq whose material turns is not free of strain: it holds E = ½ GᵀG with G = ∇u, so that a bent
+piece grows longer, and a twisted open profile bends, though no stress asks for it. What is added to u is the
+displacement w that takes this strain away again, as far as a displacement can: the response of the body to the initial
+strain −E. No more is needed of it than how the nodes of the tree are moved. By Betti's theorem that is the work of E on
+the stress S of a unit load at the node,
 
-    w_node = −½ qᵀ (Σ_s ∫_s S_JK ∂φ_a/∂X_J · ∂φ_b/∂X_K dV) q,        ∂φ/∂X less the frame's own rotation,        (18)
+    w_node = −½ qᵀ (∫ S_JK ∂φ_a/∂X_J · ∂φ_b/∂X_K dV) q,                                                          (18)
 
-a geometric stiffness (11) of what turns within the frames, on the response that the factorised stiffness gives anyway.
+a geometric stiffness (11) on the response that the factorised stiffness gives anyway. Of bodies that can move freely
+only the elastic modes count here: rigid motions are exact as they are.
 """
 
 from collections.abc import Sequence
@@ -16,16 +17,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..curvature import from_ground, product
 from ..fe.geometric import geometric_stiffness
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import ElementType, FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND, SecondOrder
 from ..rotations import skew
 from .interfaces import Interface
 from .rigid_fit import Weighted, rigid_fit
-from .subdomains import Subdomain, carrying_frame, element_owner
+from .subdomains import Subdomain, Turn, carrying_frame
 from .supported import Supported
 
 _RANK = 6
+# Nodes of a face of a 20-node brick.
+_SINGLE_FACE = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,75 +38,88 @@ class Reading:
 
     Attributes
     ----------
+    point : (3,) float
+        m.
     nodes : (k,) int
     displacement : (3, 3k) float
-    turning_nodes : (j,) int
-    rotation : (3, 3j) float
-        Zero where nothing asks for it.
-    section : (3, 3, 3) float
-        Rotation that it reads off nodes displaced by S (x − X), per component of the symmetric S.
+    turn : Turn
+        Without nodes where no rotation is asked for.
+    angle : (3, m) float
+        Linear rotation of the node of the tree per unit modal coordinate.
+    inside : (3, m) float
+        Linear rotation of what `turn` reads less that, where the two differ: of a joint's section in its frame.
     """
 
+    point: FloatArray
     nodes: IntArray
     displacement: FloatArray
-    turning_nodes: IntArray
-    rotation: FloatArray
-    section: FloatArray
+    turn: Turn
+    angle: FloatArray
+    inside: FloatArray | None = None
 
     def loads(self, count: int) -> FloatArray:
         """Nodal forces (3n, 6) whose work is the motion: a unit of each displacement, then of each rotation."""
         result = np.zeros((count, 3, _RANK))
         result[self.nodes, :, :3] = self.displacement.T.reshape(-1, 3, 3)
-        result[self.turning_nodes, :, 3:] = self.rotation.T.reshape(-1, 3, 3)
+        result[self.turn.nodes, :, 3:] = self.turn.operator.T.reshape(-1, 3, 3)
         return result.reshape(-1, _RANK)
 
+    def moved(self, shapes: FloatArray) -> FloatArray:
+        """Displacement (3, m) of mode shapes (3n, m)."""
+        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(-1, shapes.shape[1])
+        result: FloatArray = self.displacement @ local
+        return result
 
-def _section(points: FloatArray, nodes: IntArray, rotation: FloatArray, origin: FloatArray) -> FloatArray:
-    result: FloatArray = np.einsum(
-        "inj,nl->ijl", rotation.reshape(3, nodes.size, 3), points[nodes] - origin, optimize=True
-    )
-    return result
+    def turned_back(self, points: FloatArray, shapes: FloatArray, angle: FloatArray) -> FloatArray:
+        """Second-order part (3, m, m) of the rotation that is read off the displacements once `angle` is undone.
 
-
-def joint_reading(points: FloatArray, domain: Subdomain) -> Reading:
-    """Motion of the section on which a sub-domain hangs; a hinge line or a single node turns as the sub-domain does."""
-    nodes = domain.joint.nodes
-    operator, rank = rigid_fit(points, domain.joint, domain.joint_point)
-    if rank == _RANK:
-        section = _section(points, nodes, operator[3:], domain.joint.centre(points))
-        return Reading(nodes, operator[:3], nodes, operator[3:], section)
-    body, _ = rigid_fit(points, domain.body, domain.joint_point)
-    return Reading(nodes, operator[:3], domain.body.nodes, body[3:], np.zeros((3, 3, 3)))
-
-
-def interface_reading(points: FloatArray, interface: Interface) -> Reading:
-    """Motion of an interface."""
-    rotation = interface.operator[3:]
-    section = _section(points, interface.nodes, rotation, interface.point)
-    return Reading(interface.nodes, interface.operator[:3], interface.nodes, rotation, section)
+        Turning the displaced nodes back by `angle` = θ takes θ × u − ½ θ × (θ × r) away from them.
+        """
+        nodes = self.turn.nodes
+        local = shapes.reshape(len(points), 3, -1)[nodes]
+        arm = points[nodes] - points[nodes].mean(axis=0) if nodes.size else points[nodes]
+        rigid = -skew(arm) @ angle
+        mixed = np.einsum("inl,nsb->ilsb", self.turn.operator.reshape(3, -1, 3), 0.5 * rigid - local, optimize=True)
+        half = np.einsum("ilsb,als->iab", mixed, skew(angle.T), optimize=True)
+        result: FloatArray = half + half.swapaxes(1, 2)
+        return result
 
 
-def mean_reading(share: FloatArray) -> Reading:
-    """Mean displacement of all nodes, weighted by their share (n,) of one."""
-    nodes = np.flatnonzero(share)
-    mean = (share[nodes, None, None] * np.eye(3)).transpose(1, 0, 2).reshape(3, -1)
-    return Reading(nodes, mean, np.zeros(0, dtype=np.int64), np.zeros((3, 0)), np.zeros((3, 3, 3)))
+def _still(modes: int) -> tuple[Turn, FloatArray]:
+    return Turn(np.zeros(0, dtype=np.int64), np.zeros((3, 0))), np.zeros((3, modes))
 
 
-def spring_reading(points: FloatArray, nodes: Weighted, carrier: Subdomain | None) -> Reading:
-    """Motion of the nodes of a support's springs; a line or a point of them turns as the sub-domain that carries it."""
-    origin = nodes.centre(points)
-    operator, rank = rigid_fit(points, nodes, origin)
-    if rank == _RANK or carrier is None:
-        section = _section(points, nodes.nodes, operator[3:], origin)
-        return Reading(nodes.nodes, operator[:3], nodes.nodes, operator[3:], section)
-    body, _ = rigid_fit(points, carrier.body, carrier.joint_point)
-    return Reading(nodes.nodes, operator[:3], carrier.body.nodes, body[3:], np.zeros((3, 3, 3)))
+def hourglass_warnings(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[str, ...]:
+    """Joints inside the body that are a single face of reduced integration, which zero-energy modes move as they like.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    subdomains : sequence of Subdomain
+
+    Returns
+    -------
+    tuple of str
+    """
+    reduced = [block.connectivity for block in mesh.blocks if block.type is ElementType.C3D20R]
+    found = []
+    for domain in subdomains:
+        if domain.parent == GROUND or domain.floating or domain.joint.nodes.size > _SINGLE_FACE or not reduced:
+            continue
+        if np.isin(domain.joint.nodes, np.concatenate([cells.ravel() for cells in reduced])).all():
+            found.append(
+                f"frame {domain.name}: its joint is the face of a single C3D20R element, expected several: zero-energy "
+                "modes of the elements spoil second order there; mesh two elements across the section, take C3D20 "
+                'elements, frames = 1, or kinematics "corotated"'
+            )
+    return tuple(found)
 
 
 def node_readings(
     points: FloatArray,
+    shapes: FloatArray,
     subdomains: Sequence[Subdomain],
+    frame_rotation: FloatArray,
     interfaces: Sequence[Interface],
     shares: FloatArray,
     springs: Sequence[Weighted],
@@ -112,7 +129,10 @@ def node_readings(
     Parameters
     ----------
     points : (n, 3) float
+    shapes : (3n, m) float
     subdomains : sequence of Subdomain
+    frame_rotation : (S, 3, m) float
+        Averaged rotations.
     interfaces : sequence of Interface
     shares : (P, n) float
         Share of each node in each centre of mass.
@@ -123,24 +143,47 @@ def node_readings(
     -------
     list of Reading
     """
-    readings = [joint_reading(points, domain) for domain in subdomains]
-    readings += [interface_reading(points, interface) for interface in interfaces]
-    readings += [mean_reading(share) for share in shares]
-    for nodes in springs:
-        frame = carrying_frame(subdomains, nodes.nodes)
-        readings.append(spring_reading(points, nodes, subdomains[frame] if frame >= 0 else None))
-    return readings + [mean_reading(np.zeros(len(points)))] * len(springs)
+    modes = shapes.shape[1]
+    readings = []
+    for domain, angle in zip(subdomains, frame_rotation, strict=True):
+        operator, rank = rigid_fit(points, domain.joint, domain.joint_point)
+        turn, inside = domain.rotation, None
+        if rank == _RANK and not domain.floating:
+            turn = Turn(domain.joint.nodes, operator[3:])
+            inside = turn.of(shapes) - angle
+        readings.append(Reading(domain.joint_point, domain.joint.nodes, operator[:3], turn, angle, inside))
+    for interface in interfaces:
+        turn = Turn(interface.nodes, interface.operator[3:])
+        readings.append(
+            Reading(interface.point, interface.nodes, interface.operator[:3], turn, interface.motion(shapes)[3:])
+        )
+    for share in shares:
+        nodes = np.flatnonzero(share)
+        mean = (share[nodes, None, None] * np.eye(3)).transpose(1, 0, 2).reshape(3, -1)
+        readings.append(Reading(share @ points, nodes, mean, *_still(modes)))
+    for spring in springs:
+        centre = spring.centre(points)
+        operator, rank = rigid_fit(points, spring, centre)
+        turn, frame = Turn(spring.nodes, operator[3:]), carrying_frame(subdomains, spring.nodes)
+        if rank < _RANK and frame >= 0:
+            # A line or a point turns as the sub-domain that carries it.
+            turn, angle = subdomains[frame].rotation, frame_rotation[frame]
+        else:
+            angle = turn.of(shapes)
+        readings.append(Reading(centre, spring.nodes, operator[:3], turn, angle))
+    none = np.zeros(0, dtype=np.int64)
+    return readings + [Reading(np.zeros(3), none, np.zeros((3, 0)), *_still(modes)) for _ in springs]
 
 
 def second_order(
     mesh: Mesh,
     model: Supported,
     shapes: FloatArray,
-    subdomains: Sequence[Subdomain],
-    frame_rotation: FloatArray,
+    rigid: IntArray,
+    floating: bool,
     readings: Sequence[Reading],
 ) -> SecondOrder:
-    """Quadratic parts (18) of the motions of the tree's nodes.
+    """Second derivatives (18) of the motions of the tree's nodes.
 
     Parameters
     ----------
@@ -148,11 +191,12 @@ def second_order(
         Every element with a material.
     model : Supported
     shapes : (3n, m) float
-    subdomains : sequence of Subdomain
-    frame_rotation : (S, 3, m) float
-        Averaged rotations.
+    rigid : (r,) int
+        Modes that are rigid motions.
+    floating : bool
+        Whether motions are to be seen from the floating frame, which makes these motions.
     readings : sequence of Reading
-        One for each node of the tree, in its order.
+        One for each node of the tree, in its order; the first of a frame.
 
     Returns
     -------
@@ -161,14 +205,28 @@ def second_order(
     count, modes = len(mesh.points), shapes.shape[1]
     loads = np.hstack([reading.loads(count) for reading in readings])
     fields = model.whole(model.static(loads[model.free]))
-    owner = element_owner(mesh, subdomains)
-    total = np.zeros((loads.shape[1], modes, modes))
-    for s in np.unique(owner):
-        turned = shapes
-        if s != GROUND:
-            # u(X_s) is left out: only the gradient counts.
-            arm = mesh.points - subdomains[s].joint_point
-            turned = shapes + (skew(arm) @ frame_rotation[s]).reshape(3 * count, modes)
-        total -= geometric_stiffness(mesh, fields, turned, np.flatnonzero(owner == s))
-    motion = total.reshape(len(readings), 2, 3, modes, modes)
-    return SecondOrder(motion[:, 0], motion[:, 1], np.array([reading.section for reading in readings]))
+    elastic = shapes.copy()
+    elastic[:, rigid] = 0.0
+    motion = -geometric_stiffness(mesh, fields, elastic).reshape(len(readings), 2, 3, modes, modes)
+    displacement, rotation = motion[:, 0], motion[:, 1]
+    angles = np.array([reading.angle for reading in readings])
+    bent = angles.copy()
+    bent[:, :, rigid] = 0.0
+    for k, reading in enumerate(readings):
+        inside = np.zeros((3, modes))
+        if reading.inside is not None:
+            inside = reading.inside
+            # What is left of the section's rotation once the frame's own turn in it is undone: exp(θ_s) exp(θ_X − θ_s).
+            rotation[k] -= 0.5 * product(bent[k], inside)
+        rotation[k] += reading.turned_back(mesh.points, elastic, bent[k] + inside)
+    if rigid.size and not floating:
+        reference = np.zeros((3, modes))
+        reference[:, rigid] = angles[0][:, rigid]
+        points = np.array([reading.point for reading in readings])
+        change = np.array([reading.moved(elastic) for reading in readings])
+        # Ends on the ground stay where they are.
+        on_body = np.array([reading.nodes.size > 0 for reading in readings])
+        arm = points - points[0]
+        seen = from_ground(displacement, rotation, reference, arm, change, angles)
+        displacement, rotation = (part * on_body[:, None, None, None] for part in seen)
+    return SecondOrder(displacement, rotation)

@@ -7,18 +7,58 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import BodyFileError
-from ..fe.assembly import scatter
+from ..fe.assembly import mean_gradient, scatter
 from ..fe.faces import FaceBlock, area_matrix, select
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND
 from ..rotations import skew
-from .rigid_fit import Weighted, by_node, modal_fit
+from .rigid_fit import Weighted, by_node, modal_fit, rigid_fit
 
 # Volume of the tetrahedron of characteristic points over the cube of its longest edge: below it rotations are guesses.
 _FLAT_TETRAHEDRON = 1e-4
 
 # A joint given by coordinates may lie this many times the section's reach from its centre.
 _JOINT_REACH = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Linear operator from displacements to a small rotation; translations do not enter.
+
+    Attributes
+    ----------
+    nodes : (k,) int
+    operator : (3, 3k) float
+        1/m.
+    rank : int
+        3, or less where the nodes do not tell every rotation.
+    """
+
+    nodes: IntArray
+    operator: FloatArray
+    rank: int = 3
+
+    def of(self, shapes: FloatArray) -> FloatArray:
+        """Rotation (3, m) of mode shapes (3n, m)."""
+        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(self.operator.shape[1], -1)
+        result: FloatArray = self.operator @ local
+        return result
+
+
+def mean_rotation(mesh: Mesh, elements: IntArray) -> Turn:
+    """Mean of ½ curl u over the volume of some elements (k,).
+
+    A slender piece that is slightly curved can bend sideways without turning about its own axis. A rigid fit takes part
+    of that bending for such a turn; the mean rotation does not.
+    """
+    nodes, gradient = mean_gradient(mesh, elements)
+    return Turn(nodes, 0.5 * np.swapaxes(skew(gradient), 0, 1).reshape(3, -1))
+
+
+def fitted_rotation(points: FloatArray, nodes: Weighted) -> Turn:
+    """Rotation of the rigid motion that fits a node set best."""
+    operator, rank = rigid_fit(points, nodes, nodes.centre(points))
+    return Turn(nodes.nodes, operator[3:], rank - 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +73,15 @@ class Subdomain:
     elements : (e,) int
         Its elements, counted over all blocks.
     body : Weighted
-        Its nodes, weighted for the averaged rotation.
+        Its nodes, weighted by volume, or by mass for a floating frame.
+    rotation : Turn
+        How its averaged rotation is read off its material.
     joint : Weighted
         The section that it shares with its parent; at a root, the support.
     joint_point : (3,) float
         m.
     points : tuple of Weighted
-        Characteristic points that tell the averaged rotation, one or three; none: least squares over the body.
+        Characteristic points that tell the averaged rotation instead, one or three, or none.
     floating : bool
         Whether it is the floating frame of a body that nothing holds, which carries no part of its own.
     """
@@ -48,6 +90,7 @@ class Subdomain:
     parent: int
     elements: IntArray
     body: Weighted
+    rotation: Turn
     joint: Weighted
     joint_point: FloatArray
     points: tuple[Weighted, ...] = ()
@@ -119,7 +162,8 @@ def floating_frame(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Subdomain:
     )
     whole = volume_weighted(mesh, masses, np.arange(mesh.element_count))
     none = np.zeros(0, dtype=np.int64)
-    return Subdomain("floating", GROUND, none, whole, whole, whole.centre(mesh.points), floating=True)
+    turn = fitted_rotation(mesh.points, whole)
+    return Subdomain("floating", GROUND, none, whole, turn, whole, whole.centre(mesh.points), floating=True)
 
 
 def on_floating_frame(subdomains: Sequence[Subdomain], floating: int) -> list[Subdomain]:
@@ -216,14 +260,18 @@ def requested_subdomains(
             neighbour = supported if request.parent is None else known[request.parent].nodes
             joint, point = _joint(mesh.points, faces, request, neighbour)
             elements = elements_within(mesh, request.nodes)
-            body = volume_weighted(mesh, volumes, elements) if elements.size else by_node(request.nodes)
-            if not np.array_equal(body.nodes, request.nodes):
-                # The set is no union of elements: every node counts the same.
-                body = by_node(request.nodes)
+            body = by_node(request.nodes)
+            turn = None
+            if elements.size:
+                solid = volume_weighted(mesh, volumes, elements)
+                # Where the set is no union of elements, every node counts the same.
+                if np.array_equal(solid.nodes, request.nodes):
+                    body, turn = solid, mean_rotation(mesh, elements)
             parent = GROUND if request.parent is None else position[request.parent]
             position[request.name] = len(result)
             points = tuple(section(mesh.points, faces, nodes) for nodes in request.points)
-            result.append(Subdomain(request.name, parent, elements, body, joint, point, points))
+            turn = turn or fitted_rotation(mesh.points, body)
+            result.append(Subdomain(request.name, parent, elements, body, turn, joint, point, points))
         waiting = [r for r in waiting if r.name not in position]
     return result
 
@@ -309,8 +357,8 @@ def frame_operators(points: FloatArray, shapes: FloatArray, subdomains: Sequence
     modes = shapes.shape[1]
     displacement, rotation, averaged = (np.zeros((len(subdomains), 3, modes)) for _ in range(3))
     for s, domain in enumerate(subdomains):
-        _, averaged[s], rank = modal_fit(points, shapes, domain.body, domain.joint_point)
-        if rank < 6:
+        averaged[s] = domain.rotation.of(shapes)
+        if domain.rotation.rank < 3:
             raise BodyFileError(
                 f"frame {domain.name!r}: its {domain.body.nodes.size} nodes lie on a line or in one point, which does "
                 "not tell a rotation; give it at least three nodes off a line"

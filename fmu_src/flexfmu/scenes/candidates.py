@@ -196,7 +196,7 @@ def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
     if second is not None:
         chosen = kept[:, None], kept
         displacement, rotation = second.displacement[:, :, *chosen], second.rotation[:, :, *chosen]
-        second = SecondOrder(displacement, rotation, second.section)
+        second = SecondOrder(displacement, rotation)
     if whole is not None:
         names = ("joint_displacement", "joint_rotation", "frame_rotation")
         whole = replace(whole, **{name: getattr(whole, name)[..., kept] for name in names})
