@@ -20,10 +20,7 @@ SMALL_SWEEP = """
 basis = ["normal"]
 modes = [3, 6]
 frames = [1, 2]
-kinematics = ["linear", "corotated"]
-loads = ["deformed"]
-stiffness = ["constant"]
-division = ["tree"]
+methods = ["linear", "frames"]
 finite_elements = []
 """
 

@@ -5,7 +5,7 @@ import pytest
 
 from flexfmu.body import FlexibleBody
 from flexfmu.config import Basis
-from flexfmu.model.reduced_body import Formulation, Kinematics
+from flexfmu.methods import Method
 from references import BEAM, calculix, displacement, relative
 
 
@@ -23,7 +23,7 @@ def beam(bodies):
 
 def linear_error(body):
     """Relative error of the linear static tip displacement against CalculiX's finite element model."""
-    linear = FlexibleBody(body.model, Formulation(Kinematics.LINEAR))
+    linear = FlexibleBody(body.model, Method.LINEAR)
     found = linear.response(linear.static({"tip": [0.0, 1e3, 0.0]})).displacement[0]
     return relative(found, displacement(calculix(BEAM / "calculix" / "linear_y.csv")))
 

@@ -13,7 +13,7 @@ from demo.rear_axle import scene_tables
 from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.config import read_body_file
 from flexfmu.errors import OutputError, SimulationError
-from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from flexfmu.methods import Mass, Method, Variant, has_frames
 from flexfmu.progress import Reporter
 from flexfmu.scenes import fmu_cost
 from flexfmu.scenes.body_text import body_text
@@ -22,7 +22,6 @@ from flexfmu.scenes.chart import chart
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.errors import SceneError
 from flexfmu.scenes.fmu_cost import FmuTimer
-from flexfmu.scenes.measure import array_bytes
 from flexfmu.scenes.records import LAYOUT, Record, Records, pareto_front, plain_front, read_records
 from flexfmu.scenes.scene import read_scene
 from flexfmu.scenes.sweep import Workshop, sweep
@@ -30,6 +29,7 @@ from flexfmu.store import Store
 from references import BEAM, DEMO
 from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of, with_results
 
+FRAMES = Variant(Method.FRAMES)
 SUDDEN = """
 [[transient]]
 name = "sudden"
@@ -58,28 +58,39 @@ def test_a_sweep_takes_each_meaningful_combination_once(tmp_path):
 [sweep]
 modes = [4]
 frames = [1, 3]
-kinematics = ["linear", "literal", "secant", "corotated"]
-loads = ["reference", "corrective_moment", "deformed"]
-stiffness = ["constant", "by_load", "by_mode"]
+methods = METHODS
 mass = ["constant", "configuration"]
 internal_step = ["single", 1e-4, 1e-6]
-"""
+""".replace("METHODS", json.dumps([method.value for method in Method]))
     found = candidates(scene_of(tmp_path, BEND + SUDDEN + sweep_all))
     assert len(found) == len({candidate.key for candidate in found})
     for candidate in found:
-        formulation = candidate.formulation
-        assert (candidate.reduction.frames == 0) == (formulation.kinematics is Kinematics.LINEAR)
-        if formulation.stiffness is Stiffness.BY_MODE:
-            assert formulation.loads is LoadPlacement.REFERENCE
-        if formulation.mass is Mass.CONFIGURATION:
-            assert formulation.kinematics is Kinematics.COROTATED
-        if formulation.division is Division.SEPARATE:
-            assert candidate.reduction.frames == 3
-            assert formulation.mass is Mass.CONSTANT
-        plain = formulation.stiffness is Stiffness.CONSTANT and formulation.mass is Mass.CONSTANT
-        assert (candidate.internal_step == EXACT) == (plain and formulation.loads is LoadPlacement.REFERENCE)
+        method = candidate.variant.method
+        assert (candidate.reduction.frames == 0) == (not has_frames(method))
+        assert candidate.variant.mass is Mass.CONSTANT or method is Method.FRAMES
+        assert (candidate.internal_step == EXACT) == (method is Method.LINEAR)
+        if method is Method.FLOATING_FRAME:
+            assert candidate.reduction.frames == 1
     assert {c.internal_step for c in found} == {EXACT, SINGLE, 1e-4, 1e-6}
-    assert {c.formulation.division for c in found} == {Division.TREE, Division.SEPARATE}
+    assert {c.variant.method for c in found} == set(Method)
+    assert {c.variant.mass for c in found} == set(Mass)
+
+
+def test_a_sweep_leaves_out_what_the_body_file_would_refuse(tmp_path):
+    everything = f"[sweep]\nmodes = [4]\nmethods = {json.dumps([method.value for method in Method])}\n"
+    text = BEND.replace("tip", "wheel_left") + everything
+    found = candidates(scene_of(tmp_path, text, DEMO / "rear_axle" / "body.toml"))
+    cut = {Method.LINEAR, Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.FRAMES, Method.SECOND_ORDER}
+    assert {c.variant.method for c in found} == cut
+
+
+def test_old_keys_of_a_sweep_are_answered_with_the_methods_of_their_product(tmp_path):
+    tree = '[sweep]\nkinematics = ["linear", "corotated"]\ndivision = ["tree"]\n'
+    listed = r'\["linear", "stiffness_by_load", "frames", "frames_stiffness"\]'
+    with pytest.raises(SceneError, match=rf"sweep: write methods = {listed} instead of kinematics, division"):
+        scene_of(tmp_path, BEND + tree)
+    with pytest.raises(SceneError, match=r'write methods = \["modal_rotation"\] instead of kinematics, loads'):
+        scene_of(tmp_path, BEND + '[sweep]\nkinematics = ["literal"]\nloads = ["corrective_moment"]\n')
 
 
 def test_where_nothing_moves_over_time_one_internal_step_is_enough(tmp_path):
@@ -88,15 +99,13 @@ def test_where_nothing_moves_over_time_one_internal_step_is_enough(tmp_path):
 
 
 def test_one_frame_for_the_whole_body_is_the_tree_of_one(tmp_path, bodies):
-    found = candidates(
-        scene_of(tmp_path, BEND + '[sweep]\nframes = [4]\ndivision = ["one"]\nkinematics = ["corotated"]\n')
-    )
-    assert {(c.reduction.frames, c.formulation.division) for c in found} == {(1, Division.TREE)}
+    found = candidates(scene_of(tmp_path, BEND + '[sweep]\nframes = [4]\nmethods = ["floating_frame"]\n'))
+    assert {(c.reduction.frames, c.variant.method) for c in found} == {(1, Method.FLOATING_FRAME)}
     load = {"tip": [1e3, 8e3, -2e3]}
     one, four = (bodies.beam(frames=n).model for n in (1, 4))
     motions = [
         model.motion(model.static(load))
-        for model in (FlexibleBody(one), FlexibleBody(four, Formulation(division=Division.ONE)), FlexibleBody(four))
+        for model in (FlexibleBody(one), FlexibleBody(four, Method.FLOATING_FRAME), FlexibleBody(four))
     ]
     np.testing.assert_allclose(motions[0], motions[1], rtol=1e-9, atol=1e-12)
     assert np.linalg.norm(motions[0] - motions[2]) > 1e-2 * np.linalg.norm(motions[0])
@@ -107,7 +116,7 @@ def test_a_single_internal_step_is_taken_whatever_its_error(bodies):
     reduction = Reduction(BasisChoice.NORMAL, 10, 4)
     counts = {}
     for internal in (SINGLE, 1e-6):
-        limits = Candidate(reduction, Formulation(), internal).limits
+        limits = Candidate(reduction, FRAMES, internal).limits
         body = FlexibleBody(model, limits=limits)
         counts[internal] = body.step_with_work(body.rest(), {"tip": [0.0, 3e3, 0.0]}, 5e-3)[1].substeps
     assert counts[SINGLE] == 1
@@ -118,12 +127,12 @@ def test_frames_given_by_hand_are_tried_in_their_place(tmp_path):
     text = BEND.replace("tip", "wheel_left") + "[sweep]\nmodes = [4]\nframes = [4, 16]\n"
     scene = scene_of(tmp_path, text, DEMO / "rear_axle" / "body.toml")
     found = candidates(scene)
-    turned = [c.reduction.frames for c in found if c.formulation.kinematics is Kinematics.COROTATED]
+    turned = [c.reduction.frames for c in found if c.variant.method is Method.FRAMES]
     assert set(turned) == {4, GIVEN, 16}
     # Parts of a cut body have a frame each at least, and residual flexibility always.
-    assert {c.reduction.frames for c in found if c.formulation.kinematics is Kinematics.LINEAR} == {1}
+    assert {c.reduction.frames for c in found if c.variant.method is Method.LINEAR} == {1}
     assert {c.reduction.basis for c in found} == {BasisChoice.RESIDUAL, BasisChoice.CRAIG_BAMPTON}
-    own = reduction_config(scene.config, Reduction(BasisChoice.NORMAL, 4, GIVEN), [Formulation()])
+    own = reduction_config(scene.config, Reduction(BasisChoice.NORMAL, 4, GIVEN), [FRAMES])
     (tmp_path / "own.toml").write_text(body_text(own, tmp_path, [], {}), encoding="utf-8")
     assert read_body_file(tmp_path / "own.toml").frame == scene.given.frame
 
@@ -190,8 +199,7 @@ def test_the_finite_element_model_is_on_record_with_its_error_and_its_time(tmp_p
 
 
 def made_up(number, **values):
-    words = {"kinematics": "corotated", "loads": "deformed", "stiffness": "constant", "mass": "constant"}
-    words |= {"division": "tree", "internal_step": "exact", "body": "body", "basis": "normal"}
+    words = {"method": "frames", "mass": "constant", "internal_step": "exact", "body": "body", "basis": "normal"}
     return Record("scene", modes=number, frames=2, **(words | values))
 
 
@@ -249,32 +257,30 @@ def test_a_file_of_another_kind_is_not_written_over(tmp_path):
 # --- what it costs
 
 
-def test_a_body_is_packaged_once_for_all_its_formulations(brought, tmp_path, store, monkeypatch):
+def test_a_body_is_packaged_once_for_all_its_methods(brought, tmp_path, store, monkeypatch):
     packaged, plain = [], fmu_cost.package_fmu
     monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, path: packaged.append(body) or plain(body, path))
-    formulations = [Formulation(), Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)]
-    body = Workshop(brought, Reporter(), store).reduce(Reduction(BasisChoice.NORMAL, 3, 1), formulations)[0]
+    variants = [FRAMES, Variant(Method.LINEAR)]
+    body = Workshop(brought, Reporter(), store).reduce(Reduction(BasisChoice.NORMAL, 3, 1), variants)[0]
     with FmuTimer(tmp_path) as timer:
-        for formulation in formulations:
-            found = timer.times(body, brought, 1e-3, formulation, StepLimits())
+        for variant in variants:
+            found = timer.times(body, brought, 1e-3, variant, StepLimits())
             assert found["fmu_ratio"] == pytest.approx(found["fmu_us"] / found["empty_us"])
             assert found["empty_us"] > 0.0
         assert len(packaged) == 1
         with pytest.raises(SimulationError, match="the FMU does not run"):
-            timer.times(body, brought, 1e-3, Formulation(stiffness=Stiffness.BY_LOAD), StepLimits())
+            timer.times(body, brought, 1e-3, Variant(Method.FRAMES_STIFFNESS), StepLimits())
         # It goes on after that.
-        assert timer.times(body, brought, 1e-3, Formulation(), StepLimits())["fmu_us"] > 0.0
+        assert timer.times(body, brought, 1e-3, FRAMES, StepLimits())["fmu_us"] > 0.0
 
 
-def test_memory_is_that_of_the_arrays_each_counted_once(bodies):
-    model = bodies.beam(frames=2)
-    first = array_bytes(model)
-    body = model.model
+def test_memory_grows_with_the_model_and_not_with_its_steps(bodies):
+    small, large = (bodies.beam(frames=frames) for frames in (2, 8))
+    first, body = small.core.bytes, small.model
     assert first > body.joint_displacement.nbytes + body.interface_displacement.nbytes
-    # The propagator of a step length is prepared, and kept, when it is first asked for.
-    model.step(model.rest(), {"tip": [0.0, 1.0, 0.0]}, 1.25e-3)
-    assert array_bytes(model) > first
-    assert array_bytes([model, model]) == array_bytes(model)
+    assert large.core.bytes > first
+    small.step(small.rest(), {"tip": [0.0, 1.0, 0.0]}, 1.25e-3)
+    assert small.core.bytes == first
 
 
 # --- charts
@@ -289,7 +295,7 @@ def test_on_the_front_are_those_that_nothing_beats():
 
 
 def test_of_models_that_are_as_good_the_plainest_is_named():
-    by_load = made_up(20, static_displacement=0.010, step_us=10.0, stiffness="by_load", mode_count=20)
+    by_load = made_up(20, static_displacement=0.010, step_us=10.0, method="frames_stiffness", mode_count=20)
     plain = made_up(10, static_displacement=0.0102, step_us=10.2, mode_count=10)
     dearer = made_up(3, static_displacement=0.010, step_us=12.0, mode_count=3)
     assert plain_front([by_load, plain, dearer], "step_us", "static_displacement", 0.1, 0.03) == [plain]

@@ -7,7 +7,7 @@ import pytest
 from flexfmu.config import Basis, read_body_file
 from flexfmu.errors import BodyFileError
 from flexfmu.mesh.units import UnitSystem
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
+from flexfmu.methods import DEFAULT, Data, Mass, Method, Variant, needs
 
 LEAST = """
 name = "body"
@@ -52,7 +52,8 @@ def test_defaults_are_those_of_the_documentation(tmp_path):
     assert (body.reduction.basis, body.reduction.modes) == (Basis.NORMAL, 10)
     assert not body.reduction.residual_flexibility
     assert body.damping.ratio == 0.0
-    assert body.start == Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED, Stiffness.CONSTANT)
+    assert body.variant == Variant(Method.SECOND_ORDER, Mass.CONSTANT)
+    assert body.stored == {Data.SECOND_ORDER}
     assert (body.output.velocities, body.output.surface, body.input.acceleration) == (False, False, False)
 
 
@@ -77,7 +78,7 @@ def test_everything_given_is_taken(tmp_path):
             SUPPORT + '["x", "z"]',
             MATERIAL.format(e=2e11, nu=0.3, rho=7850),
             TWO_FRAMES.format(second="b", parent="a"),
-            '[reduction]\nmodes = 3\n[damping]\nratio = [0.01, 0.02, 0.0]\n[formulation]\nkinematics = "linear"',
+            '[reduction]\nmodes = 3\n[damping]\nratio = [0.01, 0.02, 0.0]\n[formulation]\nmethod = "linear"',
             "[output]\nvelocities = true",
         ]
     )
@@ -88,7 +89,7 @@ def test_everything_given_is_taken(tmp_path):
     assert body.material.youngs_modulus == 2e11
     assert [(f.name, f.parent) for f in body.frame] == [("a", None), ("b", "a")]
     assert (body.reduction.modes, body.damping.ratio) == (3, [0.01, 0.02, 0.0])
-    assert body.formulation.kinematics is Kinematics.LINEAR
+    assert body.variant == Variant(Method.LINEAR)
     assert (body.interface[0].point, body.interface[0].weights) == ([1.0, 2.5, 3.0], "node")
     assert body.output.velocities
 
@@ -144,11 +145,47 @@ WRONG = {
     "empty list": ({"rest": SUPPORT + "[]"}, ["support[1]: holds nothing", 'fix = ["x", "y", "z"]']),
     "unknown direction": ({"rest": SUPPORT + '["x", "w"]'}, ["support[1].fix[2]: found 'w'", "'x', 'y' or 'z'"]),
     "unknown units": ({"mesh": 'units = "inch"'}, ["mesh.units: found 'inch'", "'m-kg-s', 'mm-t-s' or"]),
-    "unknown kinematics": (
-        {"rest": '[formulation]\nkinematics = "exact"'},
-        ["formulation.kinematics: found 'exact'", "'linear'", "'corotated'"],
+    "unknown method": (
+        {"rest": '[formulation]\nmethod = "exact"'},
+        ["formulation.method: found 'exact'", "'linear'", "'second_order'"],
     ),
-    "unknown loads": ({"rest": '[formulation]\nloads = "x"'}, ["formulation.loads: found 'x'", "'deformed'"]),
+    "unknown mass": ({"rest": '[formulation]\nmass = "x"'}, ["formulation.mass: found 'x'", "'configuration'"]),
+    "old keys": (
+        {"rest": '[formulation]\nkinematics = "corotated"\nstiffness = "by_load"'},
+        ['formulation: write method = "frames_stiffness" instead of', 'kinematics = "corotated"'],
+    ),
+    "old keys that have gone": (
+        {"rest": '[formulation]\nloads = "reference"'},
+        ["formulation: ", 'is gone; method = "frames" comes nearest'],
+    ),
+    "explicit evaluation": (
+        {"rest": '[formulation]\nkinematics = "linear"\nevaluation = "explicit"'},
+        ["explicit evaluation is gone", 'method = "linear"', "let the master send that moment"],
+    ),
+    "a mass that the method does not know": (
+        {"rest": '[formulation]\nmethod = "second_order"\nmass = "configuration"'},
+        ["formulation: ", 'mass "configuration" goes with method "frames" only'],
+    ),
+    "a method without its data": (
+        {"rest": '[reduction]\nsecond_order = false\n[formulation]\nmethod = "second_order"'},
+        ['method "second_order" needs second_order = true', "take that key out"],
+    ),
+    "a method without its geometric stiffness": (
+        {"rest": '[reduction]\ngeometric_stiffness = ["by_mode"]\n[formulation]\nmethod = "stiffness_by_load"'},
+        ['method "stiffness_by_load" needs geometric_stiffness = ["by_load"]'],
+    ),
+    "a method that needs frames, and none": (
+        {"top": "frames = 0", "rest": '[formulation]\nmethod = "half_rotation"'},
+        ['method "half_rotation" needs frames', "frames = 1 or more", '"linear"'],
+    ),
+    "stress of each load of a free body": (
+        {"top": "free = true", "rest": '[formulation]\nmethod = "frames_stiffness"'},
+        ['method "frames_stiffness" needs the stress of each load', '"second_order"'],
+    ),
+    "one frame for the parts of a cut body": (
+        {"rest": '[[cut]]\nnodes = "C"\n[formulation]\nmethod = "floating_frame"'},
+        ["[[cut]] gives each part frames of its own", '"floating_frame"'],
+    ),
     "unknown basis": ({"rest": '[reduction]\nbasis = "x"'}, ["reduction.basis: found 'x'", "'normal'"]),
     "unknown weights": ({"interface": 'weights = "mass"'}, ["interface[1].weights: found 'mass'", "'area'"]),
     "point in the plane": (
@@ -270,3 +307,16 @@ def test_a_file_that_cannot_be_read_is_told_why(tmp_path):
 def test_an_absolute_path_of_a_mesh_stays_as_it_is(tmp_path):
     text = content().replace('"mesh.inp"', "'/data/mesh.inp'")
     assert str(read(tmp_path, text).mesh.file) == "/data/mesh.inp"
+
+
+@pytest.mark.parametrize("method", Method)
+def test_a_build_stores_what_the_method_needs_and_what_is_asked_for(tmp_path, method):
+    config = read(tmp_path, content(rest=f'[formulation]\nmethod = "{method.value}"'))
+    assert config.variant == Variant(method)
+    assert config.stored == needs(method)
+    more = read(tmp_path, content(rest=f'[reduction]\ninertia = true\n[formulation]\nmethod = "{method.value}"'))
+    assert more.stored == needs(method) | {Data.INERTIA}
+
+
+def test_a_body_without_frames_starts_linear(tmp_path):
+    assert read(tmp_path, content(top="frames = 0")).variant == Variant(Method.LINEAR)

@@ -13,7 +13,8 @@ from flexfmu.errors import BodyFileError, MeshError
 from flexfmu.fe.assembly import volume_matrices
 from flexfmu.fe.faces import element_faces
 from flexfmu.mesh.model import ElementType
-from flexfmu.model.reduced_body import GROUND, Formulation, Kinematics
+from flexfmu.methods import Method
+from flexfmu.model.reduced_body import GROUND
 from flexfmu.progress import Reporter
 from flexfmu.reduction.division import Branch, distance_along, divide, divide_branches
 from meshes import EVERY_TYPE, arc, bars, body_file, box, lattice, renumbered, with_sets
@@ -287,18 +288,22 @@ class Study:
 def convergence(mesh, loads, length, folder):
     """Relative errors with 1, 2, 4 and 8 levels against 24, of one mesh and one modal basis."""
 
-    def solution(levels, formulation=None):
-        first_order = {"kinematics": "corotated"}
+    def solution(levels, method=None):
         config = body_file(
-            mesh, folder, interface=list(loads), frames=levels, reduction={"modes": 30}, formulation=first_order
+            mesh,
+            folder,
+            interface=list(loads),
+            frames=levels,
+            reduction={"modes": 30},
+            formulation={"method": "frames"},
         )
-        body = FlexibleBody(reduce_body(config, Reporter()), formulation)
+        body = FlexibleBody(reduce_body(config, Reporter()), method)
         state = body.static({name.lower(): load for name, load in loads.items()})
         return body.response(state).displacement
 
     limit = solution(24)
     errors = np.array([relative(solution(levels), limit) for levels in (1, 2, 4, 8)])
-    linear = relative(solution(1, Formulation(Kinematics.LINEAR)), limit)
+    linear = relative(solution(1, Method.LINEAR), limit)
     return Study(errors, linear, float(np.linalg.norm(limit, axis=1).max()) / length)
 
 

@@ -21,7 +21,7 @@ from flexfmu.fmu.package import read_packaged_body
 from flexfmu.info import describe
 from flexfmu.loads import Loads
 from flexfmu.mesh.model import ElementType
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from flexfmu.methods import Mass, Method, Variant
 from flexfmu.progress import Reporter
 from flexfmu.scenes.body_text import body_text
 from flexfmu.scenes.candidates import Reduction, reduction_config, with_modes
@@ -39,6 +39,8 @@ from flexfmu.store import Store
 from meshes import bars, body_file, box, with_sets
 from references import BEAM, DEMO, calculix, displacement, relative
 from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of, with_results
+
+FRAMES = Variant(Method.FRAMES)
 
 
 @pytest.fixture(scope="module")
@@ -66,13 +68,13 @@ def test_a_body_with_some_of_its_modes_is_the_one_that_is_reduced_to_them(bodies
     )
     kept = with_modes(many, np.arange(4))
     load = Loads(np.array([[500.0, 3e3, 1e3]]), np.zeros((1, 3)))
-    for formulation in (
-        Formulation(stiffness=Stiffness.BY_LOAD),
-        Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE),
-        Formulation(mass=Mass.CONFIGURATION),
-        Formulation(Kinematics.SECOND_ORDER),
+    for variant in (
+        Variant(Method.FRAMES_STIFFNESS),
+        Variant(Method.STIFFNESS_BY_MODE),
+        Variant(Method.FRAMES, Mass.CONFIGURATION),
+        Variant(Method.SECOND_ORDER),
     ):
-        models = [FlexibleBody(body, formulation) for body in (kept, few)]
+        models = [FlexibleBody(body, variant.method, variant.mass) for body in (kept, few)]
         states = [model.step(model.static(load), load.scaled(0.5), 1e-3) for model in models]
         motions = [model.motion(state) for model, state in zip(models, states, strict=True)]
         np.testing.assert_allclose(*motions, rtol=1e-6, atol=1e-9)
@@ -87,7 +89,7 @@ def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced
     config = bodies.config(BEAM)
 
     def build(modes):
-        reduction = reduction_config(config, Reduction(basis, 12, 2), [Formulation(stiffness=Stiffness.BY_LOAD)])
+        reduction = reduction_config(config, Reduction(basis, 12, 2), [Variant(Method.FRAMES_STIFFNESS)])
         table = reduction.reduction.model_copy(update={"modes": modes, "inertia": True, "second_order": True})
         if residual and isinstance(modes, list):
             table = table.model_copy(update={"residual_flexibility": residual})
@@ -98,12 +100,12 @@ def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced
     np.testing.assert_allclose(kept.angular_frequency, listed.angular_frequency, rtol=1e-7)
     assert listed.provenance["normal_modes"] == "1 2 5 6"
     loads = {"tip": [500.0, 3e3, 1e3, 20.0, 30.0, 40.0]}
-    for formulation in (
-        Formulation(stiffness=Stiffness.BY_LOAD),
-        Formulation(mass=Mass.CONFIGURATION),
-        Formulation(Kinematics.SECOND_ORDER),
+    for variant in (
+        Variant(Method.FRAMES_STIFFNESS),
+        Variant(Method.FRAMES, Mass.CONFIGURATION),
+        Variant(Method.SECOND_ORDER),
     ):
-        models = [FlexibleBody(body, formulation) for body in (kept, listed)]
+        models = [FlexibleBody(body, variant.method, variant.mass) for body in (kept, listed)]
         motions = [model.motion(model.step(model.static(loads), {"tip": [0.0, 1e3, 0.0]}, 1e-3)) for model in models]
         np.testing.assert_allclose(*motions, rtol=1e-7, atol=1e-10)
     if basis is BasisChoice.NORMAL:
@@ -139,8 +141,8 @@ def test_info_counts_modes_as_a_body_file_names_them(bodies):
 
 
 def test_modes_across_the_load_move_nothing(brought, store):
-    body = Workshop(brought, Reporter(), store).reduce(Reduction(BasisChoice.NORMAL, 6, 2), [Formulation()])[0]
-    part = contributions(brought, body, Formulation())
+    body = Workshop(brought, Reporter(), store).reduce(Reduction(BasisChoice.NORMAL, 6, 2), [FRAMES])[0]
+    part = contributions(brought, body, FRAMES)
     assert part.max() > 0.9
     # The other of each pair bends across; the square section holds their axes to some digits.
     assert np.sum(part < 1e-4) == 3
@@ -149,7 +151,7 @@ def test_modes_across_the_load_move_nothing(brought, store):
 def test_a_body_file_that_is_written_says_what_was_meant(tmp_path):
     config = read_body_file(DEMO / "rear_axle" / "body_bushings.toml")
     reduction = Reduction(BasisChoice.RESIDUAL, 7, 3)
-    wanted = reduction_config(config, reduction, [Formulation()])
+    wanted = reduction_config(config, reduction, [FRAMES])
     text = body_text(wanted, tmp_path, ["A line.", "Another " + 40 * "long " + "line."], {"frames": "Why three."})
     (tmp_path / "b.toml").write_text(text, encoding="utf-8")
     assert tomllib.loads(text)["frames"] == 3
@@ -203,7 +205,7 @@ def test_a_large_load_is_given_frames_and_holds_where_it_was_not_looked_at(tmp_p
     text = target.read_text(encoding="utf-8")
     assert "Linear is not enough" in text
     assert "predicted" in text
-    assert tomllib.loads(text)["formulation"]["kinematics"] != "linear"
+    assert tomllib.loads(text)["formulation"]["method"] != "linear"
 
 
 def test_a_small_load_is_left_linear(tmp_path, store):
@@ -211,7 +213,7 @@ def test_a_small_load_is_left_linear(tmp_path, store):
     target = tmp_path / "fitted.toml"
     found = fit(scene, target, Reporter(), store)
     assert found.met
-    assert found.formulation.kinematics is Kinematics.LINEAR
+    assert found.variant.method is Method.LINEAR
     assert found.plan.frames == 0
     assert "Linear is enough" in target.read_text(encoding="utf-8")
 
@@ -232,7 +234,7 @@ def test_frames_are_named_where_they_are_what_is_missing(tmp_path, store):
     found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
     assert not found.met
     assert "Most is to be had from frames (2 instead of 1)" in found.limit
-    assert found.formulation.kinematics is not Kinematics.LINEAR
+    assert found.variant.method is not Method.LINEAR
 
 
 def written(mesh, folder, interfaces, scene):
@@ -329,8 +331,7 @@ loads = {{ "{load}" = {force} }}
 displacement = 0.001
 
 [sweep]
-kinematics = ["linear", "corotated"]
-stiffness = ["constant"]
+methods = ["linear", "frames"]
 loads = ["deformed"]
 """
 
@@ -391,10 +392,9 @@ def test_frames_share_out_the_turning_of_a_branch():
 
 
 def linear_share(judge, target):
-    """Error over tolerance of the fitted model with linear kinematics."""
+    """Error over tolerance of the fitted model, were it linear."""
     body = reduce_body(read_body_file(target), Reporter())
-    flat = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
-    return errors(judge, references(judge, Reporter()), FlexibleBody(body, flat)).share
+    return errors(judge, references(judge, Reporter()), FlexibleBody(body, Method.LINEAR)).share
 
 
 @pytest.fixture(scope="module")
@@ -431,12 +431,12 @@ def check_scene(name, outcome, folder):
 def test_scene_of_a_small_load_is_met_by_a_linear_model_and_its_fmu(fitted):
     outcome, folder = fitted("small_load", fmu=True)
     assert check_scene("small_load", outcome, folder) <= 1.0
-    assert outcome.fit.formulation.kinematics is Kinematics.LINEAR
+    assert outcome.fit.variant.method is Method.LINEAR
     assert outcome.fit.frame_count == 0
     body = reduce_body(read_body_file(folder / "small_load.toml"), Reporter())
     packaged = read_packaged_body(folder / "small_load.fmu")
     np.testing.assert_allclose(packaged.angular_frequency, body.angular_frequency, rtol=1e-9)
-    assert packaged.formulation == outcome.fit.formulation
+    assert Variant(packaged.method, packaged.mass) == outcome.fit.variant
     assert outcome.fit.fmu_step > 0.0
     assert outcome.fit.given_fmu_step > 0.0
 
@@ -445,7 +445,7 @@ def test_scene_of_a_small_load_is_met_by_a_linear_model_and_its_fmu(fitted):
 def test_scene_of_a_large_load_is_met_with_fewer_modes_and_frames(name, fitted):
     outcome, folder = fitted(name)
     assert check_scene(name, outcome, folder) > 2.0
-    assert outcome.fit.formulation.kinematics is not Kinematics.LINEAR
+    assert outcome.fit.variant.method is not Method.LINEAR
     # At the levels and times that CalculiX has, not those of the search: no worse than foreseen.
     assert outcome.calculix.share < 1.1 * outcome.fit.predicted.share
 
@@ -455,7 +455,7 @@ def test_scene_of_the_axle_in_torsion_is_met_with_fewer_modes_and_frames(fitted)
     outcome, folder = fitted("torsion")
     assert check_scene("torsion", outcome, folder) > 2.0
     assert outcome.toe < 0.02
-    assert outcome.fit.formulation.kinematics is Kinematics.SECOND_ORDER
+    assert outcome.fit.variant.method is Method.SECOND_ORDER
 
 
 def test_modes_above_the_frequencies_that_count_give_way_to_residual_flexibility(fitted):

@@ -1,44 +1,49 @@
-"""Frames as a tree, each by itself, or one for all: chosen when the FMU starts."""
+"""Frames as a tree, each by itself, or one for all: what the method has, chosen when the body is used."""
 
 import numpy as np
 import pytest
 
 from flexfmu.body import FlexibleBody
-from flexfmu.model.errors import OptionError
-from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass
+from flexfmu.methods import Method
 from references import BEAM, calculix, displacement, relative
 
 LOADS = {"tip": [-1e3, 8e3, 3e3, 40.0, -150.0, 200.0]}
 
 
-def motion(model, **choices):
-    body = FlexibleBody(model, Formulation(**choices))
+def motion(model, method):
+    body = FlexibleBody(model, method)
     return body.motion(body.static(LOADS))
 
 
-@pytest.mark.parametrize("kinematics", [Kinematics.COROTATED, Kinematics.SECANT])
-def test_one_frame_at_run_time_is_the_body_built_with_one(bodies, kinematics):
+def test_the_floating_frame_of_any_body_is_the_tree_of_one_frame(bodies):
     built, chosen = bodies.beam(frames=1).model, bodies.beam(frames=8).model
-    expected = motion(built, kinematics=kinematics)
-    found = motion(chosen, kinematics=kinematics, division=Division.ONE)
+    expected = motion(built, Method.FRAMES)
+    found = motion(chosen, Method.FLOATING_FRAME)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
-    assert relative(motion(chosen, kinematics=kinematics), expected) > 1e-2
+    assert relative(motion(chosen, Method.FRAMES), expected) > 1e-2
 
 
-def test_separate_frames_of_the_source_turn_each_part_about_its_own_linear_place(bodies):
-    """x = X + u_a + (R − I)(X − X_a) + R e: the joint's displacement is not carried by the parent."""
+@pytest.mark.parametrize("method", [Method.MODAL_ROTATION, Method.HALF_ROTATION])
+def test_sub_domains_turn_about_the_linear_place_of_their_joint_as_the_source_has_it_or_in_a_tree(bodies, method):
+    """x = X + u_a + R (u − u_a), with the joint's linear displacement, or with that of the tree."""
     model = bodies.beam(frames=4).model
-    body = FlexibleBody(model, Formulation(loads=LoadPlacement.REFERENCE, division=Division.SEPARATE))
+    body = FlexibleBody(model, method)
     state = body.static(LOADS)
-    q, last = state.q, model.frame_count - 1
-    angle = model.frame_rotation[last] @ q
-    axis, size = angle / np.linalg.norm(angle), np.linalg.norm(angle)
-    hat = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    turn = np.eye(3) + np.sin(size) * hat + (1.0 - np.cos(size)) * hat @ hat
-    arm = model.interface_point[0] - model.joint_point[last]
-    joint = model.joint_displacement[last] @ q
-    remainder = model.interface_displacement[0] @ q - joint - np.cross(angle, arm)
-    expected = joint + turn @ (arm + remainder) - arm
+    q = state.q
+    alone = method is Method.MODAL_ROTATION
+    joint, rotation, linear, before = np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3)
+    for s in range(model.frame_count):
+        angle = model.frame_rotation[s] @ q
+        # In a tree each part turns against the one before it.
+        turn, before = angle if alone else 0.5 * (angle - before), angle
+        size = np.linalg.norm(turn)
+        x, y, z = turn / size
+        hat = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        own = model.joint_displacement[s] @ q
+        joint, linear = own if alone else joint + rotation @ (own - linear), own
+        exponential = np.eye(3) + np.sin(size) * hat + (1.0 - np.cos(size)) * hat @ hat
+        rotation = exponential if alone else rotation @ exponential
+    expected = joint + rotation @ (model.interface_displacement[0] @ q - linear)
     np.testing.assert_allclose(body.response(state).displacement[0], expected, rtol=1e-9, atol=1e-12)
 
 
@@ -47,23 +52,20 @@ def test_only_the_tree_gets_better_with_more_frames(bodies):
     table = calculix(BEAM / "calculix" / "static_y.csv")
     (expected,) = displacement(table)[np.abs(table["force_N"] - force) < 1.0]
 
-    def error(frames, division):
-        body = FlexibleBody(bodies.beam(frames=frames).model, Formulation(division=division))
+    def error(frames, method):
+        body = FlexibleBody(bodies.beam(frames=frames).model, method)
         return relative(body.response(body.static({"tip": [0.0, force, 0.0]})).displacement[0], expected)
 
-    assert error(8, Division.TREE) < 1e-3
+    assert error(8, Method.FRAMES) < 1e-3
     # The last part alone turns, and the joints before it have moved on straight lines.
-    assert error(8, Division.SEPARATE) > error(2, Division.SEPARATE) > error(2, Division.ONE)
-
-
-def test_the_deformed_body_s_mass_follows_the_tree_alone(bodies):
-    with pytest.raises(OptionError, match="follows the tree"):
-        FlexibleBody(bodies.beam().model, Formulation(mass=Mass.CONFIGURATION, division=Division.ONE))
+    found = [error(frames, Method.MODAL_ROTATION) for frames in (1, 2, 4, 8)]
+    np.testing.assert_allclose(found, [0.102, 0.082, 0.020, 0.078], atol=1e-3)
+    assert found[3] > 3.0 * found[2]
 
 
 def test_a_free_body_on_one_frame_has_its_floating_one(bodies):
     body = bodies.beam(free=True, support=[], frames=4)
-    one = FlexibleBody(body.model, Formulation(division=Division.ONE))
+    one = FlexibleBody(body.model, Method.FLOATING_FRAME)
     assert one.model.frame_names == ("floating",)
     state = one.step(one.rest(), {"tip": [0.0, 100.0, 0.0]}, 1e-2)
     assert np.linalg.norm(one.motion(state)[:3]) > 1e-4

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexfmu.body import FlexibleBody
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement
+from flexfmu.methods import Method, Variant
 from flexfmu.progress import Reporter
 from flexfmu.rotations import exponential, rotation_vector
 from flexfmu.scenes.candidates import Reduction
@@ -180,9 +180,9 @@ frames = 4
 def test_the_reference_over_time_is_closer_to_a_model_of_its_kind_than_to_a_linear_one(tmp_path, store):
     scene = scene_of(tmp_path, TRANSIENT)
     known = references(scene, Reporter(), store)
-    body = Workshop(scene, Reporter(), store).reduce(Reduction(BasisChoice.RESIDUAL, 6, 4), [Formulation()])[0]
+    body = Workshop(scene, Reporter(), store).reduce(Reduction(BasisChoice.RESIDUAL, 6, 4), [Variant(Method.FRAMES)])[0]
     near = errors(scene, known, FlexibleBody(body))
-    far = errors(scene, known, FlexibleBody(body, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)))
+    far = errors(scene, known, FlexibleBody(body, Method.LINEAR))
     assert near.transient_displacement < 0.3 * far.transient_displacement
     assert math.isnan(near.static_displacement)
 

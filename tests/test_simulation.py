@@ -151,7 +151,7 @@ def test_simulate_starts_in_equilibrium_when_told_to(tmp_path, fmu):
         ("tip.force.y", ("--set", "damping=2"), ["'damping' is no parameter", "damping.scale"]),
         ("tip.force.y", ("--set", "damping.scale"), ["NAME=VALUE"]),
         ("tip.force.y", ("--set", "damping.scale=-1"), ["damping.scale=-1.0"]),
-        ("tip.force.y", ("--set", "formulation.kinematics=magic"), ["'magic'", "'corotated'"]),
+        ("tip.force.y", ("--set", "method=magic"), ["'magic'", "'frames'"]),
         ("tip.force.y", ("--stop", "-1"), ["expected a later end"]),
         ("tip.force.y", ("--step", "-1"), ["a step > 0"]),
     ],

@@ -28,7 +28,7 @@ def cross(tmp_path_factory):
         return np.hypot(points[:, 0] - 8.0 * WIDTH, np.maximum(aside - 0.5001 * WIDTH, 0.0))
 
     mesh = with_sets(mesh, ROOT=lambda points: points[:, 0], TIP=end)
-    tables = {"frames": 1, "reduction": {"modes": 12}, "formulation": {"kinematics": "second_order"}}
+    tables = {"frames": 1, "reduction": {"modes": 12}, "formulation": {"method": "second_order"}}
     folder = tmp_path_factory.mktemp("cross")
     return reduce_body(body_file(mesh, folder, interface=["TIP"], **tables), Reporter())
 
@@ -54,7 +54,7 @@ def test_a_millinewton_is_no_critical_load_of_a_symmetric_body(cross, axis):
 def held_twice(tmp_path_factory):
     """A beam clamped at both ends, its interface in the middle: where the centre of its supports is."""
     mesh = with_sets(box(ElementType.C3D20, (8, 1, 1), (1.0, 0.06, 0.02)), MIDDLE=lambda points: points[:, 0] - 0.5)
-    tables = {"frames": 1, "reduction": {"modes": 12}, "formulation": {"kinematics": "second_order"}}
+    tables = {"frames": 1, "reduction": {"modes": 12}, "formulation": {"method": "second_order"}}
     ends = [{"nodes": name, "fix": ["x", "y", "z"]} for name in ("ROOT", "TIP")]
     folder = tmp_path_factory.mktemp("held")
     config = body_file(mesh, folder, interface=["MIDDLE"], **tables)

@@ -120,6 +120,7 @@ Body *body_open(const void *image, int64_t size, const char **why) {
         body_close(body);
         return 0;
     }
+    body->arena_size = arena.used;
     arena.start = body->arena;
     arena.used = 0;
     lay_out(body, &arena);
@@ -132,6 +133,10 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     body_options(body, 1.0, &usual);
     *why = "";
     return body;
+}
+
+int64_t body_bytes(const Body *body) {
+    return body->image_size + 8 * body->arena_size;
 }
 
 void body_close(Body *body) {

@@ -89,6 +89,7 @@ typedef struct Body {
     int64_t *pivot;       /* (2m) */
     int64_t work_size;
     double *arena;
+    int64_t arena_size;   /* numbers */
     void *image;          /* the program's bytes, this body's own copy */
     int64_t image_size;
 } Body;
@@ -108,6 +109,8 @@ enum {
 /* Make a body of an image, which is copied; null with words in `why` where it cannot be. */
 FLEX_EXPORT Body *body_open(const void *image, int64_t size, const char **why);
 FLEX_EXPORT void body_close(Body *body);
+/* Bytes of the program and of all workspaces: no call takes more. */
+FLEX_EXPORT int64_t body_bytes(const Body *body);
 /* Options; FLEX_BAD_OPTION where one is out of range. */
 FLEX_EXPORT int body_options(Body *body, double damping_scale, const StepLimits *limits);
 

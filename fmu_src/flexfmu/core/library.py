@@ -86,6 +86,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_softening": (_NUMBER, (_PLACE,) * 4),
     "body_may_miss": (ctypes.c_int, (_PLACE, _PLACE, _NUMBER)),
     "body_missed": (_NUMBER, (_PLACE,) * 3),
+    "body_bytes": (_WHOLE, (_PLACE,)),
     "body_compliance": (None, (_PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _WHOLE, _PLACE)),
 }
 
@@ -178,6 +179,11 @@ class Core:
     def __del__(self) -> None:
         if self._body:
             self._library.body_close(self._body)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of the program and of all workspaces."""
+        return int(self._library.body_bytes(self._body))
 
     def static(self, inputs: FloatArray) -> tuple[StepAnswer, FloatArray, float, int]:
         """Stable equilibrium under loads (L,).

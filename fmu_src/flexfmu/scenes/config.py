@@ -11,6 +11,7 @@ from ..config import Name
 from ..inputs import Kind
 from ..limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
 from ..methods import Mass, Method
+from ..old_keys import OLD_KEYS, replaced_lists
 from ..stability.config import StabilityTable
 from ..toml_files import explain, read_toml
 from .errors import SceneError
@@ -188,6 +189,14 @@ class SweepTable(_Table):
         default=["single", 1e-4], min_length=1
     )
     finite_elements: list[Annotated[Solver, Field(strict=False)]] = list(Solver)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_old_keys(cls, data: object) -> object:
+        old = {key: data[key] for key in OLD_KEYS if key in data} if isinstance(data, dict) else {}
+        if old:
+            raise ValueError(replaced_lists(old))
+        return data
 
 
 class FitTable(_Table):

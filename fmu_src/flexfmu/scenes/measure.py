@@ -1,14 +1,10 @@
 """How far a model is off in a scene, and what its steps cost."""
 
-import gc
 import math
 import statistics
 import time
 from dataclasses import dataclass
-from enum import Enum
 from functools import partial
-from types import BuiltinFunctionType, FunctionType, ModuleType
-from typing import Any
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -27,8 +23,6 @@ _FLOOR = 1e-3
 _SHORTEST_STEPS, _LONGEST_STEPS = 10, 300
 _FILTER_ORDER = 4
 _EQUILIBRIA = 3
-# Code, not data.
-_NOT_DATA = (type, ModuleType, FunctionType, BuiltinFunctionType, Enum)
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,33 +318,3 @@ def equilibrium_time(scene: Scene, model: FlexibleBody) -> float:
         model.static(loads)
         times.append(clock.elapsed())
     return min(times)
-
-
-def array_bytes(model: FlexibleBody) -> int:
-    """Bytes of all arrays that a model holds: its data, and what was prepared for steps.
-
-    Parameters
-    ----------
-    model : FlexibleBody
-
-    Returns
-    -------
-    int
-    """
-    sizes: dict[int, int] = {}
-    seen: set[int] = set()
-    left: list[Any] = [model]
-    while left:
-        one = left.pop()
-        if id(one) in seen or isinstance(one, _NOT_DATA):
-            continue
-        seen.add(id(one))
-        if isinstance(one, np.ndarray):
-            if isinstance(one.base, np.ndarray):
-                # A view: what it looks at counts.
-                left.append(one.base)
-            else:
-                sizes[id(one)] = one.nbytes
-        else:
-            left.extend(gc.get_referents(one))
-    return sum(sizes.values())

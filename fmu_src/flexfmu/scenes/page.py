@@ -27,7 +27,7 @@ _COSTS = {
     "bare_ms_per_s": "ms per simulated second, bare model",
     "step_us": "time of a step, bare model / µs",
     "equilibrium_ms": "one equilibrium from rest, bare model / ms",
-    "memory_bytes": "arrays of the running model / bytes",
+    "memory_bytes": "memory of the running model / bytes",
     "modal_bytes": "modal file / bytes",
     "mode_count": "modes",
     "build_s": "time to build / s",

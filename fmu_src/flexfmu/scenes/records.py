@@ -68,7 +68,7 @@ class Record:
     fmu_busy : float
         As `busy`, meanwhile.
     memory_bytes : int
-        Bytes of the arrays that the model holds while it runs.
+        Bytes that the model holds while it runs: its program and the work space.
     modal_bytes : int
         Size of the modal file.
     build_s : float

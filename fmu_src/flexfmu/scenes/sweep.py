@@ -19,7 +19,7 @@ from ..store import Store
 from .candidates import GIVEN, Candidate, Reduction, candidates, grouped, reduction_config
 from .finite_elements import finite_element_records
 from .fmu_cost import FmuTimer
-from .measure import array_bytes, communication_step, equilibrium_time, errors, step_cost
+from .measure import communication_step, equilibrium_time, errors, step_cost
 from .records import KEY, Record, Records
 from .reference import Reference, references
 from .scene import Scene
@@ -120,7 +120,7 @@ class Workshop:
             "busy": cost.busy,
             "bare_ms_per_s": 1e3 * cost.fastest / step,
             "equilibrium_ms": 1e3 * equilibrium_time(self.scene, model),
-            "memory_bytes": array_bytes(model),
+            "memory_bytes": model.core.bytes,
         }
 
     def _fmu_costs(self, timer: FmuTimer, body: ReducedBody, candidate: Candidate, step: float) -> dict[str, object]:
