@@ -7,7 +7,7 @@ import pytest
 from flexfmu.config import Basis, read_body_file
 from flexfmu.errors import BodyFileError
 from flexfmu.mesh.units import UnitSystem
-from flexfmu.methods import DEFAULT, Data, Mass, Method, Variant, needs
+from flexfmu.methods import Data, Mass, Method, Variant, needs
 
 LEAST = """
 name = "body"

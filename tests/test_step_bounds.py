@@ -6,60 +6,46 @@ import numpy as np
 import pytest
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
-from flexfmu.runtime import kernel, statics, stepping
-from flexfmu.body import FlexibleBody
+from flexfmu.body import FlexibleBody, StepLimits
+from flexfmu.core import StepAnswer
 from flexfmu.model.errors import EquilibriumError, OptionError, StepError
-from flexfmu.model.reduced_body import Evaluation, Formulation
-from flexfmu.body import StepLimits
-from test_watch import Driven
 
 BEAM = Beam()
 HEAVY = {"tip": (-2e3, 0.6 * BEAM.bending_stiffness, 0.0)}
 # Rounds of the iteration in an internal step of ordinary cost, and the most that one sub-step may add to the last.
 ORDINARY, LAST = 5, 16
-either = pytest.mark.parametrize("use_compiled", [False, True], ids=["numpy", "compiled"])
+# Internal steps of ordinary cost for a round of the equilibrium, and rounds of one increment.
+STATIC, INCREMENT = 20, 15
 
 
-@pytest.fixture
-def rounds(monkeypatch):
-    """Rounds of every try, in order."""
-    counted = []
-    inner = stepping.Stepper._try
-
-    def counting(*arguments):
-        found = inner(*arguments)
-        counted.append(found[1])
-        return found
-
-    monkeypatch.setattr(stepping.Stepper, "_try", counting)
-    return counted
+def beam(most, tolerance):
+    return FlexibleBody(beam_body(3, modes=3, planes="y"), COROTATED, limits=StepLimits(0.0, tolerance, most))
 
 
-def beam(most, tolerance, use_compiled=False, formulation=COROTATED):
-    model = beam_body(3, modes=3, planes="y")
-    return FlexibleBody(model, formulation, limits=StepLimits(0.0, tolerance, most), use_compiled=use_compiled)
+def refused_rounds(body, start, loads, step):
+    """Rounds of the iteration that a refused step took in all."""
+    answer, *_, work = body.core.step(start.q, start.v, body.loads(loads).packed(False), step)
+    assert answer is not StepAnswer.OK
+    return work[1]
 
 
-@either
 @pytest.mark.parametrize("most", [20.0, 300.0])
-def test_a_step_of_too_much_work_is_refused_within_its_bound_and_leaves_no_trace(most, use_compiled, rounds):
-    body = beam(most, 1e-9, use_compiled)
+def test_a_step_of_too_much_work_is_refused_within_its_bound_and_leaves_no_trace(most):
+    body = beam(most, 1e-9)
     start = body.step(body.rest(), {"tip": (0.0, 1e-3, 0.0)}, 1e-5)
     before = start.q.tobytes(), start.v.tobytes(), start.substeps
-    rounds.clear()
     with pytest.raises(StepError, match=rf"more work than {most:g} internal steps .*tolerance of 1e-09") as told:
         body.step(start, HEAVY, 0.3)
-    assert 0 < sum(rounds) <= ORDINARY * most + LAST
+    assert 0 < refused_rounds(body, start, HEAVY, 0.3) <= ORDINARY * most + LAST
     assert "raise internal_step.most" in str(told.value)
     assert (start.q.tobytes(), start.v.tobytes(), start.substeps) == before
-    undisturbed = beam(most, 1e-9, use_compiled)
+    undisturbed = beam(most, 1e-9)
     expected = undisturbed.step(start, {"tip": (0.0, 1e-3, 0.0)}, 1e-5)
     assert body.step(start, {"tip": (0.0, 1e-3, 0.0)}, 1e-5).q.tobytes() == expected.q.tobytes()
 
 
-@either
-def test_what_one_bound_refuses_a_larger_one_lets_through(use_compiled):
-    limits = [beam(most, 1e-4, use_compiled) for most in (16.0, 4096.0)]
+def test_what_one_bound_refuses_a_larger_one_lets_through():
+    limits = [beam(most, 1e-4) for most in (16.0, 4096.0)]
     with pytest.raises(StepError, match=r"internal_step\.most"):
         limits[0].step(limits[0].rest(), HEAVY, 0.064)
     _, work = limits[1].step_with_work(limits[1].rest(), limits[1].loads(HEAVY), 0.064)
@@ -67,49 +53,36 @@ def test_what_one_bound_refuses_a_larger_one_lets_through(use_compiled):
     assert work.iterations <= ORDINARY * 4096
 
 
-def test_steps_that_do_not_settle_are_divided_not_iterated_to_the_end(rounds):
+def test_steps_that_do_not_settle_are_divided_not_iterated_to_the_end():
     """A try that fails does so at its first internal steps: all of them together cost less than the one that holds."""
     body = beam(4096.0, 1e-4)
     _, work = body.step_with_work(body.rest(), body.loads(HEAVY), 0.256)
     assert work.substeps >= 64
-    assert len(rounds) > 5
-    assert sum(rounds[:-1]) < rounds[-1]
+    *_, alone = body.core.step(
+        body.rest().q, body.rest().v, body.loads(HEAVY).packed(False), 0.256, None, work.substeps
+    )
+    assert alone[0] == work.substeps
+    assert work.iterations - alone[1] < alone[1]
 
 
-@pytest.mark.skipif(kernel._library() is None, reason="built without a C compiler")
-def test_a_compiled_body_steps_without_numpy_however_hard_the_step(monkeypatch):
-    body = beam(4096.0, 1e-4, True)
-
-    def never(*_):
-        raise AssertionError("a step in NumPy")
-
-    monkeypatch.setattr(stepping, "_implicit_step", never)
-    _, work = body.step_with_work(body.rest(), body.loads(HEAVY), 0.256)
-    assert work.substeps >= 64
-
-
-def test_explicit_steps_by_the_billion_are_refused_before_the_first():
-    formulation = Formulation(evaluation=Evaluation.EXPLICIT)
-    model = beam_body(3, modes=3, planes="y")
-    body = FlexibleBody(model, formulation, limits=StepLimits(1e-8))
-    with pytest.raises(StepError, match=r"1 s needs 100000000 internal steps by internal_step.limit = 1e-08 s"):
+def test_internal_steps_by_the_billion_are_refused_before_the_first():
+    body = FlexibleBody(beam_body(3, modes=3, planes="y"), COROTATED, limits=StepLimits(1e-8))
+    with pytest.raises(StepError, match=r"1 s needs 100000000 internal steps by internal_step.limit"):
         body.step(body.rest(), HEAVY, 1.0)
+    assert refused_rounds(body, body.rest(), HEAVY, 1.0) == 0
 
 
-def test_statics_near_a_critical_load_end_within_the_bound(monkeypatch):
-    counted = []
-    inner = statics.tangent_stiffness
-    monkeypatch.setattr(statics, "tangent_stiffness", lambda *a: counted.append(1) or inner(*a))
+def test_statics_near_a_critical_load_end_within_the_bound():
     column = {"tip": (-10.0 * BEAM.critical_load, 1e-2 * BEAM.critical_load, 0.0)}
     for most, refused in ((400.0, True), (4096.0, False)):
-        counted.clear()
         body = beam(most, 1e-4)
+        *_, rounds = body.core.static(body.loads(column).packed(False))
+        assert 0 < rounds <= most / STATIC + INCREMENT
         if refused:
-            with pytest.raises(EquilibriumError, match=r"% of the load are reached after .*internal_step.most"):
+            with pytest.raises(EquilibriumError, match=r"% of the load within the work of 400 .*internal_step.most"):
                 body.static(column)
         else:
             body.static(column)
-        assert 0 < len(counted) <= most / 20.0 + 15.0
 
 
 @pytest.mark.parametrize("most", [0.0, -1.0, np.nan, np.inf])
@@ -118,34 +91,15 @@ def test_a_bound_that_is_none_is_refused(most):
         beam(most, 1e-4)
 
 
-def test_an_fmu_discards_a_step_of_too_much_work_and_goes_on_with_a_shorter_one(tmp_path):
-    bounds = {"internal_step.most": 8.0, "internal_step.tolerance": 1e-6}
-    driven = Driven(tmp_path, beam_body(3, modes=3, damping=0.01), **bounds)
-    driven.set(**{"tip.force.y": HEAVY["tip"][1]})
-    block = driven.slave._get_fmu_state()
-    assert not driven.step(0.1)
-    ((status, text),) = driven.log
-    assert status == 2
-    assert "internal_step.most" in text
-    assert driven.tip() == [0.0, 0.0, 0.0]
-    assert driven.step(1e-4)
-    moved = driven.tip()
-    driven.slave._set_fmu_state(block)
-    assert driven.step(1e-4)
-    assert driven.tip() == moved
-    assert moved[1] > 0.0
-
-
-@either
 @pytest.mark.parametrize("size", [1e-14, 1e-11, 1e-9, 1e-7, 1e-4])
-def test_forces_of_any_size_move_a_body_as_its_linear_modes_say(size, use_compiled):
+def test_forces_of_any_size_move_a_body_as_its_linear_modes_say(size):
     """Along an axis in which the interface has the coordinate zero, while the frames that carry it do not."""
     worked = 0
     for seed in (1, 2, 3):
         model = random_body(seed)
         model = replace(model, interface_point=model.interface_point * [1.0, 1.0, 0.0])
         loads = {"port_0": (0.0, 0.0, size)}
-        body, linear = (FlexibleBody(model, f, use_compiled=use_compiled) for f in (COROTATED, LINEAR))
+        body, linear = (FlexibleBody(model, method) for method in (COROTATED, LINEAR))
         state, expected = body.rest(), linear.rest()
         for step in (1e-4, 1e-3, 1e-2):
             state, work = body.step_with_work(state, body.loads(loads), step)
