@@ -8,11 +8,12 @@ from flexfmu.runtime.buckling import BY_LOAD as BY_LOAD_SOURCE
 from flexfmu.runtime.buckling import BY_SECOND_ORDER, judge
 from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
 
-from flexfmu.body import FlexibleBody
+from flexfmu.body import FlexibleBody, State
 from flexfmu.config import Basis, FormulationTable, InputTable, InterfaceTable
 from flexfmu.loads import Loads
 from flexfmu.model.errors import OptionError
 from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from flexfmu.rotations import exponential, rotation_vector
 from references import BEAM, L_FRAME, calculix, displacement, relative, rotation
 from test_acceleration import MASS, STIFFNESS, heavy_elastica
 
@@ -137,6 +138,29 @@ def test_a_free_body_fixed_by_the_scene_is_the_supported_one(reduced, folder, fo
     # The clamp holds each node, the interface the section's mean: 0.3 % softer, linearly too.
     assert relative(found[0].displacement[1], found[1].displacement[0]) < 4e-3
     assert relative(found[0].rotation[1], found[1].rotation[0]) < 4e-3
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_a_bent_free_body_keeps_its_shape_however_it_is_turned(reduced, frames):
+    """Bent by what its modes hold, then turned by a radian: its ends stay as far apart, and turned by as much."""
+    basis = {"basis": Basis.CRAIG_BAMPTON, "modes": 4, "second_order": True}
+    ends = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
+    model = reduced(L_FRAME, frames, basis, free=True, support=[], interface=ends)
+    body = FlexibleBody(model, SECOND)
+    bent = np.zeros(model.mode_count)
+    bent[6:12] = 30.0 / model.angular_frequency[6:12]
+    rigid = np.concatenate([model.joint_displacement[0], model.frame_rotation[0]])[:, :6]
+    turned = bent.copy()
+    turned[:6] = np.linalg.solve(rigid, [0.0, 0.0, 0.0, 0.5, -0.7, 0.6])
+    apart, against = [], []
+    for q in (bent, turned):
+        found = body.response(State(q, np.zeros_like(q)))
+        apart.append(np.linalg.norm(np.diff(model.interface_point + found.displacement, axis=0)))
+        first, second = exponential(found.rotation)
+        against.append(np.linalg.norm(rotation_vector(first.T @ second)))
+    assert against[0] > 0.05
+    np.testing.assert_allclose(apart[1], apart[0], rtol=1e-9)
+    np.testing.assert_allclose(against[1], against[0], rtol=1e-8)
 
 
 def test_rigid_motions_make_no_strain(reduced):
