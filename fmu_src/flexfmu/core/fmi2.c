@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "instance.h"
+#include "program.h"
 
 /* States of an instance, as bits, so that a call can name those in which it is allowed. */
 typedef enum {
@@ -68,7 +69,19 @@ static Component *allowed(fmi2Component handle, int phases, const char *call) {
     if (c->phase & phases) return c;
     int number = 0;
     while (!(c->phase >> number & 1)) number++;
-    snprintf(c->text, MESSAGE, "%s is not allowed %s", call, names[number]);
+    snprintf(c->text, MESSAGE, "%s is not allowed %s; expected: %s", call, names[number], phases == INSTANTIATED ? "right after fmi2Instantiate or fmi2Reset"
+             : phases == INITIALIZING              ? "after fmi2EnterInitializationMode"
+             : phases & INSTANTIATED               ? "before fmi2Terminate, and fmi2Reset after an error"
+             : phases & INITIALIZING               ? "after fmi2EnterInitializationMode"
+                                                   : "after fmi2ExitInitializationMode and before fmi2Terminate; fmi2Reset after an error");
+    tell(c, fmi2Error, c->text);
+    return 0;
+}
+
+/* The same for calls with arrays, none of which may be missing. */
+static Component *given(Component *c, int whole, const char *call) {
+    if (!c || whole) return c;
+    snprintf(c->text, MESSAGE, "%s: a null pointer was given, expected an array or a place for the result", call);
     tell(c, fmi2Error, c->text);
     return 0;
 }
@@ -84,8 +97,8 @@ FMI2_EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 FMI2_EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 FMI2_EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component handle, fmi2Boolean on, size_t count, const fmi2String categories[]) {
-    Component *c = allowed(handle, ANY, "fmi2SetDebugLogging");
-    if (!c || (count && !categories)) return fmi2Error;
+    Component *c = given(allowed(handle, ANY, "fmi2SetDebugLogging"), !count || categories, "fmi2SetDebugLogging");
+    if (!c) return fmi2Error;
     int chosen[CATEGORIES] = {0};
     for (size_t i = 0; i < count; i++) {
         int known = 0;
@@ -95,7 +108,8 @@ FMI2_EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component handle, fmi2Boolean on,
         if (categories[i] && strcmp(categories[i], "logAll") == 0)
             for (int k = 0; k < CATEGORIES; k++) known = chosen[k] = 1;
         if (!known) {
-            snprintf(c->text, MESSAGE, "fmi2SetDebugLogging: no log category %.100s", categories[i] ? categories[i] : "(null)");
+            snprintf(c->text, MESSAGE, "fmi2SetDebugLogging: log category '%.100s', expected one of logAll, %s, %s, %s, %s",
+                     categories[i] ? categories[i] : "(null)", CATEGORY[0], CATEGORY[1], CATEGORY[2], CATEGORY[3]);
             return fail(c, c->text);
         }
     }
@@ -156,6 +170,7 @@ FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component handle, fmi2Boolean tol
                  start, stop, tolerance);
         return fail(c, c->text);
     }
+    instance_begin_at(c->body, start);
     return fmi2OK;
 }
 
@@ -197,7 +212,7 @@ static int64_t variable_of(Component *c, fmi2ValueReference reference, int type,
     static const char *const types[] = {"Real", "Integer", "Boolean", "String"};
     const Program *p = instance_description(c->body);
     if ((int64_t)reference < p->variables && p->variable_type[reference] == type) return (int64_t)reference;
-    snprintf(c->text, MESSAGE, "%s: value reference %u is no %s variable of this FMU", call, reference, types[type]);
+    snprintf(c->text, MESSAGE, "%s: value reference %u is no %s variable of this FMU; see its modelDescription.xml", call, reference, types[type]);
     tell(c, fmi2Error, c->text);
     return -1;
 }
@@ -205,8 +220,8 @@ static int64_t variable_of(Component *c, fmi2ValueReference reference, int type,
 /* Values of variables of one type as numbers, one after another. */
 static fmi2Status numbers_of(fmi2Component handle, const fmi2ValueReference references[], size_t count, int type,
                              const char *call, void *values) {
-    Component *c = allowed(handle, READABLE, call);
-    if (!c || (count && (!references || !values))) return fmi2Error;
+    Component *c = given(allowed(handle, READABLE, call), !count || (references && values), call);
+    if (!c) return fmi2Error;
     for (size_t i = 0; i < count; i++)
         if (variable_of(c, references[i], type, call) < 0) return fmi2Error;
     for (size_t i = 0; i < count; i++) {
@@ -233,8 +248,8 @@ FMI2_EXPORT fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference 
 }
 
 FMI2_EXPORT fmi2Status fmi2GetString(fmi2Component handle, const fmi2ValueReference vr[], size_t n, fmi2String value[]) {
-    Component *c = allowed(handle, READABLE, "fmi2GetString");
-    if (!c || (n && (!vr || !value))) return fmi2Error;
+    Component *c = given(allowed(handle, READABLE, "fmi2GetString"), !n || (vr && value), "fmi2GetString");
+    if (!c) return fmi2Error;
     for (size_t i = 0; i < n; i++)
         if (variable_of(c, vr[i], TYPE_STRING, "fmi2GetString") < 0) return fmi2Error;
     char *kept = realloc(c->strings, (n ? n : 1) * sizeof c->room);
@@ -252,13 +267,13 @@ FMI2_EXPORT fmi2Status fmi2GetString(fmi2Component handle, const fmi2ValueRefere
 
 /* Whether all references are settable ones of a type. Sets are whole or refused. */
 static Component *settable(fmi2Component handle, const fmi2ValueReference vr[], size_t n, int type, const char *call, const void *value) {
-    Component *c = allowed(handle, SETTABLE, call);
-    if (!c || (n && (!vr || !value))) return 0;
+    Component *c = given(allowed(handle, SETTABLE, call), !n || (vr && value), call);
+    if (!c) return 0;
     const Program *p = instance_description(c->body);
     for (size_t i = 0; i < n; i++) {
         if (variable_of(c, vr[i], type, call) < 0) return 0;
         if (p->variable_role[vr[i]] == ROLE_INPUT || p->variable_role[vr[i]] == ROLE_PARAMETER) continue;
-        snprintf(c->text, MESSAGE, "%s: %s cannot be set", call, variable_text(c->body, (int64_t)vr[i], 0, c->room));
+        snprintf(c->text, MESSAGE, "%s: %s cannot be set, expected an input or a parameter", call, variable_text(c->body, (int64_t)vr[i], 0, c->room));
         tell(c, fmi2Error, c->text);
         return 0;
     }
@@ -338,7 +353,8 @@ FMI2_EXPORT fmi2Status fmi2SetString(fmi2Component handle, const fmi2ValueRefere
 FMI2_EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component handle, const fmi2ValueReference vr[], size_t n,
                                                    const fmi2Integer order[], const fmi2Real value[]) {
     Component *c = settable(handle, vr, n, TYPE_REAL, "fmi2SetRealInputDerivatives", value);
-    if (!c || (n && !order)) return fmi2Error;
+    c = given(c, !n || order, "fmi2SetRealInputDerivatives");
+    if (!c) return fmi2Error;
     const Program *p = instance_description(c->body);
     for (size_t i = 0; i < n; i++)
         if (order[i] != 1 || p->variable_role[vr[i]] != ROLE_INPUT) {
@@ -380,60 +396,52 @@ FMI2_EXPORT fmi2Status fmi2CancelStep(fmi2Component handle) {
     return c ? fail(c, "fmi2CancelStep: no step is under way; steps end before fmi2DoStep returns") : fmi2Error;
 }
 
+/* The component whose status of a kind is asked for; null with a status to be returned where there is none. */
+static Component *asked(fmi2Component handle, int kind, int offered, const void *value, const char *call, fmi2Status *status) {
+    Component *c = given(allowed(handle, STEPPING | STEP_FAILED | TERMINATED | FAILED, call), value != 0, call);
+    *status = fmi2Error;
+    if (!c || kind == offered) return c;
+    snprintf(c->text, MESSAGE, "%s: no status of kind %d; steps end before fmi2DoStep returns, ask fmi2GetRealStatus for the last time reached", call, kind);
+    tell(c, fmi2Discard, c->text);
+    *status = fmi2Discard;
+    return 0;
+}
+
 FMI2_EXPORT fmi2Status fmi2GetStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Status *value) {
-    Component *c = allowed(handle, STEPPING | STEP_FAILED | TERMINATED | FAILED, "fmi2GetStatus");
-    if (!c || !value) return fmi2Error;
-    if (kind != fmi2DoStepStatus) return fmi2Discard;
+    fmi2Status status;
+    Component *c = asked(handle, kind, fmi2DoStepStatus, value, "fmi2GetStatus", &status);
+    if (!c) return status;
     *value = c->phase == STEP_FAILED ? fmi2Discard : c->phase == FAILED ? fmi2Error : fmi2OK;
     return fmi2OK;
 }
 
 FMI2_EXPORT fmi2Status fmi2GetRealStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Real *value) {
-    Component *c = allowed(handle, STEPPING | STEP_FAILED | TERMINATED | FAILED, "fmi2GetRealStatus");
-    if (!c || !value) return fmi2Error;
-    if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
+    fmi2Status status;
+    Component *c = asked(handle, kind, fmi2LastSuccessfulTime, value, "fmi2GetRealStatus", &status);
+    if (!c) return status;
     *value = instance_time(c->body);
     return fmi2OK;
 }
 
 FMI2_EXPORT fmi2Status fmi2GetIntegerStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Integer *value) {
-    (void)kind, (void)value;
-    return allowed(handle, STEPPING | STEP_FAILED | TERMINATED | FAILED, "fmi2GetIntegerStatus") ? fmi2Discard : fmi2Error;
+    fmi2Status status;
+    asked(handle, kind, -1, value, "fmi2GetIntegerStatus", &status);
+    return status;
 }
 
 FMI2_EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Boolean *value) {
-    Component *c = allowed(handle, STEPPING | STEP_FAILED | TERMINATED | FAILED, "fmi2GetBooleanStatus");
-    if (!c || !value) return fmi2Error;
-    if (kind != fmi2Terminated) return fmi2Discard;
+    fmi2Status status;
+    Component *c = asked(handle, kind, fmi2Terminated, value, "fmi2GetBooleanStatus", &status);
+    if (!c) return status;
     *value = 0;
     return fmi2OK;
 }
 
 FMI2_EXPORT fmi2Status fmi2GetStringStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2String *value) {
-    Component *c = allowed(handle, STEPPING | STEP_FAILED | TERMINATED | FAILED, "fmi2GetStringStatus");
-    if (!c || !value) return fmi2Error;
-    if (kind != fmi2PendingStatus) return fmi2Discard;
+    fmi2Status status;
+    Component *c = asked(handle, kind, fmi2PendingStatus, value, "fmi2GetStringStatus", &status);
+    if (!c) return status;
     *value = "";
-    return fmi2OK;
-}
-
-/* A state: which phase it belongs to, its size, and the block. */
-typedef struct {
-    uint64_t sign;
-    int64_t size;
-    int64_t phase;
-} StateHead;
-
-FMI2_EXPORT fmi2Status fmi2GetFMUstate(fmi2Component handle, fmi2FMUstate *state) {
-    Component *c = allowed(handle, ANY, "fmi2GetFMUstate");
-    if (!c || !state) return fmi2Error;
-    const int64_t size = instance_state_size(c->body);
-    char *block = *state ? *state : malloc(sizeof(StateHead) + (size_t)size);
-    if (!block) return fail(c, "fmi2GetFMUstate: there is not enough memory");
-    const StateHead head = {SIGN, size, c->phase};
-    memcpy(block, &head, sizeof head);
-    instance_save(c->body, block + sizeof head);
-    *state = block;
     return fmi2OK;
 }
 
@@ -441,13 +449,47 @@ static int known_phase(int64_t phase) {
     return phase == INSTANTIATED || phase == INITIALIZING || phase == STEPPING || phase == STEP_FAILED || phase == TERMINATED || phase == FAILED;
 }
 
+/* A state: which phase it belongs to, its size, and the block. */
+typedef struct {
+    uint64_t sign;
+    int64_t size;
+    int64_t phase;
+    uint64_t checksum; /* of the words before */
+} StateHead;
+
+enum { HEAD_WORDS = 3 };
+
+static const char NO_STATE[] = "the FMU state is none of flexfmu's, or damaged: expected one of fmi2GetFMUstate or fmi2DeSerializeFMUstate";
+
+/* Whether memory begins like a state; then its head. */
+static int head_of(const void *state, StateHead *head) {
+    memcpy(head, state, sizeof *head);
+    return head->sign == SIGN && head->checksum == checksum(head, HEAD_WORDS) && known_phase(head->phase);
+}
+
+FMI2_EXPORT fmi2Status fmi2GetFMUstate(fmi2Component handle, fmi2FMUstate *state) {
+    Component *c = given(allowed(handle, ANY, "fmi2GetFMUstate"), state != 0, "fmi2GetFMUstate");
+    if (!c) return fmi2Error;
+    const int64_t size = instance_state_size(c->body);
+    StateHead head;
+    /* A state that is handed in is written over. */
+    if (*state && !(head_of(*state, &head) && head.size == size)) return fail(c, "fmi2GetFMUstate: the state handed in is of another FMU; expected a null pointer");
+    char *block = *state ? *state : malloc(sizeof head + (size_t)size);
+    if (!block) return fail(c, "fmi2GetFMUstate: there is not enough memory");
+    head = (StateHead){SIGN, size, c->phase, 0};
+    head.checksum = checksum(&head, HEAD_WORDS);
+    memcpy(block, &head, sizeof head);
+    instance_save(c->body, block + sizeof head);
+    *state = block;
+    return fmi2OK;
+}
+
 FMI2_EXPORT fmi2Status fmi2SetFMUstate(fmi2Component handle, fmi2FMUstate state) {
     Component *c = allowed(handle, ANY, "fmi2SetFMUstate");
     StateHead head;
     if (!c) return fmi2Error;
     if (!state) return fail(c, "fmi2SetFMUstate: no state was given");
-    memcpy(&head, state, sizeof head);
-    if (head.sign != SIGN || !known_phase(head.phase)) return fail(c, "fmi2SetFMUstate: the FMU state is none of flexfmu's");
+    if (!head_of(state, &head)) return fail(c, NO_STATE);
     const char *wrong = instance_restore(c->body, (const char *)state + sizeof head, head.size);
     if (wrong) return fail(c, wrong);
     c->phase = (Phase)head.phase;
@@ -466,9 +508,8 @@ FMI2_EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component handle, fmi2FMUstate *stat
 FMI2_EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component handle, fmi2FMUstate state, size_t *size) {
     Component *c = allowed(handle, ANY, "fmi2SerializedFMUstateSize");
     StateHead head;
-    if (!c || !state || !size) return fmi2Error;
-    memcpy(&head, state, sizeof head);
-    if (head.sign != SIGN) return fail(c, "fmi2SerializedFMUstateSize: the FMU state is none of flexfmu's");
+    if (!given(c, state && size, "fmi2SerializedFMUstateSize")) return fmi2Error;
+    if (!head_of(state, &head)) return fail(c, NO_STATE);
     *size = sizeof head + (size_t)head.size;
     return fmi2OK;
 }
@@ -476,8 +517,8 @@ FMI2_EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component handle, fmi2FMUs
 FMI2_EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component handle, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
     Component *c = allowed(handle, ANY, "fmi2SerializeFMUstate");
     size_t needed;
-    if (!c || !bytes || fmi2SerializedFMUstateSize(handle, state, &needed) != fmi2OK) return fmi2Error;
-    if (size < needed) return fail(c, "fmi2SerializeFMUstate: there is not enough room for the state");
+    if (!given(c, bytes != 0, "fmi2SerializeFMUstate") || fmi2SerializedFMUstateSize(handle, state, &needed) != fmi2OK) return fmi2Error;
+    if (size < needed) return fail(c, "fmi2SerializeFMUstate: there is not enough room; expected what fmi2SerializedFMUstateSize says");
     memcpy(bytes, state, needed);
     return fmi2OK;
 }
@@ -485,13 +526,12 @@ FMI2_EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component handle, fmi2FMUstate 
 FMI2_EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component handle, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
     Component *c = allowed(handle, ANY, "fmi2DeSerializeFMUstate");
     StateHead head;
-    if (!c || !bytes || !state) return fmi2Error;
-    if (size < sizeof head) return fail(c, "fmi2DeSerializeFMUstate: the FMU state is none of flexfmu's");
-    memcpy(&head, bytes, sizeof head);
+    if (!given(c, bytes && state, "fmi2DeSerializeFMUstate")) return fmi2Error;
+    if (size < sizeof head || !head_of(bytes, &head)) return fail(c, NO_STATE);
     /* Its contents are looked at when it is set. */
-    if (head.sign != SIGN || head.size != instance_state_size(c->body) || (int64_t)(size - sizeof head) < head.size)
-        return fail(c, "fmi2DeSerializeFMUstate: the FMU state is damaged, or of another FMU");
-    char *block = *state ? *state : malloc(sizeof head + (size_t)head.size);
+    if (head.size != instance_state_size(c->body) || size - sizeof head != (size_t)head.size)
+        return fail(c, "the FMU state is of another FMU, or cut: states go between instances of the same FMU only, whole");
+    char *block = malloc(sizeof head + (size_t)head.size);
     if (!block) return fail(c, "fmi2DeSerializeFMUstate: there is not enough memory");
     memcpy(block, bytes, sizeof head + (size_t)head.size);
     *state = block;
@@ -501,8 +541,9 @@ FMI2_EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component handle, const fmi2B
 FMI2_EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component handle, const fmi2ValueReference unknown[], size_t unknowns,
                                                     const fmi2ValueReference known[], size_t knowns, const fmi2Real direction[],
                                                     fmi2Real result[]) {
-    Component *c = allowed(handle, READABLE, "fmi2GetDirectionalDerivative");
-    if (!c || (unknowns && (!unknown || !result)) || (knowns && (!known || !direction))) return fmi2Error;
+    const int whole = (!unknowns || (unknown && result)) && (!knowns || (known && direction));
+    Component *c = given(allowed(handle, READABLE, "fmi2GetDirectionalDerivative"), whole, "fmi2GetDirectionalDerivative");
+    if (!c) return fmi2Error;
     for (size_t i = 0; i < unknowns; i++)
         if (variable_of(c, unknown[i], TYPE_REAL, "fmi2GetDirectionalDerivative") < 0) return fmi2Error;
     for (size_t i = 0; i < knowns; i++)

@@ -11,6 +11,8 @@
 /* The program of the method that the FMU starts with describes its variables, too. */
 static const char DESCRIPTION[] = "body.prog";
 static const char MARK[] = "flexstat";
+/* As the table of variables has it. */
+static const double LEAST_TOLERANCE = 1e-14;
 enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4 };
 
 struct Instance {
@@ -190,6 +192,8 @@ static int runs(const Instance *x) { return x->single[S_RUNNING] != 0.0; }
 
 double instance_time(const Instance *x) { return x->single[S_TIME]; }
 
+void instance_begin_at(Instance *x, double time) { x->single[S_TIME] = time; }
+
 double get_parameter(const Instance *x, int64_t index) { return x->parameter[index]; }
 
 void set_parameter(Instance *x, int64_t index, double value) {
@@ -228,12 +232,39 @@ static void program_name(const Instance *x, char *name, size_t size) {
     if (n < size) snprintf(name + n, size - n, ".prog");
 }
 
+/* Whether every number among the parameters can be used; else what is wrong with it. */
+static Answer check_parameters(const Instance *x, char *why) {
+    const Program *p = description(x);
+    char room[MESSAGE / 4];
+    for (int64_t i = 0; i < p->variables; i++) {
+        if (p->variable_role[i] != ROLE_PARAMETER || p->variable_type[i] != TYPE_REAL) continue;
+        const int64_t index = p->variable_index[i];
+        const double value = x->parameter[index], least = index == P_STEP_TOLERANCE ? LEAST_TOLERANCE : index == P_STEP_MOST ? 1.0 : 0.0;
+        if (isfinite(value) && value >= least) continue;
+        snprintf(why, MESSAGE, "%s is %g, expected a finite number of at least %g", variable_text(x, i, 0, room), value, least);
+        return ANSWER_FAILED;
+    }
+    return ANSWER_OK;
+}
+
+static Body *open_chosen(Instance *x, const char *name, char *why) {
+    if (strcmp(name, DESCRIPTION) == 0) return x->described;
+    char path[MESSAGE], room[MESSAGE / 4];
+    Body *body = open_named(x, name, path);
+    if (body) return body;
+    const int64_t method = parameter_variable(x, P_METHOD);
+    snprintf(why, MESSAGE, "method '%s' with the interfaces fixed as they are: %.700s; fix others, or choose another method",
+             method < 0 ? "" : variable_text(x, method, 1 + (int64_t)x->parameter[P_METHOD], room), path);
+    return 0;
+}
+
 /* Body of the parameters chosen. */
 static Answer choose(Instance *x, char *why) {
     if (x->body) return ANSWER_OK;
+    if (check_parameters(x, why) != ANSWER_OK) return ANSWER_FAILED;
     char name[MESSAGE / 2];
     program_name(x, name, sizeof name);
-    Body *body = strcmp(name, DESCRIPTION) == 0 ? x->described : open_named(x, name, why);
+    Body *body = open_chosen(x, name, why);
     if (!body) return ANSWER_FAILED;
     const Program *p = &body->p, *d = description(x);
     if (p->modes > d->modes || p->loads != d->loads || p->interfaces != d->interfaces || p->stress_sets != d->stress_sets ||
@@ -244,13 +275,25 @@ static Answer choose(Instance *x, char *why) {
     }
     const StepLimits limits = {x->parameter[P_STEP_LIMIT], x->parameter[P_STEP_TOLERANCE], x->parameter[P_STEP_MOST]};
     if (body_options(body, x->parameter[P_DAMPING_SCALE], &limits) != FLEX_OK) {
-        snprintf(why, MESSAGE, "damping.scale and internal_step.limit must be finite and not negative, "
-                               "internal_step.tolerance positive, internal_step.most at least 1");
+        snprintf(why, MESSAGE, "a parameter of the steps is out of range: damping.scale %g, internal_step.limit %g, tolerance %g, most %g",
+                 x->parameter[P_DAMPING_SCALE], limits.longest, limits.tolerance, limits.effort);
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
     }
     x->body = body;
     return ANSWER_OK;
+}
+
+/* Tell of an input that is not finite. */
+static Answer wrong_input(const Instance *x, int64_t input, const char *before, char *why) {
+    const Program *p = description(x);
+    char room[MESSAGE / 4];
+    int64_t variable = 0;
+    while (variable < p->variables - 1 && !(p->variable_role[variable] == ROLE_INPUT && p->variable_index[variable] == input)) variable++;
+    const int rated = isfinite(x->input[input]);
+    snprintf(why, MESSAGE, "%sinput %s%s is %g, expected a finite number", before, variable_text(x, variable, 0, room),
+             rated ? ": its derivative" : "", rated ? x->input_rate[input] : x->input[input]);
+    return ANSWER_FAILED;
 }
 
 /* Body and state, found from parameters and inputs when first asked for. */
@@ -263,8 +306,7 @@ static Answer begin(Instance *x, char *why) {
     if (x->parameter[P_INITIALIZATION] == START_STATIC) {
         for (int64_t i = 0; i < x->loads; i++)
             if (!isfinite(x->input[i])) {
-                snprintf(why, MESSAGE, "static initialisation: an input is not finite, so there is no equilibrium to start from");
-                return ANSWER_FAILED;
+                return wrong_input(x, i, "static initialisation: ", why);
             }
         double share;
         int64_t rounds;
@@ -372,23 +414,24 @@ static int over_step(Instance *x, double step) {
 }
 
 Answer instance_step(Instance *x, double time, double step, char *why) {
-    char room[MESSAGE / 4];
-    if (!isfinite(time) || !isfinite(step) || step < 0.0) {
-        snprintf(why, MESSAGE, "a step of %g s from %g s: expected a finite step >= 0", step, time);
+    if (!isfinite(time) || !isfinite(step) || step < 0.0 || !isfinite(time + step)) {
+        snprintf(why, MESSAGE, "a step of %g s from %g s: expected a finite time, and a finite step of at least 0 s", step, time);
         return failed(x, ANSWER_REFUSED);
     }
     for (int64_t i = 0; i < x->loads; i++) {
         if (isfinite(x->input[i]) && isfinite(x->input_rate[i])) continue;
-        const Program *p = description(x);
-        int64_t variable = 0;
-        while (variable < p->variables && !(p->variable_role[variable] == ROLE_INPUT && p->variable_index[variable] == i)) variable++;
-        snprintf(why, MESSAGE, "input %s is %g, its rate %g: expected finite values", variable_text(x, variable, 0, room), x->input[i], x->input_rate[i]);
+        wrong_input(x, i, "", why);
         return failed(x, ANSWER_REFUSED);
     }
     if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
     if (step == 0.0) return ANSWER_OK;
     const int64_t m = x->body->p.modes;
     const int ramps = over_step(x, step);
+    for (int64_t i = 0; i < x->loads; i++) {
+        if (isfinite(x->start_inputs[i]) && isfinite(x->end_inputs[i])) continue;
+        snprintf(why, MESSAGE, "an input grows beyond all numbers over the step of %g s: lower its derivative, or set input.interpolation to 'constant'", step);
+        return failed(x, ANSWER_REFUSED);
+    }
     int64_t hint = (int64_t)x->single[S_HINT];
     Work work = {0, 0, 0.0};
     memcpy(x->q1, x->q, (size_t)m * sizeof(double));
@@ -402,8 +445,11 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     if (verdict != ANSWER_OK) return failed(x, verdict);
     memcpy(x->q, x->q1, (size_t)m * sizeof(double));
     memcpy(x->v, x->v1, (size_t)m * sizeof(double));
-    /* With derivatives of inputs the value at the step's end is what the next step goes on from. */
-    for (int64_t i = 0; i < x->loads; i++) x->previous[i] = x->input_rate[i] != 0.0 ? x->end_inputs[i] : x->input[i];
+    /* An input with a derivative goes on growing until it is set again. */
+    for (int64_t i = 0; i < x->loads; i++) {
+        if (x->input_rate[i] != 0.0) x->input[i] = x->end_inputs[i];
+        x->previous[i] = x->input[i];
+    }
     x->single[S_LAST_STEP] = step;
     x->single[S_TIME] = time + step;
     x->single[S_HINT] = (double)hint;

@@ -54,7 +54,9 @@ void start_changed(Instance *instance);
 Answer instance_start(Instance *instance, char *why);
 /* ANSWER_REFUSED leaves the state as it was; ANSWER_FAILED ends the simulation. */
 Answer instance_step(Instance *instance, double time, double step, char *why);
+/* The last time that was reached. */
 double instance_time(const Instance *instance);
+void instance_begin_at(Instance *instance, double time);
 /* Derivative of outputs (motion) by inputs over a step as long as the last one. */
 Answer instance_derivative(Instance *instance, const int64_t *outputs, int64_t output_count, const int64_t *inputs,
                            int64_t input_count, const double *direction, double *result, char *why);

@@ -1,5 +1,6 @@
 #include "monitor.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -129,7 +130,8 @@ void look(Body *body, const Watch *watch, const double *q, const double *v, int 
     const int64_t loads = body->p.loads;
     const double square = dot(inputs, inputs, loads);
     found->count = 0;
-    if (square > memory->largest) memory->largest = square;
+    /* Of loads beyond 1e154 the square is no number any more. */
+    if (square > memory->largest) memory->largest = square < DBL_MAX ? square : DBL_MAX;
     rotation(body, watch + WATCH_ROTATION, q, memory, found);
     if (stepped && body->p.spins) {
         spinning(body, watch + WATCH_SPIN, q, v, memory, found);

@@ -114,7 +114,7 @@ def _contents(body: ReducedBody, runtime: Runtime, platforms: Sequence[str]) -> 
     everything = {**code, **binaries, **with_guid(made, ""), MODAL_FILE: modal, "xml": described}
     for name, data in sorted(everything.items()):
         digest.update(f"{name}\0{len(data)}\0".encode() + data)
-    guid = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
+    guid = f"{{{uuid.UUID(_modal_mark(modal) + digest.hexdigest()[:24])}}}"
     contents = {
         DESCRIPTION: model_description(body, guid, runtime),
         f"resources/{MODAL_FILE}": modal,
@@ -127,6 +127,11 @@ def _contents(body: ReducedBody, runtime: Runtime, platforms: Sequence[str]) -> 
         contents[f"resources/{package}_slave.py"] = _SLAVE_MODULE.format(package=package, guid=guid).encode()
         contents |= {f"resources/{package}/{name}": data for name, data in code.items()}
     return contents
+
+
+def _modal_mark(modal: bytes) -> str:
+    """What a guid begins with: so a modal file of another FMU is noticed."""
+    return hashlib.sha256(modal).hexdigest()[:8]
 
 
 def _by_folder(cores: dict[str, bytes]) -> list[tuple[str, str, bytes]]:
@@ -180,5 +185,10 @@ def read_packaged_body(path: Path) -> ReducedBody:
         raise ContentsError(
             f"{path}: {DESCRIPTION} has the guid {guid}, and the programs beside it are of {packed}: files of two FMUs "
             "are mixed; unpack the FMU again, or build it again"
+        )
+    if guid.strip("{}")[:8] != _modal_mark(data):
+        raise ContentsError(
+            f"{path}: {name} is not the one that the FMU with the guid {guid} was built with: files of two FMUs are "
+            "mixed; unpack the FMU again, or build it again"
         )
     return body

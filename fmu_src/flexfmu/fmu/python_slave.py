@@ -214,9 +214,7 @@ class BodySlave:
     # Inside.
 
     def _logged(self, _environment: object, _name: bytes, status: int, category: bytes, text: bytes) -> None:
-        self._log.append(
-            LogMessage(status, category.decode(), f"{self.instance_name}: {text.decode(errors='replace')}")
-        )
+        self._log.append(LogMessage(status, category.decode(), text.decode(errors="replace")))
 
     def _call(self, name: str, *arguments: object) -> int:
         """Status of a call; an exception where it is an error."""
@@ -243,7 +241,7 @@ class BodySlave:
     def _failure(self, text: str | None) -> SlaveError:
         """Error that makes pythonfmu's library answer the call with a failure."""
         if text is not None:
-            self._log.append(LogMessage(_ERROR, "logStatusError", f"{self.instance_name}: {text.replace('%', '%%')}"))
+            self._log.append(LogMessage(_ERROR, "logStatusError", text.replace("%", "%%")))
         # The library gives up its references to these when a call raises, and once more when the instance is freed:
         # without one to spare, every later call would use freed memory and end the master's process.
         for held in (self, type(self), self._log):
