@@ -7,7 +7,6 @@ which would start an interpreter within this one.
 import zipfile
 from contextlib import suppress
 from ctypes import c_double, c_int, c_size_t, c_uint
-from pathlib import Path
 
 import numpy as np
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from bodies import clamped_free_roots, clamped_free_shapes
+from driven import Driven
 from flexfmu.build import reduce_body
 from flexfmu.mesh.model import ElementType
+from flexfmu.methods import Mass
 from flexfmu.progress import Reporter
-from flexfmu.model.reduced_body import Formulation, Mass
 from flexfmu.rotations import exponential
 from meshes import STEEL, body_file, box, with_sets
-from test_watch import Driven
 
 BLOCK = np.array([0.3, 0.1, 0.04])
 MASS = STEEL.density * BLOCK.prod()
@@ -36,13 +36,13 @@ def block(tmp_path_factory):
 
 def turned(folder, model, moment, push=0.2, end=2.0, step=0.01, **start):
     """A block that a moment (N m) turns for a while and then nothing; impulse and true angular momentum after steps."""
-    driven = Driven(folder, model, **start)
+    driven = Driven(model, folder, **start)
     told, momenta = [], []
     for k in range(round(end / step)):
         acts = float(k < round(push / step))
         half = 0.5 * acts * np.asarray(moment)
         driven.set(**{f"{name}.moment.{axis}": half[i] for name in ("root", "tip") for i, axis in enumerate("xyz")})
-        if not driven.step(step):
+        if not driven.taken(step):
             break
         values = np.array(driven.get(*MOTION))
         turn = exponential(values[:3])
@@ -125,13 +125,13 @@ def lag_error(spin):
 
 def spun(folder, model, spin, turn=6.0, count=400, **start):
     """A strip spun up to a spin (rad/s) over an angle (rad); spins after the steps."""
-    driven, time = Driven(folder, model, **start), 2.0 * turn / spin
+    driven, time = Driven(model, folder, **start), 2.0 * turn / spin
     inertia = STEEL.density * LENGTH * THICKNESS * WIDTH * (LENGTH**2 / 3.0 + THICKNESS**2 / 12.0)
     spins = []
     for k in range(count):
         growth = spin / time * (1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count))
         driven.set(**{"root.moment.z": inertia * growth})
-        if not driven.step(time / count):
+        if not driven.taken(time / count):
             break
         spins.append(driven.get(SPIN)[0])
     return driven, np.array(spins)
@@ -167,7 +167,7 @@ def test_a_spin_beyond_the_limit_is_refused_on_request(tmp_path, hinged):
 def test_what_knows_the_deformed_body_s_mass_is_not_told(tmp_path):
     mesh = box(ElementType.C3D20, (4, 2, 1), BLOCK)
     model = reduced(mesh, tmp_path, [], inertia=True)
-    model = replace(model, formulation=Formulation(mass=Mass.CONFIGURATION))
+    model = replace(model, mass=Mass.CONFIGURATION)
     driven, told, momenta = turned(tmp_path, model, [0.1, 0.15, 0.3], end=0.8, step=0.01)
     assert driven.log == []
     assert np.max(told) == 0.0

@@ -276,7 +276,7 @@ static Answer choose(Instance *x, char *why) {
     const StepLimits limits = {x->parameter[P_STEP_LIMIT], x->parameter[P_STEP_TOLERANCE], x->parameter[P_STEP_MOST]};
     if (body_options(body, x->parameter[P_DAMPING_SCALE], &limits) != FLEX_OK) {
         snprintf(why, MESSAGE, "a parameter of the steps is out of range: damping.scale %g, internal_step.limit %g, tolerance %g, most %g",
-                 x->parameter[P_DAMPING_SCALE], limits.longest, limits.tolerance, limits.effort);
+                 x->parameter[P_DAMPING_SCALE], limits.longest, limits.tolerance, x->parameter[P_STEP_MOST]);
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
     }
