@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from . import __version__
 from .errors import INTERRUPTED, FlexfmuError
+from .fmu.runtime import Runtime
 from .model.errors import RuntimeBodyError
 from .progress import ConsoleReporter
 
@@ -53,6 +54,12 @@ def build(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="FMU to write; default: NAME.fmu here.")] = None,
     modal_file: Annotated[Path | None, typer.Option(help="Keep the modal file (.h5) here as well.")] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Find everything anew, and keep nothing.")] = False,
+    runtime: Annotated[
+        Runtime, typer.Option(help="What runs the body: the core in C, or pythonfmu and a Python over the same core.")
+    ] = Runtime.NATIVE,
+    platforms: Annotated[
+        str, typer.Option(help="Where it runs: all, or some of linux64,win64,darwin64,aarch64-linux; default: here.")
+    ] = "",
 ) -> None:
     """Reduce a finite element body and write its FMU; modes are kept for the next build of the same mesh."""
     from .config import read_body_file
@@ -61,7 +68,9 @@ def build(
 
     def job() -> None:
         target = output or Path(f"{read_body_file(body).name}.fmu")
-        build_fmu(body, target, modal_file, ConsoleReporter(), Store(None if fresh else default_folder()))
+        store = Store(None if fresh else default_folder())
+        names = [name.strip() for name in platforms.split(",") if name.strip()]
+        build_fmu(body, target, modal_file, ConsoleReporter(), store, runtime, names)
         typer.echo(f"{target} ({target.stat().st_size / 1024:.0f} KiB)")
 
     _run(job)

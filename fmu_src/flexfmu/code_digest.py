@@ -10,6 +10,9 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from .core import library
+from .core.building import source_hash
+
 _PACKAGE = __name__.partition(".")[0]
 _ROOT = Path(__file__).parent.parent
 # Another version of these may give other numbers; the last one need not be there.
@@ -33,10 +36,9 @@ def code_digest(module: str) -> str:
     digest = hashlib.sha256()
     for name in sorted(imported_modules(module)):
         source = _source(name)
-        # The compiled part of a module stands beside it, with what it is made of.
-        parts = [source, *sorted(source.parent.glob(f"_{source.stem}.*")), source.with_suffix(".c")]
-        for path in filter(Path.is_file, parts):
-            digest.update(f"{name}\0{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+        digest.update(f"{name}\0".encode() + hashlib.sha256(source.read_bytes()).digest())
+        if name == library.__name__:
+            digest.update(source_hash().encode())
     digest.update(repr([_version(name) for name in _LIBRARIES]).encode())
     return digest.hexdigest()[:12]
 

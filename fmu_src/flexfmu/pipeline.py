@@ -1,10 +1,12 @@
 """From a body file to an FMU: the job behind `flexfmu build`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from .build import reduce_body
 from .config import read_body_file
-from .fmu.package import package_fmu
+from .fmu.package import cores_for, package_fmu
+from .fmu.runtime import Runtime
 from .model.modal_file import write_modal_file
 from .model.reduced_body import ReducedBody
 from .progress import Reporter
@@ -18,6 +20,8 @@ def build_fmu(
     modal_file: Path | None = None,
     report: Reporter | None = None,
     store: Store | None = None,
+    runtime: Runtime = Runtime.NATIVE,
+    platforms: Sequence[str] = (),
 ) -> ReducedBody:
     """Reduce a body and write its FMU; nothing is written unless all of it succeeds.
 
@@ -33,6 +37,10 @@ def build_fmu(
         Default: silent.
     store : Store, optional
         Where modes and the like are kept from build to build; default: nowhere.
+    runtime : Runtime
+        What runs the body.
+    platforms : sequence of str
+        Where it runs, names of `core.building.PLATFORMS`, or "all"; default: those that this installation has.
 
     Returns
     -------
@@ -47,13 +55,16 @@ def build_fmu(
     check_target(output, (".fmu",))
     if modal_file is not None:
         check_target(modal_file, (".h5",))
-    body = reduce_body(read_body_file(body_file), report, store)
+    config = read_body_file(body_file)
+    # What cannot be compiled is told before anything long begins.
+    cores_for(runtime, platforms, report)
+    body = reduce_body(config, report, store)
     with report.stage(f"Write {output}"):
         if modal_file is None:
-            package_fmu(body, output)
+            package_fmu(body, output, runtime, platforms)
         else:
             # The modal file takes its name once the FMU is there.
             with whole_file(modal_file) as part:
                 write_modal_file(body, part)
-                package_fmu(body, output)
+                package_fmu(body, output, runtime, platforms)
     return body

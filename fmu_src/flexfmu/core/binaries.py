@@ -1,104 +1,91 @@
-"""The compiled core of this and other platforms, as an FMU or a wheel carries them."""
+"""The compiled core of this and other platforms, as an FMU carries them."""
 
-import os
-import struct
-import subprocess
+import atexit
+import shutil
+import tempfile
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from ..errors import PackagingError
-from .building import TARGETS, compile_core, source_hash, this_platform, zig_compiler
-from .library import library_path
-
-SHIPPED = Path(__file__).parent / "binaries"
-"""Where a wheel keeps the cores of other platforms."""
-# Of Mach-O: a file of several architectures, and what each of them is called in its head.
-_FAT_MAGIC, _FAT_ALIGNMENT = 0xCAFEBABE, 14
-_MACH_HEAD = struct.Struct("<III")
+from ..progress import Reporter
+from ..store import default_folder
+from .building import PLATFORMS, compile_core, source_hash, this_platform, zig_compiler
+from .library import SHIPPED, library_path
 
 
-def core_binaries(platforms: Sequence[str] = ()) -> dict[str, bytes]:
+def core_binaries(platforms: Sequence[str] = (), report: Reporter | None = None) -> dict[str, bytes]:
     """Cores by file name, "linux64.so" for one.
 
     Parameters
     ----------
     platforms : sequence of str
-        Of `building.TARGETS`, or "all"; default: this machine's, and those that came with the installation.
+        Names of `building.PLATFORMS`, or "all"; default: this machine's, and those that came with the installation.
+    report : Reporter, optional
 
     Returns
     -------
     dict of str to bytes
-        Both architectures of macOS in one file.
 
     Raises
     ------
     PackagingError
         An unknown platform, or one for which there is no core and no compiler.
     """
-    here = this_platform()
-    shipped = {path.stem: path for path in sorted(SHIPPED.glob("*")) if path.stem in TARGETS}
-    wanted = (
-        list(TARGETS) if "all" in platforms else [*platforms] or [here, *(name for name in shipped if name != here)]
-    )
-    cores: dict[str, bytes] = {}
-    for name in dict.fromkeys(_expanded(wanted)):
-        if name == here:
-            cores[name + TARGETS[name][1]] = library_path().read_bytes()
-        else:
-            path = shipped.get(name) or _made(name)
-            cores[path.name if path.stem == name else name + TARGETS[name][1]] = path.read_bytes()
-    return _joined(cores)
-
-
-def _expanded(platforms: Sequence[str]) -> list[str]:
-    """Names of targets; "darwin64" are both of macOS."""
-    result = []
     for name in platforms:
-        known = ["darwin64-x86", "darwin64-arm"] if name == "darwin64" else [name]
-        for target in known:
-            if target not in TARGETS:
-                offered = ", ".join(["all", "darwin64", *TARGETS])
-                raise PackagingError(f"platform {name!r}: expected some of {offered}")
-        result += known
-    return result
+        if name not in PLATFORMS and name != "all":
+            raise PackagingError(f"platform {name!r}: expected some of all, {', '.join(PLATFORMS)}")
+    if not platforms:
+        here = this_platform()
+        cores = {here: library_path()} | {name: path for name in PLATFORMS if (path := _shipped(name)).is_file()}
+    else:
+        wanted = PLATFORMS if "all" in platforms else dict.fromkeys(platforms)
+        cores = {name: _core_for(name, report or Reporter()) for name in wanted}
+    return {f"{name}{PLATFORMS[name].ending}": path.read_bytes() for name, path in cores.items()}
 
 
-def _cache() -> Path:
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return folder / "flexfmu" / "cores" / source_hash()[:16]
+def _shipped(name: str) -> Path:
+    """Where a wheel has the core of a platform."""
+    return SHIPPED / f"{name}{PLATFORMS[name].ending}"
 
 
-def _made(name: str) -> Path:
-    """The core for another platform, compiled by pip's zig when it is first asked for."""
-    target, ending = TARGETS[name]
-    path = _cache() / f"{name}{ending}"
-    if path.is_file():
-        return path
+def _core_for(name: str, report: Reporter) -> Path:
+    """The core of a platform as any machine of the kind runs it: shipped, or compiled by pip's zig when first asked."""
+    if _shipped(name).is_file():
+        return _shipped(name)
+    platform = PLATFORMS[name]
+    made = _cache() / source_hash()[:16] / f"{name}{platform.ending}"
+    if made.is_file():
+        return made
     zig = zig_compiler()
+    if zig is None and name == this_platform():
+        report.warning(
+            f"the core for {name} is the one compiled for this machine; older systems may refuse it: "
+            "pip install ziglang for one that runs with glibc 2.17"
+        )
+        return library_path()
     if zig is None:
         raise PackagingError(
             f"no core for {name} in this installation, and no compiler for it: pip install ziglang (some 400 MB, "
-            "needed only to build), or install flexfmu from a wheel"
+            "needed only to build), or install flexfmu from a wheel that has all platforms"
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        compile_core(path, zig, target)
-    except subprocess.CalledProcessError as error:
-        raise PackagingError(f"the core for {name} does not compile: {error.stderr}") from error
-    return path
+    made.parent.mkdir(parents=True, exist_ok=True)
+    with report.stage(f"Compile the core for {name}"):
+        try:
+            compile_core(made, zig, platform.targets)
+        except RuntimeError as error:
+            raise PackagingError(f"the core for {name} does not compile: {error}") from error
+    return made
 
 
-def _joined(cores: dict[str, bytes]) -> dict[str, bytes]:
-    """Both architectures of macOS as one file."""
-    parts = [name for name in cores if name.startswith("darwin64-")]
-    if not parts:
-        return cores
-    head = struct.pack(">II", _FAT_MAGIC, len(parts))
-    offset, body = 1 << _FAT_ALIGNMENT, b""
-    for name in parts:
-        data = cores.pop(name)
-        _, kind, subkind = _MACH_HEAD.unpack_from(data)
-        head += struct.pack(">IIIII", kind, subkind, offset + len(body), len(data), _FAT_ALIGNMENT)
-        body += data + b"\0" * (-len(data) % (1 << _FAT_ALIGNMENT))
-    cores["darwin64.dylib"] = head.ljust(1 << _FAT_ALIGNMENT, b"\0") + body
-    return cores
+def _cache() -> Path:
+    """Where compiled cores are kept."""
+    return (default_folder() or _until_exit()) / "cores"
+
+
+@cache
+def _until_exit() -> Path:
+    """A folder for those who keep nothing."""
+    folder = tempfile.mkdtemp(prefix="flexfmu-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)

@@ -15,6 +15,9 @@
 #define FLEX_EXPORT __attribute__((visibility("default")))
 #endif
 
+/* Hash of the C files that this was compiled from; empty where the command did not say. */
+FLEX_EXPORT const char *core_sources(void);
+
 /* Where all nodes are for one q. Pointers go into a workspace. */
 typedef struct {
     double *q;        /* (m) */

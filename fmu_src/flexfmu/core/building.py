@@ -7,34 +7,44 @@ import hashlib
 import os
 import platform
 import shutil
+import struct
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 FOLDER = Path(__file__).parent
 # Nobody reads errno or floating-point exceptions. Fused operations would make results hang on the processor.
 FLAGS = ("-std=c99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-fvisibility=hidden")
 
-# FMI's name of a platform → zig's target and the ending of its libraries.
-TARGETS = {
-    "linux64": ("x86_64-linux-gnu.2.17", ".so"),
-    "aarch64-linux": ("aarch64-linux-gnu.2.17", ".so"),
-    "win64": ("x86_64-windows-gnu", ".dll"),
-    "darwin64-x86": ("x86_64-macos.11.0", ".dylib"),
-    "darwin64-arm": ("aarch64-macos.11.0", ".dylib"),
+# Of Mach-O: a file of several architectures, where each begins, and where a library says what it is for.
+_FAT_MAGIC, _FAT_ALIGNMENT, _MACH_HEAD = 0xCAFEBABE, 14, struct.Struct("<III")
+
+
+class Platform(NamedTuple):
+    """What libraries of a platform are made of."""
+
+    targets: tuple[str, ...]
+    """Of zig; several come into one file."""
+    ending: str
+
+
+# By the folder's name in an FMU. FMI 2.0 names the first three; the last is FMI 3.0's name.
+PLATFORMS = {
+    "linux64": Platform(("x86_64-linux-gnu.2.17",), ".so"),
+    "win64": Platform(("x86_64-windows-gnu",), ".dll"),
+    "darwin64": Platform(("x86_64-macos.11.0", "aarch64-macos.11.0"), ".dylib"),
+    "aarch64-linux": Platform(("aarch64-linux-gnu.2.17",), ".so"),
 }
 
 
 def this_platform() -> str:
-    """FMI's name of this machine's platform."""
-    machine = platform.machine().lower()
-    arm = machine in ("arm64", "aarch64")
-    if sys.platform == "win32":
-        return "win64"
-    if sys.platform == "darwin":
-        return "darwin64-arm" if arm else "darwin64-x86"
-    return "aarch64-linux" if arm else "linux64"
+    """Name of this machine's platform, whatever its processor is on macOS."""
+    if sys.platform in ("win32", "darwin"):
+        return {"win32": "win64", "darwin": "darwin64"}[sys.platform]
+    return "aarch64-linux" if platform.machine().lower() in ("arm64", "aarch64") else "linux64"
 
 
 def sources() -> list[Path]:
@@ -42,10 +52,15 @@ def sources() -> list[Path]:
     return sorted(FOLDER.glob("*.c"))
 
 
+def source_files() -> list[Path]:
+    """All that is compiled: C files, what they include, and the table of fields."""
+    return sorted([*sources(), *FOLDER.glob("*.h"), *FOLDER.glob("*.def")])
+
+
 def source_hash() -> str:
     """Hash of all that is compiled, and how."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
-    for path in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h"), *FOLDER.glob("*.def")]):
+    for path in source_files():
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
@@ -87,7 +102,16 @@ def command(compiler: Sequence[str], output: Path, target: str | None = None, ex
     -------
     list of str
     """
-    words = [*compiler, *FLAGS, *extra, "-shared", "-o", str(output), *map(str, sources())]
+    words = [
+        *compiler,
+        *FLAGS,
+        f'-DFLEX_SOURCES="{source_hash()}"',
+        *extra,
+        "-shared",
+        "-o",
+        str(output),
+        *map(str, sources()),
+    ]
     if target is not None:
         # The oldest processors of the kind; the newest would be zig's own machine.
         words += ["-target", target, "-mcpu=baseline", "-s"]
@@ -99,20 +123,61 @@ def command(compiler: Sequence[str], output: Path, target: str | None = None, ex
     return words
 
 
-def compile_core(output: Path, compiler: Sequence[str], target: str | None = None) -> None:
-    """Compile the core into a library, which appears whole or not at all.
+def compile_core(output: Path, compiler: Sequence[str], targets: Sequence[str] = ()) -> None:
+    """Compile the core into a library, which appears whole or not at all; the same sources give the same bytes.
+
+    Parameters
+    ----------
+    output : Path
+    compiler : sequence of str
+        Command.
+    targets : sequence of str
+        Of zig; several come into one file. Default: what the compiler takes this machine for.
 
     Raises
     ------
-    subprocess.CalledProcessError
-        With the compiler's words in `stderr`.
+    RuntimeError
+        The compiler is not there, or it fails, with its words.
     """
-    part = output.with_name(f".{output.stem}.{os.getpid()}{output.suffix}")
-    try:
-        subprocess.run(command(compiler, part, target), check=True, capture_output=True, text=True)
+    with tempfile.TemporaryDirectory(prefix=".core-", dir=output.parent) as folder:
+        # Libraries of Windows and macOS contain the name under which they were made.
+        part = Path(folder) / f"flexcore{output.suffix}"
+        made = []
+        kinds: list[str | None] = [*targets]
+        for target in kinds or [None]:
+            words = command(compiler, part, target)
+            try:
+                subprocess.run(words, check=True, capture_output=True, text=True, errors="replace")
+            except OSError as error:
+                raise RuntimeError(f"C compiler {' '.join(compiler)!r} does not run: {error}; set CC") from error
+            except subprocess.CalledProcessError as error:
+                raise RuntimeError(f"{' '.join(compiler)} cannot compile the core: {error.stderr}") from error
+            made.append(part.read_bytes())
+        if len(made) > 1:
+            part.write_bytes(fat_file(made))
         part.replace(output)
-    finally:
-        part.unlink(missing_ok=True)
+
+
+def fat_file(parts: Sequence[bytes]) -> bytes:
+    """Libraries of macOS for several processors as one file.
+
+    Parameters
+    ----------
+    parts : sequence of bytes
+        Mach-O, 64 bit.
+
+    Returns
+    -------
+    bytes
+    """
+    head = struct.pack(">II", _FAT_MAGIC, len(parts))
+    page = 1 << _FAT_ALIGNMENT
+    body = b""
+    for part in parts:
+        _, processor, kind = _MACH_HEAD.unpack_from(part)
+        head += struct.pack(">IIIII", processor, kind, page + len(body), len(part), _FAT_ALIGNMENT)
+        body += part + bytes(-len(part) % page)
+    return head.ljust(page, b"\0") + body
 
 
 def compile_for_this_machine(output: Path) -> None:
@@ -123,12 +188,11 @@ def compile_for_this_machine(output: Path) -> None:
     RuntimeError
         There is no compiler, or it fails, with its words.
     """
-    compiler, target = system_compiler(), None
-    if compiler is None:
-        compiler, target = zig_compiler(), TARGETS[this_platform()][0]
-    if compiler is None:
+    compiler = system_compiler()
+    if compiler is not None:
+        compile_core(output, compiler)
+        return
+    zig = zig_compiler()
+    if zig is None:
         raise RuntimeError("no C compiler: install one, or pip install ziglang")
-    try:
-        compile_core(output, compiler, target)
-    except subprocess.CalledProcessError as error:
-        raise RuntimeError(f"{' '.join(compiler)} cannot compile the core: {error.stderr}") from error
+    compile_core(output, zig, PLATFORMS[this_platform()].targets)

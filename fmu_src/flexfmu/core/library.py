@@ -13,8 +13,12 @@ from numpy.typing import NDArray
 
 from ..model.errors import OptionError
 from ..program.image import read_image
+from .building import PLATFORMS, source_hash, sources, this_platform
 
 FloatArray = NDArray[np.float64]
+
+SHIPPED = Path(__file__).parent / "binaries"
+"""Where a wheel has the cores of all platforms."""
 
 _WORDS = 1024
 _PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
@@ -99,8 +103,10 @@ def library_path() -> Path:
     OptionError
         There is none.
     """
-    for path in sorted(Path(__file__).parent.glob("_flexcore*")):
-        if path.suffix in (".so", ".pyd", ".dylib", ".dll"):
+    ending = PLATFORMS[this_platform()].ending
+    # What was compiled here goes before what came from elsewhere.
+    for path in (Path(__file__).with_name(f"_flexcore{ending}"), SHIPPED / f"{this_platform()}{ending}"):
+        if path.is_file():
             return path
     raise OptionError(
         f"no core for this machine in {Path(__file__).parent}: install flexfmu anew, with a C compiler at hand or "
@@ -115,13 +121,21 @@ def library() -> ctypes.CDLL:
     Raises
     ------
     OptionError
-        There is none for this machine.
+        There is none for this machine, or it was compiled from other sources.
     """
     path = library_path()
     try:
         found = ctypes.CDLL(str(path))
     except OSError as error:
         raise OptionError(f"{path} cannot be loaded: {error}; install flexfmu anew") from error
+    says = getattr(found, "core_sources", None)
+    if says is not None:
+        says.restype = ctypes.c_char_p
+    # A call by another layout of its structures could do anything.
+    if sources() and (says is None or says() != source_hash().encode()):
+        raise OptionError(
+            f"{path} was compiled from other C files than those beside it; install again (pip install -e . in a clone)"
+        )
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(found, name)
         function.restype, function.argtypes = result, arguments

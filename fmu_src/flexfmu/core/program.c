@@ -58,7 +58,7 @@ static int64_t texts_in(const char *texts, int64_t bytes) {
     return count;
 }
 
-static int finite(const double *x, int64_t count) {
+static int all_finite(const double *x, int64_t count) {
     for (int64_t i = 0; i < count; i++)
         if (!isfinite(x[i])) return 0;
     return 1;
@@ -179,7 +179,7 @@ const char *open_program(const void *image, int64_t size, Program *p) {
     at += room;
 #define REAL(name, count)                                                      \
     ARRAY(name, count, double, WORD)                                           \
-    if (!finite(p->name, numbers)) return "numbers are not finite: " #name;
+    if (!all_finite(p->name, numbers)) return "numbers are not finite: " #name;
 #define INTEGER(name, count) ARRAY(name, count, int64_t, WORD)
 #define TEXT(name, count) ARRAY(name, count, char, 1)
     int64_t numbers, room;

@@ -1,22 +1,13 @@
 """The FMU's modelDescription.xml, made from the table of variables."""
 
 import math
-from enum import Enum
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from .. import __version__
+from ..core.building import sources
 from ..model.reduced_body import ReducedBody
+from .runtime import Runtime
 from .variables import Variable, variable_table
-
-
-class Runtime(Enum):
-    """What runs a body inside the FMU."""
-
-    NATIVE = "native"
-    """The core in C: nothing else is needed where the FMU runs."""
-    PYTHON = "python"
-    """pythonfmu's library and a Python of its own, over the same core."""
-
 
 LOG_CATEGORIES = {
     "logStatusWarning": "something that the user should look at",
@@ -87,6 +78,9 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
     )
     if native:
         simulation.set("providesDirectionalDerivative", "true")
+        files = SubElement(simulation, "SourceFiles")
+        for path in sources():
+            SubElement(files, "File", name=path.name)
     units = SubElement(root, "UnitDefinitions")
     used = {variable.unit for variable in table}
     for name, exponents in _UNITS.items():

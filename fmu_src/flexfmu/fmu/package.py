@@ -18,6 +18,7 @@ from pathlib import Path
 import pythonfmu
 
 from ..core.binaries import core_binaries
+from ..core.building import FLAGS, PLATFORMS, source_files
 from ..errors import PackagingError
 from ..inputs import Kind, check_input
 from ..model.errors import ContentsError, ModalFileError
@@ -25,9 +26,11 @@ from ..model.modal_file import read_modal_file, write_modal_file
 from ..model.reduced_body import ReducedBody
 from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM
 from ..program.programs import guid_of, programs, with_guid
+from ..progress import Reporter
 from ..targets import check_target, whole_file
-from .description import Runtime, model_description
+from .description import model_description
 from .python_slave import guid_in
+from .runtime import Runtime
 
 DESCRIPTION = "modelDescription.xml"
 MODAL_FILE = "modal.h5"
@@ -50,12 +53,29 @@ class FlexibleBodySlave(BodySlave, Fmi2Slave):
 
     guid = "{guid}"
 '''
+# pythonfmu's library for each platform that it has one for.
+_PYTHON_LIBRARIES = Path(pythonfmu.__file__).parent / "resources" / "binaries"
+_SOURCES_README = """The core of flexfmu, which runs the body: C99 without libraries of others. MIT licence.
+
+modelDescription.xml lists the C files. In this folder, for Linux:
+
+    cc {flags} -shared -fPIC -Wl,-Bsymbolic -o {name}.so *.c -lm
+
+macOS: {name}.dylib, without -Wl,-Bsymbolic. Windows (MinGW or clang): {name}.dll, without -fPIC and -Wl,-Bsymbolic.
+The library goes to binaries/PLATFORM (linux64, darwin64, win64); the model description stays as it is.
+The functions have no prefix: these sources are for libraries, not for linking into a program.
+Without -ffp-contract=off results may differ in the last digits.
+"""
 # The earliest date that the format knows: archives of the same contents are the same.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def package_fmu(
-    body: ReducedBody, output: Path, runtime: Runtime = Runtime.NATIVE, platforms: Sequence[str] = ()
+    body: ReducedBody,
+    output: Path,
+    runtime: Runtime = Runtime.NATIVE,
+    platforms: Sequence[str] = (),
+    report: Reporter | None = None,
 ) -> None:
     """Write a body as an FMU; the file appears whole or not at all, and the same body gives the same bytes.
 
@@ -66,7 +86,8 @@ def package_fmu(
         Ends in ".fmu".
     runtime : Runtime
     platforms : sequence of str
-        Names of `core.building.TARGETS`; default: those that this installation has the core for.
+        Names of `core.building.PLATFORMS`, or "all"; default: those that this installation has the core for.
+    report : Reporter, optional
 
     Raises
     ------
@@ -76,7 +97,7 @@ def package_fmu(
         There is no core for a platform, and none can be made.
     """
     check_target(output, (".fmu",))
-    contents = _contents(body, runtime, platforms)
+    contents = _contents(body, runtime, cores_for(runtime, platforms, report))
     with whole_file(output) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(contents):
             entry = zipfile.ZipInfo(name, _DATE)
@@ -85,23 +106,57 @@ def package_fmu(
             archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
 
 
-def _contents(body: ReducedBody, runtime: Runtime, platforms: Sequence[str]) -> dict[str, bytes]:
+def cores_for(runtime: Runtime, platforms: Sequence[str] = (), report: Reporter | None = None) -> dict[str, bytes]:
+    """Cores that an FMU carries, by file name; those of other platforms are compiled when they are first asked for.
+
+    Parameters
+    ----------
+    runtime : Runtime
+    platforms : sequence of str
+        As of `package_fmu`.
+    report : Reporter, optional
+
+    Returns
+    -------
+    dict of str to bytes
+
+    Raises
+    ------
+    PackagingError
+        There is no core for a platform, and none can be made; or pythonfmu has no library for it.
+    """
+    if runtime is Runtime.NATIVE:
+        return core_binaries(platforms, report)
+    offered = [path.name for path in _PYTHON_LIBRARIES.iterdir()]
+    refused = [name for name in platforms if name in PLATFORMS and name not in offered]
+    if refused:
+        raise PackagingError(
+            f"platform {', '.join(refused)}: the runtime python is offered for {', '.join(sorted(offered))} only "
+            "(pythonfmu has no other libraries); use the runtime native"
+        )
+    cores = core_binaries(sorted(offered) if "all" in platforms else platforms, report)
+    return {name: data for name, data in cores.items() if Path(name).stem in offered}
+
+
+def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes]) -> dict[str, bytes]:
     """Every file of the archive by its name."""
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
         path = Path(folder) / MODAL_FILE
         write_modal_file(body, path)
         modal = path.read_bytes()
     made = programs(body)
-    cores = core_binaries(platforms)
     described = model_description(body, "", runtime)
     if runtime is Runtime.NATIVE:
         binaries = {f"binaries/{folder}/{body.name}{ending}": data for folder, ending, data in _by_folder(cores)}
         code = {}
+        sources = {f"sources/{path.name}": path.read_bytes() for path in source_files()}
+        sources["sources/README.txt"] = _SOURCES_README.format(name=body.name, flags=" ".join(FLAGS)).encode()
     else:
-        library = Path(pythonfmu.__file__).parent
+        library, sources = Path(pythonfmu.__file__).parent, {}
         binaries = {
             f"binaries/{path.parent.name}/{body.name}{path.suffix}": path.read_bytes()
-            for path in sorted((library / "resources" / "binaries").glob("*/*"))
+            for path in sorted(_PYTHON_LIBRARIES.glob("*/*"))
+            if path.parent.name in {Path(name).stem for name in cores}
         }
         binaries |= {f"resources/core/{name}": data for name, data in cores.items()}
         code = {f"pythonfmu/{name}.py": (library / f"{name}.py").read_bytes() for name in _SLAVE_LIBRARY}
@@ -111,7 +166,7 @@ def _contents(body: ReducedBody, runtime: Runtime, platforms: Sequence[str]) -> 
         code["python_slave.py"] = Path(__file__).with_name("python_slave.py").read_bytes()
         code["__init__.py"] = b'"""What travels in the FMU."""\n'
     digest = hashlib.sha256()
-    everything = {**code, **binaries, **with_guid(made, ""), MODAL_FILE: modal, "xml": described}
+    everything = {**code, **binaries, **sources, **with_guid(made, ""), MODAL_FILE: modal, "xml": described}
     for name, data in sorted(everything.items()):
         digest.update(f"{name}\0{len(data)}\0".encode() + data)
     guid = f"{{{uuid.UUID(_modal_mark(modal) + digest.hexdigest()[:24])}}}"
@@ -120,6 +175,7 @@ def _contents(body: ReducedBody, runtime: Runtime, platforms: Sequence[str]) -> 
         f"resources/{MODAL_FILE}": modal,
         **{f"resources/{name}": data for name, data in with_guid(made, guid).items()},
         **binaries,
+        **sources,
     }
     if runtime is Runtime.PYTHON:
         package = f"flexfmu_{digest.hexdigest()[:16]}"

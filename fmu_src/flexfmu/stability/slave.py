@@ -7,8 +7,7 @@ from types import TracebackType
 
 import numpy as np
 
-from ..core.binaries import core_binaries
-from ..core.building import this_platform
+from ..core.library import library_path
 from ..fmu.python_slave import BodySlave, SlaveError, core_file
 from ..fmu.variables import STATUS_CODE, variable_table
 from ..mesh.model import FloatArray
@@ -32,7 +31,7 @@ class Aboard:
             (folder / name).write_bytes(image)
         core = core_file(folder)
         core.parent.mkdir()
-        core.write_bytes(core_binaries([this_platform()])[core.name])
+        core.write_bytes(library_path().read_bytes())
         self.variables = {v.name: (number, v) for number, v in enumerate(variable_table(body))}
 
     def start(self, **parameters: float | str) -> BodySlave:
