@@ -158,8 +158,8 @@ def test_other_code_or_libraries_take_nothing(store, monkeypatch):
                 patch.setattr(Path, "read_bytes", lambda p: plain(p) + b"# another" * (p.name == "modes.py"))
             assert code_digest.__wrapped__("flexfmu.reduction.basis") != known, change
             # The slave does not make modes.
-            assert change == "library" or code_digest.__wrapped__("flexfmu.runtime.slave") == code_digest(
-                "flexfmu.runtime.slave"
+            assert change == "library" or code_digest.__wrapped__("flexfmu.fmu.python_slave") == code_digest(
+                "flexfmu.fmu.python_slave"
             )
             patch.setattr("flexfmu.store.code_digest", code_digest.__wrapped__)
             assert build(store)[1] == [], change
@@ -176,11 +176,14 @@ def test_the_code_of_a_result_is_all_that_its_module_loads(module):
     assert loaded <= imported_modules(f"flexfmu.{module}")
 
 
-def test_the_compiled_step_is_part_of_the_code(monkeypatch):
-    known = code_digest.__wrapped__("flexfmu.scenes.reference")
+@pytest.mark.parametrize("file", ["step_tied.c", "internal.h", "fields.def"])
+def test_the_core_is_part_of_the_code_of_what_it_steps_and_of_no_other(file, monkeypatch):
+    """Errors of a sweep hang on every line of C; modes do not."""
+    swept, modes = (code_digest.__wrapped__(f"flexfmu.{name}") for name in ("scenes.sweep", "reduction.basis"))
     plain = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda path: plain(path) + b" " * (path.name == "kernel.c"))
-    assert code_digest.__wrapped__("flexfmu.scenes.reference") != known
+    monkeypatch.setattr(Path, "read_bytes", lambda path: plain(path) + b" " * (path.name == file))
+    assert code_digest.__wrapped__("flexfmu.scenes.sweep") != swept
+    assert code_digest.__wrapped__("flexfmu.reduction.basis") == modes
 
 
 def test_a_folder_that_cannot_be_written_is_no_reason_to_fail(tmp_path):

@@ -10,10 +10,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from .core import library
-from .core.building import source_hash
-
 _PACKAGE = __name__.partition(".")[0]
+_CORE, _COMPILED = f"{_PACKAGE}.core.library", (".c", ".h", ".def")
 _ROOT = Path(__file__).parent.parent
 # Another version of these may give other numbers; the last one need not be there.
 _LIBRARIES = ("numpy", "scipy", "felupe", "pymetis", "scikit-sparse")
@@ -36,9 +34,10 @@ def code_digest(module: str) -> str:
     digest = hashlib.sha256()
     for name in sorted(imported_modules(module)):
         source = _source(name)
-        digest.update(f"{name}\0".encode() + hashlib.sha256(source.read_bytes()).digest())
-        if name == library.__name__:
-            digest.update(source_hash().encode())
+        # What is compiled belongs to the module that calls it.
+        compiled = [path for path in source.parent.iterdir() if path.suffix in _COMPILED] if name == _CORE else []
+        for path in [source, *sorted(compiled)]:
+            digest.update(f"{name}\0{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
     digest.update(repr([_version(name) for name in _LIBRARIES]).encode())
     return digest.hexdigest()[:12]
 
