@@ -17,7 +17,6 @@ import sys
 import tempfile
 import time
 from dataclasses import asdict, dataclass
-from itertools import product
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -33,14 +32,14 @@ FORCE = 500.0
 
 @dataclass(frozen=True)
 class Record:
-    """One formulation's cost.
+    """One method's cost.
 
     Attributes
     ----------
-    kinematics, loads, stiffness : str
+    method : str
         "" for the empty slave.
-    compiled : bool
-        Whether the FMU holds the compiled step.
+    runtime : str
+        Of the FMU: "native" or "python".
     median, fastest : float
         s per step, of blocks of steps.
     iterations : float
@@ -49,26 +48,25 @@ class Record:
         Median over that of the empty slave, measured just before and just after.
     """
 
-    kinematics: str
-    loads: str
-    stiffness: str
-    compiled: bool
+    method: str
+    runtime: str
     median: float
     fastest: float
     iterations: float
     ratio: float
 
 
-def build_body(folder: Path) -> tuple[Path, Path]:
-    """The clamped beam with four interfaces: its FMU, and the same without compiled code."""
+def build_body(folder: Path) -> dict[str, Path]:
+    """The clamped beam with four interfaces: its FMU by runtime."""
     from flexfmu.build import reduce_body
     from flexfmu.config import InterfaceTable, OutputTable, read_body_file
-    from flexfmu.fmu import package
+    from flexfmu.fmu.description import Runtime
+    from flexfmu.fmu.package import package_fmu
     from flexfmu.progress import Reporter
 
     config = read_body_file(ROOT / "demo" / "clamped_beam" / "body.toml")
-    aboard = {"geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
-    reduction = config.reduction.model_copy(update={"modes": MODES, **aboard})
+    stored = {"geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
+    reduction = config.reduction.model_copy(update={"modes": MODES, **stored})
     changes = {
         "interface": [InterfaceTable(name=name, nodes=nodes) for name, nodes in INTERFACES.items()],
         "reduction": reduction,
@@ -76,10 +74,9 @@ def build_body(folder: Path) -> tuple[Path, Path]:
         "output": OutputTable(velocities=True),
     }
     body = reduce_body(config.model_copy(update=changes), Reporter())
-    paths = folder / "compiled.fmu", folder / "numpy.fmu"
-    package.package_fmu(body, paths[0])
-    package.PATTERN = "no library matches this"
-    package.package_fmu(body, paths[1])
+    paths = {runtime.value: folder / f"{runtime.value}.fmu" for runtime in Runtime}
+    for runtime in Runtime:
+        package_fmu(body, paths[runtime.value], runtime)
     return paths
 
 
@@ -174,35 +171,33 @@ def measure(output: Path) -> list[Record]:
     """Build everything, time everything, write the records."""
     import fmpy
 
-    from flexfmu.model.reduced_body import Kinematics, LoadPlacement, Stiffness
+    from flexfmu.methods import Method
 
     records: list[Record] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with_kernel, without = build_body(folder)
-        variables = fmpy.read_model_description(str(with_kernel)).modelVariables
+        fmus = build_body(folder)
+        variables = fmpy.read_model_description(str(next(iter(fmus.values())))).modelVariables
         inputs = [v.name for v in variables if v.causality == "input"]
         outputs = [v.name for v in variables if v.causality == "output" and v.type == "Real"]
         empty = build_empty(folder, inputs, outputs)
         print(f"{len(inputs)} inputs, {len(outputs)} outputs, {MODES} modes, {FRAMES} frames, steps of {STEP} s\n")
         base = empty_slave(empty)
-        records.append(Record("", "", "", False, base["median"], base["fastest"], 0.0, 1.0))
-        print("| kinematics | loads | stiffness | compiled | µs | of the empty slave | rounds |")
-        print("|---|---|---|---|---|---|---|")
-        print(f"| empty slave | | | | {1e6 * base['median']:.0f} | 1.0 | |")
-        for kinematics, loads, stiffness in product(Kinematics, LoadPlacement, Stiffness):
-            for fmu, compiled in ((with_kernel, True), (without, False)):
-                words = kinematics.value, loads.value, stiffness.value
-                names = ("formulation.kinematics", "formulation.loads", "formulation.stiffness")
-                found = in_process(fmu, dict(zip(names, words, strict=True)))
+        records.append(Record("", "python", base["median"], base["fastest"], 0.0, 1.0))
+        print("| method | runtime | µs | of the empty slave | rounds |")
+        print("|---|---|---|---|---|")
+        print(f"| empty slave | python | {1e6 * base['median']:.0f} | 1.0 | |")
+        for method in Method:
+            for runtime, fmu in fmus.items():
+                found = in_process(fmu, {"method": method.value})
                 if found is None:
                     continue
                 before, base = base, empty_slave(empty)
                 ratio = 2.0 * found["median"] / (before["median"] + base["median"])
-                records.append(Record(*words, compiled, found["median"], found["fastest"], found["iterations"], ratio))
+                own = found["median"], found["fastest"], found["iterations"]
+                records.append(Record(method.value, runtime, *own, ratio))
                 print(
-                    f"| {' | '.join(words)} | {'yes' if compiled else 'no'} | {1e6 * found['median']:.0f} "
-                    f"| {ratio:.1f} | {found['iterations']:.1f} |",
+                    f"| `{method.value}` | {runtime} | {1e6 * own[0]:.0f} | {ratio:.1f} | {own[2]:.1f} |",
                     flush=True,
                 )
     with output.open("w", newline="", encoding="utf-8") as file:

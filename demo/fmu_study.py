@@ -16,7 +16,7 @@ from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.fmu.package import package_fmu
-from flexfmu.model.reduced_body import Formulation, Kinematics
+from flexfmu.methods import Method
 from flexfmu.progress import Reporter
 
 matplotlib.use("Agg")
@@ -31,7 +31,7 @@ STYLES: dict[int, dict[str, object]] = {
     3: {"color": "C1", "linestyle": "-."},
     8: {"color": "C2", "linestyle": "-"},
 }
-LINEAR = {"formulation.kinematics": "linear"}
+LINEAR = {"method": "linear"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +138,7 @@ def draw_shapes(path: Path, body: FlexibleBody, force: dict[str, list[float]], t
     surface = body.model.surface
     if surface is None:
         raise ValueError("the body was built without its surface: set surface = true in [output]")
-    linear = FlexibleBody(body.model, Formulation(Kinematics.LINEAR))
+    linear = FlexibleBody(body.model, Method.LINEAR)
     shapes = (
         ("undeformed", "0.88", surface.points),
         ("linear modes", "0.6", linear.surface_positions(linear.static(force))),

@@ -1,4 +1,4 @@
-"""Every formulation on every demo body against CalculiX: error of the interfaces' displacements at several loads.
+"""Every method on every demo body against CalculiX: error of the interfaces' displacements at several loads.
 
 Run from the repository's root: python -m demo.methods [--output FILE.csv]. Prints a Markdown table and writes the
 records that it is made of.
@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import BodyFile, read_body_file
+from flexfmu.methods import Method, has_frames
 from flexfmu.model.errors import EquilibriumError, OptionError
-from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, ReducedBody, Stiffness
+from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.progress import Reporter
 
 HERE = Path(__file__).parent
@@ -64,47 +65,31 @@ CASES = (
     ),
 )  # fmt: skip
 
-# Number of frames and formulation, in the order of the table.
-METHODS: tuple[tuple[int, Formulation], ...] = (
-    (1, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)),
-    (1, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_LOAD)),
-    (1, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE)),
-    (1, Formulation(Kinematics.LITERAL, LoadPlacement.CORRECTIVE_MOMENT)),
-    (1, Formulation(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT)),
-    (1, Formulation(Kinematics.COROTATED, LoadPlacement.REFERENCE)),
-    (1, Formulation(Kinematics.COROTATED, LoadPlacement.CORRECTIVE_MOMENT)),
-    (1, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
-    (4, Formulation(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT)),
-    (4, Formulation(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT, division=Division.SEPARATE)),
-    (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, division=Division.SEPARATE)),
-    (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
-    (4, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD)),
-    (8, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED)),
-    (8, Formulation(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD)),
-    (1, Formulation(Kinematics.SECOND_ORDER, LoadPlacement.REFERENCE)),
-    (1, Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)),
-    (2, Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)),
-    (4, Formulation(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED)),
-)
+# Numbers of frames that each method is tried with, in the order of the table.
+METHODS: dict[Method, tuple[int, ...]] = {
+    Method.LINEAR: (1,),
+    Method.STIFFNESS_BY_LOAD: (1,),
+    Method.STIFFNESS_BY_MODE: (1,),
+    Method.MODAL_ROTATION: (1, 4),
+    Method.HALF_ROTATION: (1, 4),
+    Method.FLOATING_FRAME: (4,),
+    Method.FRAMES: (4, 8),
+    Method.FRAMES_STIFFNESS: (4, 8),
+    Method.SECOND_ORDER: (1, 2, 4),
+}
 
 
-def label(frames: int, formulation: Formulation) -> str:
-    """Name of a method in the table."""
-    parts = [formulation.kinematics.value.replace("_", " ")]
-    if formulation.kinematics is not Kinematics.LINEAR:
-        parts = [f"{frames} × {parts[0]}" if frames > 1 else f"{parts[0]}"]
-        parts.append(formulation.loads.value.replace("_", " "))
-    if formulation.stiffness is not Stiffness.CONSTANT:
-        parts.append(formulation.stiffness.value.replace("_", " "))
-    if formulation.division is not Division.TREE:
-        parts.append(f"frames {formulation.division.value}")
-    return ", ".join(parts)
+def label(frames: int, method: Method) -> str:
+    """Name of a row of the table."""
+    if not has_frames(method) or method is Method.FLOATING_FRAME:
+        return f"`{method.value}`"
+    return f"`{method.value}`, {frames} frame{'' if frames == 1 else 's'}"
 
 
 def reduced(config: BodyFile, frames: int) -> ReducedBody:
-    """A body with a number of frames and what every formulation needs aboard."""
-    aboard = {"geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
-    reduction = config.reduction.model_copy(update=aboard)
+    """A body with a number of frames and the data of every method."""
+    stored = {"geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
+    reduction = config.reduction.model_copy(update=stored)
     return reduce_body(config.model_copy(update={"frames": frames, "reduction": reduction}), Reporter())
 
 
@@ -114,10 +99,10 @@ def measure() -> list[dict[str, object]]:
     known: dict[tuple[str, int], ReducedBody] = {}
     for case in CASES:
         config = read_body_file(HERE / case.folder / "body.toml")
-        for frames, formulation in METHODS:
+        for frames, method in ((n, method) for method, numbers in METHODS.items() for n in numbers):
             if (case.folder, frames) not in known:
                 known[case.folder, frames] = reduced(config, frames)
-            body = FlexibleBody(known[case.folder, frames], formulation)
+            body = FlexibleBody(known[case.folder, frames], method)
             for load, loads, expected in case.rows():
                 # Where there is no stable equilibrium the record says so by leaving the error out.
                 error: float | None = None
@@ -134,7 +119,7 @@ def measure() -> list[dict[str, object]]:
                         "load_N": load,
                         "frames": body.model.frame_count,
                         "modes": body.model.mode_count,
-                        "method": label(frames, formulation),
+                        "method": label(frames, method),
                         "relative_error": "" if error is None else f"{error:.6g}",
                     }
                 )

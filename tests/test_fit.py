@@ -332,7 +332,6 @@ displacement = 0.001
 
 [sweep]
 methods = ["linear", "frames"]
-loads = ["deformed"]
 """
 
 

@@ -19,7 +19,7 @@ from flexfmu.store import Store
 HEAD = (
     "scene",
     "as given: modes, frames",
-    "found: modes, frames, formulation",
+    "found: modes, frames, method",
     "error / tolerance, expected",
     "against CalculiX",
     "as given",
@@ -48,15 +48,10 @@ def row(title: str, outcome: Outcome) -> list[str]:
     fit, toe = outcome.fit, ["", ""]
     if not np.isnan(outcome.toe):
         toe = [f", toe {outcome.toe:.2g}°", f", toe {outcome.given_toe:.2g}°"]
-    words = [fit.formulation.kinematics.value]
-    if fit.frame_count:
-        words.append(f"loads {fit.formulation.loads.value}")
-    if fit.formulation.stiffness.value != "constant":
-        words.append(fit.formulation.stiffness.value)
     return [
         title,
         f"{fit.given_mode_count}, {fit.given_frame_count}",
-        f"**{fit.mode_count}, {fit.frame_count}**, {', '.join(words)}",
+        f"**{fit.mode_count}, {fit.frame_count}**, {fit.variant.words}",
         f"{fit.measured.share:.2f}",
         f"**{outcome.calculix.share:.2f}** ({in_percent(outcome.calculix)}{toe[0]})",
         f"{outcome.given.share:.2f} ({in_percent(outcome.given)}{toe[1]})",

@@ -186,7 +186,7 @@ def _written(path: Path, first: str, key: NDArray[np.float64], rows: NDArray[np.
 
 
 def judged(judge: Scene, body: ReducedBody) -> Errors:
-    """Error of a body in a scene, with its own formulation."""
+    """Error of a body in a scene, with its own method."""
     return errors(judge, references(judge, Reporter()), FlexibleBody(body))
 
 

@@ -17,8 +17,8 @@ from demo.tip_face import MOTION_COLUMNS
 
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
+from flexfmu.config import FormulationTable, read_body_file
+from flexfmu.methods import Method
 from flexfmu.progress import ConsoleReporter, Reporter
 
 HERE = Path(__file__).parent
@@ -49,17 +49,16 @@ CASES = {
     "opposite_bushings": ("body_bushings.toml", "z", "opposite vertical forces, on bushings"),
 }
 
-# Label, frames (None: the body file's arms and pieces of the beam), formulation; all but the last in one piece.
+# Label, frames (None: the body file's arms and pieces of the beam), method; all but the last in one piece.
 CUT, SECOND = "cut in the middle", "cut, second order"
-DEFORMED, REFERENCE = LoadPlacement.DEFORMED, LoadPlacement.REFERENCE
 MODELS = (
-    ("linear modes", None, Formulation(Kinematics.LINEAR, REFERENCE)),
-    ("frames = 1", 1, Formulation(Kinematics.COROTATED, DEFORMED)),
-    ("arms and beam", None, Formulation(Kinematics.COROTATED, DEFORMED)),
-    ("frames = 4", 4, Formulation(Kinematics.COROTATED, DEFORMED)),
-    ("arms and beam, by load", None, Formulation(Kinematics.COROTATED, DEFORMED, Stiffness.BY_LOAD)),
-    (CUT, None, Formulation(Kinematics.COROTATED, DEFORMED)),
-    (SECOND, None, Formulation(Kinematics.SECOND_ORDER, DEFORMED)),
+    ("linear modes", None, Method.LINEAR),
+    ("frames = 1", 1, Method.FRAMES),
+    ("arms and beam", None, Method.FRAMES),
+    ("frames = 4", 4, Method.FRAMES),
+    ("arms and beam, by load", None, Method.FRAMES_STIFFNESS),
+    (CUT, None, Method.FRAMES),
+    (SECOND, None, Method.SECOND_ORDER),
 )
 
 
@@ -136,14 +135,14 @@ def models(body_file: Path, report: Reporter) -> dict[str, FlexibleBody]:
     """Build the reduced models of a body file."""
     config = read_body_file(body_file)
     by_load = config.reduction.model_copy(update={"geometric_stiffness": ["by_load"]})
-    stiff = config.model_copy(update={"reduction": by_load, "cut": []})
+    stiff = config.model_copy(update={"reduction": by_load, "cut": [], "formulation": FormulationTable()})
     joined = reduce_body(config, report)
     reduced = {None: reduce_body(stiff, report)}
     for count in {frames for _, frames, _ in MODELS if frames}:
         reduced[count] = reduce_body(stiff.model_copy(update={"frame": [], "frames": count}), report)
     return {
-        label: FlexibleBody(joined if label in (CUT, SECOND) else reduced[frames], formulation)
-        for label, frames, formulation in MODELS
+        label: FlexibleBody(joined if label in (CUT, SECOND) else reduced[frames], method)
+        for label, frames, method in MODELS
     }
 
 

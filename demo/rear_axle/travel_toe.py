@@ -16,7 +16,7 @@ from demo.rear_axle.run import HERE, align, read_reference, solve
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import BodyFile, FrameTable, MeshTable, read_body_file
-from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement
+from flexfmu.methods import Method
 from flexfmu.progress import ConsoleReporter, Reporter
 from flexfmu.store import Store, default_folder
 
@@ -62,15 +62,12 @@ def models(folder: Path, report: Reporter) -> dict[str, FlexibleBody]:
     tree = reduce_body(whole, report, store)
     halves = reduce_body(cut, report, store)
     points = reduce_body(with_corners(whole, folder / "rear_axle_corners.inp"), report, store)
-    turning, deformed = Kinematics.COROTATED, LoadPlacement.DEFORMED
     return {
-        "linear": FlexibleBody(tree, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)),
-        "one floating frame": FlexibleBody(tree, Formulation(turning, deformed, division=Division.ONE)),
-        "arms as separate sub-domains": FlexibleBody(
-            points, Formulation(turning, deformed, division=Division.SEPARATE)
-        ),
-        "tree: arms and beam": FlexibleBody(tree, Formulation(turning, deformed)),
-        "cut in the middle": FlexibleBody(halves, Formulation(turning, deformed)),
+        "linear": FlexibleBody(tree, Method.LINEAR),
+        "one floating frame": FlexibleBody(tree, Method.FLOATING_FRAME),
+        "arms as separate sub-domains": FlexibleBody(points, Method.MODAL_ROTATION),
+        "tree: arms and beam": FlexibleBody(tree, Method.FRAMES),
+        "cut in the middle": FlexibleBody(halves, Method.FRAMES),
         "cut, second order": FlexibleBody(halves),
     }
 

@@ -24,13 +24,13 @@ import matplotlib.pyplot as plt
 # Joints of cut bodies ring at some 100 kHz: that need not be resolved.
 LOOSE = {"internal_step.tolerance": 1e-2}
 MODELS = {
-    "linear modes": {"axle": {"formulation.kinematics": "linear"}},
-    "corotated": {"axle": {"formulation.kinematics": "corotated"}},
+    "linear modes": {"axle": {"method": "linear"}},
+    "frames": {"axle": {"method": "frames"}},
     "cut, second order": {"axle": LOOSE, "cut": True},
 }
 STYLES = {
     "linear modes": {"color": "0.55", "linestyle": ":"},
-    "corotated": {"color": "C2"},
+    "frames": {"color": "C2"},
     "cut, second order": {"color": "C3", "linestyle": "--"},
 }
 SIGNS = {"left": LEFT, "right": RIGHT}
