@@ -343,7 +343,7 @@ def test_info_shows_modes_interfaces_tree_and_origin(folder, file):
     body = build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
     result = CliRunner().invoke(app, ["info", str(folder / file)])
     assert result.exit_code == 0
-    assert "bar: 6 modes, 1 interfaces, 3 frames; kinematics second_order" in " ".join(result.stdout.split())
+    assert "bar: 6 modes, 1 interfaces, 3 frames; method second_order" in " ".join(result.stdout.split())
     for frequency in body.angular_frequency / (2.0 * np.pi):
         assert f"{frequency:.6g}" in result.stdout
     assert re.search(r"tip .*\(1, 0\.05, 0\.065\).* frame_3", result.stdout)
@@ -373,7 +373,7 @@ def test_the_body_in_the_fmu_is_the_body_that_was_built(folder):
 def test_points_of_the_surface_go_where_the_interface_goes(frames, tmp_path):
     mesh = arc(BRICK, (12, 2, 2), 1.0, 0.05)
     # Of second order within frames the surface knows nothing.
-    tables = {"output": {"surface": True}, "formulation": {"kinematics": "corotated"}}
+    tables = {"output": {"surface": True}, "reduction": {"second_order": False}}
     config = body_file(mesh, tmp_path, interface=["TIP"], frames=frames, **tables)
     model = reduce_body(config, Reporter())
     body = FlexibleBody(model)

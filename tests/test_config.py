@@ -57,19 +57,9 @@ def test_defaults_are_those_of_the_documentation(tmp_path):
     assert (body.output.velocities, body.output.surface, body.input.acceleration) == (False, False, False)
 
 
-@pytest.mark.parametrize(
-    "rest",
-    [
-        '[formulation]\nmass = "configuration"',
-        '[formulation]\ndivision = "separate"',
-        '[formulation]\ndivision = "one"',
-        '[formulation]\nstiffness = "by_load"',
-        "[reduction]\nsecond_order = false",
-        '[formulation]\nkinematics = "corotated"',
-    ],
-)
-def test_kinematics_are_corotated_where_second_order_does_not_go(tmp_path, rest):
-    assert read(tmp_path, content(rest=rest)).start.kinematics is Kinematics.COROTATED
+@pytest.mark.parametrize("rest", ['[formulation]\nmass = "configuration"', "[reduction]\nsecond_order = false"])
+def test_the_method_is_frames_where_second_order_does_not_go(tmp_path, rest):
+    assert read(tmp_path, content(rest=rest)).variant.method is Method.FRAMES
 
 
 def test_everything_given_is_taken(tmp_path):

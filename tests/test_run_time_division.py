@@ -59,7 +59,7 @@ def test_only_the_tree_gets_better_with_more_frames(bodies):
     assert error(8, Method.FRAMES) < 1e-3
     # The last part alone turns, and the joints before it have moved on straight lines.
     found = [error(frames, Method.MODAL_ROTATION) for frames in (1, 2, 4, 8)]
-    np.testing.assert_allclose(found, [0.102, 0.082, 0.020, 0.078], atol=1e-3)
+    np.testing.assert_allclose(found, [0.090, 0.080, 0.020, 0.078], atol=1e-3)
     assert found[3] > 3.0 * found[2]
 
 

@@ -238,16 +238,16 @@ double smallest_real_part(double *a, int64_t n) {
             continue;
         }
         if (++round > ROUNDS) return NAN;
-        /* Francis' double step with the two eigenvalues of the lowest block as shifts, or an odd one now and then. */
-        double trace = p + s, determinant = p * s - q * r;
+        /* Francis' double step with the two eigenvalues of the lowest block as shifts, or an odd one now and then. By
+         * differences from the first diagonal element: of eigenvalues that lie close together nothing else is left. */
+        const double *h = a + low * n + low;
+        double first = p - h[0], second = s - h[0], product = first * second - q * r;
         if (round % 10 == 0) {
             const double odd = fabs(r) + fabs(a[(top - 1) * n + top - 2]);
-            trace = 1.5 * odd;
-            determinant = odd * odd;
+            first = second = s - h[0] + 0.75 * odd;
+            product = first * second + 0.4375 * odd * odd;
         }
-        const double *h = a + low * n + low;
-        double x = h[0] * h[0] + h[1] * h[n] - trace * h[0] + determinant;
-        double y = h[n] * (h[0] + h[n + 1] - trace), z = low + 2 <= top ? h[n] * h[2 * n + 1] : 0.0;
+        double x = product / h[n] + h[1], y = h[n + 1] - h[0] - first - second, z = low + 2 <= top ? h[2 * n + 1] : 0.0;
         for (int64_t k = low; k < top; k++) {
             const int64_t rows = k + 2 <= top ? 3 : 2;
             double u[3] = {x, y, rows == 3 ? z : 0.0};
