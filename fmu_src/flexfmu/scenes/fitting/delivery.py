@@ -153,7 +153,8 @@ def deliver(
         title = f"{config.name}: the best model found for a scene; its tolerance is not met."
     with ExitStack() as files:
         part = files.enter_context(whole_file(target))
-        part.write_text(body_text(config, target.parent, [title], reasons), encoding="utf-8")
+        # It is read where it stands while it is written: paths in it are taken from there.
+        part.write_text(body_text(config, part.parent, [title], reasons), encoding="utf-8")
         body = reduced(read_body_file(part), search.store)
         result = _measured(search, best, body, reasons, limit, fmu is not None)
         result = replace(result, seconds=time.perf_counter() - begun)
