@@ -1,15 +1,12 @@
 """`[stability]` of a scene file: what the maps of stability vary; docs/stability.md describes it."""
 
-import math
 from enum import Enum
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field
 
-from ..limits import MOST_FRAMES, MOST_STEPS
+from ..limits import MOST_FRAMES
 
-REFERENCE_STEPS = 4
-"""Steps of the motion that others are compared with, for each of theirs."""
 Positive = Annotated[float, Field(gt=0.0)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -33,9 +30,6 @@ class StabilityTable(BaseModel):
     maps: list[Annotated[Map, Field(strict=False)]] = Field(default=list(Map), min_length=1)
     interface: str | None = None
     tolerance: float = Field(default=0.1, gt=0.0, lt=1.0)
-    periods: Positive = 8.0
-    factors: list[Positive] = Field(default=[0.05, 0.1, 0.2, 0.5, 1.0, 2.0], min_length=1)
-    steps_per_period: list[Annotated[int, Field(ge=2)]] = Field(default=[160, 80, 40, 20, 10, 5], min_length=1)
     axial: Vector | None = None
     shares: list[Positive] = Field(
         default=[0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0, 1.05, 1.2, 1.5], min_length=1
@@ -49,20 +43,3 @@ class StabilityTable(BaseModel):
     mass_ratios: list[Positive] = Field(default=[0.1, 1.0, 10.0], min_length=1)
     stiffness_ratios: list[Positive] = Field(default=[0.01, 0.1, 1.0, 10.0, 100.0, 1000.0], min_length=1)
     coupling_steps_per_period: list[Positive] = Field(default=[160.0, 40.0, 10.0, 2.5], min_length=1)
-
-    @property
-    def finest(self) -> int:
-        """Steps a period of the motion that others are compared with: a multiple of all of theirs."""
-        return REFERENCE_STEPS * math.lcm(*self.steps_per_period)
-
-    @model_validator(mode="after")
-    def _affordable(self) -> "StabilityTable":
-        steps = self.periods * self.finest
-        if steps > MOST_STEPS:
-            raise ValueError(
-                f"periods = {self.periods:g} and steps_per_period = {self.steps_per_period} need a motion of "
-                f"{steps:.3g} steps to compare with, {REFERENCE_STEPS} times their least common multiple a period, "
-                f"expected at most {MOST_STEPS:g}; take fewer periods, or numbers that divide each other, such as "
-                "[160, 80, 40]"
-            )
-        return self

@@ -47,7 +47,7 @@ class Run:
     error : float
         Relative; not a number where the run has no result, or nothing is known to compare it with.
     measure : float
-        Of evaluation: share of the motion fed or taken; of buckling: `diagnostics.stability`; of rotation: within a
+        Of buckling: `diagnostics.stability`; of rotation: within a
         frame, rad; of coupling: κ.
     taken : int
         Steps taken before the run's fate was known.

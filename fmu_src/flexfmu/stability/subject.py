@@ -97,8 +97,7 @@ class Subject:
         """Place of the interface that is loaded and read."""
         name = self.table.interface
         if name is None:
-            largest = max(self._peak().items(), key=lambda item: abs(item[1]), default=(body.interface_names[0], 0.0))
-            name = largest[0].partition(".")[0]
+            return int(np.argmax(np.abs(self.peak(body)[: 6 * body.interface_count]))) // 6
         if name not in body.interface_names:
             raise StabilityError(
                 f"[stability] interface is {name!r}, expected one of the body's: {', '.join(body.interface_names)}"
@@ -145,7 +144,7 @@ def read_subject(body: Path, scene: Path, report: Reporter, store: Store) -> Sub
     config, file = read_body_file(body), read_scene_file(scene)
     digest = hashlib.sha256(config.model_dump_json(exclude={"mesh": {"file"}}).encode())
     digest.update(Path(config.mesh.file).read_bytes())
-    varied = {"maps", "factors", "steps_per_period", "shares", "angles", "frames"}
+    varied = {"maps", "shares", "angles", "frames"}
     varied |= {"mass_ratios", "stiffness_ratios", "coupling_steps_per_period"}
     digest.update(file.stability.model_dump_json(exclude=varied).encode())
     digest.update(repr([(case.name, case.loads) for case in file.static[:1]]).encode())
