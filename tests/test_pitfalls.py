@@ -12,7 +12,6 @@ from flexfmu.config import Basis, FrameTable, InterfaceTable, read_body_file
 from flexfmu.errors import BodyFileError, OutputError, PackagingError, SimulationError
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.fmu.simulation import read_table, simulate, simulate_csv
-from flexfmu.model.errors import ModalFileError
 from flexfmu.pipeline import build_fmu
 from flexfmu.progress import Reporter
 from references import BEAM
