@@ -28,7 +28,24 @@ FIXABLE = (INSTANTIATED, INITIALIZING)
 RUNNING = (STEPPING, STEP_FAILED)
 AFTER_START = (STEPPING, STEP_FAILED, TERMINATED, FAILED)
 CALM_LOAD, CALM_STEP = 2.0, 1e-2
-LOADS = [0.0, -0.0, 1.0, -2.0, 0.3, 1.5, -0.7, 2.0, 1e-3, 5e-324, 1e6, 1e12, -1e60, 1e160, 1e300, -1.7976931348623157e308]
+LOADS = [
+    0.0,
+    -0.0,
+    1.0,
+    -2.0,
+    0.3,
+    1.5,
+    -0.7,
+    2.0,
+    1e-3,
+    5e-324,
+    1e6,
+    1e12,
+    -1e60,
+    1e160,
+    1e300,
+    -1.7976931348623157e308,
+]
 WRONG = [math.nan, math.inf, -math.inf]
 STEPS = [1e-3, 1e-3, 1e-3, 1e-4, 1e-2, 5e-3, 0.1, 0.0, 1e-12, 5e-324, 1.0, 1e300, -1e-3, *WRONG]
 TIMES = [0.0, 0.0, 0.0, 0.5, -1.0, 1e300, *WRONG]
@@ -54,7 +71,9 @@ class Body:
             n for name, n in fmu.reference.items() if name.endswith(("von_mises", "strain_energy", "kinetic_energy"))
         ]
         parameters = [v for v in fmu.variables if v.get("causality") == "parameter"]
-        self.numbers = {int(v.get("valueReference")): float(v[0].get("start")) for v in parameters if v[0].tag == "Real"}
+        self.numbers = {
+            int(v.get("valueReference")): float(v[0].get("start")) for v in parameters if v[0].tag == "Real"
+        }
         self.least = {int(v.get("valueReference")): float(v[0].get("min")) for v in parameters if v[0].tag == "Real"}
         self.texts = {int(v.get("valueReference")): v[0].get("start") for v in parameters if v[0].tag == "String"}
         self.flags = {int(v.get("valueReference")): False for v in parameters if v[0].tag == "Boolean"}
@@ -157,7 +176,9 @@ class Player:
             assert bool(told) == (status >= DISCARD and self.logging[which]), (call.__name__, status, told)
         after = self.one.bytes()
         if status >= DISCARD and call != self.exit:
-            same = body.numbers_of(after) == body.numbers_of(before) if phase in RUNNING else after[HEAD:] == before[HEAD:]
+            same = (
+                body.numbers_of(after) == body.numbers_of(before) if phase in RUNNING else after[HEAD:] == before[HEAD:]
+            )
             assert same or call == self.get_values, f"{call.__name__}: a refused call has changed the state"
         if self.know.phase in READABLE:
             self.look()
@@ -189,7 +210,9 @@ class Player:
             assert all(values[body.outputs.index(n)] >= 0.0 for n in body.positive)
 
     def expect(self, allowed, status):
-        assert status in allowed, f"status {status}, expected one of {sorted(allowed)}, in phase {self.know.phase}; {self.body.fmu.log[-3:]}"
+        assert status in allowed, (
+            f"status {status}, expected one of {sorted(allowed)}, in phase {self.know.phase}; {self.body.fmu.log[-3:]}"
+        )
         return status
 
     def refused_unless(self, allowed, status):
@@ -242,7 +265,9 @@ class Player:
         fine = math.isfinite(size) and size >= 0.0 and math.isfinite(time) and math.isfinite(time + size)
         sure = fine and size <= CALM_STEP and know.sure(body)
         may_end = any(know.texts[n] == "terminate" for n in body.limit_actions)
-        self.expect({OK} if sure else {OK, DISCARD, *([body.refused] if may_end else [])} if fine else {DISCARD}, status)
+        self.expect(
+            {OK} if sure else {OK, DISCARD, *([body.refused] if may_end else [])} if fine else {DISCARD}, status
+        )
         know.phase = {OK: STEPPING, DISCARD: STEP_FAILED}.get(status, FAILED)
         if status == OK:
             know.calm = know.sure(body) and size <= CALM_STEP
@@ -340,7 +365,9 @@ class Player:
         name = self.random.choice(["SetReal", "GetReal", "SetString", "GetString", "SetInteger", "GetBoolean"])
         assert getattr(library, f"fmi2{name}")(None, one, c_size_t(1), None) == ERROR
         assert library.fmi2DoStep(None, c_double(0.0), c_double(1.0), 0) == ERROR
-        return self.expect({ERROR}, self.one._call(name, *self.random.choice([(None, c_size_t(1), None), (one, c_size_t(1), None)])))
+        return self.expect(
+            {ERROR}, self.one._call(name, *self.random.choice([(None, c_size_t(1), None), (one, c_size_t(1), None)]))
+        )
 
     def derivatives(self):
         """Derivatives of inputs."""
@@ -349,7 +376,9 @@ class Player:
         which, order = self.any_reference(), self.random.choice([1, 1, 1, 0, 2, -1])
         which = self.random.choice([which, *self.body.inputs])
         rate = self.random.choice([1.0, -20.0, 0.0, 1e308, math.nan])
-        status = self.one._call("SetRealInputDerivatives", (c_uint * 1)(which), c_size_t(1), (c_int * 1)(order), (c_double * 1)(rate))
+        status = self.one._call(
+            "SetRealInputDerivatives", (c_uint * 1)(which), c_size_t(1), (c_int * 1)(order), (c_double * 1)(rate)
+        )
         fine = which in self.body.inputs and order == 1 and self.know.phase in SETTABLE
         if fine:
             self.know.rates = True
@@ -366,7 +395,11 @@ class Player:
             "GetDirectionalDerivative", (c_uint * 2)(*unknown), c_size_t(2), (c_uint * 2)(*known), c_size_t(2),
             (c_double * 2)(1.0, -0.5), result,
         )  # fmt: skip
-        fine = set(unknown) <= set(self.body.motion) and set(known) <= set(self.body.inputs) and self.know.phase in READABLE
+        fine = (
+            set(unknown) <= set(self.body.motion)
+            and set(known) <= set(self.body.inputs)
+            and self.know.phase in READABLE
+        )
         if fine and self.know.phase in (INITIALIZING, FAILED):
             return self.expect({OK, ERROR}, status)
         assert status != OK or all(map(math.isfinite, result)), list(result)
@@ -383,7 +416,11 @@ class Player:
         return self.expect({ERROR} if self.know.phase not in AFTER_START else {OK} if offered else {DISCARD}, status)
 
     def cancel(self):
-        return self.expect({ERROR, DISCARD} if not self.body.native else {ERROR}, self.one._call("CancelStep")) if self.body.native else OK
+        return (
+            self.expect({ERROR, DISCARD} if not self.body.native else {ERROR}, self.one._call("CancelStep"))
+            if self.body.native
+            else OK
+        )
 
     def log(self):
         """Switch categories; all come back, so that lines can be counted."""
@@ -449,11 +486,20 @@ class Player:
         return OK
 
 
-WEIGHTS = {
-    "setup": 1, "enter": 2, "exit": 3, "terminate": 1, "reset": 1, "step": 12, "many": 2, "set_inputs": 10, "number": 2,
-    "text": 3, "flag": 1, "wrong_set": 2, "wrong_get": 2, "get_values": 1, "nothing": 1, "no_arrays": 1, "derivatives": 2,
-    "directional": 2, "statuses": 2, "cancel": 1, "log": 1, "save": 2, "restore": 3, "foreign": 1, "damaged": 2, "replay": 1,
-}  # fmt: skip
+# How often each call is made, those not named once.
+WEIGHTS = dict.fromkeys(
+    [
+        *("setup", "enter", "exit", "terminate", "reset", "step", "many", "set_inputs", "number", "text", "flag"),
+        *("wrong_set", "wrong_get", "get_values", "nothing", "no_arrays", "derivatives", "directional", "statuses"),
+        *("cancel", "log", "save", "restore", "foreign", "damaged", "replay"),
+    ],
+    1,
+)
+WEIGHTS |= {"step": 12, "set_inputs": 10, "exit": 3, "text": 3, "restore": 3}
+WEIGHTS |= dict.fromkeys(
+    ("enter", "many", "number", "wrong_set", "wrong_get", "derivatives", "directional", "statuses", "save", "damaged"),
+    2,
+)
 
 
 def main():
