@@ -3,20 +3,18 @@
 import numpy as np
 import pytest
 import scipy.integrate
-from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
-from flexfmu.runtime.slave import MODAL_FILE, BodySlave
 
+from driven import Driven
 from flexfmu.body import FlexibleBody
 from flexfmu.config import InputTable
-from flexfmu.fmu.variables import variable_table
-from flexfmu.loads import Loads
+from flexfmu.fmu.description import Runtime
+from flexfmu.methods import Method
 from flexfmu.model.errors import LoadError
-from flexfmu.model.modal_file import write_modal_file
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Stiffness
 from references import BEAM
 
 MASS = 7850.0 * 0.03**2
 STIFFNESS = 2e11 * 0.03**4 / 12.0
+WITH_OTHER_DATA = (Method.STIFFNESS_BY_LOAD, Method.STIFFNESS_BY_MODE, Method.FRAMES_STIFFNESS, Method.FLOATING_FRAME)
 
 
 def heavy_beam(bodies, **changes):
@@ -41,12 +39,11 @@ def test_weight_bends_the_beam_as_beam_theory_says(bodies):
     assert -found[1] == pytest.approx(MASS * 9.81 / (8.0 * STIFFNESS), rel=5e-3)
 
 
-@pytest.mark.parametrize("kinematics", list(Kinematics))
-def test_small_acceleration_gives_the_same_sag_for_all_kinematics(bodies, kinematics):
+@pytest.mark.parametrize("method", [method for method in Method if method not in WITH_OTHER_DATA])
+def test_small_acceleration_gives_the_same_sag_for_all_methods(bodies, method):
     reduction = bodies.config(BEAM).reduction.model_copy(update={"second_order": True})
     model = heavy_beam(bodies, reduction=reduction).model
-    linear = FlexibleBody(model, Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE))
-    body = FlexibleBody(model, Formulation(kinematics))
+    linear, body = FlexibleBody(model, Method.LINEAR), FlexibleBody(model, method)
     np.testing.assert_allclose(sag(body, [0, 1e-2, 2e-2]), sag(linear, [0, 1e-2, 2e-2]), rtol=1e-5, atol=1e-11)
 
 
@@ -94,20 +91,14 @@ def test_accelerated_supports_keep_the_energy_of_an_undamped_beam(bodies):
     assert min(motion) < 0.1 * max(motion)
 
 
-def test_fmu_takes_the_acceleration_as_input(bodies, tmp_path):
+@pytest.mark.parametrize("runtime", list(Runtime))
+def test_fmu_takes_the_acceleration_as_input(bodies, tmp_path, runtime):
     body = heavy_beam(bodies, frames=4)
-    write_modal_file(body.model, tmp_path / MODAL_FILE)
-    slave = BodySlave(instance_name="heavy", resources=str(tmp_path))
-    table = variable_table(body.model)
-    reference = {variable.name: number for number, variable in enumerate(table)}
-    assert table[reference["body.acceleration.y"]].unit == "m/s2"
-    slave.set_string([reference["initialization"]], ["static"])
-    slave.set_real([reference["body.acceleration.y"], reference["tip.force.z"]], [9.81, 100.0])
-    slave.enter_initialization_mode()
-    slave.exit_initialization_mode()
-    found = slave.get_real([reference[f"tip.displacement.{axis}"] for axis in "xyz"])
+    start = {"initialization": "static", "body.acceleration.y": 9.81, "tip.force.z": 100.0}
+    driven = Driven(body.model, tmp_path, runtime, **start)
+    assert driven.table["body.acceleration.y"][1].unit == "m/s2"
     expected = body.static(body.loads({"tip": [0.0, 0.0, 100.0]}, [0.0, 9.81, 0.0]))
-    np.testing.assert_allclose(found, body.response(expected).displacement[0], rtol=1e-12)
+    np.testing.assert_allclose(driven.motion("tip")[:3], body.response(expected).displacement[0], rtol=1e-12)
 
 
 def test_acceleration_of_a_body_without_masses_is_refused(bodies):
@@ -115,15 +106,13 @@ def test_acceleration_of_a_body_without_masses_is_refused(bodies):
         bodies.beam().loads({}, [0.0, 9.81, 0.0])
 
 
-@pytest.mark.parametrize("loads", [LoadPlacement.REFERENCE, LoadPlacement.DEFORMED])
-def test_stiffness_by_load_lets_a_column_buckle_under_its_own_weight(bodies, loads):
+@pytest.mark.parametrize("method", [Method.STIFFNESS_BY_LOAD, Method.FRAMES_STIFFNESS])
+def test_stiffness_by_load_lets_a_column_buckle_under_its_own_weight(bodies, method):
     """Critical weight w L³ = 7.837 EI of a clamped column, A. G. Greenhill 1881."""
     reduction = bodies.config(BEAM).reduction.model_copy(update={"geometric_stiffness": ["by_load"]})
-    body = heavy_beam(bodies, reduction=reduction, frames=4).model
-    dynamics = build_dynamics(body, Formulation(loads=loads, stiffness=Stiffness.BY_LOAD))
-    at_rest = configuration_at(dynamics, np.zeros(body.mode_count))
+    body = FlexibleBody(heavy_beam(bodies, reduction=reduction, frames=4).model, method)
     critical = 7.837 * STIFFNESS / MASS
     for share, stable in ((0.97, True), (1.03, False)):
-        weight = Loads(np.zeros((1, 3)), np.zeros((1, 3)), np.array([share * critical, 0.0, 0.0]))
-        tangent = tangent_stiffness(dynamics, spread(dynamics, weight), at_rest)
+        weight = body.loads({}, [share * critical, 0.0, 0.0])
+        tangent = body.tangent(body.rest(), weight.packed(True))
         assert (np.linalg.eigvalsh(0.5 * (tangent + tangent.T))[0] > 0.0) == stable

@@ -20,8 +20,11 @@ from lxml import etree
 
 from bodies import beam_body, random_body
 from flexfmu.config import Basis, InputTable, OutputTable, StressTable
+from flexfmu.core.building import TARGETS, this_platform
+from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Masses, Stiffness, StressSet
+from flexfmu.methods import Method
+from flexfmu.model.reduced_body import Masses, StressSet
 from references import BEAM
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"
@@ -65,7 +68,11 @@ C_KEYWORDS = re.compile(
     "auto|break|case|char|const|continue|default|do|double|else|enum|extern|float|for|goto|if|int|long|register|return|"
     "short|signed|sizeof|static|struct|switch|typedef|union|unsigned|void|volatile|while"
 )
-PLATFORMS = {"linux64": ".so", "win64": ".dll"}
+# Of pythonfmu's library, and of a core that was compiled here.
+PLATFORMS = {
+    Runtime.PYTHON: {"linux64": ".so", "win64": ".dll"},
+    Runtime.NATIVE: {this_platform(): TARGETS[this_platform()][1]},
+}
 KINDS = [
     "without frames",
     "one frame",
@@ -104,7 +111,7 @@ def synthetic(kind):
         changes["compliance_interfaces"] = ("port_0", "port_2")
     if kind in ("geometric stiffness", "everything"):
         changes["stiffness_by_mode"] = np.zeros((4, 4, 4))
-        changes["formulation"] = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE)
+        changes["method"] = Method.STIFFNESS_BY_MODE
     return replace(body, **changes)
 
 
@@ -128,11 +135,17 @@ def make(bodies):
     return build
 
 
+@pytest.fixture(scope="module", params=list(Runtime), ids=lambda runtime: runtime.value)
+def runtime(request):
+    """Each export."""
+    return request.param
+
+
 @pytest.fixture(scope="module", params=KINDS)
-def fmu(request, make, tmp_path_factory):
-    """Path of an FMU of each kind."""
+def fmu(request, make, runtime, tmp_path_factory):
+    """Path of an FMU of each kind and export."""
     path = tmp_path_factory.mktemp("kinds") / "body.fmu"
-    package_fmu(make(request.param), path)
+    package_fmu(make(request.param), path, runtime)
     return path
 
 
@@ -218,7 +231,7 @@ def test_log_categories_are_standardised_and_different(root):
 # Section 4.3.1, co-simulation.
 
 
-def test_the_capabilities_are_those_that_are_there(root):
+def test_the_capabilities_are_those_that_are_there(root, runtime):
     interface = root.find("CoSimulation")
     assert root.find("ModelExchange") is None
     flags = {
@@ -229,21 +242,23 @@ def test_the_capabilities_are_those_that_are_there(root):
         "canBeInstantiatedOnlyOncePerProcess": "false",
     }
     assert {name: interface.get(name) for name in flags} == flags
-    # What pythonfmu's library does not offer is not promised.
-    for name in ("canInterpolateInputs", "canRunAsynchronuously", "providesDirectionalDerivative"):
-        assert interface.get(name, "false") == "false"
+    # What pythonfmu's library does not hand on is not promised.
+    handed_on = "true" if runtime is Runtime.NATIVE else "false"
+    for name in ("canInterpolateInputs", "providesDirectionalDerivative"):
+        assert interface.get(name, "false") == handed_on
+    assert interface.get("canRunAsynchronuously", "false") == "false"
     assert interface.get("maxOutputDerivativeOrder", "0") == "0"
     # Whoever can serialise states can get and set them.
     assert interface.get("canGetAndSetFMUstate") == "true" or interface.get("canSerializeFMUstate") != "true"
 
 
-def test_the_model_identifier_is_a_name_in_c_and_that_of_the_binaries(fmu, root):
+def test_the_model_identifier_is_a_name_in_c_and_that_of_the_binaries(fmu, root, runtime):
     identifier = root.find("CoSimulation").get("modelIdentifier")
     assert re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier)
     assert not C_KEYWORDS.fullmatch(identifier)
     with zipfile.ZipFile(fmu) as archive:
         binaries = {name for name in archive.namelist() if name.startswith("binaries/")}
-    assert binaries == {f"binaries/{platform}/{identifier}{ending}" for platform, ending in PLATFORMS.items()}
+    assert binaries == {f"binaries/{platform}/{identifier}{ending}" for platform, ending in PLATFORMS[runtime].items()}
 
 
 # Section 2.2.2 and 2.2.3, units.

@@ -111,7 +111,7 @@ def test_another_body_gives_another_package_name_and_guid(tmp_path, beam, runtim
 
 
 def test_another_core_gives_another_package_name_and_guid(tmp_path, beam, runtime, monkeypatch):
-    def altered(platforms, report):
+    def altered(platforms, _report):
         return {name: data + b"\0" for name, data in core_binaries(platforms).items()}
 
     monkeypatch.setattr("flexfmu.fmu.package.core_binaries", altered)

@@ -10,9 +10,9 @@ import pytest
 from flexfmu.build import reduce_body
 from flexfmu.config import Basis, FrameTable, InterfaceTable, read_body_file
 from flexfmu.errors import BodyFileError, OutputError, PackagingError, SimulationError
+from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.fmu.simulation import read_table, simulate, simulate_csv
-from flexfmu.model.errors import ModalFileError
 from flexfmu.pipeline import build_fmu
 from flexfmu.progress import Reporter
 from references import BEAM
@@ -92,11 +92,11 @@ def test_too_many_modes_for_the_mesh_are_refused_in_words():
         build(reduction=reduction)
 
 
-@pytest.fixture(scope="module")
-def fmu(tmp_path_factory):
-    """The beam's FMU; it is not run in this process."""
+@pytest.fixture(scope="module", params=list(Runtime), ids=lambda runtime: runtime.value)
+def fmu(request, tmp_path_factory):
+    """The beam's FMU of each export; it is not run in this process."""
     path = tmp_path_factory.mktemp("fmu") / "beam.fmu"
-    package_fmu(build()[0], path)
+    package_fmu(build()[0], path, request.param)
     return path
 
 

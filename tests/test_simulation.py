@@ -11,6 +11,7 @@ import pytest
 from bodies import beam_body
 from flexfmu.body import FlexibleBody
 from flexfmu.errors import OutputError, SimulationError
+from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.simulation import parse_parameters, read_table, write_table
 
@@ -22,10 +23,11 @@ def table(path, text):
     return path
 
 
-@pytest.fixture(scope="module")
-def fmu(tmp_path_factory):
+@pytest.fixture(scope="module", params=list(Runtime), ids=lambda runtime: runtime.value)
+def fmu(request, tmp_path_factory):
+    """The beam's FMU of each export."""
     path = tmp_path_factory.mktemp("fmu") / "beam.fmu"
-    package_fmu(beam_body(2, modes=2), path)
+    package_fmu(beam_body(2, modes=2), path, request.param)
     return path
 
 

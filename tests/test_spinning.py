@@ -9,7 +9,7 @@ from bodies import clamped_free_roots, clamped_free_shapes
 from driven import Driven
 from flexfmu.build import reduce_body
 from flexfmu.mesh.model import ElementType
-from flexfmu.methods import Mass
+from flexfmu.methods import Mass, Method
 from flexfmu.progress import Reporter
 from flexfmu.rotations import exponential
 from meshes import STEEL, body_file, box, with_sets
@@ -167,7 +167,7 @@ def test_a_spin_beyond_the_limit_is_refused_on_request(tmp_path, hinged):
 def test_what_knows_the_deformed_body_s_mass_is_not_told(tmp_path):
     mesh = box(ElementType.C3D20, (4, 2, 1), BLOCK)
     model = reduced(mesh, tmp_path, [], inertia=True)
-    model = replace(model, mass=Mass.CONFIGURATION)
+    model = replace(model, method=Method.FRAMES, mass=Mass.CONFIGURATION)
     driven, told, momenta = turned(tmp_path, model, [0.1, 0.15, 0.3], end=0.8, step=0.01)
     assert driven.log == []
     assert np.max(told) == 0.0

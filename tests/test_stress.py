@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from flexfmu.runtime.slave import MODAL_FILE, BodySlave
 
+from driven import Driven
 from flexfmu.body import FlexibleBody
 from flexfmu.config import StressTable
 from flexfmu.fe.stress import point_stress
-from flexfmu.fmu.variables import variable_table
+from flexfmu.fmu.description import Runtime
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.units import UnitSystem
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
@@ -77,17 +77,13 @@ def test_von_mises_stress_of_tension_and_torsion(beam):
     assert shear > 1e6
 
 
-def test_fmu_gives_the_largest_von_mises_stress(beam, tmp_path):
-    write_modal_file(beam.model, tmp_path / MODAL_FILE)
-    read = read_modal_file(tmp_path / MODAL_FILE)
+@pytest.mark.parametrize("runtime", list(Runtime))
+def test_fmu_gives_the_largest_von_mises_stress(beam, tmp_path, runtime):
+    write_modal_file(beam.model, tmp_path / "modal.h5")
+    read = read_modal_file(tmp_path / "modal.h5")
     np.testing.assert_array_equal(read.stress_sets[0].stress, beam.model.stress_sets[0].stress)
-    slave = BodySlave(instance_name="beam", resources=str(tmp_path))
-    table = variable_table(read)
-    reference = {variable.name: number for number, variable in enumerate(table)}
-    assert table[reference["everywhere.von_mises"]].unit == "Pa"
-    slave.set_string([reference["initialization"]], ["static"])
-    slave.set_real([reference["tip.force.y"]], [1e3])
-    slave.exit_initialization_mode()
+    driven = Driven(read, tmp_path, runtime, **{"initialization": "static", "tip.force.y": 1e3})
+    assert driven.table["everywhere.von_mises"][1].unit == "Pa"
     expected = beam.von_mises(beam.static({"tip": [0.0, 1e3, 0.0]}))
     assert expected[0] > 1e8
-    np.testing.assert_allclose(slave.get_real([reference["everywhere.von_mises"]]), expected, rtol=1e-12)
+    np.testing.assert_allclose(driven.get("everywhere.von_mises"), expected, rtol=1e-12)

@@ -12,17 +12,16 @@ import numpy as np
 from demo.curved.make_mesh import HERE, LINES
 from numpy.typing import NDArray
 
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import MeshTable, read_body_file
+from flexfmu.methods import Method
+from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.progress import Reporter
-from flexfmu.body import FlexibleBody
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, ReducedBody
 
 FloatArray = NDArray[np.float64]
 DEMO = HERE.parent
 FRAMES = (1, 2, 4)
-LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
-COROTATED, SECOND = Formulation(Kinematics.COROTATED), Formulation(Kinematics.SECOND_ORDER)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +52,10 @@ class Case:
         changes = {"frames": frames, "mesh": MeshTable(file=self.mesh), "reduction": table}
         return reduce_body(config.model_copy(update=changes), Reporter())
 
-    def error(self, body: ReducedBody, formulation: Formulation, row: int = -1) -> float:
+    def error(self, body: ReducedBody, method: Method, row: int = -1) -> float:
         """Error of the tip's displacement, of CalculiX's."""
         forces, moved = self.rows()
-        model = FlexibleBody(body, formulation)
+        model = FlexibleBody(body, method)
         found = model.response(model.static({"tip": list(forces[row])})).displacement[0]
         return float(np.linalg.norm(found - moved[row]) / np.linalg.norm(moved[row]))
 
@@ -95,8 +94,8 @@ def main() -> None:
     )
     for case in CASES:
         bodies = [case.reduced(frames) for frames in FRAMES]
-        errors = [case.error(bodies[0], LINEAR)]
-        errors += [case.error(body, formulation) for formulation in (COROTATED, SECOND) for body in bodies]
+        errors = [case.error(bodies[0], Method.LINEAR)]
+        errors += [case.error(body, method) for method in (Method.FRAMES, Method.SECOND_ORDER) for body in bodies]
         size = np.linalg.norm(case.rows()[1][-1])
         print(f"| {case.title} ({size:.2f}) | " + " | ".join(map(percent, errors)) + " |", flush=True)
     print(
@@ -109,7 +108,7 @@ def main() -> None:
         case = bar(name)
         for frames in (1, 2, 3, 4, 5, 6, 8):
             body = case.reduced(frames)
-            cells = [case.error(body, formulation, row) for formulation in (SECOND, COROTATED) for row in (3, 5, 10)]
+            cells = [case.error(body, m, row) for m in (Method.SECOND_ORDER, Method.FRAMES) for row in (3, 5, 10)]
             print(f"| {case.title} | {frames} | " + " | ".join(map(percent, cells)) + " |", flush=True)
 
 

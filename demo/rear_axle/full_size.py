@@ -33,6 +33,7 @@ from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import FormulationTable, MeshTable, read_body_file
 from flexfmu.fmu.package import package_fmu
+from flexfmu.methods import Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.progress import Reporter
 from flexfmu.store import Store
@@ -105,7 +106,7 @@ def build(deck: Path, folder: Path, name: str, frames: int | None, cut: bool = F
     config = read_body_file(HERE / "body.toml").model_copy(update={"mesh": MeshTable(file=deck)})
     if not cut:
         # What the loop is off by, the second order does not mend.
-        config = config.model_copy(update={"cut": [], "formulation": FormulationTable(kinematics=Kinematics.COROTATED)})
+        config = config.model_copy(update={"cut": [], "formulation": FormulationTable(method=Method.FRAMES)})
     if frames is not None:
         config = config.model_copy(update={"frame": [], "frames": frames})
     body = reduce_body(config, report, Store(folder / "store"))

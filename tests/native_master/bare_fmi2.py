@@ -46,7 +46,7 @@ class Callbacks(Structure):
 class Fmu:
     """An unpacked FMU with its library loaded; lines that instances log are in `log`."""
 
-    def __init__(self, path):
+    def __init__(self, path, library=None):
         self.folder = Path(tempfile.mkdtemp(prefix="fmu-"))
         with zipfile.ZipFile(path) as archive:
             archive.extractall(self.folder)
@@ -56,7 +56,10 @@ class Fmu:
         self.reference = {v.get("name"): int(v.get("valueReference")) for v in self.variables}
         identifier = root.find("CoSimulation").get("modelIdentifier")
         platform, ending = ("win64", "dll") if sys.platform == "win32" else ("linux64", "so")
-        self.library = CDLL(str(self.folder / "binaries" / platform / f"{identifier}.{ending}"))
+        own = self.folder / "binaries" / platform / f"{identifier}.{ending}"
+        if library:
+            shutil.copyfile(library, own)
+        self.library = CDLL(str(own))
         self.library.fmi2Instantiate.restype = c_void_p
         self.log = []
 

@@ -1,533 +1,531 @@
 """Random sequences of FMI calls against a small model of what each must answer.
 
-    python fuzz_worker.py FOLDER SEED CASES [OPEN,…]     run cases; prints "CASES n CALLS m" and "FINE" at the end
-    python fuzz_worker.py FOLDER "[('step', 0, 0.0, 0.001), …]"    run one again
+    python fuzz_worker.py FMU TWIN SEED CALLS [--library CORE] [--refused 4] [--case N]
 
-FOLDER holds the FMUs body.fmu, other.fmu (another number of modes) and twin.fmu (another body with states of the same
-size). The case that is under way stands in FOLDER/SEED.txt: what was being done when the process ended early. Defects
-that are named as open are steered around.
+FMU is an archive of either export, TWIN another body's with states of the same size. CORE takes the place of the
+library in the archive: one that was compiled with sanitizers. Calls that are refused return 3 (fmi2Error) from the
+native export and 4 from pythonfmu's library. Prints "CALLS n" and "FINE" at the end; the case that is under way stands
+beside the archive in SEED.txt and can be run again by --case.
 """
 
+import argparse
 import faulthandler
 import math
 import os
+import random
 import re
 import sys
 from collections import Counter
+from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint
 from pathlib import Path
-from typing import ClassVar
 
-from bare_fmi2 import DISCARD, ERROR, FATAL, OK, WARNING, Fmu
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from hypothesis import strategies as st
+from bare_fmi2 import DISCARD, ERROR, OK, WARNING, Fmu
 
-MODERATE_LOAD, MODERATE_STEP = 10.0, 0.1
-HUGE = [1e12, -1e60, 1e160, 1e300, -1.7976931348623157e308]
+INSTANTIATED, INITIALIZING, STEPPING, STEP_FAILED, TERMINATED, FAILED = range(6)
+READABLE = (INITIALIZING, STEPPING, STEP_FAILED, TERMINATED, FAILED)
+SETTABLE = (INSTANTIATED, INITIALIZING, STEPPING, STEP_FAILED)
+FIXABLE = (INSTANTIATED, INITIALIZING)
+RUNNING = (STEPPING, STEP_FAILED)
+AFTER_START = (STEPPING, STEP_FAILED, TERMINATED, FAILED)
+CALM_LOAD, CALM_STEP = 2.0, 1e-2
+LOADS = [
+    0.0,
+    -0.0,
+    1.0,
+    -2.0,
+    0.3,
+    1.5,
+    -0.7,
+    2.0,
+    1e-3,
+    5e-324,
+    1e6,
+    1e12,
+    -1e60,
+    1e160,
+    1e300,
+    -1.7976931348623157e308,
+]
 WRONG = [math.nan, math.inf, -math.inf]
-NO_REFERENCES = [9999, 2**31 - 1]
-BEYOND_INT = [2**31, 2**32 - 1000, 2**32 - 1]
-OPEN = set()
-# The one value that is found from the inputs, too.
-STABILITY = "diagnostics.stability"
-# Values of status.code besides that of a refused call, 1.
-SOUND, LIMIT_PASSED = 0, 2
-COUNTS = Counter()
-CASES_PER_INSTANCE = 20
-# Mark, owner and checksum before a state's numbers, bytes.
-HEADER = 48
+STEPS = [1e-3, 1e-3, 1e-3, 1e-4, 1e-2, 5e-3, 0.1, 0.0, 1e-12, 5e-324, 1.0, 1e300, -1e-3, *WRONG]
+TIMES = [0.0, 0.0, 0.0, 0.5, -1.0, 1e300, *WRONG]
+NUMBERS = [1.0, 1.0, 0.0, 0.5, 1e-3, 1e-6, 5e-324, 3.0, -1.0, 1e300, *WRONG]
+CATEGORIES = ["logAll", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "nonsense", ""]
+# Heads before a state's numbers, bytes; of the export for Python the same.
+HEAD = 64
+# So that a fault shows near the calls that led to it.
+CALLS_PER_CASE = 40
 
 
-class Prediction:
-    """What the standard and docs/fmu-variables.md say of an instance."""
+class Body:
+    """What is known of an FMU from its description."""
 
-    def __init__(self, fmu):
-        self.inputs = dict.fromkeys(fmu.references("Real", "input"), 0.0)
-        self.parameters = {fmu.reference[name]: value for name, value in NUMBERS.items()}
-        self.texts = {fmu.reference[name]: value for name, value in TEXTS.items()}
-        self.running = self.started = False
-        self.code = 0
-        # No load or step beyond reason so far: steps must succeed.
-        self.calm = True
+    def __init__(self, path, twin, library, refused):
+        self.fmu, self.refused = Fmu(path, library), refused
+        self.native = refused == ERROR
+        fmu = self.fmu
+        self.inputs = fmu.references("Real", "input")
+        self.outputs = fmu.references("Real", "output") + fmu.references("Real", "local")
+        self.motion = [n for name, n in fmu.reference.items() if re.search(r"\.(displacement|rotation)\.[xyz]$", name)]
+        self.positive = [
+            n for name, n in fmu.reference.items() if name.endswith(("von_mises", "strain_energy", "kinetic_energy"))
+        ]
+        parameters = [v for v in fmu.variables if v.get("causality") == "parameter"]
+        self.numbers = {
+            int(v.get("valueReference")): float(v[0].get("start")) for v in parameters if v[0].tag == "Real"
+        }
+        self.least = {int(v.get("valueReference")): float(v[0].get("min")) for v in parameters if v[0].tag == "Real"}
+        self.texts = {int(v.get("valueReference")): v[0].get("start") for v in parameters if v[0].tag == "String"}
+        self.flags = {int(v.get("valueReference")): False for v in parameters if v[0].tag == "Boolean"}
+        # The description ends with what is offered.
+        self.offered = {
+            int(v.get("valueReference")): re.findall(r'"([^"]*)"', v.get("description"))
+            for v in parameters
+            if v[0].tag == "String"
+        }
+        self.type = {int(v.get("valueReference")): v[0].tag for v in fmu.variables}
+        self.settable = {*self.inputs, *self.numbers, *self.texts, *self.flags}
+        self.status = fmu.reference["status.code"]
+        self.limit_actions = [n for name, n in fmu.reference.items() if name.endswith(".on_limit")]
+        one = fmu.instantiate("first")
+        self.fresh = one.bytes()
+        one.start()
+        before = one.bytes()
+        one.step(0.0, -1.0)
+        places = [k for k, (a, b) in enumerate(zip(before, one.bytes(), strict=True)) if a != b and k >= HEAD]
+        self.slot = places[0] // 8 * 8
+        assert places[-1] < self.slot + 8
+        one.free()
+        stranger = Fmu(twin, library).instantiate("stranger")
+        self.foreign = stranger.bytes()
+        fmu.log.clear()
+
+    def numbers_of(self, block):
+        """A state without heads and status code."""
+        return block[HEAD : self.slot] + block[self.slot + 8 :]
+
+
+class Expected:
+    """What an instance must answer."""
+
+    def __init__(self, body):
+        self.phase, self.code, self.calm = INSTANTIATED, 0, True
+        self.inputs = dict.fromkeys(body.inputs, 0.0)
+        self.rates = False
+        self.numbers, self.texts, self.flags = dict(body.numbers), dict(body.texts), dict(body.flags)
 
     def copy(self):
-        other = object.__new__(Prediction)
+        other = object.__new__(Expected)
         other.__dict__ = {k: dict(v) if isinstance(v, dict) else v for k, v in self.__dict__.items()}
         return other
 
-    def start(self, fmu):
-        """Statuses with which the start can end: of FMI calls but steps."""
-        values = {name: self.parameters[fmu.reference[name]] for name in NUMBERS}
-        texts = {name: self.texts[fmu.reference[name]] for name in TEXTS}
-        sound = {name: math.isfinite(value) and value >= 0.0 for name, value in values.items()}
-        sound["internal_step.tolerance"] &= values["internal_step.tolerance"] > 0.0
-        if not all(sound[name] for name in ("damping.scale", "internal_step.limit", "internal_step.tolerance")):
-            return {FATAL}
-        if texts["formulation.stiffness"] != "constant" or texts["formulation.kinematics"] == "second_order":
-            # There are no data for them.
-            return {FATAL}
-        if self.started:
-            return {OK}
-        known = ("formulation.kinematics", "formulation.loads", "formulation.stiffness")
-        if any(texts[n] != TEXTS[n] for n in TEXTS if n.startswith("formulation.") and n not in known):
-            return {OK, FATAL}
-        if texts["initialization"] != "rest":
-            return {OK, FATAL} if all(math.isfinite(v) for v in self.inputs.values()) else {FATAL}
-        # What is watched for may be refused from the start or not.
-        return {OK} if all(sound.values()) else {OK, FATAL}
-
-    def step(self, fmu, time, size):
-        """Statuses with which a step can end."""
-        if not (math.isfinite(time) and math.isfinite(size) and size >= 0.0):
-            return {DISCARD}
-        if not all(math.isfinite(v) for v in self.inputs.values()):
-            return {DISCARD}
-        start = self.start(fmu)
-        if start == {FATAL}:
-            return {DISCARD}
-        if size == 0.0 and start == {OK}:
-            return {OK}
-        watched = {n: v for n, v in self.texts.items() if n in {fmu.reference[w] for w in TEXTS if ".on_" in w}}
-        if "terminate" in watched.values():
-            return {OK, DISCARD, FATAL}
-        sure = self.moderate(fmu, size) and start == {OK} and "discard" not in watched.values()
-        return {OK} if sure else {OK, DISCARD}
-
-    def moderate(self, fmu, size):
-        limit = self.parameters[fmu.reference["internal_step.limit"]]
+    def sure(self, body):
+        """Whether a start and calm steps must succeed: nothing is set that could refuse them."""
         return (
-            self.calm
-            and all(abs(v) <= MODERATE_LOAD for v in self.inputs.values())
-            and size <= MODERATE_STEP
-            and self.parameters[fmu.reference["damping.scale"]] <= 10.0
-            and self.parameters[fmu.reference["internal_step.tolerance"]] >= 1e-8
-            and (limit == 0.0 or size / limit <= 1e3)
+            (self.numbers, self.texts, self.flags) == (body.numbers, body.texts, body.flags)
+            and all(abs(value) <= CALM_LOAD for value in self.inputs.values())
+            and self.calm
+            and not self.rates
         )
+
+    def wrong(self, body):
+        """Whether a parameter is out of range, so that no start can succeed."""
+        return any(not (math.isfinite(v) and v >= body.least[n]) for n, v in self.numbers.items())
 
 
 class Player:
-    """Instances of one case, with their predictions and saved states."""
+    """Two instances of a body, and random calls of either."""
 
-    # Instantiation takes most of a case's time: the fresh state takes instances back to where they began.
-    pool: ClassVar[list] = []
-    uses: ClassVar[Counter] = Counter()
-
-    def __init__(self):
-        if not self.pool:
-            self.pool += [BODY.instantiate(f"case_{k}") for k in range(2)]
-        self.instances = [self.pool.pop() for _ in range(2)]
-        self.predictions = [Prediction(BODY) for _ in range(2)]
+    def __init__(self, body, seed, counts):
+        self.body, self.random, self.counts = body, random.Random(seed), counts
+        self.pair = [body.fmu.instantiate(f"case_{k}") for k in range(2)]
+        assert all(self.pair)
+        self.expected = [Expected(body) for _ in self.pair]
         self.logging = [True, True]
         self.saved = []
-        self.last_time = [math.nan, math.nan]
+        self.calls = [getattr(self, name) for name, weight in WEIGHTS.items() for _ in range(weight)]
+        if self.random.random() < 0.6:
+            for self.which in (0, 1):
+                if self.random.random() < 0.5:
+                    self.play(self.text)
+                for call in (self.setup, self.enter, self.exit):
+                    self.play(call)
 
     def close(self):
-        for _, block_state, _ in self.saved:
-            assert self.instances[0].free_state(block_state) == OK
-        for instance in self.instances:
-            assert instance.set_bytes(FRESH) == OK
-            assert instance.logging(True) == OK
-            self.uses[instance] += 1
-            if self.uses[instance] < CASES_PER_INSTANCE:
-                self.pool.append(instance)
-            else:
-                del self.uses[instance]
-                instance.free()
+        for _, state, _ in self.saved:
+            assert self.pair[0].free_state(state) == OK
+        for instance in self.pair:
+            instance.free()
 
-    def play(self, operations):
-        for name, which, *arguments in operations:
-            COUNTS[name] += 1
-            self.instance, self.prediction, self.which = self.instances[which], self.predictions[which], which
-            before, lines = self.instance.bytes(), len(BODY.log)
-            status = getattr(self, name)(*arguments)
-            self.check(name, status, before, BODY.log[lines:])
+    def run(self, count):
+        for _ in range(count):
+            self.which = self.random.randrange(2)
+            self.play(self.random.choice(self.calls))
 
-    def check(self, name, status, before, lines):
-        """What holds after every call."""
-        instance, prediction = self.instance, self.prediction
-        if status >= DISCARD:
-            prediction.code = 1 if name != "unsupported" else prediction.code
-            same_state(instance, before)
-        own = [line for line in lines if line[0] >= DISCARD]
-        assert bool(own) == (status >= DISCARD and self.logging[self.which]), (name, status, lines)
-        code, values = instance.get_integer([BODY.reference["status.code"]])
-        if name == "step" and status == OK and prediction.code == SOUND and values == [LIMIT_PASSED]:
-            prediction.code = LIMIT_PASSED
-        assert (code, values) == (OK, [prediction.code]), (name, status, values)
-        finite_outputs(instance, prediction)
-        references = [*prediction.inputs, *prediction.parameters]
-        status, values = instance.get_real(references)
+    def play(self, call):
+        """One call, and what holds after every one."""
+        body, which = self.body, self.which
+        self.one, self.know = self.pair[which], self.expected[which]
+        self.counts[call.__name__] += 1
+        before, lines, phase = self.one.bytes(), len(body.fmu.log), self.know.phase
+        status = call()
+        self.know = self.expected[which]
+        told = [line for line in body.fmu.log[lines:] if line[0] >= DISCARD]
+        assert all(line[2].strip() for line in told)
+        if call not in (self.many, self.replay):
+            assert bool(told) == (status >= DISCARD and self.logging[which]), (call.__name__, status, told)
+        after = self.one.bytes()
+        if status >= DISCARD and call != self.exit:
+            same = (
+                body.numbers_of(after) == body.numbers_of(before) if phase in RUNNING else after[HEAD:] == before[HEAD:]
+            )
+            assert same or call == self.get_values, f"{call.__name__}: a refused call has changed the state"
+        if self.know.phase in READABLE:
+            self.look()
+        body.fmu.log.clear()
+
+    def look(self):
+        """Values read back are those set; outputs are finite, and make sense."""
+        body, know, one = self.body, self.know, self.one
+        given = {**know.inputs, **know.numbers}
+        status, values = one.get_real(list(given))
         assert status == OK
-        expected = [*prediction.inputs.values(), *prediction.parameters.values()]
-        assert all(a == b or (a != a and b != b) for a, b in zip(values, expected, strict=True)), (name, values)
-        assert instance.get_string(list(prediction.texts)) == (OK, list(prediction.texts.values()))
+        for value, (number, expected) in zip(values, given.items(), strict=True):
+            free = know.rates and number in know.inputs
+            assert free or value == expected or value != value, (number, value, expected)
+        assert one.get_string(list(know.texts)) == (OK, list(know.texts.values()))
+        if know.flags:
+            assert one.get_boolean(list(know.flags)) == (OK, [int(flag) for flag in know.flags.values()])
+        status, (code,) = one.get_integer([body.status])
+        assert status == OK
+        assert code in (0, 1, 2)
+        status, values = one.get_real(body.outputs)
+        assert status == OK or know.phase in (INITIALIZING, FAILED), status
+        if status == OK:
+            assert all(map(math.isfinite, values)), [
+                (name, values[body.outputs.index(n)])
+                for name, n in body.fmu.reference.items()
+                if n in body.outputs and not math.isfinite(values[body.outputs.index(n)])
+            ]
+            assert all(values[body.outputs.index(n)] >= 0.0 for n in body.positive)
 
-    # Life cycle: pythonfmu's library lets every order pass.
+    def expect(self, allowed, status):
+        assert status in allowed, (
+            f"status {status}, expected one of {sorted(allowed)}, in phase {self.know.phase}; {self.body.fmu.log[-3:]}"
+        )
+        return status
 
-    def setup(self, start, stop, tolerance):
-        return expect({OK}, self.instance.setup(start, stop, tolerance))
+    def refused_unless(self, allowed, status):
+        """OK where a call is allowed, else refused."""
+        return self.expect({OK} if allowed else {self.body.refused}, status)
+
+    # Life cycle.
+
+    def setup(self):
+        start, stop = self.random.choice(TIMES), self.random.choice([None, *TIMES])
+        tolerance = self.random.choice([None, 1e-4]) if not self.body.native else self.random.choice([None, *NUMBERS])
+        fine = math.isfinite(start) and (stop is None or stop >= start) and (tolerance is None or tolerance > 0.0)
+        if not self.body.native:
+            # The library drops what is not given by zeros.
+            start, stop, fine = 0.0, None, True
+        return self.refused_unless(fine and self.know.phase == INSTANTIATED, self.one.setup(start, stop, tolerance))
 
     def enter(self):
-        return expect({OK}, self.instance.enter())
+        status = self.refused_unless(self.know.phase == INSTANTIATED, self.one.enter())
+        if status == OK:
+            self.know.phase = INITIALIZING
+        return status
 
     def exit(self):
-        status = expect(self.prediction.start(BODY), self.instance.exit())
-        if status == OK:
-            self.prediction.running = self.prediction.started = True
+        know, status = self.know, self.one.exit()
+        if know.phase != INITIALIZING:
+            return self.expect({self.body.refused}, status)
+        sure = know.sure(self.body)
+        self.expect({OK} if sure else {self.body.refused} if know.wrong(self.body) else {OK, self.body.refused}, status)
+        know.phase = STEPPING if status == OK else FAILED
         return status
 
     def terminate(self):
-        return expect({OK}, self.instance.terminate())
+        status = self.refused_unless(self.know.phase in RUNNING, self.one.terminate())
+        if status == OK:
+            self.know.phase = TERMINATED
+        return status
 
     def reset(self):
-        status = expect({OK}, self.instance.reset())
-        self.predictions[self.which] = self.prediction = Prediction(BODY)
-        assert self.instance.bytes() == FRESH
+        status = self.expect({OK}, self.one.reset())
+        self.expected[self.which] = Expected(self.body)
+        assert self.one.bytes() == self.body.fresh
         return status
 
-    def log(self, on, categories):
-        status = expect({OK}, self.instance.logging(on, categories))
-        self.logging[self.which] = bool(on) and not categories
-        if on and categories:
-            # Which lines pass is a matter of their categories: back to all of them or none.
-            self.instance.logging(True)
-            self.logging[self.which] = True
-        return status
-
-    def unsupported(self):
-        found = self.instance.unsupported()
-        assert all(status in (DISCARD, ERROR) for name, status in found.items() if name != "GetBooleanStatus"), found
-        return max(found.values())
-
-    def step(self, time, size):
-        prediction = self.prediction
-        status = expect(prediction.step(BODY, time, size), self.instance.step(time, size))
+    def step(self):
+        know, body, size, time = self.know, self.body, self.random.choice(STEPS), self.random.choice(TIMES)
+        status = self.one.step(time, size)
+        if know.phase not in RUNNING:
+            return self.expect({body.refused}, status)
+        fine = math.isfinite(size) and size >= 0.0 and math.isfinite(time) and math.isfinite(time + size)
+        sure = fine and size <= CALM_STEP and know.sure(body)
+        may_end = any(know.texts[n] == "terminate" for n in body.limit_actions)
+        self.expect(
+            {OK} if sure else {OK, DISCARD, *([body.refused] if may_end else [])} if fine else {DISCARD}, status
+        )
+        know.phase = {OK: STEPPING, DISCARD: STEP_FAILED}.get(status, FAILED)
         if status == OK:
-            prediction.calm = prediction.moderate(BODY, size)
-            prediction.started = True
-        elif prediction.start(BODY) == {OK}:
-            prediction.started = True
-        found, last = self.instance.last_successful_time()
-        reached = time + size if status == OK else time
-        assert found == OK
-        assert last == reached or reached != reached, (last, reached)
+            know.calm = know.sure(body) and size <= CALM_STEP
         return status
+
+    def many(self):
+        """Steps under calm loads, one after another."""
+        if self.know.phase not in RUNNING:
+            return OK
+        self.one.set_real(self.body.inputs, [0.0] * len(self.body.inputs))
+        self.know.inputs, self.know.rates = dict.fromkeys(self.body.inputs, 0.0), False
+        for k in range(5):
+            status = self.one.step(1e-3 * k, 1e-3)
+            self.know.phase = {OK: STEPPING, DISCARD: STEP_FAILED}.get(status, FAILED)
+            if status > DISCARD:
+                break
+        return OK
 
     # Values.
 
-    def inputs(self, positions, values):
-        references = [list(self.prediction.inputs)[p % len(self.prediction.inputs)] for p in positions]
-        status = expect({OK}, self.instance.set_real(references, values))
-        self.prediction.inputs.update(zip(references, values, strict=True))
-        self.changed()
+    def set_inputs(self):
+        numbers = self.random.sample(self.body.inputs, min(3, len(self.body.inputs)))
+        loads = LOADS[:10] if self.random.random() < 0.8 else LOADS + WRONG
+        values = [self.random.choice(loads) for _ in numbers]
+        status = self.refused_unless(self.know.phase in SETTABLE, self.one.set_real(numbers, values))
+        if status == OK:
+            self.know.inputs.update(zip(numbers, values, strict=True))
         return status
 
-    def number(self, name, value):
-        reference = BODY.reference[name]
-        status = expect({OK}, self.instance.set_real([reference], [value]))
-        if not self.prediction.running:
-            self.prediction.parameters[reference] = value
-        self.changed()
-        return status
+    def put(self, values, kept, set_call):
+        """Set a parameter, which after the start keeps its value with a warning."""
+        know = self.know
+        status = set_call(list(values), list(values.values()))
+        if know.phase in FIXABLE:
+            kept.update(values)
+            return self.expect({OK}, status)
+        if know.phase in SETTABLE:
+            # pythonfmu's library hands on no warnings.
+            return self.expect({WARNING} if self.body.native else {OK}, status)
+        return self.expect({self.body.refused}, status)
 
-    def text(self, name, value):
-        reference = BODY.reference[name]
-        fine = value in OFFERED[name] or self.prediction.running
-        status = expect({OK if fine else FATAL}, self.instance.set_string([reference], [value]))
-        if fine and not self.prediction.running:
-            self.prediction.texts[reference] = value
-        if fine:
-            self.changed()
-        return status
+    def number(self):
+        which = self.random.choice(list(self.body.numbers))
+        return self.put({which: self.random.choice(NUMBERS)}, self.know.numbers, self.one.set_real)
 
-    def changed(self):
-        if not self.prediction.running:
-            self.prediction.started = False
-            self.prediction.calm = True
+    def text(self):
+        which = self.random.choice(list(self.body.texts))
+        value = self.random.choice([*self.body.offered[which] * 4, "", "magic", "100% sure", "ä" * 500, "%s%n"])
+        if value in self.body.offered[which]:
+            return self.put({which: value}, self.know.texts, self.one.set_string)
+        return self.expect({self.body.refused}, self.one.set_string([which], [value]))
 
-    def wrong_set(self, kind, reference, value, behind):
-        """A set that must fail: no such variable, another type, or one that cannot be set."""
-        call = {"Real": self.instance.set_real, "Integer": self.instance.set_integer}
-        call |= {"Boolean": self.instance.set_boolean, "String": self.instance.set_string}
-        references, values = [reference], [str(value) if kind == "String" else value]
-        if behind and kind == "Real":  # behind one that could be set
-            references, values = [0, reference], [7.5, value]
-        if behind and kind == "String":
-            references, values = [BODY.reference["initialization"], reference], ["static", str(value)]
-        return expect({FATAL}, call[kind](references, values))
+    def flag(self):
+        if not self.body.flags:
+            return OK
+        which = self.random.choice(list(self.body.flags))
+        return self.put({which: self.random.random() < 0.5}, self.know.flags, self.one.set_boolean)
 
-    def wrong_get(self, kind, reference):
-        call = {"Real": self.instance.get_real, "Integer": self.instance.get_integer}
-        call |= {"Boolean": self.instance.get_boolean, "String": self.instance.get_string}
-        return expect({FATAL}, call[kind]([reference])[0])
+    def any_reference(self):
+        beyond = [len(self.body.type), 9999, 2**31 - 1, *([2**31, 2**32 - 1] if self.body.native else [])]
+        return self.random.choice([*self.body.type, *beyond])
+
+    def wrong_set(self):
+        """No such variable, another type, or one that cannot be set; also behind one that can."""
+        kind, which = self.random.choice(["Real", "Integer", "Boolean", "String"]), self.any_reference()
+        if which in self.body.settable and self.body.type[which] == kind:
+            return OK
+        numbers, values = [which], ["x" if kind == "String" else 1]
+        if self.random.random() < 0.5 and kind == "Real":
+            numbers, values = [self.body.inputs[0], which], [7.5, 1.0]
+        return self.expect({self.body.refused}, getattr(self.one, f"set_{kind.lower()}")(numbers, values))
+
+    def wrong_get(self):
+        kind, which = self.random.choice(["Real", "Integer", "Boolean", "String"]), self.any_reference()
+        if self.body.type.get(which) == kind:
+            return OK
+        return self.expect({self.body.refused}, getattr(self.one, f"get_{kind.lower()}")([which])[0])
+
+    def get_values(self):
+        """Before initialisation nothing can be read; in it what follows from wrong parameters cannot."""
+        status, _ = self.one.get_real([self.random.choice(self.body.outputs)])
+        fine = {OK, self.body.refused} if self.know.phase in (INITIALIZING, FAILED) else {OK}
+        return self.expect(fine if self.know.phase in READABLE else {self.body.refused}, status)
 
     def nothing(self):
-        """Calls with no values at all."""
-        one = self.instance
-        statuses = [one.set_real([], []), one.set_integer([], []), one.set_boolean([], []), one.set_string([], [])]
-        statuses += [call([])[0] for call in (one.get_real, one.get_integer, one.get_boolean, one.get_string)]
-        self.changed()
-        return expect({OK}, max(statuses))
+        """No values at all."""
+        fine = self.know.phase in READABLE
+        return self.refused_unless(fine, self.one.get_real([])[0])
+
+    def no_arrays(self):
+        """Null pointers where arrays are due, and calls without an instance."""
+        if not self.body.native:
+            return OK
+        library, one = self.body.fmu.library, (c_uint * 1)(0)
+        name = self.random.choice(["SetReal", "GetReal", "SetString", "GetString", "SetInteger", "GetBoolean"])
+        assert getattr(library, f"fmi2{name}")(None, one, c_size_t(1), None) == ERROR
+        assert library.fmi2DoStep(None, c_double(0.0), c_double(1.0), 0) == ERROR
+        return self.expect(
+            {ERROR}, self.one._call(name, *self.random.choice([(None, c_size_t(1), None), (one, c_size_t(1), None)]))
+        )
+
+    def derivatives(self):
+        """Derivatives of inputs."""
+        if not self.body.native:
+            return OK
+        which, order = self.any_reference(), self.random.choice([1, 1, 1, 0, 2, -1])
+        which = self.random.choice([which, *self.body.inputs])
+        rate = self.random.choice([1.0, -20.0, 0.0, 1e308, math.nan])
+        status = self.one._call(
+            "SetRealInputDerivatives", (c_uint * 1)(which), c_size_t(1), (c_int * 1)(order), (c_double * 1)(rate)
+        )
+        fine = which in self.body.inputs and order == 1 and self.know.phase in SETTABLE
+        if fine:
+            self.know.rates = True
+        return self.refused_unless(fine, status)
+
+    def directional(self):
+        """Derivatives of outputs by inputs."""
+        if not self.body.native:
+            return OK
+        unknown = [self.random.choice([*self.body.motion * 3, self.any_reference()]) for _ in range(2)]
+        known = [self.random.choice([*self.body.inputs * 3, self.any_reference()]) for _ in range(2)]
+        result = (c_double * 2)()
+        status = self.one._call(
+            "GetDirectionalDerivative", (c_uint * 2)(*unknown), c_size_t(2), (c_uint * 2)(*known), c_size_t(2),
+            (c_double * 2)(1.0, -0.5), result,
+        )  # fmt: skip
+        fine = (
+            set(unknown) <= set(self.body.motion)
+            and set(known) <= set(self.body.inputs)
+            and self.know.phase in READABLE
+        )
+        if fine and self.know.phase in (INITIALIZING, FAILED):
+            return self.expect({OK, ERROR}, status)
+        assert status != OK or all(map(math.isfinite, result)), list(result)
+        return self.refused_unless(fine, status)
+
+    def statuses(self):
+        """What can be asked about steps."""
+        if not self.body.native:
+            return OK
+        kind, name = self.random.randrange(-1, 6), self.random.choice(["", "Real", "Integer", "Boolean", "String"])
+        place = {"": c_int(), "Real": c_double(), "Integer": c_int(), "Boolean": c_int(), "String": c_char_p()}[name]
+        status = self.one._call(f"Get{name}Status", kind, byref(place))
+        offered = {"": 0, "Real": 2, "Boolean": 3, "String": 1}.get(name) == kind
+        return self.expect({ERROR} if self.know.phase not in AFTER_START else {OK} if offered else {DISCARD}, status)
+
+    def cancel(self):
+        return (
+            self.expect({ERROR, DISCARD} if not self.body.native else {ERROR}, self.one._call("CancelStep"))
+            if self.body.native
+            else OK
+        )
+
+    def log(self):
+        """Switch categories; all come back, so that lines can be counted."""
+        if not self.body.native:
+            return OK
+        chosen = [self.random.choice(CATEGORIES) for _ in range(self.random.randrange(3))]
+        fine = all(name.startswith("log") for name in chosen)
+        status = self.one.logging(True, chosen)
+        if fine:
+            assert self.one.logging(True) == OK
+        return self.refused_unless(fine, status)
 
     # States.
 
     def save(self):
-        status, state = self.instance.get_state()
-        self.saved.append((self.instance.serialize(state)[1], state, self.prediction.copy()))
-        return expect({OK}, status)
+        status, state = self.one.get_state()
+        self.saved.append((self.one.serialize(state)[1], state, self.know.copy()))
+        return self.expect({OK}, status)
 
-    def restore(self, number, from_bytes):
-        """A saved state, of this instance or the other one: both are of the same FMU."""
+    def restore(self):
+        """A state of this instance or of the other."""
         if not self.saved:
             return OK
-        block, state, prediction = self.saved[number % len(self.saved)]
-        status = expect({OK}, self.instance.set_bytes(block) if from_bytes else self.instance.set_state(state))
-        self.predictions[self.which] = self.prediction = prediction.copy()
-        assert self.instance.bytes() == block
-        return status
+        block, state, know = self.random.choice(self.saved)
+        status = self.one.set_bytes(block) if self.random.random() < 0.5 else self.one.set_state(state)
+        self.expected[self.which] = know.copy()
+        assert self.one.bytes() == block
+        return self.expect({OK}, status)
 
-    def foreign(self, twin):
-        return expect({FATAL}, self.instance.set_bytes(TWIN_BLOCK if twin else OTHER_BLOCK))
+    def foreign(self):
+        return self.expect({self.body.refused}, self.one.set_bytes(self.body.foreign))
 
-    def damaged(self, number, damage):
-        """Bytes that are no state."""
-        block = self.saved[number % len(self.saved)][0] if self.saved else FRESH
-        kind, place, byte = damage
-        place %= len(block)
-        broken = {
-            "cut": block[:place],
-            "longer": block + bytes([byte]) * (1 + place),
-            "filled": bytes([byte]) * len(block),
-            "flipped": block[:place] + bytes([block[place] ^ (byte or 1)]) + block[place + 1 :],
-        }[kind]
-        return expect({ERROR, FATAL}, self.instance.set_bytes(broken)) if broken != block else OK
+    def damaged(self):
+        block = self.random.choice(self.saved)[0] if self.saved else self.body.fresh
+        place, byte = self.random.randrange(len(block)), self.random.randrange(1, 256)
+        broken = self.random.choice(
+            [
+                block[:place],
+                block + bytes([byte]) * (1 + place),
+                bytes([byte]) * len(block),
+                block[:place] + bytes([block[place] ^ byte]) + block[place + 1 :],
+            ]
+        )
+        return self.expect({self.body.refused, ERROR}, self.one.set_bytes(broken))
 
-    def replay(self, loads, sizes):
-        """The same steps from the same state, here and in the other instance, end in the same bits."""
-        block = self.instance.bytes()
+    def replay(self):
+        """The same calls from the same state, here and in the other instance, end in the same bits."""
+        block, other = self.one.bytes(), self.pair[1 - self.which]
+        there = other.bytes()
+        loads = [[self.random.uniform(-2.0, 2.0) for _ in self.body.inputs] for _ in range(3)]
+        sizes = [self.random.choice(STEPS) for _ in loads]
         ends = []
-        for instance in (self.instance, self.instance, self.instances[1 - self.which]):
-            kept = instance.bytes()
+        for instance in (self.one, self.one, other):
             assert instance.set_bytes(block) == OK
-            instance.set_real(list(self.prediction.inputs)[: len(loads)], loads)
-            row = [(instance.step(0.1, size), repr(instance.get_real(OUTPUTS)), instance.bytes()) for size in sizes]
+            row = []
+            for given, size in zip(loads, sizes, strict=True):
+                row.append(instance.set_real(self.body.inputs, given))
+                row += [instance.step(0.1, size), repr(instance.get_real(self.body.outputs)), instance.bytes()]
             ends.append(row)
-            assert instance.set_bytes(kept) == OK
         assert ends[0] == ends[1] == ends[2]
-        # Refused steps have left log lines, none of them of the calls that are checked next.
-        BODY.log.clear()
+        assert self.one.set_bytes(block) == OK
+        assert other.set_bytes(there) == OK
         return OK
 
 
-def expect(allowed, status):
-    """A status that must be one of those allowed; warnings are as good as OK."""
-    status = OK if status == WARNING else status
-    assert status in allowed, f"status {status}, expected one of {sorted(allowed)}"
-    return status
-
-
-def finite_outputs(instance, prediction):
-    start = prediction.start(BODY)
-    lines = len(BODY.log)
-    status, values = instance.get_real(OUTPUTS)
-    assert status in start, f"outputs: status {status}, expected one of {sorted(start)}"
-    if status == OK:
-        prediction.started = True
-        assert all(map(math.isfinite, values)), values
-    else:
-        prediction.code = 1
-    if "stability of extreme inputs" not in OPEN:
-        # Of loads beyond reason there may be none to be told.
-        status, (value,) = instance.get_real([BODY.reference[STABILITY]])
-        reasonable = all(abs(v) <= MODERATE_LOAD for v in prediction.inputs.values())
-        assert status in start or not reasonable, status
-        assert math.isfinite(value) or not reasonable or status != OK, value
-        prediction.code = 1 if status >= DISCARD else prediction.code
-    del BODY.log[lines:]
-
-
-def same_state(instance, before):
-    """A refused call has changed nothing but the status code."""
-    after = instance.bytes()
-    if strip(after) == strip(before):
-        return
-    # A call may have made the body start before it was refused: then both go on alike.
-    assert SPARE.set_bytes(before) == OK
-    pair = [
-        (one.get_real(EVERYTHING), one.get_string(BODY.references("String")), strip(one.bytes()))
-        for one in (SPARE, instance)
-    ]
-    assert repr(pair[0]) == repr(pair[1]), "a refused call changed the state"
-
-
-def strip(block):
-    """A state without its status code, and without the checksum before the numbers."""
-    return block[HEADER:STATUS_SLOT] + block[STATUS_SLOT + 8 :]
-
-
-def status_slot():
-    """Where the status code stands in a state: what a refused call changes in a fresh one."""
-    instance = BODY.instantiate("slot")
-    before = instance.bytes()
-    instance.get_boolean([0])
-    after = instance.bytes()
-    instance.free()
-    places = [k for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b and k >= HEADER]
-    return places[0] // 8 * 8
-
-
-def block_of(path):
-    """A state of another body in motion."""
-    fmu = Fmu(path)
-    instance = fmu.instantiate()
-    instance.start()
-    instance.set_real([0], [1.0])
-    instance.step(0.0, 1e-3)
-    return instance.bytes()
-
-
-def operations():
-    """Strategy for a list of calls on two instances."""
-    moderate = st.floats(-MODERATE_LOAD, MODERATE_LOAD)
-    huge = HUGE[:2] if "huge load" in OPEN else HUGE
-    extreme = st.sampled_from([0.0, -0.0, 5e-324, *huge, *WRONG])
-    load = st.integers(0, 4).flatmap(lambda k: moderate if k else extreme)
-    loads, position = st.tuples(load, load, load), st.integers(0, 20)
-    categories = st.sampled_from([(), ("logStatusDiscard",), ("nonsense", "logStatusError")])
-    smallest = 1e-300 if "smallest step" in OPEN else 5e-324
-    size = st.sampled_from([1e-3, 1e-3, 1e-2, 0.1, 1e-4, 0.0, 1e-12, smallest, -1e-3, 1.0, 1e300, *WRONG])
-    time = st.sampled_from([0.0, 0.0, 0.5, -1.0, 1e300, *WRONG])
-    number = st.sampled_from([1.0, 0.0, 0.5, 1e-3, 1e-6, 1e-9, 5e-324, 3.0, -1.0, 1e300, *WRONG])
-    damage_kinds = ["cut", "longer", "filled", "flipped"]
-    if "damaged state" in OPEN:
-        damage_kinds = []
-    references = list(range(len(BODY.variables) + 2)) + NO_REFERENCES
-    references = st.sampled_from(references)
-    if "negative reference" not in OPEN:
-        references = st.one_of(references, st.sampled_from(BEYOND_INT))
-    inputs, parameters = BODY.references("Real", "input"), [BODY.reference[n] for n in NUMBERS]
-    settable = {*inputs, *parameters, *BODY.references("String")}
-    kinds = st.sampled_from(["Real", "Integer", "Boolean", "String"])
-    types = {int(v.get("valueReference")): v[0].tag for v in BODY.variables}
-    wrong_sets = st.tuples(
-        st.just("wrong_set"),
-        st.integers(0, 1),
-        kinds,
-        references,
-        st.integers(-1, 1),
-        st.just(False) if "partial set" in OPEN else st.booleans(),
-    ).filter(lambda op: not (op[3] in settable and types[op[3]] == op[2]))
-    wrong_gets = st.tuples(st.just("wrong_get"), st.integers(0, 1), kinds, references).filter(
-        lambda op: types.get(op[3]) != op[2]
-    )
-
-    def op(name, *strategies):
-        return st.tuples(st.just(name), st.integers(0, 1), *strategies)
-
-    def choice(name):
-        return st.tuples(st.just(name), st.sampled_from([*OFFERED[name], "", "magic", "100% sure", "ä" * 50]))
-
-    choices = st.sampled_from(list(OFFERED)).flatmap(choice)
-    offered = {
-        "setup": (1, op("setup", time, st.none() | time, st.none() | number)),
-        "enter": (1, op("enter")),
-        "exit": (3, op("exit")),
-        "terminate": (1, op("terminate")),
-        "reset": (1, op("reset")),
-        "log": (
-            1,
-            op("log", st.booleans(), categories),
-        ),
-        "unsupported": (1, op("unsupported")),
-        "step": (6, op("step", time, size)),
-        "inputs": (
-            5,
-            op("inputs", st.lists(position, min_size=3, max_size=3, unique=True), loads),
-        ),
-        "number": (2, op("number", st.sampled_from(list(NUMBERS)), number)),
-        "text": (2, choices.flatmap(lambda pair: op("text", st.just(pair[0]), st.just(pair[1])))),
-        "wrong_set": (2, wrong_sets),
-        "wrong_get": (2, wrong_gets),
-        "nothing": (1, op("nothing")),
-        "save": (2, op("save")),
-        "restore": (2, op("restore", position, st.booleans())),
-        "foreign": (1, op("foreign", st.just(False) if "twin state" in OPEN else st.booleans())),
-        "replay": (2, op("replay", st.lists(moderate, min_size=2, max_size=5), st.lists(size, min_size=1, max_size=3))),
-    }
-    if damage_kinds:
-        damage = st.tuples(st.sampled_from(damage_kinds), st.integers(0, 10**4), st.integers(0, 255))
-        offered["damaged"] = (2, op("damaged", position, damage))
-    weighted = [name for name, (weight, _) in offered.items() for _ in range(weight)]
-    call = st.sampled_from(weighted).flatmap(lambda name: offered[name][1])
-    # Half of the cases begin as the standard wants it.
-    regular = st.sampled_from(OFFERED["formulation.kinematics"]).map(
-        lambda kinematics: [
-            ("text", 0, "formulation.kinematics", kinematics),
-            ("setup", 0, 0.0, None, None),
-            ("enter", 0),
-            ("exit", 0),
-            ("setup", 1, 0.0, None, None),
-            ("enter", 1),
-        ]
-    )
-    start = st.booleans().flatmap(lambda yes: regular if yes else st.just([]))
-    return st.tuples(start, st.lists(call, min_size=1, max_size=25)).map(lambda pair: [*pair[0], *pair[1]])
-
-
-def run(case):
-    player = Player()
-    try:
-        player.play(case)
-    finally:
-        player.close()
+# How often each call is made, those not named once.
+WEIGHTS = dict.fromkeys(
+    [
+        *("setup", "enter", "exit", "terminate", "reset", "step", "many", "set_inputs", "number", "text", "flag"),
+        *("wrong_set", "wrong_get", "get_values", "nothing", "no_arrays", "derivatives", "directional", "statuses"),
+        *("cancel", "log", "save", "restore", "foreign", "damaged", "replay"),
+    ],
+    1,
+)
+WEIGHTS |= {"step": 12, "set_inputs": 10, "exit": 3, "text": 3, "restore": 3}
+WEIGHTS |= dict.fromkeys(
+    ("enter", "many", "number", "wrong_set", "wrong_get", "derivatives", "directional", "statuses", "save", "damaged"),
+    2,
+)
 
 
 def main():
-    global BODY, NUMBERS, TEXTS, OFFERED, OUTPUTS, EVERYTHING, FRESH, SPARE, STATUS_SLOT, TWIN_BLOCK, OTHER_BLOCK
     faulthandler.enable()
-    folder = Path(sys.argv[1])
-    BODY = Fmu(folder / "body.fmu")
-    OUTPUTS = BODY.references("Real", "output") + BODY.references("Real", "local")
-    OUTPUTS.remove(BODY.reference[STABILITY])
-    EVERYTHING = [reference for reference in BODY.references("Real") if reference != BODY.reference[STABILITY]]
-    SPARE = BODY.instantiate("spare")
-    parameters = [v for v in BODY.variables if v.get("causality") == "parameter"]
-    NUMBERS = {v.get("name"): float(v[0].get("start")) for v in parameters if v[0].tag == "Real"}
-    TEXTS = {v.get("name"): v[0].get("start") for v in parameters if v[0].tag == "String"}
-    # The description ends with what is offered.
-    OFFERED = {
-        v.get("name"): re.findall(r'"([^"]*)"', v.get("description")) for v in parameters if v[0].tag == "String"
-    }
-    FRESH = SPARE.bytes()
-    STATUS_SLOT = status_slot()
-    OTHER_BLOCK, TWIN_BLOCK = block_of(folder / "other.fmu"), block_of(folder / "twin.fmu")
-    if len(sys.argv) == 3:
-        run(eval(sys.argv[2], {"nan": math.nan, "inf": math.inf}))
-        return
-    number, cases = int(sys.argv[2]), int(sys.argv[3])
-    OPEN.update(sys.argv[4].split(",") if len(sys.argv) > 4 else ())
-    journal = (folder / f"{number}.txt").open("w+")
-    done = Counter()
-
-    @seed(number)
-    @settings(
-        max_examples=cases,
-        deadline=None,
-        database=None,
-        phases=(Phase.generate, Phase.shrink),
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(operations())
-    def cases_hold(case):
-        journal.seek(0)
-        journal.truncate()
-        journal.write(repr(case))
-        journal.flush()
-        done["cases"] += 1
-        run(case)
-
-    cases_hold()
-    print(dict(COUNTS))
-    print(f"CASES {done['cases']} CALLS {sum(COUNTS.values())}")
+    parser = argparse.ArgumentParser()
+    parser.add_argument("fmu", type=Path)
+    parser.add_argument("twin", type=Path)
+    parser.add_argument("seed", type=int)
+    parser.add_argument("calls", type=int)
+    parser.add_argument("--library", type=Path)
+    parser.add_argument("--refused", type=int, default=ERROR)
+    parser.add_argument("--case", type=int)
+    options = parser.parse_args()
+    body, counts = Body(options.fmu, options.twin, options.library, options.refused), Counter()
+    journal = options.fmu.with_name(f"{options.fmu.stem}_{options.seed}.txt")
+    case = options.case or 0
+    while sum(counts.values()) < options.calls:
+        journal.write_text(f"--case {case}")
+        player = Player(body, f"{options.seed} {case}", counts)
+        player.run(CALLS_PER_CASE)
+        player.close()
+        if options.case is not None:
+            break
+        case += 1
+    print(dict(counts))
+    print(f"CALLS {sum(counts.values())}")
     print("FINE", flush=True)
 
 

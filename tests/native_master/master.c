@@ -13,7 +13,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 typedef void *Component;
 typedef unsigned int Reference;
@@ -65,8 +64,7 @@ int main(int count, char **words)
         fprintf(stderr, "usage: master LIBRARY RESOURCES GUID STEP COUNT [r:REF=VALUE | s:REF=TEXT | o:REF]...\n");
         return 1;
     }
-    /* Lazily and locally: Python's own symbols must come from a libpython that is already there. */
-    library = dlopen(words[1], RTLD_LAZY | RTLD_LOCAL);
+    library = dlopen(words[1], RTLD_NOW | RTLD_LOCAL);
     if (!library) {
         fprintf(stderr, "%s\n", dlerror());
         return 2;
@@ -125,7 +123,5 @@ int main(int count, char **words)
     check("fmi2Terminate", terminate(body));
     free_instance(body);
     puts("done");
-    fflush(stdout);
-    /* Not by exit(): the interpreter that pythonfmu's library started may crash while it is being taken down. */
-    _exit(0);
+    return dlclose(library);
 }

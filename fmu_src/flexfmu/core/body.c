@@ -15,7 +15,7 @@ static const double ORDINARY_ROUNDS = 5.0;
 static const double RESOLVED = 1.5;
 /* Numbers of steps above this are all alike. */
 static const double UNCOUNTED = 1e15;
-/* Steps (s) below this would vanish when divided. */
+/* Steps (s) up to this would vanish when divided; nothing moves in them by more than round-off. */
 static const double INDIVISIBLE = 1e-300;
 /* Square of coordinates and rates beyond which arithmetic overflows: far beyond anything that a body bears. */
 static const double LARGEST_SQUARE = 1e200;
@@ -299,6 +299,10 @@ int body_step(Body *body, const double *inputs, const double *inputs_end, double
     const int64_t m = p->modes;
     if (!(isfinite(step) && step > 0.0)) return FLEX_BAD_STEP;
     Work done = {1, 0, 0.0};
+    if (step <= INDIVISIBLE) {
+        *work = done;
+        return FLEX_OK;
+    }
     int64_t next = *hint;
     /* The result goes into the last part of the workspace first: a step that fails leaves the state as it was. */
     double *q1 = body->work + body->work_size - 2 * m, *v1 = q1 + m;
@@ -311,8 +315,7 @@ int body_step(Body *body, const double *inputs, const double *inputs_end, double
         if (least > most) return FLEX_TOO_MANY_STEPS;
         const int64_t fewest = (int64_t)least;
         Division d = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)fmin(ORDINARY_ROUNDS * most, UNCOUNTED), 0.0};
-        /* The shortest of numbers cannot be divided. */
-        d.count = step > INDIVISIBLE ? (fewest > next ? fewest : next) : 1;
+        d.count = fewest > next ? fewest : next;
         if ((double)d.count > most) d.count = (int64_t)most;
         int answer = UNSETTLED;
         while ((double)d.count <= most && d.rounds < d.most_rounds) {

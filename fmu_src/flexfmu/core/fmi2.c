@@ -425,7 +425,8 @@ FMI2_EXPORT fmi2Status fmi2GetRealStatus(fmi2Component handle, const fmi2StatusK
 
 FMI2_EXPORT fmi2Status fmi2GetIntegerStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Integer *value) {
     fmi2Status status;
-    asked(handle, kind, -1, value, "fmi2GetIntegerStatus", &status);
+    /* None of any kind. */
+    asked(handle, kind, !kind, value, "fmi2GetIntegerStatus", &status);
     return status;
 }
 
