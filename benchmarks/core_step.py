@@ -1,0 +1,213 @@
+"""What a step of a native FMU costs from a C program, against an empty native FMU and the empty pythonfmu one.
+
+Run from the repository's root: python -m benchmarks.core_step [--output FILE.csv]. Set all inputs, step, get all outputs:
+24 inputs and 48 outputs (four interfaces with velocities), 20 modes; and one interface. Needs a C compiler and Linux.
+Prints a table and writes the records that it is made of.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import platform
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import fmpy
+
+from flexfmu.build import reduce_body
+from flexfmu.config import DampingTable, FormulationTable, InterfaceTable, OutputTable, read_body_file
+from flexfmu.fmu.description import Runtime
+from flexfmu.fmu.package import package_fmu
+from flexfmu.methods import Method
+from flexfmu.model.reduced_body import ReducedBody
+from flexfmu.progress import Reporter
+from flexfmu.store import Store
+
+from .fmu_step import INTERFACES, build_empty
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+MODES = 20
+STEP = 1e-3
+# N along y at every interface, growing and falling: bends the beam by some 5 % of its length.
+FORCE = 500.0
+
+
+@dataclass(frozen=True)
+class Record:
+    """One FMU's cost.
+
+    Attributes
+    ----------
+    what : str
+    inputs, outputs : int
+    median, fastest : float
+        s per step, of blocks of steps.
+    iterations : float
+        Rounds of the implicit iteration in a step.
+    """
+
+    what: str
+    inputs: int
+    outputs: int
+    median: float
+    fastest: float
+    iterations: float
+
+
+def compiled(folder: Path, source: str, name: str, *flags: str) -> Path:
+    """A program or library from one of the C files beside this one."""
+    target = folder / name
+    command = ["cc", "-O2", "-std=c99", str(HERE / source), "-o", str(target), *flags]
+    subprocess.run(command, check=True)
+    return target
+
+
+def beam(interfaces: dict[str, str], frames: int, inertia: bool = False) -> ReducedBody:
+    """The clamped beam with some interfaces and frames, and the data of every method timed here."""
+    config = read_body_file(ROOT / "demo" / "clamped_beam" / "body.toml")
+    wanted = {"modes": MODES, "second_order": True, "inertia": inertia}
+    changes = {
+        "interface": [InterfaceTable(name=name, nodes=nodes) for name, nodes in interfaces.items()],
+        "reduction": config.reduction.model_copy(update=wanted),
+        "frames": frames,
+        "frame": [],
+        "damping": DampingTable(ratio=0.01),
+        "output": OutputTable(velocities=True),
+        "formulation": FormulationTable(method=Method.FRAMES),
+    }
+    return reduce_body(config.model_copy(update=changes), Reporter(), Store())
+
+
+class Driver:
+    """The C program that drives an FMU's library.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    def __init__(self, folder: Path):
+        self._folder = folder
+        self._program = compiled(folder, "drive.c", "drive", "-ldl")
+
+    def time(self, fmu: Path, what: str, method: str = "", force: float = FORCE) -> Record:
+        """Time one FMU with one of its methods."""
+        description = fmpy.read_model_description(str(fmu), validate=False)
+        place = self._folder / fmu.stem
+        if not place.exists():
+            with zipfile.ZipFile(fmu) as archive:
+                archive.extractall(place)
+        variables = {v.name: v.valueReference for v in description.modelVariables}
+        counts = [sum(v.causality == kind for v in description.modelVariables) for kind in ("input", "output")]
+        library = place / "binaries" / "linux64" / f"{description.coSimulation.modelIdentifier}.so"
+        choice = f"{variables['method']}={method}" if method else ""
+        rounds = variables.get("diagnostics.iterations", 0)
+        words = [library, description.guid, f"file://{place}/resources", choice, *counts, STEP, force, rounds]
+        environment = (
+            {"LD_PRELOAD": _libpython()} if "slavemodule.txt" in {p.name for p in place.rglob("*.txt")} else None
+        )
+        done = subprocess.run(
+            [str(self._program), *map(str, words)], capture_output=True, text=True, env=environment, check=False
+        )
+        if done.returncode:
+            raise SystemExit(f"{what} does not run: {done.stderr}")
+        median, fastest, iterations = map(float, done.stdout.split())
+        return Record(what, *counts, median, fastest, iterations)
+
+
+def _libpython() -> str:
+    """Python's library, which a process that is no Python has to load before pythonfmu's."""
+    folder, name = sysconfig.get_config_var("LIBDIR"), sysconfig.get_config_var("LDLIBRARY")
+    return str(Path(folder) / name) if name and name.endswith(".so") else ""
+
+
+def empty_native(folder: Path, like: Path) -> Path:
+    """The FMU `like` with a library that does nothing."""
+    library = compiled(folder, "empty.c", "empty.so", "-shared", "-fPIC")
+    target = folder / "empty_native.fmu"
+    with zipfile.ZipFile(like) as source, zipfile.ZipFile(target, "w") as archive:
+        for name in source.namelist():
+            data = library.read_bytes() if name.startswith("binaries/linux64/") else source.read(name)
+            archive.writestr(name, data)
+    return target
+
+
+def measure(output: Path) -> None:
+    """Build everything, time everything in turns with the empty native FMU, write the records."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        driver = Driver(folder)
+        cases: list[tuple[str, Path, str]] = []
+        for label, interfaces in (("4 interfaces", INTERFACES), ("1 interface", {"tip": "TIP"})):
+            for frames in (8, 2):
+                fmu = folder / f"beam{frames}_{len(interfaces)}.fmu"
+                package_fmu(beam(interfaces, frames), fmu)
+                if frames == 8:
+                    cases.append((f"linear, {label}", fmu, "linear"))
+                cases.append((f"frames, {frames} frames, {label}", fmu, "frames"))
+                cases.append((f"second_order, {frames} frames, {label}", fmu, "second_order"))
+        heavy = folder / "heavy.fmu"
+        body = beam(INTERFACES, 8, inertia=True)
+        package_fmu(_with_mass(body), heavy)
+        cases.append(("frames, 8 frames, deformed body's mass, 4 interfaces", heavy, "frames"))
+        axle = folder / "axle.fmu"
+        config = read_body_file(ROOT / "demo" / "rear_axle" / "body.toml")
+        package_fmu(reduce_body(config, Reporter(), Store()), axle)
+        cases.append(("rear axle, cut, second_order, 86 coordinates", axle, ""))
+        lean = config.reduction.model_copy(update={"modes": 2})
+        few = folder / "axle_few.fmu"
+        package_fmu(
+            reduce_body(config.model_copy(update={"reduction": lean, "frame": [], "frames": 1}), Reporter(), Store()),
+            few,
+        )
+        cases.append(("rear axle, cut, second_order, one frame a part", few, ""))
+
+        nothing = empty_native(folder, cases[0][1])
+        records = [driver.time(nothing, "empty native FMU")]
+        description = fmpy.read_model_description(str(cases[0][1]))
+        names = [[v.name for v in description.modelVariables if v.causality == kind] for kind in ("input", "output")]
+        if _libpython():
+            records.append(driver.time(build_empty(folder, *names), "empty pythonfmu FMU"))
+            python = folder / "python.fmu"
+            package_fmu(beam(INTERFACES, 8), python, Runtime.PYTHON)
+            records.append(driver.time(python, "frames, 8 frames, 4 interfaces, --runtime python", "frames"))
+        records += [driver.time(fmu, what, method) for what, fmu, method in cases]
+    print("| | inputs, outputs | µs, median | µs, least | rounds |")
+    print("|---|---|---|---|---|")
+    for r in records:
+        print(
+            f"| {r.what} | {r.inputs}, {r.outputs} | {1e6 * r.median:.3g} | {1e6 * r.fastest:.3g} | {r.iterations:.1f} |"
+        )
+    with output.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [*asdict(records[0]), "machine", "python"])
+        writer.writeheader()
+        for record in records:
+            writer.writerow(asdict(record) | {"machine": platform.machine(), "python": platform.python_version()})
+
+
+def _with_mass(body: ReducedBody) -> ReducedBody:
+    from dataclasses import replace
+
+    from flexfmu.methods import Mass
+
+    return replace(body, method=Method.FRAMES, mass=Mass.CONFIGURATION)
+
+
+def main() -> None:
+    """Run as a script."""
+    if sys.platform != "linux":
+        raise SystemExit("the driver is written for Linux")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("core_step.csv"))
+    measure(parser.parse_args().output)
+
+
+if __name__ == "__main__":
+    main()
