@@ -1,6 +1,6 @@
 """What a step of a native FMU costs from a C program, against an empty native FMU and the empty pythonfmu one.
 
-Run from the repository's root: python -m benchmarks.core_step [--output FILE.csv]. Set all inputs, step, get all outputs:
+Run from the repository's root: python -m benchmarks.core_step [--output FILE.csv]. Set inputs, step, get outputs:
 24 inputs and 48 outputs (four interfaces with velocities), 20 modes; and one interface. Needs a C compiler and Linux.
 Prints a table and writes the records that it is made of.
 """
