@@ -9,7 +9,7 @@ from flexfmu.errors import OutputError, SimulationError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.simulation import read_table
 from flexfmu.master import Result, read_coupling_file, run, write_result
-from flexfmu.master.acceleration import Model, Secants, change, joined, no_secants
+from flexfmu.master.acceleration import Model, Secants, joined, no_secants, quasi_newton_update
 from flexfmu.master.config import Held, Scheme
 from flexfmu.master.exchange import base_inputs, coupled_inputs, noise
 from flexfmu.master.springs import Springs, backward_rates, energy, loads, losses, relative_motion, tangent
@@ -430,7 +430,7 @@ def settle(slope, shift, known=None, tolerance=1e-10, rounds=60, secants=None):
             found = joined(Secants((residual - past[1])[:, None], (x - past[0])[:, None]), found)
         past = x, residual
         every = found if secants is None else joined(found, secants)
-        delta, error = change(residual, every, scale, 0.1, known)
+        delta, error = quasi_newton_update(residual, every, scale, 0.1, known)
         if np.max(np.abs(error)) < tolerance:
             return count, np.max(np.abs(x - answer)), found
         x = x + delta
@@ -475,7 +475,7 @@ def test_a_slope_that_is_known_in_part_helps(random):
 def test_differences_that_say_nothing_new_do_no_harm(random):
     column = random.standard_normal((4, 1))
     doubled = Secants(np.hstack([column, column, 0.0 * column]), np.hstack([column, column, 0.0 * column]))
-    delta, _ = change(-column[:, 0], doubled, np.ones(4), 0.1)
+    delta, _ = quasi_newton_update(-column[:, 0], doubled, np.ones(4), 0.1)
     np.testing.assert_allclose(delta, column[:, 0], atol=1e-12)
 
 
@@ -490,7 +490,7 @@ def test_the_balance_of_loads_survives_the_acceleration(random):
         if past is not None:
             found = joined(Secants((residual - past[1])[:, None], (x - past[0])[:, None]), found)
         past = x, residual
-        x = x + change(residual, found, np.ones(4), 0.1)[0]
+        x = x + quasi_newton_update(residual, found, np.ones(4), 0.1)[0]
         assert abs(x[0] + x[1]) < 1e-9 * np.max(np.abs(x))
 
 

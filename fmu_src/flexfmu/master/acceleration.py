@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-# A difference whose part that is new is smaller than this says nothing beyond noise.
-_DEPENDENT = 1e-6
+# Least new part of a difference. Older ones are off by the curvature between steps, some per mille: what is nearly
+# dependent on newer ones would divide that by its new part, and throw the inputs far away.
+_DEPENDENT = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,7 @@ def joined(newer: Secants, older: Secants) -> Secants:
     return Secants(np.hstack([newer.residuals, older.residuals]), np.hstack([newer.inputs, older.inputs]))
 
 
-def change(
+def quasi_newton_update(
     residual: FloatArray, secants: Secants, scale: FloatArray, relaxation: float, model: Model | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Change of the coupled inputs that should make the residual zero, and how far off they may still be.

@@ -156,7 +156,7 @@ def _watch(stage: Stage, point: Point, odd: set[str], report: Reporter) -> None:
 
 def _warn_of_stiff_springs(stage: Stage, point: Point, report: Reporter) -> None:
     """Say so where the interfaces' compliance tells that an explicit scheme will grow."""
-    model = stage.answer(point.signals, point.before)
+    model = stage.response(point.signals, point.before)
     if model is None:
         return
     size = float(np.max(np.abs(np.linalg.eigvals(model.slope))))

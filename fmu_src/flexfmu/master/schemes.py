@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SimulationError
-from .acceleration import Model, Secants, change, joined, no_secants
+from .acceleration import Model, Secants, joined, no_secants, quasi_newton_update
 from .config import ExperimentTable, Held, Scheme
-from .exchange import Dampers, answer, base_inputs, coupled_inputs, noise
+from .exchange import Dampers, base_inputs, coupled_inputs, interface_response, noise
 from .layout import Wiring
 from .participants import Participant, StepRefusedError
 
@@ -74,7 +74,7 @@ class Stage:
             signals[participant.role.signal_share] = participant.signals()
         return Point(0, signals, signals.copy(), np.zeros(len(base)))
 
-    def take(self, participant: Participant, number: int, inputs: FloatArray, signals: FloatArray) -> None:
+    def step_participant(self, participant: Participant, number: int, inputs: FloatArray, signals: FloatArray) -> None:
         """Let an FMU step with its share of inputs; its share of signals is renewed."""
         participant.set_inputs(inputs[participant.role.input_share])
         participant.step(number * self.step, self.step)
@@ -84,18 +84,15 @@ class Stage:
         """What connections and springs ask the inputs to be."""
         return coupled_inputs(self.wiring, signals, before, self.step, dampers)
 
-    def answer(
+    def response(
         self, signals: FloatArray, before: FloatArray, share: float = 1.0, dampers: Dampers = Dampers.NOW
     ) -> Model | None:
-        """What the ends' compliance, of the step just taken, tells beforehand."""
-        ends = self.wiring.ends
-        if not ends.compliance:
-            return None
-        compliance = {
-            pair: self.participants[ends.role[pair[0]]].reals(references).reshape(6, 6)
-            for pair, references in ends.compliance.items()
-        }
-        return answer(self.wiring, signals, before, self.step, compliance, share, dampers)
+        """What the interfaces' compliance, of the step just taken, tells beforehand."""
+        compliance = [
+            self.participants[response.role].reals(response.references).reshape(6, 6)
+            for response in self.wiring.responses
+        ]
+        return interface_response(self.wiring, signals, before, self.step, compliance, share, dampers)
 
 
 def jacobi(stage: Stage, point: Point) -> Point:
@@ -115,7 +112,7 @@ def jacobi(stage: Stage, point: Point) -> Point:
     held = stage.requested(point.signals, point.before)
     signals = point.signals.copy()
     for participant in stage.participants:
-        stage.take(participant, point.number, base + held, signals)
+        stage.step_participant(participant, point.number, base + held, signals)
     return Point(point.number + 1, signals, point.signals, held, 1)
 
 
@@ -137,7 +134,7 @@ def gauss_seidel(stage: Stage, point: Point) -> Point:
     for participant in stage.participants:
         role = participant.role
         held[role.input_share] = stage.requested(signals, before)[role.input_share]
-        stage.take(participant, point.number, base + held, signals)
+        stage.step_participant(participant, point.number, base + held, signals)
         before[role.signal_share] = point.signals[role.signal_share]
     return Point(point.number + 1, signals, point.signals, held, 1)
 
@@ -183,7 +180,7 @@ class Iterated:
             participant.save()
         signals = point.signals.copy()
         for participant in stage.free:
-            stage.take(participant, point.number, base, signals)
+            stage.step_participant(participant, point.number, base, signals)
         here = self._none
         model: Model | None = None
         held, guess = (first if not self._held else self._held[-1]), self._predicted(first)
@@ -193,7 +190,7 @@ class Iterated:
             asked = self._asked(first, signals, point)
             residual = asked - held
             if iteration == 1:
-                model = stage.answer(signals, point.signals, self._share, Dampers.MEAN)
+                model = stage.response(signals, point.signals, self._share, Dampers.MEAN)
             if past is not None:
                 differences = ((residual - past[1])[:, None], (held - past[0])[:, None])
                 here = joined(Secants(*differences), here)
@@ -202,7 +199,7 @@ class Iterated:
             # What earlier steps tell is older than a model that tells all.
             for older in [] if model is not None and model.whole else self._kept:
                 secants = joined(secants, older)
-            delta, error = change(residual, secants, self._scale(asked), settings.relaxation, model)
+            delta, error = quasi_newton_update(residual, secants, self._scale(asked), settings.relaxation, model)
             if self._settled(held, error, residual, signals):
                 self._remember(held, here)
                 for participant in stage.coupled:
@@ -243,7 +240,7 @@ class Iterated:
             held = safe + 0.5**halving * (guess - safe)
             try:
                 for participant in self._stage.coupled:
-                    self._stage.take(participant, point.number, base + held, signals)
+                    self._stage.step_participant(participant, point.number, base + held, signals)
                 break
             except StepRefusedError:
                 # Nearer to inputs that equal the guess there is nothing to try.
