@@ -58,14 +58,14 @@ class Record:
     note: str
 
 
-def ride(folder: Path, preload: float, axle: dict[str, float | str]) -> dict[str, float | str]:
+def ride(folder: Path, preload: float, axle: dict[str, float | str], stop: float = STOP) -> dict[str, float | str]:
     """Ride once; in a process of its own, since FMUs end up in it."""
     from demo.rear_axle.alignment import LEFT, alignment
     from demo.rear_axle.road.scene import Ride, coupling, motion
 
     from flexfmu.master import CouplingStoppedError, couple
 
-    set_up = coupling(Ride(begin=BEGIN, stop=STOP, cut=True, axle=axle), preload, folder)
+    set_up = coupling(Ride(begin=BEGIN, stop=stop, cut=True, axle=axle), preload, folder)
     begun, note = time.perf_counter(), ""
     try:
         result = couple(set_up)

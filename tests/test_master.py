@@ -8,7 +8,7 @@ from bodies import random_body
 from flexfmu.errors import OutputError, SimulationError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.simulation import read_table
-from flexfmu.master import Result, read_coupling_file, run, write_result
+from flexfmu.master import Result, couple, read_coupling_file, run, write_result
 from flexfmu.master.acceleration import Model, Secants, joined, no_secants, quasi_newton_update
 from flexfmu.master.config import Held, Scheme
 from flexfmu.master.exchange import base_inputs, coupled_inputs, noise
@@ -103,6 +103,10 @@ def test_without_a_choice_all_real_outputs_are_recorded_with_their_units(folder)
         (content().replace('"leg"', '"arm"'), ["two [[fmu]] tables have the name 'arm'"]),
         (content().replace('name = "leg"', ""), ["fmu[2].name: missing"]),
         (content().replace("stop = 1.0", "stop = 1.004"), ["100.4 steps of 0.01 s", "take stop = 1 or", "0.01004"]),
+        (
+            content().replace("stop = 1.0", "stop = 1e9"),
+            ["stop = 1e+09 s are 1e+11 steps of 0.01 s", "at most 1e+08", "take stop = 1e+06 s"],
+        ),
         (content().replace("[experiment]", "[experiment"), ["not valid TOML"]),
     ],
 )
@@ -111,6 +115,12 @@ def test_a_wrong_file_is_refused_with_the_key_and_what_would_do(folder, text, wo
     assert str(folder / "coupling.toml") in message
     for word in words:
         assert word in message
+
+
+def test_results_that_cannot_be_kept_are_refused_before_anything_runs(folder):
+    text = content(rest='[output]\nvariables = ["arm.port_0.displacement.x"]').replace("stop = 1.0", "stop = 200000.0")
+    with pytest.raises(SimulationError, match=r"2e\+07 rows of 4 values .* take output\.every = 2"):
+        couple(read(folder, text))
 
 
 def test_every_wrong_key_is_told_at_once(folder):

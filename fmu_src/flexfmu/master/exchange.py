@@ -227,8 +227,10 @@ def counted(
     return EnergyCount(count.created + created, max(count.stored, stored, stored_before), exchanged, stored)
 
 
-def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:
+def noise(wiring: Wiring, signals: FloatArray, step: float, nominal: bool = False) -> FloatArray:
     """Residuals of the coupled inputs that round-off of the signals explains.
+
+    An FMU may well find a small value as the difference of large ones: its round-off is that of the nominal value.
 
     Parameters
     ----------
@@ -236,15 +238,18 @@ def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:
     signals : (m,) float
     step : float
         s.
+    nominal : bool, optional
+        Take no signal for smaller than its nominal value.
 
     Returns
     -------
     (n,) float
     """
-    result: FloatArray = np.abs(wiring.matrix) @ np.abs(signals)
+    sizes = np.maximum(np.abs(signals), wiring.nominal) if nominal else np.abs(signals)
+    result: FloatArray = np.abs(wiring.matrix) @ sizes
     if len(wiring.springs.a):
         motion, _ = _motion(wiring, signals, signals, step)
-        size = np.repeat(np.max(np.abs(motion), axis=1, initial=0.0), 6)
+        size = np.repeat(np.max(np.append(sizes, 0.0)[wiring.ends.motion], axis=1, initial=0.0), 6)
         by_motion = np.full(len(motion), 2.0 / step)
         places = wiring.ends.loads.ravel()
         result[places[places >= 0]] += (np.abs(tangent(wiring.springs, motion, by_motion)) @ size)[places >= 0]

@@ -163,6 +163,8 @@ class Wiring:
     responses : tuple of Response
         Of interfaces whose motion the coupling reads to those that it loads.
     recorded : tuple of Recorded
+    nominal : (m,) float
+        Nominal values of the signals; one where an FMU gives none, as FMI has it.
     """
 
     roles: tuple[Role, ...]
@@ -176,6 +178,7 @@ class Wiring:
     ends: Ends
     responses: tuple[Response, ...]
     recorded: tuple[Recorded, ...]
+    nominal: FloatArray
 
     @property
     def input_role(self) -> IntArray:

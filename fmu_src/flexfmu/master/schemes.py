@@ -15,6 +15,8 @@ from .participants import Participant, StepRefusedError
 
 FloatArray = NDArray[np.float64]
 
+# Rounds after which a residual that falls no more, by so much a round, is as small as it gets.
+_STALLED, _FALLS = 5, 0.5
 # Halvings of a change of inputs with which an FMU refuses the step.
 _HALVINGS = 10
 
@@ -184,23 +186,29 @@ class Iterated:
         here = self._none
         model: Model | None = None
         held, guess = (first if not self._held else self._held[-1]), self._predicted(first)
-        past: tuple[FloatArray, FloatArray] | None = None
+        past: tuple[FloatArray, FloatArray, list[int]] | None = None
+        least = np.inf
         for iteration in range(1, settings.max_iterations + 1):
             held = self._evaluate(point, base, held, guess, signals, iteration)
             asked = self._asked(first, signals, point)
             residual = asked - held
             if iteration == 1:
                 model = stage.response(signals, point.signals, self._share, Dampers.MEAN)
-            if past is not None:
+            substeps = [participant.substeps for participant in stage.coupled]
+            # A difference to a try of fewer internal steps is none of inputs alone.
+            if past is not None and past[2] == substeps:
                 differences = ((residual - past[1])[:, None], (held - past[0])[:, None])
                 here = joined(Secants(*differences), here)
-            past = held, residual
+            past = held, residual, substeps
             secants = here
             # What earlier steps tell is older than a model that tells all.
             for older in [] if model is not None and model.whole else self._kept:
                 secants = joined(secants, older)
-            delta, error = quasi_newton_update(residual, secants, self._scale(asked), settings.relaxation, model)
-            if self._settled(held, error, residual, signals):
+            scale = self._scale(asked)
+            delta, error = quasi_newton_update(residual, secants, scale, settings.relaxation, model)
+            size = float(np.linalg.norm(residual / scale))
+            stalled, least = iteration >= _STALLED and size > _FALLS * least, min(least, size)
+            if self._settled(held, error, residual, signals, stalled):
                 self._remember(held, here)
                 for participant in stage.coupled:
                     participant.forget()
@@ -237,6 +245,7 @@ class Iterated:
             if iteration > 1 or halving:
                 for participant in self._stage.coupled:
                     participant.restore()
+                    participant.hold_substeps()
             held = safe + 0.5**halving * (guess - safe)
             try:
                 for participant in self._stage.coupled:
@@ -256,12 +265,14 @@ class Iterated:
         scale: FloatArray = np.where(largest > 0.0, largest, 1.0)[kind]
         return scale
 
-    def _settled(self, held: FloatArray, error: FloatArray, residual: FloatArray, signals: FloatArray) -> bool:
-        """Whether what the inputs are off by does not count, or is round-off."""
+    def _settled(
+        self, held: FloatArray, error: FloatArray, residual: FloatArray, signals: FloatArray, stalled: bool
+    ) -> bool:
+        """Whether what the inputs are off by does not count, or is round-off: of nominal values where it stalls."""
         small = np.abs(error) <= self._settings.tolerance * self._scale(held + error)
         if np.all(small):
             return True
-        return bool(np.all(small | (np.abs(residual) <= noise(self._stage.wiring, signals, self._stage.step))))
+        return bool(np.all(small | (np.abs(residual) <= noise(self._stage.wiring, signals, self._stage.step, stalled))))
 
     def _remember(self, held: FloatArray, secants: Secants) -> None:
         np.maximum.at(self._largest, self._stage.wiring.kind, np.abs(held))

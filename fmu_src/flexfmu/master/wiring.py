@@ -90,6 +90,7 @@ def wire(coupling: CouplingFile) -> Wiring:
             descriptions, {pair: place for pair, place in input_place.items() if coupled[place]}, signal_place
         ),
         recorded=_recorded(coupling.output.variables, descriptions),
+        nominal=np.array([descriptions[fmu].nominal(name) for fmu, name in signal_place]),
     )
 
 

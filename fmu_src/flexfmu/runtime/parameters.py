@@ -1,5 +1,6 @@
 """The FMU's parameters: values by name, checked when set, as numbers in the FMU's state."""
 
+import math
 from collections.abc import Sequence
 
 from .errors import OptionError
@@ -29,10 +30,12 @@ from .variables import (
     ROTATION_LIMIT,
     SPIN_LIMIT,
     STABILITY_LIMIT,
+    STEP_FEWEST,
     STEP_LIMIT,
     STEP_MOST,
     STEP_TOLERANCE,
     STIFFNESS,
+    TUNABLE,
     Group,
     Initialization,
     Interpolation,
@@ -51,6 +54,7 @@ class Parameters:
 
     def __init__(self, table: Sequence[Variable]):
         self._values = {v.name: v.start for v in table if v.group is Group.PARAMETER}
+        self.tunable = frozenset(v.name for v in table if v.variability == TUNABLE)
 
     def __contains__(self, name: str) -> bool:
         return name in self._values
@@ -80,14 +84,14 @@ class Parameters:
         ]
 
     def restore(self, numbers: Sequence[float]) -> bool:
-        """Take the values back from `numbers`; whether any of them changed."""
+        """Take the values back from `numbers`; whether any changed that is fixed while the body runs."""
         before = dict(self._values)
         for (name, value), number in zip(before.items(), numbers, strict=True):
             if name in CHOICES:
                 self._values[name] = list(CHOICES[name])[int(number)].value
             else:
                 self._values[name] = bool(number) if isinstance(value, bool) else float(number)
-        return self._values != before
+        return any(self._values[name] != value for name, value in before.items() if name not in self.tunable)
 
     @property
     def formulation(self) -> Formulation:
@@ -105,6 +109,14 @@ class Parameters:
     def step_limits(self) -> StepLimits:
         """Bounds of the internal step."""
         return StepLimits(float(self[STEP_LIMIT]), float(self[STEP_TOLERANCE]), float(self[STEP_MOST]))
+
+    @property
+    def fewest_substeps(self) -> int:
+        """Internal steps that a step has at least; OptionError for what is no such number."""
+        fewest = float(self[STEP_FEWEST])
+        if not 1.0 <= fewest < float("inf"):
+            raise OptionError(f"{STEP_FEWEST} is {fewest}, expected a finite number of internal steps ≥ 1")
+        return math.ceil(fewest)
 
     @property
     def damping_scale(self) -> float:

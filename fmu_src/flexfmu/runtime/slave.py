@@ -7,6 +7,7 @@ pythonfmu's base class. Only what follows from the standard is here: the body it
 import math
 from collections.abc import Callable, Sequence
 from ctypes import py_object, pythonapi
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar, cast
@@ -337,6 +338,7 @@ class BodySlave:
         if step_size == 0.0:
             return True
         start, end = self._over_step(float(step_size))
+        state = replace(state, substeps=max(state.substeps, self._parameters.fewest_substeps))
         try:
             reached, work = body.step_packed(state, start, float(step_size), end)
         except StepError as error:
@@ -460,11 +462,13 @@ class BodySlave:
 
     def _set_parameter(self, vr: int, value: float | bool | str) -> None:
         name = self._variables[vr].name
-        if self._running:
+        tunable = name in self._parameters.tunable
+        if self._running and not tunable:
             self._log.append(LogMessage(_WARNING, f"{name} is fixed once initialisation has ended; it keeps its value"))
             return
         self._parameters.set(name, value)
-        self._body = None
+        if not tunable:
+            self._body = None
 
     def _refuse(self, text: str) -> bool:
         """Log, remember and discard a step."""
