@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -96,7 +97,7 @@ def ridden(folder: Path, preload: float, axle: dict[str, float | str]) -> dict[s
     return json.loads(lines[-1].removeprefix(MARK))
 
 
-def measure(folder: Path, internal_steps: list[str] | None) -> list[Record]:
+def measure(folder: Path, internal_steps: list[str] | None) -> Iterator[Record]:
     """Ride with every model of the chart, or those of some internal steps."""
     from demo.rear_axle.road.models import build_model, chart_models, parameters
     from demo.rear_axle.road.scene import WHEEL, Ride, build_axle, build_wheel, coil_preload
@@ -105,7 +106,6 @@ def measure(folder: Path, internal_steps: list[str] | None) -> list[Record]:
 
     preload = coil_preload(build_axle(folder, Reporter()), Ride())
     build_wheel(folder)
-    records = []
     for reduction, models in chart_models():
         here = folder / f"{reduction.modes}_{reduction.frames}"
         chosen = [one for one in models if internal_steps is None or one.internal_step_word in internal_steps]
@@ -122,23 +122,23 @@ def measure(folder: Path, internal_steps: list[str] | None) -> list[Record]:
                 reduction.frames,
                 **ridden(here, preload, parameters(model)),
             )
-            records.append(record)
             words = f"{record.kinematics:12} {record.division:8} {record.internal_step:6} {record.modes:3} modes"
             words += f" {record.frames:2} frames: {record.steps} steps, {record.rounds:.2f} rounds, at most "
             words += f"{record.most_rounds:.0f}, {record.toe:+.3f}°, {record.seconds:.1f} s"
             print(words + (f"; {record.note}" if record.note else ""), flush=True)
-    return records
+            yield record
 
 
 def main(path: Path, internal_steps: list[str] | None) -> list[Record]:
     """Measure and write the records."""
-    with tempfile.TemporaryDirectory() as folder:
-        records = measure(Path(folder), internal_steps)
-    with path.open("w", newline="") as file:
+    records = []
+    with tempfile.TemporaryDirectory() as folder, path.open("w", newline="") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(Record)], lineterminator="\n")
         writer.writeheader()
-        for record in records:
+        for record in measure(Path(folder), internal_steps):
             writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in asdict(record).items()})
+            file.flush()
+            records.append(record)
     print(f"\n{sum(not one.note for one in records)} of {len(records)} rides ran to the end; records: {path}")
     return records
 

@@ -18,7 +18,7 @@ from flexfmu.runtime.body import FlexibleBody
 
 ROOT = Path(__file__).parent.parent
 MARK = "RESULT "
-# Of the chart's 102 models those that were hardest to couple: kinematics, division, modes and frames a part (−1: those of
+# Of the 102 models of the chart those that were hardest to couple: kinematics, division, modes and frames (−1: those of
 # the body file). The benchmark axle_ride rides with all of them.
 CHARTED = [
     ("second_order", "tree", 2, 1),
