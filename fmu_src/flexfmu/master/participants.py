@@ -49,7 +49,7 @@ class Participant:
     Attributes
     ----------
     substeps : int
-        Internal steps that the tries of a step took at most, where the FMU tells of them.
+        Internal steps that the last try of a step took, where the FMU tells of them.
 
     Raises
     ------
@@ -247,7 +247,7 @@ class Participant:
                 ) from error
             raise self._failure(f"failed the step from {time:.9g} s by {size:g} s", error) from error
         if self._internal is not None and not final:
-            self.substeps = max(self.substeps, int(self._values("Integer", [self._internal[0]])[0]))
+            self.substeps = int(self._values("Integer", [self._internal[0]])[0])
 
     def status(self) -> int:
         """What the FMU's own status.code tells: 0, sound, also where it has none.
@@ -301,7 +301,7 @@ class Participant:
             raise self._failure("failed to go back to its state", error) from error
 
     def hold_substeps(self) -> None:
-        """Let the step that is repeated take no fewer internal steps than its tries so far.
+        """Let the step that is repeated take no fewer internal steps than its last try.
 
         Otherwise the answer would jump by the error of an internal step where one try takes more of them than another.
 

@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 
 # Rounds after which a residual that falls no more, by so much a round, is as small as it gets.
 _STALLED, _FALLS = 5, 0.5
+# Change of inputs, of their sizes, beside which the error of internal steps counts for nothing.
+_NEAR = 0.01
 # Halvings of a change of inputs with which an FMU refuses the step.
 _HALVINGS = 10
 
@@ -189,23 +191,24 @@ class Iterated:
         past: tuple[FloatArray, FloatArray, list[int]] | None = None
         least = np.inf
         for iteration in range(1, settings.max_iterations + 1):
-            held = self._evaluate(point, base, held, guess, signals, iteration)
+            near = past is not None and self._is_near(guess, past[0])
+            held = self._evaluate(point, base, held, guess, signals, iteration > 1, near)
             asked = self._asked(first, signals, point)
             residual = asked - held
             if iteration == 1:
                 model = stage.response(signals, point.signals, self._share, Dampers.MEAN)
             substeps = [participant.substeps for participant in stage.coupled]
-            # A difference to a try of fewer internal steps is none of inputs alone.
-            if past is not None and past[2] == substeps:
+            # Beside a small change of inputs, what other internal steps make of the answer is not small.
+            if past is not None and (past[2] == substeps or not near):
                 differences = ((residual - past[1])[:, None], (held - past[0])[:, None])
                 here = joined(Secants(*differences), here)
             past = held, residual, substeps
-            secants = here
+            earlier = self._none
             # What earlier steps tell is older than a model that tells all.
             for older in [] if model is not None and model.whole else self._kept:
-                secants = joined(secants, older)
+                earlier = joined(earlier, older)
             scale = self._scale(asked)
-            delta, error = quasi_newton_update(residual, secants, scale, settings.relaxation, model)
+            delta, error = quasi_newton_update(residual, here, scale, settings.relaxation, model, earlier)
             size = float(np.linalg.norm(residual / scale))
             stalled, least = iteration >= _STALLED and size > _FALLS * least, min(least, size)
             if self._settled(held, error, residual, signals, stalled):
@@ -238,14 +241,22 @@ class Iterated:
         return 2.0 * self._held[-1] - self._held[-2]
 
     def _evaluate(
-        self, point: Point, base: FloatArray, safe: FloatArray, guess: FloatArray, signals: FloatArray, iteration: int
+        self,
+        point: Point,
+        base: FloatArray,
+        safe: FloatArray,
+        guess: FloatArray,
+        signals: FloatArray,
+        again: bool,
+        near: bool,
     ) -> FloatArray:
         """Step with the inputs guessed, or, where an FMU refuses those, nearer to the ones that it took; which ones."""
         for halving in range(_HALVINGS + 1):
-            if iteration > 1 or halving:
+            if again or halving:
                 for participant in self._stage.coupled:
                     participant.restore()
-                    participant.hold_substeps()
+                    if near:
+                        participant.hold_substeps()
             held = safe + 0.5**halving * (guess - safe)
             try:
                 for participant in self._stage.coupled:
@@ -256,6 +267,10 @@ class Iterated:
                 if halving == _HALVINGS or np.array_equal(guess, safe):
                     raise
         return held
+
+    def _is_near(self, inputs: FloatArray, held: FloatArray) -> bool:
+        """Whether inputs are so near to those held at the last try that other internal steps would be seen."""
+        return float(np.max(np.abs(inputs - held) / self._scale(held), initial=0.0)) < _NEAR
 
     def _scale(self, values: FloatArray) -> FloatArray:
         """Size of each input's kind: the largest so far, in this step or before."""
