@@ -182,9 +182,8 @@ def measure(output: Path) -> None:
     print("| | inputs, outputs | µs, median | µs, least | rounds |")
     print("|---|---|---|---|---|")
     for r in records:
-        print(
-            f"| {r.what} | {r.inputs}, {r.outputs} | {1e6 * r.median:.3g} | {1e6 * r.fastest:.3g} | {r.iterations:.1f} |"
-        )
+        times = f"{1e6 * r.median:.3g} | {1e6 * r.fastest:.3g}"
+        print(f"| {r.what} | {r.inputs}, {r.outputs} | {times} | {r.iterations:.1f} |")
     with output.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [*asdict(records[0]), "machine", "python"])
         writer.writeheader()

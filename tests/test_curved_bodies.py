@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from flexfmu import build
+from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import Basis, InterfaceTable, MeshTable, SupportTable, read_body_file
 from flexfmu.fe.assembly import mean_gradient, volume_matrices
 from flexfmu.mesh.model import ElementType
+from flexfmu.methods import Method
 from flexfmu.progress import Reporter
 from flexfmu.reduction.subdomains import fitted_rotation, mean_rotation, volume_weighted
-from flexfmu.body import FlexibleBody
-from flexfmu.methods import Method
 from meshes import arc, body_file, box, distorted
 from references import DEMO, calculix, displacement, relative
 

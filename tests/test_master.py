@@ -8,8 +8,8 @@ from bodies import random_body
 from flexfmu.errors import OutputError, SimulationError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.simulation import read_table
-from flexfmu.master import Result, read_coupling_file, run, write_result
-from flexfmu.master.acceleration import Model, Secants, change, joined, no_secants
+from flexfmu.master import Result, couple, read_coupling_file, run, write_result
+from flexfmu.master.acceleration import Model, Secants, joined, no_secants, quasi_newton_update
 from flexfmu.master.config import Held, Scheme
 from flexfmu.master.exchange import base_inputs, coupled_inputs, noise
 from flexfmu.master.springs import Springs, backward_rates, energy, loads, losses, relative_motion, tangent
@@ -103,6 +103,10 @@ def test_without_a_choice_all_real_outputs_are_recorded_with_their_units(folder)
         (content().replace('"leg"', '"arm"'), ["two [[fmu]] tables have the name 'arm'"]),
         (content().replace('name = "leg"', ""), ["fmu[2].name: missing"]),
         (content().replace("stop = 1.0", "stop = 1.004"), ["100.4 steps of 0.01 s", "take stop = 1 or", "0.01004"]),
+        (
+            content().replace("stop = 1.0", "stop = 1e9"),
+            ["stop = 1e+09 s are 1e+11 steps of 0.01 s", "at most 1e+08", "take stop = 1e+06 s"],
+        ),
         (content().replace("[experiment]", "[experiment"), ["not valid TOML"]),
     ],
 )
@@ -111,6 +115,12 @@ def test_a_wrong_file_is_refused_with_the_key_and_what_would_do(folder, text, wo
     assert str(folder / "coupling.toml") in message
     for word in words:
         assert word in message
+
+
+def test_results_that_cannot_be_kept_are_refused_before_anything_runs(folder):
+    text = content(rest='[output]\nvariables = ["arm.port_0.displacement.x"]').replace("stop = 1.0", "stop = 200000.0")
+    with pytest.raises(SimulationError, match=r"2e\+07 rows of 4 values .* take output\.every = 2"):
+        couple(read(folder, text))
 
 
 def test_every_wrong_key_is_told_at_once(folder):
@@ -430,7 +440,7 @@ def settle(slope, shift, known=None, tolerance=1e-10, rounds=60, secants=None):
             found = joined(Secants((residual - past[1])[:, None], (x - past[0])[:, None]), found)
         past = x, residual
         every = found if secants is None else joined(found, secants)
-        delta, error = change(residual, every, scale, 0.1, known)
+        delta, error = quasi_newton_update(residual, every, scale, 0.1, known)
         if np.max(np.abs(error)) < tolerance:
             return count, np.max(np.abs(x - answer)), found
         x = x + delta
@@ -475,7 +485,7 @@ def test_a_slope_that_is_known_in_part_helps(random):
 def test_differences_that_say_nothing_new_do_no_harm(random):
     column = random.standard_normal((4, 1))
     doubled = Secants(np.hstack([column, column, 0.0 * column]), np.hstack([column, column, 0.0 * column]))
-    delta, _ = change(-column[:, 0], doubled, np.ones(4), 0.1)
+    delta, _ = quasi_newton_update(-column[:, 0], doubled, np.ones(4), 0.1)
     np.testing.assert_allclose(delta, column[:, 0], atol=1e-12)
 
 
@@ -490,7 +500,7 @@ def test_the_balance_of_loads_survives_the_acceleration(random):
         if past is not None:
             found = joined(Secants((residual - past[1])[:, None], (x - past[0])[:, None]), found)
         past = x, residual
-        x = x + change(residual, found, np.ones(4), 0.1)[0]
+        x = x + quasi_newton_update(residual, found, np.ones(4), 0.1)[0]
         assert abs(x[0] + x[1]) < 1e-9 * np.max(np.abs(x))
 
 

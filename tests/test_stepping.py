@@ -8,7 +8,7 @@ from flexfmu.runtime.tree import build_tree, configuration, generalised_force
 from scipy.integrate import solve_ivp
 
 from bodies import COROTATED, COROTATED_REFERENCE, LINEAR, Beam, beam_body, random_body
-from flexfmu.body import MAX_SUBSTEPS, FlexibleBody, State, StepLimits
+from flexfmu.body import FlexibleBody, State, StepLimits
 from flexfmu.model.errors import OptionError, StepError
 from flexfmu.model.reduced_body import Kinematics
 

@@ -9,9 +9,9 @@ import pytest
 from bodies import beam_body
 from flexfmu.errors import OutputError
 from flexfmu.fmu.package import package_fmu
+from flexfmu.model.modal_file import write_modal_file
 from flexfmu.plots import plot_result
 from flexfmu.progress import Reporter
-from flexfmu.model.modal_file import write_modal_file
 from flexfmu.store import Store
 from flexfmu.targets import whole_file
 

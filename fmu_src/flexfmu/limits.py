@@ -6,3 +6,5 @@ MOST_FRAMES = 1000
 """Frames, or levels of them."""
 MOST_STEPS = 1_000_000
 """Communication steps that every model of a scene takes."""
+MOST_COUPLED_STEPS = 100_000_000
+"""Communication steps of a coupling: of the smallest FMUs they take hours."""

@@ -283,7 +283,7 @@ static Component *settable(fmi2Component handle, const fmi2ValueReference vr[], 
 /* Set a parameter; after the start it keeps its value, with a warning. */
 static fmi2Status put_parameter(Component *c, fmi2ValueReference reference, double value) {
     const Program *p = instance_description(c->body);
-    if (c->phase & (INSTANTIATED | INITIALIZING)) {
+    if (c->phase & (INSTANTIATED | INITIALIZING) || parameter_is_tunable(p->variable_index[reference])) {
         set_parameter(c->body, p->variable_index[reference], value);
         return fmi2OK;
     }

@@ -198,9 +198,12 @@ double get_parameter(const Instance *x, int64_t index) { return x->parameter[ind
 
 void set_parameter(Instance *x, int64_t index, double value) {
     x->parameter[index] = value;
+    if (parameter_is_tunable(index)) return;
     if (x->body != x->described) body_close(x->body);
     x->body = 0;
 }
+
+int parameter_is_tunable(int64_t index) { return index == P_STEP_FEWEST; }
 
 void set_input(Instance *x, int64_t index, double value) {
     x->input[index] = value;
@@ -432,7 +435,12 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
         snprintf(why, MESSAGE, "an input grows beyond all numbers over the step of %g s: lower its derivative, or set input.interpolation to 'constant'", step);
         return failed(x, ANSWER_REFUSED);
     }
-    int64_t hint = (int64_t)x->single[S_HINT];
+    const double fewest = x->parameter[P_STEP_FEWEST];
+    if (!(fewest >= 1.0 && fewest < 1e15)) {
+        snprintf(why, MESSAGE, "internal_step.fewest is %g: expected a finite number of internal steps >= 1", fewest);
+        return failed(x, ANSWER_REFUSED);
+    }
+    int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
     Work work = {0, 0, 0.0};
     memcpy(x->q1, x->q, (size_t)m * sizeof(double));
     memcpy(x->v1, x->v, (size_t)m * sizeof(double));
@@ -590,7 +598,8 @@ const char *instance_restore(Instance *x, const void *block, int64_t size) {
     if (head.count != x->number_count || size != instance_state_size(x)) return "the FMU state is damaged: its size is wrong";
     memcpy(x->kept, (const char *)block + sizeof head, (size_t)x->number_count * sizeof(double));
     if (head.checksum != checksum(x->kept, x->number_count) || !sensible(x, x->kept)) return "the FMU state is damaged";
-    const int same = memcmp(x->kept, x->parameter, (size_t)x->parameters * sizeof(double)) == 0;
+    int same = 1;
+    for (int64_t i = 0; i < x->parameters; i++) same &= parameter_is_tunable(i) || x->kept[i] == x->parameter[i];
     memcpy(x->numbers, x->kept, (size_t)x->number_count * sizeof(double));
     if (!same) {
         if (x->body != x->described) body_close(x->body);

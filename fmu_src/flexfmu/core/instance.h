@@ -11,7 +11,7 @@ enum { ROLE_INPUT, ROLE_MOTION, ROLE_RATE, ROLE_STRESS, ROLE_COMPLIANCE, ROLE_ST
 enum { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN, TYPE_STRING };
 /* Parameters by index; from P_FIXED on one for each interface that the scene may fix. */
 enum {
-    P_METHOD, P_INITIALIZATION, P_INTERPOLATION, P_DAMPING_SCALE, P_STEP_LIMIT, P_STEP_TOLERANCE, P_STEP_MOST, P_ON_STEP,
+    P_METHOD, P_INITIALIZATION, P_INTERPOLATION, P_DAMPING_SCALE, P_STEP_LIMIT, P_STEP_TOLERANCE, P_STEP_MOST, P_STEP_FEWEST, P_ON_STEP,
     P_ROTATION_LIMIT, P_ON_ROTATION, P_STABILITY_LIMIT, P_ON_STABILITY, P_MISSED_LIMIT, P_ON_MISSED, P_SPIN_LIMIT,
     P_ON_SPIN, P_MOMENTUM_LIMIT, P_ON_MOMENTUM, P_FIXED
 };
@@ -45,6 +45,8 @@ const char *variable_text(const Instance *instance, int64_t variable, int64_t in
 Answer get_number(Instance *instance, int64_t variable, double *value, char *why);
 double get_parameter(const Instance *instance, int64_t index);
 void set_parameter(Instance *instance, int64_t index, double value);
+/* Whether a parameter may be set between steps. */
+int parameter_is_tunable(int64_t index);
 void set_input(Instance *instance, int64_t index, double value);
 void set_input_rate(Instance *instance, int64_t index, double value);
 /* Inputs or parameters were set before the first step: where the body starts is open again. */

@@ -6,7 +6,7 @@ parameters and diagnostics is that of core/instance.h, of choices that of the en
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -119,6 +119,7 @@ DAMPING_SCALE = "damping.scale"
 STEP_LIMIT = "internal_step.limit"
 STEP_TOLERANCE = "internal_step.tolerance"
 STEP_MOST = "internal_step.most"
+STEP_FEWEST = "internal_step.fewest"
 FIXED = ".fixed"
 """Ends the name of the parameter that fixes an interface of a free body."""
 ROTATION_LIMIT = "watch.rotation.limit"
@@ -143,6 +144,8 @@ KINETIC_ENERGY = "diagnostics.kinetic_energy"
 ITERATIONS = "diagnostics.iterations"
 SUBSTEPS = "diagnostics.substeps"
 
+TUNABLE = "tunable"
+"""Variability of parameters that may be set between steps."""
 CORE_PARAMETERS = (
     METHOD,
     INITIALIZATION,
@@ -151,6 +154,7 @@ CORE_PARAMETERS = (
     STEP_LIMIT,
     STEP_TOLERANCE,
     STEP_MOST,
+    STEP_FEWEST,
     ON_STEP,
     ROTATION_LIMIT,
     ON_ROTATION,
@@ -355,6 +359,11 @@ def _parameters(body: ReducedBody) -> list[Variable]:
             STEP_TOLERANCE, StepLimits().tolerance, None, "error accepted per step, relative, in the energy norm", 1e-14
         ),
         number(STEP_MOST, StepLimits().most, None, "most work of a call, in internal steps of ordinary cost", 1.0),
+        replace(
+            # A master that repeats a step raises it, so that all tries have the same internal steps.
+            number(STEP_FEWEST, 1.0, None, "internal steps that a step with implicit loads has at least", 1.0),
+            variability=TUNABLE,
+        ),
         choice(ON_STEP, OnRefusal.DISCARD, OnRefusal, "what happens when a step is refused"),
         number(ROTATION_LIMIT, 0.5, "rad", "largest rotation within a frame; 0 for no limit"),
         choice(ON_ROTATION, OnLimit.WARN, OnLimit, "what happens beyond it"),

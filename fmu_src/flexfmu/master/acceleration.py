@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-# A difference whose part that is new is smaller than this says nothing beyond noise.
-_DEPENDENT = 1e-6
+# Least new part of a difference: of this step, where less is noise, and of earlier ones. Those are off by the curvature
+# between steps, some per mille, which a smaller new part would divide: the inputs would jump by far.
+_DEPENDENT, _DEPENDENT_EARLIER = 1e-6, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +87,13 @@ def joined(newer: Secants, older: Secants) -> Secants:
     return Secants(np.hstack([newer.residuals, older.residuals]), np.hstack([newer.inputs, older.inputs]))
 
 
-def change(
-    residual: FloatArray, secants: Secants, scale: FloatArray, relaxation: float, model: Model | None = None
+def quasi_newton_update(
+    residual: FloatArray,
+    secants: Secants,
+    scale: FloatArray,
+    relaxation: float,
+    model: Model | None = None,
+    earlier: Secants | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Change of the coupled inputs that should make the residual zero, and how far off they may still be.
 
@@ -99,11 +105,14 @@ def change(
     residual : (n,) float
         g(x) − x.
     secants : Secants
+        Of this step.
     scale : (n,) float
         Sizes that make inputs of different kinds comparable, > 0.
     relaxation : float
         Part of an unexplained residual that is added as long as there are no differences.
     model : Model, optional
+    earlier : Secants, optional
+        Of earlier steps.
 
     Returns
     -------
@@ -111,7 +120,11 @@ def change(
     estimate : (n,) float
         Of the error of the inputs.
     """
-    basis, kept = _independent(secants.residuals / scale[:, None])
+    least_new = np.full(secants.inputs.shape[1], _DEPENDENT)
+    if earlier is not None:
+        secants = joined(secants, earlier)
+        least_new = np.append(least_new, np.full(earlier.inputs.shape[1], _DEPENDENT_EARLIER))
+    basis, kept = _independent(secants.residuals / scale[:, None], least_new)
     # α from the triangular system, V = basis · triangle.
     triangle = basis.T @ (secants.residuals[:, kept] / scale[:, None])
     alpha = -np.linalg.solve(triangle, basis.T @ (residual / scale)) if kept else np.zeros(0)
@@ -142,7 +155,7 @@ def _unexplained(rest: FloatArray, scale: FloatArray, part: float, model: Model 
     return solved
 
 
-def _independent(columns: FloatArray) -> tuple[FloatArray, list[int]]:
+def _independent(columns: FloatArray, least_new: FloatArray) -> tuple[FloatArray, list[int]]:
     """Orthonormal basis of the columns, and which of them are kept: those that add a direction to the earlier ones."""
     basis = np.zeros((len(columns), 0))
     kept: list[int] = []
@@ -153,7 +166,7 @@ def _independent(columns: FloatArray) -> tuple[FloatArray, list[int]]:
         for _ in range(2):
             rest = rest - basis @ (basis.T @ rest)
         new = float(np.linalg.norm(rest))
-        if size > 0.0 and np.isfinite(size) and new > _DEPENDENT * size and basis.shape[1] < len(columns):
+        if size > 0.0 and np.isfinite(size) and new > least_new[k] * size and basis.shape[1] < len(columns):
             basis = np.column_stack([basis, rest / new])
             kept.append(k)
     return basis, kept

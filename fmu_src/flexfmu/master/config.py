@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from ..errors import SimulationError
 from ..inputs import Kind
+from ..limits import MOST_COUPLED_STEPS
 from ..toml_files import explain, read_toml
 
 # FMU instances; a dot parts them from their variables.
@@ -65,6 +66,11 @@ class ExperimentTable(_Table):
     @model_validator(mode="after")
     def _whole_number_of_steps(self) -> "ExperimentTable":
         count = self.stop / self.step
+        if count > MOST_COUPLED_STEPS:
+            raise ValueError(
+                f"stop = {self.stop:g} s are {count:.3g} steps of {self.step:g} s, expected at most "
+                f"{MOST_COUPLED_STEPS:.3g}: take stop = {MOST_COUPLED_STEPS * self.step:.6g} s, or a longer step"
+            )
         if round(count) < 1 or abs(count - round(count)) > _WHOLE:
             near = max(round(count), 1)
             raise ValueError(

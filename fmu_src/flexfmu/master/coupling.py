@@ -1,14 +1,16 @@
 """Coupling FMUs from a file or from Python: set up, run, keep what came out also where a run stops early."""
 
-import time as clock
+import math
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SimulationError
-from ..progress import Reporter
+from ..errors import INTERRUPTED, SimulationError
+from ..fmu.simulation import MOST_VALUES
+from ..progress import Reporter, Tell, ends_on_interrupt
 from ..targets import check_target
 from .config import CouplingFile, Scheme, read_coupling_file
 from .exchange import EnergyCount, counted
@@ -22,8 +24,6 @@ from .wiring import wire
 
 FloatArray = NDArray[np.float64]
 
-# Seconds between words on how far a run is.
-_PAUSE = 10.0
 # Answer of springs to their own loads beyond which explicit schemes are warned of.
 _STIFF = 0.1
 
@@ -36,11 +36,15 @@ class CouplingStoppedError(SimulationError):
     message : str
     result : Result
         What came out until then.
+    interrupted : bool
+        Whether the user ended it.
     """
 
-    def __init__(self, message: str, result: Result):
+    def __init__(self, message: str, result: Result, interrupted: bool = False):
         super().__init__(message)
         self.result = result
+        if interrupted:
+            self.exit_code = INTERRUPTED
 
 
 class _Recorder:
@@ -55,7 +59,7 @@ class _Recorder:
         self._times: list[float] = []
         self._rows: list[FloatArray] = []
 
-    def take(self, time: float, iterations: float, created: float) -> None:
+    def record(self, time: float, iterations: float, created: float) -> None:
         row = np.empty(len(self._recorded) + 2)
         for participant, places in self._of:
             row[places] = participant.recorded([self._recorded[k] for k in places])
@@ -86,14 +90,15 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
     SimulationError
         The coupling cannot be, or an FMU fails its start; nothing has run.
     CouplingStoppedError
-        An FMU refused or failed a step, or the coupled inputs did not settle; with what came out until then.
+        An FMU refused or failed a step, the coupled inputs did not settle, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
     settings = coupling.experiment
     wiring = wire(coupling)
+    _check_size(coupling, len(wiring.recorded) + 3)
     names = ", ".join(role.description.name for role in wiring.roles)
     title = f"Couple {names} to {settings.stop:g} s in steps of {settings.step:g} s, {settings.scheme.value}"
-    with report.stage(title), ExitStack() as stack:
+    with report.counted(title, settings.stop, "s") as tell, ends_on_interrupt(report) as pressed, ExitStack() as stack:
         participants = []
         for role in wiring.roles:
             participants.append(Participant(role))
@@ -102,19 +107,30 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
             participant.initialize(settings.stop)
         # What grows without bound is told of in words.
         with np.errstate(all="ignore"):
-            result = _march(coupling, Stage(wiring, participants, settings.step), report)
+            result = _march(coupling, Stage(wiring, participants, settings.step), report, tell, pressed)
         for participant in participants:
             for text in participant.warnings():
                 report.warning(f"{participant.name}: {text}")
     return result
 
 
-def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
-    """Step by step to the end."""
+def _check_size(coupling: CouplingFile, columns: int) -> None:
+    """Refuse a run whose results are more than can be kept, before it begins."""
+    rows, most = coupling.experiment.steps / coupling.output.every, MOST_VALUES / columns
+    if rows > most:
+        raise SimulationError(
+            f"the results are {rows:.3g} rows of {columns} values each, expected at most {most:.3g} rows: take "
+            f"output.every = {coupling.output.every * math.ceil(rows / most)}, fewer output.variables, or an earlier "
+            "experiment.stop"
+        )
+
+
+def _march(coupling: CouplingFile, stage: Stage, report: Reporter, tell: Tell, pressed: Callable[[], bool]) -> Result:
+    """Step by step to the end, or until Ctrl-C was pressed."""
     settings, recorder = coupling.experiment, _Recorder(stage.wiring, list(stage.participants))
     point = stage.initial()
-    recorder.take(0.0, 0.0, 0.0)
-    advance, said, rounds = scheme(stage, settings), clock.monotonic(), 0
+    recorder.record(0.0, 0.0, 0.0)
+    advance, rounds = scheme(stage, settings), 0
     energies, odd = EnergyCount(0.0, 0.0, 0.0), set[str]()
     growth = GrowthWatch(report.warning, settings.scheme is Scheme.ITERATED)
     resolution = ResolutionWatch(stage.wiring, report.warning)
@@ -126,14 +142,18 @@ def _march(coupling: CouplingFile, stage: Stage, report: Reporter) -> Result:
             energies = counted(energies, stage.wiring, point.signals, point.before, point.held, settings.step)
             if point.number == 1 and settings.scheme is not Scheme.ITERATED:
                 _warn_of_stiff_springs(stage, point, report)
-            if point.number % coupling.output.every == 0 or point.number == settings.steps:
-                recorder.take(point.number * settings.step, point.iterations, energies.created)
+            ended = pressed() and point.number < settings.steps
+            if ended or point.number % coupling.output.every == 0 or point.number == settings.steps:
+                recorder.record(point.number * settings.step, point.iterations, energies.created)
             resolution.look(point.signals, point.number * settings.step)
             if (runaway := growth.look(energies, point.number * settings.step)) is not None:
                 raise SimulationError(runaway)
-            if clock.monotonic() - said > _PAUSE:
-                said = clock.monotonic()
-                report.note(f"at {point.number * settings.step:.6g} s of {settings.stop:g} s")
+            tell(point.number * settings.step)
+            if ended:
+                words = f"stopped at {point.number * settings.step:.9g} s of {settings.stop:g} s: ended by Ctrl-C"
+                raise CouplingStoppedError(words, recorder.result(), interrupted=True)
+    except CouplingStoppedError:
+        raise
     except SimulationError as error:
         at = point.number * settings.step
         told = FED in str(error) or not fed(energies)
@@ -156,7 +176,7 @@ def _watch(stage: Stage, point: Point, odd: set[str], report: Reporter) -> None:
 
 def _warn_of_stiff_springs(stage: Stage, point: Point, report: Reporter) -> None:
     """Say so where the interfaces' compliance tells that an explicit scheme will grow."""
-    model = stage.answer(point.signals, point.before)
+    model = stage.response(point.signals, point.before)
     if model is None:
         return
     size = float(np.max(np.abs(np.linalg.eigvals(model.slope))))
@@ -193,5 +213,6 @@ def run(path: Path, output: Path, report: Reporter) -> None:
     except CouplingStoppedError as stopped:
         partial = output.with_suffix(f".partial{output.suffix}")
         write_result(partial, stopped.result)
-        raise CouplingStoppedError(f"{stopped}\nWhat came out until then is in {partial}", stopped.result) from stopped
+        words = f"{stopped}\nWhat came out until then is in {partial}"
+        raise CouplingStoppedError(words, stopped.result, stopped.exit_code == INTERRUPTED) from stopped
     write_result(output, result)

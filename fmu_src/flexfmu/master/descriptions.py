@@ -63,6 +63,21 @@ class Description:
             raise SimulationError(f"{wanted}: {self.name!r} ({self.file.name}) has no variable {name!r}; {near}")
         return self.variables[name]
 
+    def nominal(self, name: str) -> float:
+        """Nominal value of a variable, its own or its type's; one where there is none, as FMI has it.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        float
+        """
+        variable = self.variables[name]
+        own = variable.nominal or (variable.declaredType.nominal if variable.declaredType is not None else None)
+        return 1.0 if own is None else abs(float(own))
+
     def unit(self, name: str) -> str | None:
         """Unit of a variable, its own or its type's.
 

@@ -1,6 +1,6 @@
 """Interfaces that springs hold: their variables, checked, and the places of these in a layout."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..errors import SimulationError
 from .config import SpringTable
 from .descriptions import Description, split
-from .layout import Ends
+from .layout import Ends, Response
 from .springs import Springs
 
 IntArray = NDArray[np.int64]
@@ -16,6 +16,7 @@ IntArray = NDArray[np.int64]
 AXES = ("x", "y", "z")
 ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
+_MOTION, _RATES, _LOADS = ("displacement", "rotation"), ("velocity", "angular_velocity"), ("force", "moment")
 _UNITS = {"displacement": "m", "rotation": "rad", "force": "N", "moment": "N.m"}
 # "N.m", "N m", "N*m" and "Nm" are all in use.
 _JOINTS = str.maketrans("", "", ". *·")
@@ -84,17 +85,17 @@ def end_names(
             ends[text] = None
     for text in ends:
         fmu, _, interface = text.partition(".")
-        for quantity in ("displacement", "rotation", "velocity", "angular_velocity", "force", "moment"):
+        for quantity in (*_MOTION, *_RATES, *_LOADS):
             if _group(descriptions[fmu], f"{interface}.{quantity}"):
                 for axis in AXES:
-                    shares = inputs if quantity in ("force", "moment") else signals
+                    shares = inputs if quantity in _LOADS else signals
                     shares.ask(fmu, f"{interface}.{quantity}.{axis}")
     return tuple(ends)
 
 
 def _check_vector(description: Description, interface: str, quantity: str, key: str) -> None:
     """Whether the three components of a vector of an interface are there, and are what a spring needs."""
-    wanted = "input" if quantity in ("force", "moment") else "output"
+    wanted = "input" if quantity in _LOADS else "output"
     expected = _UNITS[quantity]
     for axis in AXES:
         name = f"{interface}.{quantity}.{axis}"
@@ -136,37 +137,67 @@ def lay_ends(
     """
     order = list(descriptions)
 
-    def places(place: Mapping[tuple[str, str], int], *quantities: str) -> IntArray:
-        rows = [
-            [
-                place.get((text.partition(".")[0], f"{text.partition('.')[2]}.{quantity}.{axis}"), -1)
-                for quantity in quantities
-                for axis in AXES
-            ]
-            for text in ends
-        ]
-        return np.array(rows, dtype=np.int64).reshape(len(ends), 6)
+    def places(place: Mapping[tuple[str, str], int], quantities: Sequence[str]) -> IntArray:
+        return np.array([_places(place, text, quantities) for text in ends], dtype=np.int64).reshape(len(ends), 6)
 
-    compliance = {}
-    for a, moved in enumerate(ends):
-        for b, loaded in enumerate(ends):
-            fmu, _, interface = moved.partition(".")
-            other_fmu, _, other = loaded.partition(".")
-            if fmu != other_fmu:
-                continue
-            middle = "" if other == interface else f"{other}."
-            names = [f"{interface}.compliance.{middle}{row}.{column}" for row in ROWS for column in COLUMNS]
-            there = descriptions[fmu].variables
-            if all(name in there and there[name].type == "Real" for name in names):
-                compliance[a, b] = tuple(int(there[name].valueReference) for name in names)
     return Ends(
         ends,
         np.array([order.index(text.partition(".")[0]) for text in ends], dtype=np.int64),
-        places(signal_place, "displacement", "rotation"),
-        places(signal_place, "velocity", "angular_velocity"),
-        places(input_place, "force", "moment"),
-        compliance,
+        places(signal_place, _MOTION),
+        places(signal_place, _RATES),
+        places(input_place, _LOADS),
     )
+
+
+def lay_responses(
+    descriptions: Mapping[str, Description],
+    fed_place: Mapping[tuple[str, str], int],
+    signal_place: Mapping[tuple[str, str], int],
+) -> tuple[Response, ...]:
+    """Compliance that FMUs offer of interfaces whose motion the coupling reads to those that it loads.
+
+    Parameters
+    ----------
+    descriptions : mapping of str to Description
+    fed_place, signal_place : mapping of (str, str) to int
+        Places of FMUs' variables: inputs that connections or springs feed, and signals.
+
+    Returns
+    -------
+    tuple of Response
+    """
+    order, found = list(descriptions), []
+    for a in _interfaces(signal_place, (*_MOTION, *_RATES)):
+        for b in _interfaces(fed_place, _LOADS):
+            fmu, _, interface = a.partition(".")
+            other_fmu, _, other = b.partition(".")
+            middle = "" if other == interface else f"{other}."
+            names = [f"{interface}.compliance.{middle}{row}.{column}" for row in ROWS for column in COLUMNS]
+            there = descriptions[fmu].variables
+            if fmu == other_fmu and all(name in there and there[name].type == "Real" for name in names):
+                references = tuple(int(there[name].valueReference) for name in names)
+                motion, rates = _places(signal_place, a, _MOTION), _places(signal_place, a, _RATES)
+                loads = _places(fed_place, b, _LOADS)
+                found.append(Response(a, b, order.index(fmu), references, motion, rates, loads))
+    return tuple(found)
+
+
+def _places(place: Mapping[tuple[str, str], int], text: str, quantities: Sequence[str]) -> IntArray:
+    """Places (6,) of the components of two vectors of an interface."""
+    fmu, _, interface = text.partition(".")
+    names = [f"{interface}.{quantity}.{axis}" for quantity in quantities for axis in AXES]
+    return np.array([place.get((fmu, name), -1) for name in names], dtype=np.int64)
+
+
+def _interfaces(place: Mapping[tuple[str, str], int], quantities: Sequence[str]) -> list[str]:
+    """Interfaces of which components of some vectors are among the variables."""
+    found: dict[str, None] = {}
+    for fmu, name in place:
+        interface, _, rest = name.partition(".")
+        quantity, _, axis = rest.partition(".")
+        if quantity in quantities and axis in AXES:
+            found[f"{fmu}.{interface}"] = None
+    return list(found)
 
 
 def lay_springs(springs: list[SpringTable], ends: tuple[str, ...]) -> Springs:

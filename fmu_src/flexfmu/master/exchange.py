@@ -1,6 +1,6 @@
 """What inputs the FMUs' outputs ask for: tables, connections and springs, and how the answer to inputs is known."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .acceleration import Model
-from .layout import Wiring
+from .layout import Response, Wiring
 from .springs import Springs, backward_rates, energy, loads, losses, tangent
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 # Of a step: on which side of a jump in a table its ends lie does not hang on round-off.
 _NEAR = 1e-9
+# A load held over a step changes the velocity at its end twice as much as the motion suggests.
+_RATE_BY_MOTION = 2.0
 # Multiples of round-off that outputs are trusted to, and the change of any input that never counts.
 _ROUND_OFF, _NOTHING = 1e3 * np.finfo(float).eps, 1e-12
 
@@ -87,16 +90,16 @@ def coupled_inputs(
     return result
 
 
-def answer(
+def interface_response(
     wiring: Wiring,
     signals: FloatArray,
     before: FloatArray,
     step: float,
-    compliance: Mapping[tuple[int, int], FloatArray],
+    compliance: Sequence[FloatArray],
     share: float = 1.0,
     dampers: Dampers = Dampers.NOW,
 ) -> Model | None:
-    """Derivative of the coupled inputs with respect to themselves, held over a step, from the ends' compliance.
+    """Derivative of the coupled inputs with respect to themselves, held over a step, from the interfaces' compliance.
 
     Of springs only one of whose ends offers its compliance nothing is known.
 
@@ -107,9 +110,8 @@ def answer(
         At the step's end and beginning.
     step : float
         s.
-    compliance : mapping of (int, int) to (6, 6) float
-        Of pairs of ends of the same FMU: displacement and rotation of the first at the step's end by force and moment
-        on the second held over it.
+    compliance : sequence of (6, 6) float
+        Of each of the wiring's responses: displacement and rotation at the step's end by force and moment held over it.
     share : float, optional
         Part that the step's end has in what is held.
     dampers : Dampers, optional
@@ -119,38 +121,54 @@ def answer(
     Model or None
         None: nothing is known.
     """
-    ends, springs = wiring.ends, wiring.springs
-    # The ground does not give way.
-    sound = {pair: block for pair, block in compliance.items() if np.all(np.isfinite(block))}
-    count = len(ends.names)
-    offered = np.array([(end, end) in sound for end in range(count)] + [True])
-    told = offered[springs.a] & offered[springs.b]
-    if not np.any(told):
+    ends, springs, fed = wiring.ends, wiring.springs, wiring.matrix != 0.0
+    sound = [(r, block) for r, block in zip(wiring.responses, compliance, strict=True) if np.all(np.isfinite(block))]
+    if not sound:
         return None
-    known_springs = Springs(springs.a[told], springs.b[told], springs.stiffness[told], springs.damping[told])
-    motion, _ = _motion(wiring, signals, before, step)
-    if dampers is Dampers.MEAN:
-        # Their part in what is held is one, whatever that of the springs.
-        by_motion = np.full(count, 1.0 / (share * step))
-    else:
-        # A load held over the step changes the velocity at its end twice as much as the motion suggests.
-        by_motion = np.where(ends.rates[:, 0] >= 0, 2.0, 1.0) / step
-    slope = tangent(known_springs, motion, by_motion)
-    whole = np.zeros((6 * count, 6 * count))
-    for (a, b), block in sound.items():
-        whole[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] = block
-    slope = slope @ whole
-    known = np.zeros(len(wiring.base), dtype=bool)
-    for end in {*known_springs.a.tolist(), *known_springs.b.tolist()} - {len(ends.names)}:
-        known[ends.loads[end][ends.loads[end] >= 0]] = True
-    places = ends.loads.ravel()
-    there = places >= 0
-    full = np.zeros((len(wiring.base), len(wiring.base)))
-    full[np.ix_(places[there], places[there])] = share * slope[np.ix_(there, there)]
-    # Nothing is missing where every pair of ends of an FMU is told of.
-    role = ends.role.tolist()
-    complete = all((a, b) in sound for a in range(count) for b in range(count) if role[a] == role[b])
-    return Model(full, known, complete and bool(np.all(known[wiring.coupled])) and not np.any(wiring.matrix))
+    by_inputs, told = _signals_by_inputs(wiring, step, sound)
+    slope = wiring.matrix @ by_inputs[:-1]
+    # Signals that no coupled input of their FMU can move are known, too.
+    movable = wiring.signal_role[:, None] == np.where(wiring.coupled, wiring.input_role, -1)
+    unknown = np.any(movable, axis=1) & ~np.any(told[:-1], axis=1)
+    known = np.any(fed, axis=1) & ~np.any(fed & unknown, axis=1)
+    offered = {r.moved for r, _ in sound if r.moved == r.loaded}
+    # The ground does not give way.
+    held = np.array([*(name in offered for name in ends.names), True])
+    kept = held[springs.a] & held[springs.b]
+    if np.any(kept):
+        known_springs = Springs(springs.a[kept], springs.b[kept], springs.stiffness[kept], springs.damping[kept])
+        motion, _ = _motion(wiring, signals, before, step)
+        if dampers is Dampers.MEAN:
+            # Their part in what is held is one, whatever that of the springs.
+            by_motion = np.full(len(motion), 1.0 / (share * step))
+        else:
+            by_motion = np.where(ends.rates[:, 0] >= 0, _RATE_BY_MOTION, 1.0) / step
+        loads_by_inputs = tangent(known_springs, motion, by_motion) @ by_inputs[ends.motion.ravel()]
+        places = ends.loads.ravel()
+        slope[places[places >= 0]] += loads_by_inputs[places >= 0]
+        touched = np.unique(np.concatenate([known_springs.a, known_springs.b]))
+        places = ends.loads[touched[touched < len(ends.names)]]
+        known[places[places >= 0]] = True
+    used = np.append(np.any(fed, axis=0), False)
+    used[ends.motion] = True
+    # Nothing is missing where all is told of every signal that is used.
+    complete = np.all(told[:-1] | ~movable, axis=1) | ~used[:-1]
+    return Model(share * slope, known, bool(np.all(complete)))
+
+
+def _signals_by_inputs(
+    wiring: Wiring, step: float, responses: Sequence[tuple[Response, FloatArray]]
+) -> tuple[FloatArray, BoolArray]:
+    """Derivatives (m + 1, n) of the signals by the driven inputs, and which are told; the last signal is none."""
+    shape = wiring.matrix.shape[1] + 1, wiring.matrix.shape[0]
+    derivative, told = np.zeros(shape), np.zeros(shape, dtype=bool)
+    for response, block in responses:
+        column = response.loads >= 0
+        for places, factor in ((response.motion, 1.0), (response.rates, _RATE_BY_MOTION / step)):
+            row = places >= 0
+            there = np.ix_(places[row], response.loads[column])
+            derivative[there], told[there] = factor * block[np.ix_(row, column)], True
+    return derivative, told
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,8 +227,10 @@ def counted(
     return EnergyCount(count.created + created, max(count.stored, stored, stored_before), exchanged, stored)
 
 
-def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:
+def noise(wiring: Wiring, signals: FloatArray, step: float, nominal: bool = False) -> FloatArray:
     """Residuals of the coupled inputs that round-off of the signals explains.
+
+    An FMU may well find a small value as the difference of large ones: its round-off is that of the nominal value.
 
     Parameters
     ----------
@@ -218,15 +238,18 @@ def noise(wiring: Wiring, signals: FloatArray, step: float) -> FloatArray:
     signals : (m,) float
     step : float
         s.
+    nominal : bool, optional
+        Take no signal for smaller than its nominal value.
 
     Returns
     -------
     (n,) float
     """
-    result: FloatArray = np.abs(wiring.matrix) @ np.abs(signals)
+    sizes = np.maximum(np.abs(signals), wiring.nominal) if nominal else np.abs(signals)
+    result: FloatArray = np.abs(wiring.matrix) @ sizes
     if len(wiring.springs.a):
         motion, _ = _motion(wiring, signals, signals, step)
-        size = np.repeat(np.max(np.abs(motion), axis=1, initial=0.0), 6)
+        size = np.repeat(np.max(np.append(sizes, 0.0)[wiring.ends.motion], axis=1, initial=0.0), 6)
         by_motion = np.full(len(motion), 2.0 / step)
         places = wiring.ends.loads.ravel()
         result[places[places >= 0]] += (np.abs(tangent(wiring.springs, motion, by_motion)) @ size)[places >= 0]

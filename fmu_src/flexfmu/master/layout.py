@@ -82,8 +82,6 @@ class Ends:
         Signals: displacement and rotation, velocity and angular velocity.
     loads : (E, 6) int
         Driven inputs: force and moment.
-    compliance : dict of (int, int) to tuple of int
-        36 value references, row by row, of an end's motion by the loads on an end of the same FMU, where offered.
     """
 
     names: tuple[str, ...]
@@ -91,7 +89,32 @@ class Ends:
     motion: IntArray
     rates: IntArray
     loads: IntArray
-    compliance: dict[tuple[int, int], tuple[int, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """Compliance that an FMU offers between two of its interfaces; −1 stands for what the coupling does not use.
+
+    Attributes
+    ----------
+    moved, loaded : str
+        Interfaces of the same FMU, "fmu.interface".
+    role : int
+    references : (36,) int
+        Value references of motion by loads held over a step, row by row.
+    motion, rates : (6,) int
+        Signals: displacement and rotation, velocity and angular velocity.
+    loads : (6,) int
+        Driven inputs: force and moment.
+    """
+
+    moved: str
+    loaded: str
+    role: int
+    references: tuple[int, ...]
+    motion: IntArray
+    rates: IntArray
+    loads: IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +160,11 @@ class Wiring:
     tables : tuple of Table
     springs : Springs
     ends : Ends
+    responses : tuple of Response
+        Of interfaces whose motion the coupling reads to those that it loads.
     recorded : tuple of Recorded
+    nominal : (m,) float
+        Nominal values of the signals; one where an FMU gives none, as FMI has it.
     """
 
     roles: tuple[Role, ...]
@@ -149,4 +176,16 @@ class Wiring:
     tables: tuple[Table, ...]
     springs: Springs
     ends: Ends
+    responses: tuple[Response, ...]
     recorded: tuple[Recorded, ...]
+    nominal: FloatArray
+
+    @property
+    def input_role(self) -> IntArray:
+        """Number (n,) of the role of each driven input."""
+        return np.repeat(np.arange(len(self.roles)), [len(role.inputs) for role in self.roles])
+
+    @property
+    def signal_role(self) -> IntArray:
+        """Number (m,) of the role of each signal."""
+        return np.repeat(np.arange(len(self.roles)), [len(role.signals) for role in self.roles])

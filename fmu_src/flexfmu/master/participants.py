@@ -29,6 +29,8 @@ FloatArray = NDArray[np.float64]
 
 # Of flexfmu's bodies: what tells masters that overlook a discarded step, and its value then.
 STATUS_CODE, _FAILED = "status.code", 1
+# And how many internal steps a step took, and the parameter, set between steps, that says how many it takes at least.
+_SUBSTEPS, _FEWEST = "diagnostics.substeps", "internal_step.fewest"
 # FMI 2.0 statuses: a call that was not honoured, and one after which nothing may be called.
 _DISCARD, _FATAL = 2, 4
 
@@ -44,6 +46,11 @@ class Participant:
     ----------
     role : Role
 
+    Attributes
+    ----------
+    substeps : int
+        Internal steps that the last try of a step took, where the FMU tells of them.
+
     Raises
     ------
     SimulationError
@@ -57,6 +64,12 @@ class Participant:
         self._state: Any = None
         self._warned: dict[str, None] = {}
         self._slave: Any = None
+        variables = role.description.variables
+        count, fewest = variables.get(_SUBSTEPS), variables.get(_FEWEST)
+        self._internal: tuple[int, int] | None = None
+        if count is not None and fewest is not None and fewest.variability == "tunable":
+            self._internal = int(count.valueReference), int(fewest.valueReference)
+        self.substeps = 1
         open_log(self.name)
         self._folder = tempfile.mkdtemp(prefix="flexfmu-")
         try:
@@ -233,6 +246,8 @@ class Participant:
                     f"fmu {self.name!r} refused the step from {time:.9g} s by {size:g} s: {words}"
                 ) from error
             raise self._failure(f"failed the step from {time:.9g} s by {size:g} s", error) from error
+        if self._internal is not None and not final:
+            self.substeps = int(self._values("Integer", [self._internal[0]])[0])
 
     def status(self) -> int:
         """What the FMU's own status.code tells: 0, sound, also where it has none.
@@ -285,12 +300,31 @@ class Participant:
         except FMICallException as error:
             raise self._failure("failed to go back to its state", error) from error
 
+    def hold_substeps(self) -> None:
+        """Let the step that is repeated take no fewer internal steps than its last try.
+
+        Otherwise the answer would jump by the error of an internal step where one try takes more of them than another.
+
+        Raises
+        ------
+        SimulationError
+            The FMU fails the call.
+        """
+        if self._internal is not None and self.substeps > 1:
+            try:
+                self._slave.setReal([self._internal[1]], [float(self.substeps)])
+            except FMICallException as error:
+                raise self._failure("failed to hold its internal steps", error) from error
+
     def forget(self) -> None:
-        """Drop the state kept, if any."""
+        """Drop the state kept, if any; the next step takes as many internal steps as it wants."""
         if self._state is not None:
             state, self._state = self._state, None
             with suppress(FMICallException):
                 self._slave.freeFMUstate(state)
+                if self._internal is not None and self.substeps > 1:
+                    self._slave.setReal([self._internal[1]], [float(self.role.start.get(_FEWEST, 1.0))])
+        self.substeps = 1
 
     def warnings(self) -> list[str]:
         """What the FMU warned of so far, each once.

@@ -7,14 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SimulationError
-from .acceleration import Model, Secants, change, joined, no_secants
+from .acceleration import Model, Secants, joined, no_secants, quasi_newton_update
 from .config import ExperimentTable, Held, Scheme
-from .exchange import Dampers, answer, base_inputs, coupled_inputs, noise
+from .exchange import Dampers, base_inputs, coupled_inputs, interface_response, noise
 from .layout import Wiring
 from .participants import Participant, StepRefusedError
 
 FloatArray = NDArray[np.float64]
 
+# Rounds after which a residual that falls no more, by so much a round, is as small as it gets.
+_STALLED, _FALLS = 5, 0.5
+# Change of inputs, of their sizes, beside which the error of internal steps counts for nothing.
+_NEAR = 0.01
 # Halvings of a change of inputs with which an FMU refuses the step.
 _HALVINGS = 10
 
@@ -74,7 +78,7 @@ class Stage:
             signals[participant.role.signal_share] = participant.signals()
         return Point(0, signals, signals.copy(), np.zeros(len(base)))
 
-    def take(self, participant: Participant, number: int, inputs: FloatArray, signals: FloatArray) -> None:
+    def step_participant(self, participant: Participant, number: int, inputs: FloatArray, signals: FloatArray) -> None:
         """Let an FMU step with its share of inputs; its share of signals is renewed."""
         participant.set_inputs(inputs[participant.role.input_share])
         participant.step(number * self.step, self.step)
@@ -84,18 +88,15 @@ class Stage:
         """What connections and springs ask the inputs to be."""
         return coupled_inputs(self.wiring, signals, before, self.step, dampers)
 
-    def answer(
+    def response(
         self, signals: FloatArray, before: FloatArray, share: float = 1.0, dampers: Dampers = Dampers.NOW
     ) -> Model | None:
-        """What the ends' compliance, of the step just taken, tells beforehand."""
-        ends = self.wiring.ends
-        if not ends.compliance:
-            return None
-        compliance = {
-            pair: self.participants[ends.role[pair[0]]].reals(references).reshape(6, 6)
-            for pair, references in ends.compliance.items()
-        }
-        return answer(self.wiring, signals, before, self.step, compliance, share, dampers)
+        """What the interfaces' compliance, of the step just taken, tells beforehand."""
+        compliance = [
+            self.participants[response.role].reals(response.references).reshape(6, 6)
+            for response in self.wiring.responses
+        ]
+        return interface_response(self.wiring, signals, before, self.step, compliance, share, dampers)
 
 
 def jacobi(stage: Stage, point: Point) -> Point:
@@ -115,7 +116,7 @@ def jacobi(stage: Stage, point: Point) -> Point:
     held = stage.requested(point.signals, point.before)
     signals = point.signals.copy()
     for participant in stage.participants:
-        stage.take(participant, point.number, base + held, signals)
+        stage.step_participant(participant, point.number, base + held, signals)
     return Point(point.number + 1, signals, point.signals, held, 1)
 
 
@@ -137,7 +138,7 @@ def gauss_seidel(stage: Stage, point: Point) -> Point:
     for participant in stage.participants:
         role = participant.role
         held[role.input_share] = stage.requested(signals, before)[role.input_share]
-        stage.take(participant, point.number, base + held, signals)
+        stage.step_participant(participant, point.number, base + held, signals)
         before[role.signal_share] = point.signals[role.signal_share]
     return Point(point.number + 1, signals, point.signals, held, 1)
 
@@ -183,27 +184,34 @@ class Iterated:
             participant.save()
         signals = point.signals.copy()
         for participant in stage.free:
-            stage.take(participant, point.number, base, signals)
+            stage.step_participant(participant, point.number, base, signals)
         here = self._none
         model: Model | None = None
         held, guess = (first if not self._held else self._held[-1]), self._predicted(first)
-        past: tuple[FloatArray, FloatArray] | None = None
+        past: tuple[FloatArray, FloatArray, list[int]] | None = None
+        least = np.inf
         for iteration in range(1, settings.max_iterations + 1):
-            held = self._evaluate(point, base, held, guess, signals, iteration)
+            near = past is not None and self._is_near(guess, past[0])
+            held = self._evaluate(point, base, held, guess, signals, iteration > 1, near)
             asked = self._asked(first, signals, point)
             residual = asked - held
             if iteration == 1:
-                model = stage.answer(signals, point.signals, self._share, Dampers.MEAN)
-            if past is not None:
+                model = stage.response(signals, point.signals, self._share, Dampers.MEAN)
+            substeps = [participant.substeps for participant in stage.coupled]
+            # Beside a small change of inputs, what other internal steps make of the answer is not small.
+            if past is not None and (past[2] == substeps or not near):
                 differences = ((residual - past[1])[:, None], (held - past[0])[:, None])
                 here = joined(Secants(*differences), here)
-            past = held, residual
-            secants = here
+            past = held, residual, substeps
+            earlier = self._none
             # What earlier steps tell is older than a model that tells all.
             for older in [] if model is not None and model.whole else self._kept:
-                secants = joined(secants, older)
-            delta, error = change(residual, secants, self._scale(asked), settings.relaxation, model)
-            if self._settled(held, error, residual, signals):
+                earlier = joined(earlier, older)
+            scale = self._scale(asked)
+            delta, error = quasi_newton_update(residual, here, scale, settings.relaxation, model, earlier)
+            size = float(np.linalg.norm(residual / scale))
+            stalled, least = iteration >= _STALLED and size > _FALLS * least, min(least, size)
+            if self._settled(held, error, residual, signals, stalled):
                 self._remember(held, here)
                 for participant in stage.coupled:
                     participant.forget()
@@ -233,23 +241,36 @@ class Iterated:
         return 2.0 * self._held[-1] - self._held[-2]
 
     def _evaluate(
-        self, point: Point, base: FloatArray, safe: FloatArray, guess: FloatArray, signals: FloatArray, iteration: int
+        self,
+        point: Point,
+        base: FloatArray,
+        safe: FloatArray,
+        guess: FloatArray,
+        signals: FloatArray,
+        again: bool,
+        near: bool,
     ) -> FloatArray:
         """Step with the inputs guessed, or, where an FMU refuses those, nearer to the ones that it took; which ones."""
         for halving in range(_HALVINGS + 1):
-            if iteration > 1 or halving:
+            if again or halving:
                 for participant in self._stage.coupled:
                     participant.restore()
+                    if near:
+                        participant.hold_substeps()
             held = safe + 0.5**halving * (guess - safe)
             try:
                 for participant in self._stage.coupled:
-                    self._stage.take(participant, point.number, base + held, signals)
+                    self._stage.step_participant(participant, point.number, base + held, signals)
                 break
             except StepRefusedError:
                 # Nearer to inputs that equal the guess there is nothing to try.
                 if halving == _HALVINGS or np.array_equal(guess, safe):
                     raise
         return held
+
+    def _is_near(self, inputs: FloatArray, held: FloatArray) -> bool:
+        """Whether inputs are so near to those held at the last try that other internal steps would be seen."""
+        return float(np.max(np.abs(inputs - held) / self._scale(held), initial=0.0)) < _NEAR
 
     def _scale(self, values: FloatArray) -> FloatArray:
         """Size of each input's kind: the largest so far, in this step or before."""
@@ -259,12 +280,14 @@ class Iterated:
         scale: FloatArray = np.where(largest > 0.0, largest, 1.0)[kind]
         return scale
 
-    def _settled(self, held: FloatArray, error: FloatArray, residual: FloatArray, signals: FloatArray) -> bool:
-        """Whether what the inputs are off by does not count, or is round-off."""
+    def _settled(
+        self, held: FloatArray, error: FloatArray, residual: FloatArray, signals: FloatArray, stalled: bool
+    ) -> bool:
+        """Whether what the inputs are off by does not count, or is round-off: of nominal values where it stalls."""
         small = np.abs(error) <= self._settings.tolerance * self._scale(held + error)
         if np.all(small):
             return True
-        return bool(np.all(small | (np.abs(residual) <= noise(self._stage.wiring, signals, self._stage.step))))
+        return bool(np.all(small | (np.abs(residual) <= noise(self._stage.wiring, signals, self._stage.step, stalled))))
 
     def _remember(self, held: FloatArray, secants: Secants) -> None:
         np.maximum.at(self._largest, self._stage.wiring.kind, np.abs(held))

@@ -11,7 +11,7 @@ from ..fmu.simulation import read_table
 from ..names import nearest
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, StartValue
 from .descriptions import Description, read_description, split, units_differ
-from .ends import Shares, end_names, lay_ends, lay_springs
+from .ends import Shares, end_names, lay_ends, lay_responses, lay_springs
 from .layout import Ends, Recorded, Role, Table, Wiring
 
 FloatArray = NDArray[np.float64]
@@ -86,7 +86,11 @@ def wire(coupling: CouplingFile) -> Wiring:
         ),
         springs=lay_springs(coupling.spring, ends),
         ends=laid_ends,
+        responses=lay_responses(
+            descriptions, {pair: place for pair, place in input_place.items() if coupled[place]}, signal_place
+        ),
         recorded=_recorded(coupling.output.variables, descriptions),
+        nominal=np.array([descriptions[fmu].nominal(name) for fmu, name in signal_place]),
     )
 
 

@@ -1,0 +1,43 @@
+"""Every model of the axle's chart (../scene.toml) as the road's cut axle: which ones there are, and their FMUs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from demo.rear_axle.road.scene import AXLE_CUT, HERE
+
+from flexfmu.build import reduce_body
+from flexfmu.config import read_body_file
+from flexfmu.fmu.package import package_fmu
+from flexfmu.model.reduced_body import ReducedBody
+from flexfmu.progress import Reporter
+from flexfmu.scenes.candidates import Candidate, Reduction, candidates, grouped, reduction_config
+from flexfmu.scenes.scene import read_scene
+from flexfmu.store import Store, default_folder
+
+CHARTED = HERE.parent / "body.toml"
+
+
+def chart_models() -> list[tuple[Reduction, list[Candidate]]]:
+    """The models of the chart, by the reduction that serves them."""
+    return list(grouped(candidates(read_scene(HERE.parent / "scene.toml", CHARTED))))
+
+
+def build_model(reduction: Reduction, models: list[Candidate], folder: Path, report: Reporter) -> ReducedBody:
+    """Build the FMU of the road's cut axle with the modes and the frames of models of the chart."""
+    road = read_body_file(HERE / "body_cut.toml")
+    # The frames that the chart calls the body's own are those of the charted body file.
+    road = road.model_copy(update={"frame": read_body_file(CHARTED).frame})
+    config = reduction_config(road, reduction, [model.variant for model in models])
+    body = reduce_body(config, report, Store(default_folder()))
+    folder.mkdir(parents=True, exist_ok=True)
+    package_fmu(body, folder / AXLE_CUT)
+    return body
+
+
+def parameters(model: Candidate) -> dict[str, float | str]:
+    """Parameters of the FMU that make it a model of the chart."""
+    return {
+        "method": model.variant.method.value,
+        "internal_step.tolerance": model.limits.tolerance,
+    }
