@@ -202,7 +202,9 @@ def beam_body(
     return ReducedBody(**(values | changes))  # type: ignore[arg-type]
 
 
-def body_of_everything(seed: int, modes: int = 5, frames: int = 4, interfaces: int = 2, free: bool = False) -> ReducedBody:
+def body_of_everything(
+    seed: int, modes: int = 5, frames: int = 4, interfaces: int = 2, free: bool = False
+) -> ReducedBody:
     """A random tree with the data of every method; parents and carriers are random, the ground among them.
 
     The integrals are those of twelve point masses a frame, and four on the ground.
@@ -241,7 +243,12 @@ def body_of_everything(seed: int, modes: int = 5, frames: int = 4, interfaces: i
         # The first frame floats: elastic modes neither move nor turn it.
         omega = np.array(body.angular_frequency)
         omega[:2] = 0.0
-        body = replace(body, angular_frequency=omega, floating=True, frame_parent=np.maximum(body.frame_parent, np.minimum(np.arange(frames) - 1, 0)))
+        body = replace(
+            body,
+            angular_frequency=omega,
+            floating=True,
+            frame_parent=np.maximum(body.frame_parent, np.minimum(np.arange(frames) - 1, 0)),
+        )
     return with_second_order(body, 0.1)
 
 
@@ -259,5 +266,7 @@ def random_ties(body: ReducedBody, seed: int, count: int = 2) -> ReducedBody:
         rng.uniform(50.0, 500.0, (count, 1)) * np.ones(3),
         rng.uniform(0.05, 0.3, (count, 1, 1)) * np.eye(3),
     )
-    cut = replace(body, ties=ties, stiffness_by_load=None, stiffness_by_mode=None, inertia=None, whole=None, second=None)
+    cut = replace(
+        body, ties=ties, stiffness_by_load=None, stiffness_by_mode=None, inertia=None, whole=None, second=None
+    )
     return with_second_order(cut, 0.1)

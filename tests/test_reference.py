@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from bodies import body_of_everything, random_ties
 from flexfmu.body import FlexibleBody, State
 from flexfmu.methods import Mass, Method, missing
+from flexfmu.model.reduced_body import GROUND
 from flexfmu.rotations import exponential
 from reference import Reference
 
@@ -17,7 +18,7 @@ SIZES = st.sampled_from([0.0, 1e-9, 1e-3, 0.05, 0.3, 1.0])
 BODIES = {
     "one frame": {"frames": 1},
     "tree": {},
-    "large": {"frames": 7, "modes": 9, "interfaces": 3},
+    "large": {"frames": 6, "modes": 7, "interfaces": 3},
     "free": {"free": True},
     "cut": {},
 }
@@ -42,7 +43,7 @@ def same(found, expected, tolerance):
 
 @pytest.mark.parametrize("kind", BODIES)
 @pytest.mark.parametrize("method", Method)
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=4, deadline=None, derandomize=True)
 @given(seed=SEEDS, size=SIZES)
 def test_places_forces_tangents_and_energies_are_those_of_the_theory(kind, method, seed, size):
     made = pair(kind, method, seed)
@@ -61,7 +62,7 @@ def test_places_forces_tangents_and_energies_are_those_of_the_theory(kind, metho
     response, ports = body.response(state), reference.interfaces
     same(response.displacement, (position - [node.point for node in reference.nodes]).real[ports], 1e-13)
     same(exponential(response.rotation), rotation.real[ports], 1e-12)
-    same(body.forces(state, inputs), reference.force(inputs, q), 1e-12)
+    same(body.forces(state, inputs), reference.force(inputs, q), 1e-11)
     tangent, way = body.tangent(state, inputs), rng.standard_normal(body.core.modes)
     same(tangent @ way, reference.tangent(inputs, q, way), 1e-11)
     same(body.energies(state), [reference.strain(q).real, 0.5 * float(v @ v)], 1e-12)
@@ -78,7 +79,16 @@ def test_the_mass_is_that_of_what_each_frame_carries(kind, seed, size):
     assert body.energies(State(q, v))[1] == pytest.approx(0.5 * float(v @ expected @ v), rel=1e-11)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+def test_to_second_order_places_are_those_of_the_data():
+    """Whatever the frames: X + u + ½ w, of a body that nothing lets turn as a whole."""
+    body, reference, rng, _ = pair("large", Method.SECOND_ORDER, 5)
+    way, step = rng.standard_normal(body.core.modes), 1e-4
+    ends = [body.core.nodes_at(sign * step * way)[0] for sign in (1.0, 0.0, -1.0)]
+    found = (ends[0] - 2.0 * ends[1] + ends[2]) / step**2
+    same(found, body.model.second.displacement @ way @ way, 1e-6)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(seed=SEEDS, method=st.sampled_from(list(Method)), size=SIZES)
 def test_velocities_are_the_derivatives_of_places(seed, method, size):
     body, reference, rng, _ = pair("tree", method, seed)
@@ -96,6 +106,6 @@ def test_what_is_compared_is_there():
     q = 0.3 * rng.standard_normal(body.core.modes)
     straight = FlexibleBody(body.model, Method.LINEAR).forces(State(q, q), inputs)
     assert np.linalg.norm(body.forces(State(q, q), inputs) - straight) > 0.3 * np.linalg.norm(straight)
-    assert len(set(body.model.frame_parent.tolist())) > 2
+    assert {GROUND, 0} < set(FlexibleBody(body_of_everything(1, **BODIES["large"])).model.frame_parent.tolist())
     _, cut, _, _ = pair("cut", Method.FRAMES, 3)
     assert cut.held(q[:5]).real > 1.0

@@ -137,7 +137,7 @@ def test_a_pair_of_forces_is_the_moment_of_its_arm():
     model = turning_body(np.array([1.0, 2.0, 2.0]) / 3.0, np.zeros(3))
     flexible, q = FlexibleBody(model, COROTATED), np.array([0.8, 0.0])
     place = model.interface_point + flexible.response(at(q)).displacement
-    force, pair, moment = np.array([3.0, -4.0, 5.0]), np.zeros((2, 18))
+    force, pair = np.array([3.0, -4.0, 5.0]), np.zeros((2, 18))
     pair[0, :3], pair[0, 6:9] = force, -force
     pair[1, 3:6] = np.cross(place[0] - place[1], force)
     moment = [flexible.forces(at(q), each)[0] for each in pair]

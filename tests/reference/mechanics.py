@@ -20,10 +20,10 @@ def slopes(function, q):
 class Node:
     """A point that a frame carries: a joint, an interface, a centre of mass, or an end of a tie."""
 
-    def __init__(self, on, point, displacement, rotation, section):
+    def __init__(self, on, point, displacement, rotation):
         self.on, self.point = on, np.asarray(point)
-        # (3, m): of the point, of what turns with it (of a frame the averaged one), and of its section.
-        self.displacement, self.rotation, self.section = displacement, rotation, section
+        # (3, m): of the point, and of what turns with it, of a frame the averaged one.
+        self.displacement, self.rotation = displacement, rotation
 
 
 class Reference:
@@ -55,11 +55,11 @@ class Reference:
             body.interface_frame, body.interface_point, body.interface_displacement, body.interface_rotation,
             strict=True,
         )  # fmt: skip
-        self.nodes += [Node(carried(f), x, u, w, w) for f, x, u, w in zipped]
+        self.nodes += [Node(carried(f), x, u, w) for f, x, u, w in zipped]
         self.interfaces = slice(self.frames, len(self.nodes))
         if body.masses is not None:
             lumps = zip(body.masses.frame, body.masses.point, body.masses.displacement, strict=True)
-            self.nodes += [Node(carried(f), x, u, still, still) for f, x, u in lumps]
+            self.nodes += [Node(carried(f), x, u, still) for f, x, u in lumps]
         self.masses = slice(self.interfaces.stop, len(self.nodes))
         # Where nothing that is loaded hangs on a frame, loads act on the undeformed body.
         self.deformed = method in FRAMED and any(node.on != GROUND for node in self.nodes[self.frames :])
@@ -67,19 +67,19 @@ class Reference:
         for end in (0, 1) if self.ties is not None else ():
             t = self.ties
             for tie in range(len(t.stiffness)):
-                turn = t.rotation[tie, end]
-                self.nodes.append(Node(int(t.frame[tie, end]), t.point[tie, end], t.displacement[tie, end], turn, turn))
+                fit = t.displacement[tie, end], t.rotation[tie, end]
+                self.nodes.append(Node(int(t.frame[tie, end]), t.point[tie, end], *fit))
 
     def _frames(self):
         body = self.body
         if self.one and not body.floating:
             w = body.whole
-            return [Node(GROUND, w.joint_point, w.joint_displacement, w.frame_rotation, w.joint_rotation)]
+            return [Node(GROUND, w.joint_point, w.joint_displacement, w.frame_rotation)]
         count = 1 if self.one else body.frame_count
         parent = list(body.frame_parent[:count])
         if self.method is Method.MODAL_ROTATION:
             parent = [GROUND if s == 0 or not body.floating else 0 for s in range(count)]
-        data = zip(body.joint_point, body.joint_displacement, body.frame_rotation, body.joint_rotation, strict=True)
+        data = zip(body.joint_point, body.joint_displacement, body.frame_rotation, strict=True)
         return [Node(int(p), *rest) for p, rest in zip(parent, data, strict=False)]
 
     def places(self, q):
@@ -98,7 +98,7 @@ class Reference:
                 offset = arm + u - parent.displacement @ q - np.cross(theta, arm)
             relative = turn - theta
             if self.method is Method.SECOND_ORDER and self.frames:
-                bent, twist = self._second_order(number, q, theta, parent)
+                bent, twist = self._second_order(number, q, parent)
                 offset, relative = offset + bent, relative + twist
             if share is not None:
                 # Displacements turn, undeformed places do not; frames by a share of their rotation, and what they carry
@@ -110,30 +110,20 @@ class Reference:
             rotation.append(carrier @ exponential(relative))
         return np.array(position), np.array(rotation)
 
-    def _fit(self, number, turn):
-        """½ B(ω, ω): what a node's fit reads off ½ ω̂² r as a rotation."""
-        return np.einsum("ijl,jl->i", self.body.second.section[number], 0.5 * hat(turn) @ hat(turn))
-
-    def _own(self, number, q):
-        """What a frame's own material turns by at its joint beyond the first order, a of (19)."""
-        node = self.nodes[number]
-        quadratic = 0.5 * np.einsum("iab,a,b->i", self.body.second.rotation[number], q, q)
-        return quadratic - self._fit(number, node.section @ q - node.rotation @ q)
-
-    def _second_order(self, number, q, theta, parent):
+    def _second_order(self, number, q, parent):
         """What (19) and (20) add to offset and relative rotation of a node."""
         second, node = self.body.second, self.nodes[number]
-        inside = node.section @ q - theta
-        bent = 0.5 * np.einsum("iab,a,b->i", second.displacement[number], q, q)
-        twist = 0.5 * np.einsum("iab,a,b->i", second.rotation[number], q, q) - self._fit(number, inside)
-        if parent is not None:
-            clamp = self._own(node.on, q)
-            bent = bent - 0.5 * np.einsum("iab,a,b->i", second.displacement[node.on], q, q)
-            bent = bent - np.cross(clamp, node.point - parent.point)
-            twist = twist - clamp
-        if number < self.frames:
-            twist = twist - 0.5 * np.cross(inside, node.section @ q - node.rotation @ q)
-        return bent, twist
+        w, z = ((given[number] @ q) @ q for given in (second.displacement, second.rotation))
+        if parent is None:
+            return 0.5 * w, 0.5 * z
+        base, carrier = ((given[node.on] @ q) @ q for given in (second.displacement, second.rotation))
+        # Seen from the floating frame, which is the first.
+        seen = self.nodes[0].rotation @ q if self.body.floating else np.zeros(3)
+        theta, arm = parent.rotation @ q, node.point - parent.point
+        change = (node.displacement - parent.displacement) @ q - np.cross(theta, arm)
+        theta, turn = theta - seen, node.rotation @ q - seen
+        bent = 0.5 * (w - base) - 0.5 * np.cross(carrier, arm) - np.cross(theta, change)
+        return bent - 0.5 * np.cross(theta, np.cross(theta, arm)), 0.5 * (z - carrier) - 0.5 * np.cross(theta, turn)
 
     def _linear(self, inputs):
         """Modal force of loads on the undeformed body."""
@@ -145,10 +135,10 @@ class Reference:
             force -= np.einsum("p,c,pcm->m", body.masses.mass, inputs[6 * count :], body.masses.displacement)
         return force
 
-    def work(self, inputs, q):
-        """J of (9): work of the loads' forces on the nodes; without moments, which have no potential."""
+    def work(self, inputs, position):
+        """J of (9): work of the loads' forces on nodes at (K, 3); without moments, which have no potential."""
         count = self.body.interface_count
-        moved = self.places(q)[0] - np.array([node.point for node in self.nodes])
+        moved = position - np.array([node.point for node in self.nodes])
         done = np.sum(inputs[: 6 * count].reshape(-1, 2, 3)[:, 0] * moved[self.interfaces])
         if self.body.masses is not None:
             done = done - np.sum(self.body.masses.mass @ moved[self.masses] * inputs[6 * count :])
@@ -182,11 +172,15 @@ class Reference:
         wrench = inputs[: 6 * count].reshape(-1, 2, 3)
         force = self._linear(inputs)
         if self.deformed:
-            force = slopes(lambda at: self.work(inputs, at), q)
-            spins = slopes(lambda at: self.places(at)[1][self.interfaces], q)
             rotation = self.places(q)[1][self.interfaces].real
-            for i in range(count):
-                force += [wrench[i, 1] @ axial(spins[i, :, :, j] @ rotation[i].T) for j in range(self.modes)]
+            moments = 0.5 * np.einsum("ijk,ikl->ijl", hat(wrench[:, 1]), rotation)
+
+            def work(at):
+                """J, and what has the virtual work of moments as its derivative here: m · ω = ½ m̂ R : Ṙ."""
+                places = self.places(at)
+                return self.work(inputs, places[0]) + np.sum(moments * places[1][self.interfaces])
+
+            force = slopes(work, q)
         elif self.method in TURNED:
             moved = self.places(q)[0].real[self.interfaces] - body.interface_point
             force = force + np.einsum("ic,icm->m", np.cross(moved, wrench[:, 0]), body.interface_rotation)
