@@ -253,7 +253,7 @@ def body_of_everything(
 
 
 def random_ties(body: ReducedBody, seed: int, count: int = 2) -> ReducedBody:
-    """The body with springs between random frames, the last one to the ground, and second-order parts for their ends."""
+    """The body with springs between random frames, the last one to the ground, with second-order parts."""
     rng = np.random.default_rng(seed)
     ends = rng.integers(0, body.frame_count, (count, 2))
     ends[-1, 1] = GROUND

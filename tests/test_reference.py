@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bodies import body_of_everything, random_ties
+from bodies import body_of_everything, random_ties, turning_body
 from flexfmu.body import FlexibleBody, State
 from flexfmu.methods import Mass, Method, missing
 from flexfmu.model.reduced_body import GROUND
@@ -81,8 +81,8 @@ def test_the_mass_is_that_of_what_each_frame_carries(kind, seed, size):
 
 def test_to_second_order_places_are_those_of_the_data():
     """Whatever the frames: X + u + ½ w, of a body that nothing lets turn as a whole."""
-    body, reference, rng, _ = pair("large", Method.SECOND_ORDER, 5)
-    way, step = rng.standard_normal(body.core.modes), 1e-4
+    body, _, rng, _ = pair("large", Method.SECOND_ORDER, 5)
+    way, step = rng.standard_normal(body.core.modes), 5e-5
     ends = [body.core.nodes_at(sign * step * way)[0] for sign in (1.0, 0.0, -1.0)]
     found = (ends[0] - 2.0 * ends[1] + ends[2]) / step**2
     same(found, body.model.second.displacement @ way @ way, 1e-6)
@@ -102,10 +102,24 @@ def test_velocities_are_the_derivatives_of_places(seed, method, size):
 
 def test_what_is_compared_is_there():
     """A force that the place of loads changes, frames on the ground and on others, ties that pull."""
-    body, reference, rng, inputs = pair("large", Method.SECOND_ORDER, 3)
+    body, _, rng, inputs = pair("large", Method.SECOND_ORDER, 3)
     q = 0.3 * rng.standard_normal(body.core.modes)
     straight = FlexibleBody(body.model, Method.LINEAR).forces(State(q, q), inputs)
     assert np.linalg.norm(body.forces(State(q, q), inputs) - straight) > 0.3 * np.linalg.norm(straight)
     assert {GROUND, 0} < set(FlexibleBody(body_of_everything(1, **BODIES["large"])).model.frame_parent.tolist())
     _, cut, _, _ = pair("cut", Method.FRAMES, 3)
     assert cut.held(q[:5]).real > 1.0
+
+
+@pytest.mark.parametrize("size", [1e-9, 0.3, 2.0, 3.14159, np.pi, 5.0])
+def test_rotation_vectors_are_right_for_any_angle(size):
+    body, reference, rng, _ = pair("tree", Method.FRAMES, 4)
+    q = rng.standard_normal(body.core.modes)
+    # A pure turn of this size of the frame, whatever else the others do.
+    q *= size / np.linalg.norm(body.model.frame_rotation[0] @ q)
+    turned = body.response(State(q, q)).rotation
+    assert np.all(np.linalg.norm(turned, axis=1) < np.pi + 1e-12)
+    same(exponential(turned), reference.places(q)[1].real[reference.interfaces], 1e-11)
+    arm = FlexibleBody(turning_body(np.array([0.0, 0.6, 0.8]), np.zeros(3)), Method.FRAMES)
+    around = arm.response(State(np.array([size, 0.0]), q[:2])).rotation
+    same(exponential(around), exponential(np.tile(size * np.array([0.0, 0.6, 0.8]), (3, 1))), 1e-13)

@@ -223,7 +223,7 @@ class Reference:
         if self.mass_kind is Mass.CONSTANT or not self.frames:
             return np.eye(self.modes)
         data, total = self.body.inertia, np.array(self.body.inertia.ground)
-        position, rotation = (values.real for values in self.places(q))
+        rotation = self.places(q)[1].real
         motion = slopes(lambda at: self.places(at)[0], q)
         spins = slopes(lambda at: self.places(at)[1], q)
         now = np.concatenate([[1.0], q])

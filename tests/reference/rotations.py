@@ -19,7 +19,7 @@ def axial(a):
 
 
 def exponential(vector):
-    """exp of `hat` of one vector (3,), by O. Rodrigues' formula; its coefficients are entire functions of the square."""
+    """exp of `hat` of a vector (3,), by O. Rodrigues' formula: its coefficients are entire in the square."""
     square = np.sum(vector * vector)
     if abs(square) < SMALL:
         first, second, term = 0.0, 0.0, 1.0 + 0.0j
