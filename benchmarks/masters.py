@@ -1,7 +1,7 @@
 """One FMU in every master that is a Python package, against the numbers of the body itself.
 
 Run from the repository's root: python -m benchmarks.masters MASTER[=PYTHON] … [--output FILE.csv]. A master that is too
-large for the environment of the tests lies in one of its own, with h5py beside it: cofmupy=/path/to/venv/bin/python.
+large for the environment of the tests lies in one of its own: cofmupy=/path/to/venv/bin/python. Both exports are run.
 Prints a table and writes it.
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
+from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.progress import Reporter
 
@@ -30,7 +31,7 @@ STEP, COUNT = 1e-3, 200
 FIRST = {"tip.force.x": -500.0, "tip.force.y": 4000.0}
 LATER = {"tip.force.z": 1500.0, "tip.moment.x": 40.0}
 OUTPUTS = [f"tip.{quantity}.{axis}" for quantity in ("displacement", "rotation") for axis in "xyz"]
-COLUMNS = ("master", "version", "fmpy", "numpy", "python", "steps", "motion", "difference", "failure")
+COLUMNS = ("master", "version", "fmpy", "numpy", "python", "export", "steps", "motion", "difference", "failure")
 VERSIONS = "import sys, platform\nfrom importlib.metadata import version\n"
 VERSIONS += "print(version(sys.argv[1]), version('fmpy'), version('numpy'), platform.python_version())"
 
@@ -47,7 +48,7 @@ def by_the_body(body):
     return np.array(rows)
 
 
-def record(master, python, fmu, expected):
+def record(master, python, fmu, runtime, expected):
     """A row of the table."""
     package = master.replace("_", "-")
     found = subprocess.run([python, "-c", VERSIONS, package], capture_output=True, text=True, check=True)
@@ -55,7 +56,13 @@ def record(master, python, fmu, expected):
     arguments = json.dumps([str(fmu), {}, FIRST, LATER, STEP, COUNT, OUTPUTS])
     done = subprocess.run([python, str(DRIVERS), master, arguments], capture_output=True, text=True, check=False)
     lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
-    row = {"master": master, **versions, "steps": COUNT, "motion": f"{np.max(np.abs(expected)):.3g}"}
+    row = {
+        "master": master,
+        **versions,
+        "export": runtime.value,
+        "steps": COUNT,
+        "motion": f"{np.max(np.abs(expected)):.3g}",
+    }
     if not lines:
         return row | {"failure": (done.stderr.splitlines() or [f"ended with {done.returncode}"])[-1]}
     difference = np.max(np.abs(np.array(json.loads(lines[-1][len(MARK) :])) - expected))
@@ -72,12 +79,13 @@ def main():
     expected = by_the_body(FlexibleBody(reduced))
     rows = []
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
-        fmu = Path(folder) / "beam.fmu"
-        package_fmu(reduced, fmu)
-        for name in options.masters:
-            master, _, python = name.partition("=")
-            rows.append(record(master, python or sys.executable, fmu, expected))
-            print("  ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
+        for runtime in Runtime:
+            fmu = Path(folder) / f"beam_{runtime.value}.fmu"
+            package_fmu(reduced, fmu, runtime)
+            for name in options.masters:
+                master, _, python = name.partition("=")
+                rows.append(record(master, python or sys.executable, fmu, runtime, expected))
+                print("  ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
     with options.output.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()

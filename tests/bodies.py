@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from flexfmu.methods import Method
-from flexfmu.model.reduced_body import GROUND, ReducedBody, SecondOrder
+from flexfmu.model.inertia import InertiaIntegrals
+from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, Ties, WholeFrame
 
 FloatArray = NDArray[np.float64]
 
@@ -199,3 +200,73 @@ def beam_body(
         "frame_rotation": rotation(mean_slope[:frames]) if frames else np.zeros((0, 3, count)),
     }
     return ReducedBody(**(values | changes))  # type: ignore[arg-type]
+
+
+def body_of_everything(
+    seed: int, modes: int = 5, frames: int = 4, interfaces: int = 2, free: bool = False
+) -> ReducedBody:
+    """A random tree with the data of every method; parents and carriers are random, the ground among them.
+
+    The integrals are those of twelve point masses a frame, and four on the ground.
+    """
+    rng = np.random.default_rng(seed)
+    parents = tuple(int(rng.integers(GROUND, s)) for s in range(frames))
+    carriers = tuple(int(s) for s in rng.integers(GROUND, frames, interfaces))
+    body = random_body(seed, parents, carriers, modes)
+    masses = Masses(
+        rng.uniform(0.5, 2.0, frames),
+        rng.standard_normal((frames, 3)),
+        rng.standard_normal((frames, 3, modes)),
+        np.arange(frames),
+    )
+    by_load = rng.standard_normal((6 * interfaces + 3, modes, modes))
+    by_mode = 30.0 * rng.standard_normal((modes, modes, modes))
+    moments = 0.3 * rng.standard_normal((frames, 12, 1 + modes, 3))
+    on_ground = rng.standard_normal((modes, 12))
+    inertia = InertiaIntegrals(
+        np.arange(frames),
+        np.full(frames, 12.0),
+        moments.sum(axis=1),
+        np.einsum("pnai,pnbj->pabij", moments, moments),
+        on_ground @ on_ground.T,
+    )
+    whole = WholeFrame(rng.uniform(-1.0, 1.0, 3), *rng.standard_normal((3, 3, modes)))
+    body = replace(
+        body,
+        masses=masses,
+        stiffness_by_load=by_load + by_load.transpose(0, 2, 1),
+        stiffness_by_mode=by_mode + by_mode.transpose(0, 2, 1),
+        inertia=inertia,
+        whole=whole,
+    )
+    if free:
+        # The first frame floats: elastic modes neither move nor turn it.
+        omega = np.array(body.angular_frequency)
+        omega[:2] = 0.0
+        body = replace(
+            body,
+            angular_frequency=omega,
+            floating=True,
+            frame_parent=np.maximum(body.frame_parent, np.minimum(np.arange(frames) - 1, 0)),
+        )
+    return with_second_order(body, 0.1)
+
+
+def random_ties(body: ReducedBody, seed: int, count: int = 2) -> ReducedBody:
+    """The body with springs between random frames, the last one to the ground, with second-order parts."""
+    rng = np.random.default_rng(seed)
+    ends = rng.integers(0, body.frame_count, (count, 2))
+    ends[-1, 1] = GROUND
+    moves = (ends >= 0)[:, :, None, None]
+    ties = Ties(
+        ends,
+        rng.uniform(-1.0, 1.0, (count, 2, 3)),
+        moves * rng.standard_normal((count, 2, 3, body.mode_count)),
+        moves * rng.standard_normal((count, 2, 3, body.mode_count)),
+        rng.uniform(50.0, 500.0, (count, 1)) * np.ones(3),
+        rng.uniform(0.05, 0.3, (count, 1, 1)) * np.eye(3),
+    )
+    cut = replace(
+        body, ties=ties, stiffness_by_load=None, stiffness_by_mode=None, inertia=None, whole=None, second=None
+    )
+    return with_second_order(cut, 0.1)

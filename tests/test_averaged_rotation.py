@@ -8,7 +8,7 @@ from flexfmu.build import reduce_body
 from flexfmu.config import FrameTable, read_body_file
 from flexfmu.errors import BodyFileError
 from flexfmu.mesh.units import UnitSystem
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement
+from flexfmu.methods import Method
 from flexfmu.progress import Reporter
 from flexfmu.rotations import exponential
 from references import BEAM, calculix, displacement, relative
@@ -90,10 +90,10 @@ def test_mean_rotation_of_a_straight_beam_is_that_of_its_chord(beam):
     np.testing.assert_allclose(mean[:2], chord[:2], rtol=2e-3, atol=1e-3 * np.abs(chord).max())
     row = calculix(BEAM / "calculix" / "static_y.csv")
     row = row[row["force_N"] == 10e3][0]
-    for kinematics in (Kinematics.LITERAL, Kinematics.SECANT):
+    for method in (Method.MODAL_ROTATION, Method.HALF_ROTATION):
         errors = []
         for way in model:
-            body = FlexibleBody(model[way], Formulation(kinematics, LoadPlacement.REFERENCE))
+            body = FlexibleBody(model[way], method)
             found = body.response(body.static({"tip": [0.0, 10e3, 0.0]})).displacement[0]
             errors.append(relative(found, displacement(row)))
         assert errors[0] == pytest.approx(errors[1], rel=0.02)
@@ -108,28 +108,18 @@ def test_points_that_tell_no_rotation_are_refused(beam):
         FrameTable(name="all", nodes="ALL", rotation_points=["TIP", "ROOT"])
 
 
-@pytest.mark.parametrize(
-    ("kinematics", "loads", "expected"),
-    [
-        (Kinematics.LITERAL, LoadPlacement.REFERENCE, 11.3),
-        (Kinematics.LITERAL, LoadPlacement.CORRECTIVE_MOMENT, 8.7),
-        (Kinematics.SECANT, LoadPlacement.REFERENCE, 5.25),
-        (Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT, 2.6),
-    ],
-)
-def test_the_chord_s_finite_angle_differs_from_its_linear_one_by_the_arctangent_alone(
-    beam, kinematics, loads, expected
-):
+@pytest.mark.parametrize(("method", "expected"), [(Method.MODAL_ROTATION, 8.7), (Method.HALF_ROTATION, 2.6)])
+def test_the_chord_s_finite_angle_differs_from_its_linear_one_by_the_arctangent_alone(beam, method, expected):
     """By hand and with the angle that the chord really turns by: errors within half a per cent of the body's own."""
     body = beam(WAYS["chord"])
     model = body
     force = np.array([0.0, 10e3, 0.0])
     along = model.interface_point[0] - model.joint_point[0]
     g, turn = model.interface_displacement[0], model.interface_rotation[0]
-    share = 1.0 if kinematics is Kinematics.LITERAL else 0.5
+    share = 1.0 if method is Method.MODAL_ROTATION else 0.5
     moved = np.zeros(3)
     for _ in range(100):
-        moment = np.cross(moved, force) if loads is LoadPlacement.CORRECTIVE_MOMENT else np.zeros(3)
+        moment = np.cross(moved, force)
         linear = g @ ((g.T @ force + turn.T @ moment) / model.angular_frequency**2)
         axis = np.cross(along, along + linear)
         angle = np.arctan2(np.linalg.norm(axis), along @ (along + linear))
@@ -137,6 +127,6 @@ def test_the_chord_s_finite_angle_differs_from_its_linear_one_by_the_arctangent_
     table = calculix(BEAM / "calculix" / "static_y.csv")
     (reference,) = displacement(table)[np.abs(table["force_N"] - 10e3) < 1.0]
     assert 100.0 * relative(moved, reference) == pytest.approx(expected, abs=0.1)
-    own = FlexibleBody(model, Formulation(kinematics, loads))
+    own = FlexibleBody(model, method)
     found = own.response(own.static({"tip": force})).displacement[0]
     assert 100.0 * relative(found, reference) == pytest.approx(expected, abs=0.5)

@@ -6,7 +6,7 @@ import pytest
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import FrameTable, read_body_file
-from flexfmu.model.reduced_body import Formulation, Kinematics
+from flexfmu.methods import Method
 from flexfmu.progress import Reporter
 from references import BEAM, calculix, displacement, relative, rotation
 
@@ -55,7 +55,7 @@ def test_tip_at_ten_kilonewton_is_wrong_by_fifteen_percent_without_frames(bodies
 
 
 def test_linear_kinematics_equal_a_body_without_frames(bodies):
-    linear = FlexibleBody(bodies.beam().model, Formulation(Kinematics.LINEAR))
+    linear = FlexibleBody(bodies.beam().model, Method.LINEAR)
     without = bodies.beam(frames=0)
     loads = {"tip": [1e3, 5e3, -2e3, 10.0, 20.0, 30.0]}
     np.testing.assert_allclose(
@@ -95,7 +95,7 @@ def test_forces_in_all_directions_at_once_agree_with_calculix(bodies):
         loads = {"tip": [row["fx_N"], row["fy_N"], row["fz_N"]]}
         response = body.response(body.static(loads))
         assert relative(response.displacement[0], displacement(row)) < 1e-3
-        linear = FlexibleBody(body.model, Formulation(Kinematics.LINEAR))
+        linear = FlexibleBody(body.model, Method.LINEAR)
         assert relative(linear.response(linear.static(loads)).displacement[0], displacement(row)) > 0.05
 
 
@@ -104,7 +104,7 @@ def test_linear_static_response_equals_the_finite_element_model_within_truncatio
     loads = {"tip": [0.0, 1e3, 0.0]}
     errors = []
     for modes in (10, 30, 60):
-        body = FlexibleBody(bodies.beam(modes=modes).model, Formulation(Kinematics.LINEAR))
+        body = FlexibleBody(bodies.beam(modes=modes).model, Method.LINEAR)
         found = body.response(body.static(loads)).displacement[0]
         errors.append(relative(found, displacement(table)))
         # Truncated modes can only make the body stiffer.
@@ -119,15 +119,15 @@ def test_sudden_load_follows_the_nonlinear_transient(bodies):
     expected = displacement(table)
     model = bodies.beam(frames=8).model
     errors = {}
-    for kinematics in (Kinematics.LINEAR, Kinematics.LITERAL, Kinematics.SECANT, Kinematics.COROTATED):
-        body = FlexibleBody(model, Formulation(kinematics), damping_scale=0.0)
+    for method in (Method.LINEAR, Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.FRAMES):
+        body = FlexibleBody(model, method, damping_scale=0.0)
         state, found = body.rest(), [np.zeros(3)]
         for step in np.diff(table["time_s"]):
             state = body.step(state, {"tip": [0.0, 5e3, 0.0]}, step)
             found.append(body.response(state).displacement[0])
-        errors[kinematics] = relative(found, expected)
-    assert errors[Kinematics.COROTATED] < 0.025
-    assert errors[Kinematics.LINEAR] > 0.15
+        errors[method] = relative(found, expected)
+    assert errors[Method.FRAMES] < 0.025
+    assert errors[Method.LINEAR] > 0.15
 
 
 def test_undamped_energy_under_a_sudden_load_is_kept(bodies):

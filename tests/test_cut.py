@@ -9,12 +9,8 @@ import pytest
 from demo.rear_axle.alignment import LEFT, RIGHT, alignment, arm_angle
 from demo.rear_axle.run import CASES, HERE, WHEELS, read_reference
 from demo.rear_axle.run import solve as solve_axle
-from flexfmu.runtime import kernel, kernel_data
-from flexfmu.runtime.dynamics import configuration_at, force_work, modal_force, spread, tangent_stiffness
-from flexfmu.runtime.tied_stepping import TiedSteps
 
-from bodies import random_body
-from flexfmu.body import FlexibleBody, StepLimits
+from flexfmu.body import FlexibleBody, State, StepLimits
 from flexfmu.build import reduce_body
 from flexfmu.config import CutTable, MeshTable, read_body_file
 from flexfmu.errors import BodyFileError
@@ -22,15 +18,18 @@ from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import ElementType
 from flexfmu.mesh.units import UnitSystem
+from flexfmu.methods import Mass, Method, missing
 from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Ties
+from flexfmu.model.reduced_body import Ties
+from flexfmu.program.compile import compile_program
+from flexfmu.program.image import read_image
 from flexfmu.progress import Reporter
 from meshes import bars, body_file, with_sets
 from test_fmu import description, master, motion
 
 DEMO = Path(__file__).parent.parent / "demo"
-LINEAR = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)
+LINEAR = Method.LINEAR
 CORNER = {"corner": [0.0, 40.0, 100.0]}
 
 
@@ -178,8 +177,8 @@ def test_a_part_without_support_is_refused(tmp_path):
         {"free": True},
         {"frames": 0},
         {"formulation": {"mass": "configuration"}},
-        {"formulation": {"stiffness": "by_load"}},
-        {"formulation": {"division": "one"}},
+        {"formulation": {"method": "frames_stiffness"}},
+        {"formulation": {"method": "floating_frame"}},
         {"reduction": {"inertia": True}},
     ],
 )
@@ -188,14 +187,20 @@ def test_what_knows_bodies_in_one_piece_only_is_refused(tmp_path, tables):
         reduced(tmp_path, cut=[{"nodes": "MID"}], **tables)
 
 
-def test_formulations_at_run_time(cut):
+def test_methods_at_run_time(cut):
     with pytest.raises(OptionError, match="cut"):
-        FlexibleBody(cut, Formulation(division=Division.ONE))
+        FlexibleBody(cut, Method.FLOATING_FRAME)
     with pytest.raises(OptionError):
-        FlexibleBody(cut, Formulation(mass=Mass.CONFIGURATION))
-    aboard = [kinematics for kinematics in Kinematics if kinematics is not Kinematics.SECOND_ORDER]
-    for kinematics, placement in itertools.product(aboard, LoadPlacement):
-        model = FlexibleBody(cut, Formulation(kinematics, placement))
+        FlexibleBody(cut, mass=Mass.CONFIGURATION)
+    offered = [method for method in Method if missing(cut, method) is None]
+    assert set(offered) == set(Method) - {
+        Method.STIFFNESS_BY_LOAD,
+        Method.STIFFNESS_BY_MODE,
+        Method.FLOATING_FRAME,
+        Method.FRAMES_STIFFNESS,
+    }
+    for method in offered:
+        model = FlexibleBody(cut, method)
         assert np.all(np.isfinite(model.response(model.static(CORNER)).displacement))
 
 
@@ -240,84 +245,38 @@ def turned(body):
     """A place far from rest that all but keeps the joints shut, and loads."""
     model = FlexibleBody(body)
     loads = model.loads({"corner": [200.0, 400.0, 1500.0]})
-    return model, spread(model._dynamics, loads), model.static(loads).q
+    return model, loads, model.static(loads).q
 
 
 def test_ties_have_a_potential_and_an_exact_tangent(cut):
     model, loads, q = turned(cut)
-    d = model._dynamics
-    shift = np.random.default_rng(1).standard_normal((2, q.size)) / np.sqrt(d.stiffness)
+    stiffness, inputs = cut.angular_frequency**2, loads.packed(False)
+    shift = np.random.default_rng(1).standard_normal((2, q.size)) / np.sqrt(stiffness)
     q = q + 0.02 * shift[0]
 
     def residual(at):
-        return d.stiffness * at - modal_force(d, loads, configuration_at(d, at))
+        return stiffness * at - model.forces(State(at, at), inputs)
 
     def potential(at):
-        return 0.5 * at @ (d.stiffness * at) - force_work(d, loads, configuration_at(d, at))
+        state = State(at, np.zeros_like(at))
+        return sum(model.energies(state)) - float(np.vdot(loads.force, model.response(state).displacement))
 
     e = 1e-4
     slope = (residual(q + e * shift[1]) - residual(q - e * shift[1])) / (2.0 * e)
-    tangent = tangent_stiffness(d, loads, configuration_at(d, q))
+    tangent = model.tangent(State(q, q), inputs)
     assert np.max(np.abs(tangent - tangent.T)) < 1e-12 * np.max(np.abs(tangent))
     assert np.max(np.abs(tangent @ shift[1] - slope)) < 1e-6 * np.max(np.abs(slope))
     change = (potential(q + e * shift[1]) - potential(q - e * shift[1])) / (2.0 * e)
     assert change == pytest.approx(residual(q) @ shift[1], rel=1e-5)
 
 
-def test_a_body_without_ties_takes_no_notice():
-    body = random_body(np.random.default_rng(3))
-    assert FlexibleBody(body)._stepper.tied is None
-
-
-def both(body, formulation=None, longest=0.0):
-    """The body with compiled code and without."""
-    if kernel._library() is None:
-        pytest.skip("built without a C compiler")
-    limits = StepLimits(longest, 1e-2)
-    made = [FlexibleBody(body, formulation, limits=limits, use_compiled=use) for use in (True, False)]
-    assert made[0]._stepper.kernel is not None
-    assert made[1]._stepper.kernel is None
-    return made
-
-
-def agree(bodies, start, end, steps):
-    """Compiled steps of a swing that begins at rest against those in NumPy; how many sub-steps they took."""
-    states, largest = [body.rest() for body in bodies], 0
-    for step in steps:
-        results = [body.step_with_work(s, start, step, end) for body, s in zip(bodies, states, strict=True)]
-        states = [state for state, _ in results]
-        assert results[0][1].substeps == results[1][1].substeps
-        assert results[0][1].error == pytest.approx(results[1][1].error, rel=1e-5)
-        largest = max(largest, results[0][1].substeps)
-        # Springs so stiff make some 1e-9 of the round-off of places: of energy, next to nothing.
-        for one, other in ((states[0].q, states[1].q), (states[0].v, states[1].v)):
-            assert np.linalg.norm(one - other) < 1e-7 * np.linalg.norm(other)
-        found, expected = (np.concatenate(body.motion_and_rates(states[1])) for body in bodies)
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
-        assert bodies[0].motion(states[0]) == pytest.approx(bodies[1].motion(states[1]), rel=1e-8, abs=1e-12)
-    return largest
-
-
-@pytest.mark.parametrize("placement", LoadPlacement)
-@pytest.mark.parametrize("kinematics", [Kinematics.COROTATED, Kinematics.SECANT])
-def test_compiled_steps_are_those_of_numpy(cut, kinematics, placement):
-    bodies = both(cut, Formulation(kinematics, placement), 5e-4)
-    start, end = {"corner": [100.0, 300.0, 900.0, 2.0, -1.0, 3.0]}, {"corner": [0.0, 200.0, 1200.0]}
-    agree(bodies, start, None, [2e-4] * 3)
-    assert agree(bodies, start, end, [2e-4, 1e-3, 2e-3, 1e-3]) >= 4
-
-
-def test_compiled_steps_are_those_of_numpy_to_second_order(one_frame_a_part):
-    bodies = both(one_frame_a_part)
-    start, end = {"wheel_left": [0.0, 500.0, 1500.0]}, {"wheel_left": [0.0, 0.0, 1800.0, 3.0, 5.0, -8.0]}
-    agree(bodies, start, None, [1e-3] * 6)
-    agree(bodies, start, end, [1e-3] * 4)
-    tree = bodies[0]._dynamics.tree
-    numbers, places = kernel_data.kernel_arrays(bodies[0]._dynamics, bodies[0]._turning.operator, None)
-    assert len(places["extent"]) == 2
-    assert np.all(places["extent"] < 0.55 * one_frame_a_part.mode_count)
-    curved = np.count_nonzero(np.any(tree.curvature, axis=(1, 2)))
-    assert numbers["curvature"].size < 0.3 * curved * tree.curvature[0].size
+def test_curvature_is_kept_in_the_coordinates_of_each_part(one_frame_a_part):
+    """Far fewer numbers than one matrix of all coordinates for each node."""
+    image = read_image(compile_program(one_frame_a_part, Method.SECOND_ORDER))
+    assert image.sizes["parts"] == 2
+    assert np.all(image.arrays["extent"] < 0.55 * one_frame_a_part.mode_count)
+    curved = np.count_nonzero(image.arrays["part"] >= 0)
+    assert image.sizes["bends"] < 0.3 * curved * one_frame_a_part.mode_count**2
 
 
 @pytest.mark.parametrize("step", [1e-4, 1e-3])
@@ -384,7 +343,6 @@ def test_energy_is_kept_whatever_the_step(cut, step):
     for _ in range(60):
         state = model.step(state, free, step)
         assert sum(model.energies(state)) == pytest.approx(start, rel=1e-9)
-    assert isinstance(model._stepper.tied, TiedSteps)
 
 
 def test_errors_fall_with_the_square_of_the_step(cut):
@@ -438,7 +396,7 @@ def test_a_beam_clamped_at_both_ends_stretches(tmp_path):
     curved = config.reduction.model_copy(update={"second_order": True})
     changes |= {"frames": 1, "reduction": curved}
     body = reduce_body(config.model_copy(update=changes), Reporter())
-    model = FlexibleBody(body, Formulation(Kinematics.SECOND_ORDER))
+    model = FlexibleBody(body, Method.SECOND_ORDER)
     found = model.response(model.static({"middle": [0.0, table["force_N"][-1], 0.0]})).displacement[0]
     assert np.linalg.norm(found - expected) < 0.003 * np.linalg.norm(expected)
 
@@ -456,11 +414,11 @@ def one_frame_a_part():
     return reduce_body(config.model_copy(update={"frames": 1, "frame": [], "reduction": few}), Reporter())
 
 
-def axle_errors(body, case, formulation=None):
+def axle_errors(body, case, method=None):
     """Error of the displacement (of the larger one) and of toe (degrees), the arms having turned by 15° at the most."""
     _, axis, _ = CASES[case]
     reference = read_reference(HERE / "calculix" / f"{case}.csv", axis)
-    found = solve_axle(FlexibleBody(body, formulation), reference)
+    found = solve_axle(FlexibleBody(body, method), reference)
     size = np.linalg.norm(reference.motion[:, :, :3], axis=2).max(axis=1)
     size[0] = np.inf
     error = np.linalg.norm(found[:, :, :3] - reference.motion[:, :, :3], axis=2).max(axis=1) / size
@@ -494,7 +452,7 @@ def test_axle_against_the_finite_element_model_in_large_rotation(axles, case, di
     assert found[1] < toe
     assert axle_errors(body, case, LINEAR)[0] > linear
     # The stress of what is twisted turns with each fibre: rigid frames do not know.
-    assert axle_errors(body, case, Formulation())[0] > 3.0 * found[0]
+    assert axle_errors(body, case, Method.FRAMES)[0] > 3.0 * found[0]
 
 
 @pytest.mark.parametrize(("case", "displacement", "toe"), [("left", 3e-4, 1e-3), ("opposite", 4e-3, 7e-3)])
@@ -545,9 +503,8 @@ def test_springs_that_ring_cost_a_long_step_of_the_axle_no_more_rounds_than_calm
     assert sum(flexible.energies(state)) > 1e-3
 
 
-@pytest.mark.parametrize("use_compiled", [False, True], ids=["numpy", "compiled"])
-def test_a_cut_body_at_rest_stays_so_in_one_internal_step(one_frame_a_part, use_compiled):
-    flexible = FlexibleBody(one_frame_a_part, use_compiled=use_compiled)
+def test_a_cut_body_at_rest_stays_so_in_one_internal_step(one_frame_a_part):
+    flexible = FlexibleBody(one_frame_a_part)
     state = flexible.rest()
     for step in (1e-4, 1e-3, 1e-3):
         state, work = flexible.step_with_work(state, flexible.loads({}), step)

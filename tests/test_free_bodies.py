@@ -12,8 +12,8 @@ from flexfmu.config import Basis, FrameTable, InputTable, InterfaceTable, Suppor
 from flexfmu.errors import ModelError
 from flexfmu.loads import Loads
 from flexfmu.mesh.model import ElementType, Material
+from flexfmu.methods import Mass, Method
 from flexfmu.model.errors import EquilibriumError, OptionError
-from flexfmu.model.reduced_body import Formulation, Kinematics, Mass
 from flexfmu.progress import Reporter
 from flexfmu.rotations import exponential
 from meshes import STEEL, body_file, box
@@ -79,9 +79,8 @@ def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies):
     reduction = {"basis": Basis.CRAIG_BAMPTON, "modes": 8, "inertia": True}
     reduction = bodies.config(BEAM).reduction.model_copy(update=reduction)
     free = bodies.beam(free=True, support=[], interface=ROOT_AND_TIP, reduction=reduction, frames=4).model
-    heavy = Formulation(mass=Mass.CONFIGURATION)
-    fixed = FlexibleBody(free, heavy, fixed=["root"])
-    supported = FlexibleBody(bodies.beam(reduction=reduction, frames=4).model, heavy)
+    fixed = FlexibleBody(free, mass=Mass.CONFIGURATION, fixed=["root"])
+    supported = FlexibleBody(bodies.beam(reduction=reduction, frames=4).model, mass=Mass.CONFIGURATION)
     states = [body.rest() for body in (fixed, supported)]
     for _ in range(10):
         states = [b.step(s, {"tip": [0.0, 5e3, 0.0]}, 2e-3) for b, s in zip((fixed, supported), states, strict=True)]
@@ -97,7 +96,7 @@ def test_what_hung_on_the_floating_frame_keeps_its_mass_where_the_scene_fixes_th
     frame = [FrameTable(name="first", nodes="SEG1")]
     changes = {"free": True, "support": [], "interface": ROOT_AND_TIP, "frames": None, "frame": frame}
     free = bodies.beam(reduction=reduction, **changes).model
-    body = FlexibleBody(free, Formulation(mass=Mass.CONFIGURATION), fixed=["root"])
+    body = FlexibleBody(free, mass=Mass.CONFIGURATION, fixed=["root"])
     assert body.model.inertia.frame.tolist() == [0]
     assert np.trace(body.model.inertia.ground) > 1.0
     count = body.model.mode_count
@@ -202,8 +201,7 @@ def test_no_equilibrium_is_promised_to_a_body_that_can_float_away(floating):
 def test_what_cannot_be_fixed_is_refused_with_the_reason(floating, bodies):
     with pytest.raises(OptionError, match="frames hang on 'root'"):
         FlexibleBody(floating().model, fixed=["tip"])
-    linear = Formulation(Kinematics.LINEAR)
-    both = FlexibleBody(floating().model, linear, fixed=["tip", "root"])
+    both = FlexibleBody(floating().model, Method.LINEAR, fixed=["tip", "root"])
     moved = both.response(both.static({"tip": [0.0, 1e5, 0.0]})).displacement
     np.testing.assert_allclose(moved, 0.0, atol=1e-12)
     with pytest.raises(OptionError, match="Craig-Bampton"):
@@ -292,7 +290,7 @@ def test_a_spinning_body_of_two_materials_has_the_energy_of_both(two_materials, 
     blocks = [(0.01 * part.density, x) for x, part in HALVES]
     centre = sum(m * x for m, x in blocks) / sum(m for m, _ in blocks)
     moment = sum(m * ((1.0 + 0.1**2) / 12.0 + (x - centre) ** 2) for m, x in blocks)
-    body = FlexibleBody(two_materials.model, Formulation(mass=mass))
+    body = FlexibleBody(two_materials.model, Method.FRAMES, mass)
     state = spinning(body, [0.0, 0.0, 3.0])
     assert sum(body.energies(state)) == pytest.approx(0.5 * moment * 9.0, rel=1e-6)
     turned = State(0.3 * state.v, state.v)

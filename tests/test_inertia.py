@@ -4,26 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flexfmu.runtime.tree import build_tree, configuration
+from scipy.integrate import quad_vec, solve_ivp
 
 from bodies import beam_body
 from flexfmu import build
 from flexfmu.body import FlexibleBody, State, StepLimits
+from flexfmu.build import reduce_body
 from flexfmu.config import Basis, BodyFile, InputTable, InterfaceTable
+from flexfmu.methods import Mass, Method, Variant
 from flexfmu.model.errors import ModalFileError, OptionError
-from flexfmu.model.inertia import (
-    convective_force,
-    kinetic_gradient,
-    mass_gradient,
-    mass_matrix,
-    without_frames,
-)
+from flexfmu.model.inertia import without_frames
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.model.reduced_body import Formulation, Kinematics, LoadPlacement, Mass
 from flexfmu.progress import Reporter
+from flexfmu.rotations import exponential
+from reference import Reference
 from references import BEAM, L_FRAME, calculix, displacement, relative
 
-HEAVY = Formulation(mass=Mass.CONFIGURATION)
+HEAVY = Mass.CONFIGURATION
 # Whatever the error, the step is taken in one.
 ONE_STEP = StepLimits(0.0, 1e300)
 LENGTH, SIDE, DENSITY, YOUNG = 1.0, 0.03, 7850.0, 2.0e11
@@ -37,7 +34,7 @@ def beam(bodies):
     def make(frames, modes=10, limits=None, mass=Mass.CONFIGURATION):
         reduction = bodies.config(BEAM).reduction.model_copy(update={"modes": modes, "inertia": True})
         model = bodies.beam(frames=frames, reduction=reduction).model
-        return FlexibleBody(model, Formulation(mass=mass), damping_scale=0.0, limits=limits)
+        return FlexibleBody(model, Method.FRAMES, mass, damping_scale=0.0, limits=limits)
 
     return make
 
@@ -57,7 +54,7 @@ def floating(bodies):
             interface=ROOT_AND_TIP,
             input=InputTable(acceleration=True),
         )
-        return FlexibleBody(body.model, HEAVY, **options)
+        return FlexibleBody(body.model, Method.FRAMES, HEAVY, **options)
 
     return make
 
@@ -83,12 +80,11 @@ def whole(bodies):
 
 
 def mass_at(model, q):
-    tree = build_tree(model, Kinematics.COROTATED)
-    return mass_matrix(tree, model.inertia, configuration(tree, q))
+    return FlexibleBody(model, Method.FRAMES, HEAVY).mass(State(q, q))
 
 
 def kinetic(body, state):
-    return 0.5 * float(state.v @ mass_at(body.model, state.q) @ state.v)
+    return body.energies(state)[1]
 
 
 def bent(model, random, size=30.0):
@@ -99,8 +95,7 @@ def bent(model, random, size=30.0):
 def element_places(model, finite, q):
     """Nodes (elements, nodes, 3) of each block's elements, moved by the frames that own the elements."""
     mesh, shapes = finite["mesh"], finite["shapes"]
-    tree = build_tree(model, Kinematics.COROTATED)
-    state = configuration(tree, q)
+    position, rotation = FlexibleBody(model, Method.FRAMES).core.nodes_at(q)
     owner = np.full(mesh.element_count, -1)
     for s, domain in enumerate(finite["subdomains"]):
         owner[domain.elements] = s
@@ -112,7 +107,7 @@ def element_places(model, finite, q):
         arm = mesh.points[block.connectivity] - model.joint_point[s][:, None]
         turn = np.cross((model.frame_rotation @ q)[s][:, None], arm)
         local = arm + u[block.connectivity] - (model.joint_displacement @ q)[s][:, None] - turn
-        result.append(state.position[s][:, None] + np.einsum("eij,eaj->eai", state.rotation[s], local))
+        result.append(position[s][:, None] + np.einsum("eij,eaj->eai", rotation[s], local))
         first += len(block.labels)
     return result
 
@@ -174,22 +169,31 @@ def test_integrals_in_another_basis_are_those_of_the_turned_modes(whole, random)
     np.testing.assert_allclose(mass_at(turned, z), turn.T @ mass_at(model, turn @ z) @ turn, atol=1e-12)
 
 
-@pytest.mark.parametrize("size", [0.1, 30.0, 300.0])
-def test_derivatives_of_the_mass_are_those_of_finite_differences(whole, random, size):
-    model, _ = whole
-    tree, m = build_tree(model, Kinematics.COROTATED), model.mode_count
-    q, step = bent(model, random, size), 1e-6
-    at_q = configuration(tree, q)
-    left, right = random.standard_normal((2, 3, m))
-    difference = np.array([mass_at(model, q + step * e) - mass_at(model, q - step * e) for e in np.eye(m)]) / step / 2.0
-    expected = np.einsum("ni,kij,nj->nk", left, difference, right)
-    scale = np.max(np.abs(expected))
-    np.testing.assert_allclose(mass_gradient(tree, model.inertia, at_q, left, right), expected, atol=1e-7 * scale)
-    v = left[0]
-    half = 0.5 * np.einsum("i,kij,j->k", v, difference, v)
-    np.testing.assert_allclose(kinetic_gradient(tree, model.inertia, at_q, v), half, atol=1e-7 * scale)
-    rate = np.einsum("k,kij,j->i", v, difference, v)
-    np.testing.assert_allclose(convective_force(tree, model.inertia, at_q, v), rate - half, atol=1e-7 * scale)
+@pytest.mark.parametrize("push", [[0.0, 0.0, 0.0], [300.0, -200.0, 500.0]])
+def test_the_motion_is_that_of_an_independent_integrator(beam, push):
+    """(14) as it stands: d(M q̇)/dt − ½ ∂(q̇ᵀ M q̇)/∂q + 2ZΩ q̇ + Λq = Q, M and its derivatives from the reference."""
+    model = beam(2, modes=3).model
+    body = FlexibleBody(model, Method.FRAMES, HEAVY, limits=StepLimits(0.0, 1e-9))
+    reference, m = Reference(model, Method.FRAMES, HEAVY), model.mode_count
+    omega, zeta, small = model.angular_frequency, model.damping_ratio, 1e-5
+    inputs = np.array([*push, 0.0, 0.0, 20.0])
+    # Bent far and swinging: inertia is that of the deformed body.
+    start = np.array([0.5, -0.3, 0.02]), np.array([60.0, -40.0, 25.0])
+
+    def rate(_, y):
+        q, v = y[:m], y[m:]
+        slope = [reference.mass(q + small * e) - reference.mass(q - small * e) for e in np.eye(m)]
+        slope = np.array(slope) / (2.0 * small)
+        convective = np.einsum("kij,k,j->i", slope, v, v) - 0.5 * np.einsum("kij,i,j->k", slope, v, v)
+        force = reference.force(inputs, q) - omega**2 * q - 2.0 * zeta * omega * v - convective
+        return np.concatenate([v, np.linalg.solve(reference.mass(q), force)])
+
+    end = 4e-3
+    exact = solve_ivp(rate, (0.0, end), np.concatenate(start), method="DOP853", rtol=1e-8, atol=1e-10).y[:, -1]
+    found = body.step_packed(State(*start), inputs, end)[0]
+    assert np.linalg.norm(reference.mass(exact[:m]) - np.eye(m)) > 0.05
+    scale = np.linalg.norm([omega * exact[:m], exact[m:]])
+    assert np.linalg.norm([omega * (found.q - exact[:m]), found.v - exact[m:]]) < 1e-5 * scale
 
 
 def rigid_rotation(model, rate):
@@ -212,11 +216,11 @@ def test_a_rigid_spin_has_the_kinetic_energy_of_a_block_however_far_it_has_turne
 def momenta(body, state):
     """Linear momentum and angular momentum about the centre of the floating frame, from the rigid motions' momenta."""
     model = body.model
-    tree = build_tree(model, Kinematics.COROTATED)
-    nodes = configuration(tree, state.q)
-    momentum = (mass_at(model, state.q) @ state.v)[:6]
-    # δx₀ = D δq, δω = T C δq: virtual rigid motions of the whole.
-    motions = np.concatenate([model.joint_displacement[0], nodes.jacobian[0] @ model.frame_rotation[0]])[:, :6]
+    momentum = (body.mass(state) @ state.v)[:6]
+    # δx₀ = D δq, δω = T C δq: virtual rigid motions of the whole, T being the left Jacobian of the exponential map.
+    angle = model.frame_rotation[0] @ state.q
+    jacobian = quad_vec(lambda share: exponential(share * angle), 0.0, 1.0, epsabs=1e-13)[0]
+    motions = np.concatenate([model.joint_displacement[0], jacobian @ model.frame_rotation[0]])[:, :6]
     return np.split(np.linalg.solve(motions.T, momentum), 2)
 
 
@@ -323,25 +327,23 @@ def test_the_sudden_load_follows_the_nonlinear_transient_much_closer_than_with_c
 
 
 def test_a_body_with_its_integrals_comes_back_from_its_file(whole, tmp_path):
-    model = replace(whole[0], formulation=HEAVY)
+    model = replace(whole[0], mass=HEAVY)
     write_modal_file(model, tmp_path / "body.h5")
     back = read_modal_file(tmp_path / "body.h5")
-    assert back.formulation == HEAVY
+    assert back.mass is HEAVY
     for name in ("frame", "mass", "first", "second", "ground", "elastic"):
         np.testing.assert_array_equal(getattr(back.inertia, name), getattr(model.inertia, name))
 
 
-@pytest.mark.parametrize("kinematics", [k for k in Kinematics if k is not Kinematics.COROTATED])
-def test_other_kinematics_are_refused_with_the_reason(kinematics):
-    with pytest.raises(OptionError, match=f'no meaning with kinematics "{kinematics.value}"'):
-        Formulation(kinematics, LoadPlacement.REFERENCE, mass=Mass.CONFIGURATION)
+@pytest.mark.parametrize("method", [m for m in Method if m is not Method.FRAMES])
+def test_other_methods_are_refused_with_the_reason(method):
+    with pytest.raises(OptionError, match=f'goes with method "frames" only, not with "{method.value}"'):
+        Variant(method, HEAVY)
 
 
 def test_a_body_built_without_its_integrals_is_refused():
     with pytest.raises(OptionError, match=r"inertia = true in \[reduction\]"):
-        FlexibleBody(beam_body(2), HEAVY)
-    # Without frames there is nothing that could turn.
-    FlexibleBody(beam_body(0), HEAVY)
+        FlexibleBody(beam_body(2), mass=HEAVY)
 
 
 def test_integrals_of_another_body_are_refused(whole):
@@ -349,11 +351,13 @@ def test_integrals_of_another_body_are_refused(whole):
         beam_body(2, inertia=whole[0].inertia)
 
 
-def test_the_body_file_takes_integrals_aboard_where_the_formulation_asks_for_them(bodies):
+def test_the_body_file_stores_integrals_where_the_mass_asks_for_them(bodies):
     config = bodies.config(BEAM).model_dump(exclude_unset=True)
-    config["formulation"] |= {"mass": "configuration"}
-    assert build._heavy(BodyFile.model_validate(config))
+    config["formulation"] = {"method": "frames", "mass": "configuration"}
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"modes": 2})
+    heavy = BodyFile.model_validate(config).model_copy(update={"reduction": reduction})
+    assert reduce_body(heavy, Reporter()).inertia is not None
+    assert bodies.beam(modes=2).model.inertia is None
     config["reduction"] |= {"inertia": False}
-    with pytest.raises(ValueError, match=r"reduction\.inertia is false"):
+    with pytest.raises(ValueError, match=r"needs inertia = true, and \[reduction\] says otherwise"):
         BodyFile.model_validate(config)
-    assert not build._heavy(bodies.config(BEAM))

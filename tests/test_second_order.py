@@ -4,21 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flexfmu.runtime.buckling import BY_LOAD as BY_LOAD_SOURCE
-from flexfmu.runtime.buckling import BY_SECOND_ORDER, judge
-from flexfmu.runtime.dynamics import build_dynamics, configuration_at, spread, tangent_stiffness
 
 from flexfmu.body import FlexibleBody, State
-from flexfmu.config import Basis, FormulationTable, InputTable, InterfaceTable
-from flexfmu.loads import Loads
+from flexfmu.config import Basis, InputTable, InterfaceTable
+from flexfmu.methods import Mass, Method
 from flexfmu.model.errors import OptionError
-from flexfmu.model.reduced_body import Division, Formulation, Kinematics, LoadPlacement, Mass, Stiffness
+from flexfmu.program.compile import compile_program
+from flexfmu.program.image import read_image
 from flexfmu.rotations import exponential, rotation_vector
 from references import BEAM, L_FRAME, calculix, displacement, relative, rotation
 from test_acceleration import MASS, STIFFNESS, heavy_elastica
 
-SECOND = Formulation(Kinematics.SECOND_ORDER)
-BY_LOAD = Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_LOAD)
+SECOND, BY_LOAD = Method.SECOND_ORDER, Method.STIFFNESS_BY_LOAD
 # Six normal modes and the residual flexibility of the tip: statics are right linearly.
 LEAN = {"modes": 6, "residual_flexibility": True, "second_order": True}
 
@@ -34,9 +31,9 @@ def reduced(bodies):
     return make
 
 
-def tip_errors(body, formulation, table, loads):
+def tip_errors(body, method, table, loads):
     """Relative error of displacement and rotation vector of the tip under loads (n, 3), against rows of a table."""
-    model = FlexibleBody(body, formulation)
+    model = FlexibleBody(body, method)
     found = [model.response(model.static({"tip": load})) for load in loads]
     moved, turned = displacement(table), rotation(table)
     return (
@@ -45,12 +42,10 @@ def tip_errors(body, formulation, table, loads):
     )
 
 
-def tangent(body, formulation, force):
+def tangent(body, method, force):
     """Tangent stiffness of the undeformed body under a force at the tip, over that without."""
-    dynamics = build_dynamics(body, formulation)
-    loads = spread(dynamics, Loads(np.array([force]), np.zeros((1, 3))))
-    omega = body.angular_frequency
-    whole = tangent_stiffness(dynamics, loads, configuration_at(dynamics, np.zeros(body.mode_count)))
+    model, omega = FlexibleBody(body, method), body.angular_frequency
+    whole = model.tangent(model.rest(), model.loads({"tip": force}).packed(False))
     return (whole - np.diag(omega**2)) / np.outer(omega, omega)
 
 
@@ -62,7 +57,7 @@ def test_forces_stiffen_and_soften_as_the_whole_model_s_geometric_stiffness(redu
     body = reduced(folder, frames, LEAN | {"geometric_stiffness": ["by_load"]})
     expected = tangent(body, BY_LOAD, np.eye(3)[axis])
     assert relative(tangent(body, SECOND, np.eye(3)[axis]), expected) < 1e-9
-    assert relative(tangent(body, Formulation(), np.eye(3)[axis]), expected) > 0.02
+    assert relative(tangent(body, Method.FRAMES, np.eye(3)[axis]), expected) > 0.02
 
 
 @pytest.mark.parametrize(("frames", "limit"), [(1, 0.004), (2, 5e-4), (3, 2.5e-4)])
@@ -74,7 +69,7 @@ def test_bent_beam(reduced, frames, limit):
     found = tip_errors(body, SECOND, table, loads)
     assert max(found) < limit
     # As many frames without.
-    assert tip_errors(body, Formulation(), table, loads)[0] > 5.0 * found[0]
+    assert tip_errors(body, Method.FRAMES, table, loads)[0] > 5.0 * found[0]
 
 
 @pytest.mark.parametrize(("case", "axis"), [("static_z", 2), ("static_x", 0)])
@@ -92,7 +87,7 @@ def test_pressed_and_bent_in_two_planes(reduced):
     body = reduced(BEAM, 2)
     found = tip_errors(body, SECOND, table, loads)
     assert max(found) < 2e-3
-    assert tip_errors(body, Formulation(), table, loads)[0] > 5.0 * found[0]
+    assert tip_errors(body, Method.FRAMES, table, loads)[0] > 5.0 * found[0]
 
 
 def test_weight_bends_the_beam_along_the_elastica(reduced):
@@ -176,32 +171,38 @@ def test_rigid_motions_make_no_strain(reduced):
 def test_what_second_order_needs_and_what_it_does_not_go_with(reduced, bodies):
     with pytest.raises(OptionError, match="second_order = true"):
         FlexibleBody(bodies.beam().model, SECOND)
-    with pytest.raises(OptionError, match='division "tree"'):
-        FlexibleBody(reduced(BEAM, 2), Formulation(Kinematics.SECOND_ORDER, division=Division.SEPARATE))
     with pytest.raises(OptionError, match='mass "configuration"'):
-        Formulation(Kinematics.SECOND_ORDER, mass=Mass.CONFIGURATION)
+        FlexibleBody(reduced(BEAM, 2), SECOND, Mass.CONFIGURATION)
 
 
-def test_stiffness_that_other_formulations_miss_is_judged_by_it(reduced):
+def source_of_judgement(body, method):
+    """What a program says that its second opinion on stiffness comes from."""
+    advice = read_image(compile_program(body, method)).arrays["advice"].tobytes().decode()
+    return advice.split("\0")[2]
+
+
+def test_stiffness_that_other_methods_miss_is_judged_by_it(reduced):
     """A column under half of Euler's load; the finite element model's own geometric stiffness agrees."""
     inputs = np.array([-16.7e3, 0.0, 0.0, 0.0, 0.0, 0.0])
-    wanted = LEAN | {"geometric_stiffness": ["by_load"]}
-    body = reduced(BEAM, 1, wanted)
+    body = reduced(BEAM, 1, LEAN | {"geometric_stiffness": ["by_load"]})
     by_load = replace(body, second=None)
-    for formulation in (Formulation(), Formulation(Kinematics.LINEAR, LoadPlacement.REFERENCE)):
-        judges = [judge(model, build_dynamics(model, formulation)) for model in (body, by_load)]
-        assert [one.source for one in judges] == [BY_SECOND_ORDER, BY_LOAD_SOURCE]
-        first, second = (one.error(inputs) for one in judges)
+    for method in (Method.FRAMES, Method.LINEAR):
+        sources = [source_of_judgement(model, method) for model in (body, by_load)]
+        assert sources == ["the frames to second order", "geometric stiffness by load"]
+        first, second = (FlexibleBody(model, method).stiffness_missed(inputs) for model in (body, by_load))
         assert 0.1 < first < 0.6
         assert first == pytest.approx(second, rel=0.02)
-    assert judge(body, build_dynamics(body, SECOND)) is None
+    assert source_of_judgement(body, SECOND) == ""
+    assert FlexibleBody(body, SECOND).stiffness_missed(inputs) == 0.0
 
 
-def test_data_goes_aboard_where_the_formulation_asks_for_it(bodies):
-    table = FormulationTable(kinematics=Kinematics.SECOND_ORDER)
+def test_the_method_stores_its_data(bodies):
+    table = bodies.config(BEAM).formulation.model_copy(update={"method": SECOND})
     assert bodies.beam(formulation=table).model.second is not None
-    assert bodies.beam().model.second is None
-    document = bodies.config(BEAM).model_dump() | {"formulation": {"kinematics": "second_order"}}
+    # For other methods only where it is asked for.
+    table = bodies.config(BEAM).formulation.model_copy(update={"method": Method.FRAMES})
+    assert bodies.beam(formulation=table).model.second is None
+    document = bodies.config(BEAM).model_dump() | {"formulation": {"method": "second_order"}}
     document["reduction"]["second_order"] = False
-    with pytest.raises(ValueError, match=r"reduction\.second_order is false"):
+    with pytest.raises(ValueError, match=r"needs second_order = true, and \[reduction\] says otherwise"):
         type(bodies.config(BEAM)).model_validate(document)

@@ -4,13 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from flexfmu.runtime.tree import build_tree, configuration, generalised_force
 from scipy.integrate import solve_ivp
 
-from bodies import COROTATED, COROTATED_REFERENCE, LINEAR, Beam, beam_body, random_body
+from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
 from flexfmu.body import FlexibleBody, State, StepLimits
 from flexfmu.model.errors import OptionError, StepError
-from flexfmu.model.reduced_body import Kinematics
+from reference import Reference
 
 BEAM = Beam()
 # Bends the beam by 0.4 L at the first overshoot.
@@ -21,8 +20,8 @@ END = 0.064
 ONE_STEP = StepLimits(0.0, 1e300)
 
 
-def swinging_beam(limits=None, damping=0.0, formulation=COROTATED):
-    return FlexibleBody(beam_body(3, modes=3, planes="y", damping=damping), formulation, limits=limits or StepLimits())
+def swinging_beam(limits=None, damping=0.0, method=COROTATED):
+    return FlexibleBody(beam_body(3, modes=3, planes="y", damping=damping), method, limits=limits or StepLimits())
 
 
 def phase(flexible, state):
@@ -75,9 +74,7 @@ def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(step):
 
 @pytest.mark.slow
 def test_energy_is_kept_over_a_million_steps():
-    # In NumPy alone that would take a quarter of an hour.
-    compiled = swinging_beam()._stepper.kernel is not None
-    drift = energy_drift(10**6 if compiled else 10**5, 1e-3, every=100)
+    drift = energy_drift(10**6, 1e-3, every=100)
     print(f"drift {drift:.1e} of the largest energy")
     assert drift < 1e-9
 
@@ -124,14 +121,12 @@ def test_the_motion_is_that_of_an_independent_integrator():
     model = beam_body(3, modes=2, planes="y", damping=0.02)
     flexible = FlexibleBody(model, COROTATED, limits=StepLimits(0.0, 1e-8))
     loads = {"tip": (*HEAVY, 0.0, 0.0, -800.0)}
-    tree = build_tree(model, Kinematics.COROTATED)
-    force, moment = np.zeros((2, 4, 3))
-    force[-1], moment[-1] = loads["tip"][:3], loads["tip"][3:]
+    reference, inputs = Reference(model, COROTATED), np.array(loads["tip"])
     omega, zeta = model.angular_frequency, model.damping_ratio
 
     def rate(_, y):
         q, v = y[:2], y[2:]
-        acceleration = generalised_force(tree, configuration(tree, q), force, moment)
+        acceleration = reference.force(inputs, q)
         return np.concatenate([v, acceleration - omega**2 * q - 2.0 * zeta * omega * v])
 
     exact = solve_ivp(rate, (0.0, 0.05), np.zeros(4), method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
@@ -161,9 +156,8 @@ def test_a_tighter_tolerance_gives_a_smaller_error(fine):
     assert errors[0] > 5.0 * errors[1] > 25.0 * errors[2]
 
 
-@pytest.mark.parametrize("formulation", [LINEAR, COROTATED_REFERENCE])
-def test_loads_on_the_reference_body_make_a_step_of_any_length_exact(formulation):
-    flexible = FlexibleBody(random_body(), formulation)
+def test_a_step_of_modal_superposition_is_exact_whatever_its_length():
+    flexible = FlexibleBody(random_body(), LINEAR)
     loads = {"port_0": (30.0, 20.0, -10.0, 1.0, 2.0, 3.0)}
     start = run(flexible, {"port_1": (5.0, 6.0, 7.0)}, 0.013, 3)
     once, work = flexible.step_with_work(start, flexible.loads(loads), 3.0)
@@ -224,12 +218,13 @@ def test_a_load_far_beyond_reason_is_refused_or_borne_but_never_gives_nan(size):
         assert refusals > 0
 
 
-def test_a_refused_step_leaves_no_trace():
+@pytest.mark.parametrize("size", [1e12, 1e300])
+def test_a_refused_step_leaves_no_trace(size):
     flexible = swinging_beam()
     state = run(flexible, {"tip": HEAVY}, 1e-3, 20)
     before = state.q.copy(), state.v.copy()
     with np.errstate(all="ignore"), pytest.raises(StepError):
-        flexible.step(state, {"tip": (1e12, 1e12, 0.0)}, 1e-2)
+        flexible.step(state, {"tip": (size, size, 0.0)}, 1e-2)
     np.testing.assert_array_equal((state.q, state.v), before)
     after = flexible.step(state, {"tip": HEAVY}, 1e-3)
     undisturbed = run(swinging_beam(), {"tip": HEAVY}, 1e-3, 21)
@@ -238,7 +233,7 @@ def test_a_refused_step_leaves_no_trace():
 
 def test_a_refusal_names_the_step_and_the_number_of_internal_steps():
     flexible = swinging_beam(StepLimits(1e-8))
-    words = "0.01 s needs 1000000 internal steps by internal_step.limit = 1e-08 s, more than internal_step.most = 4096"
+    words = "0.01 s needs 1000000 internal steps by internal_step.limit, more than internal_step.most = 4096"
     with pytest.raises(StepError, match=words):
         flexible.step(flexible.rest(), {"tip": HEAVY}, 1e-2)
 
@@ -262,7 +257,7 @@ def test_a_step_that_is_not_positive_is_refused(step):
 )
 def test_options_out_of_range_are_refused(scale, limits, words):
     with pytest.raises(OptionError, match=words):
-        FlexibleBody(random_body(), COROTATED, scale, limits)
+        FlexibleBody(random_body(), COROTATED, damping_scale=scale, limits=limits)
 
 
 def test_the_damping_scale_multiplies_every_ratio():
@@ -276,9 +271,9 @@ def test_the_damping_scale_multiplies_every_ratio():
     assert np.linalg.norm(a.q - c.q) > 1e-3 * np.linalg.norm(c.q)
 
 
-def harmonic(end_too, step, formulation, count):
+def harmonic(end_too, step, method, count):
     """State of the damped beam after `count` steps under a force that grows and falls, known at each step's ends."""
-    flexible = swinging_beam(ONE_STEP, damping=0.01, formulation=formulation)
+    flexible = swinging_beam(ONE_STEP, damping=0.01, method=method)
     state = flexible.rest()
     for k in range(count):
         start, end = ({"tip": (0.0, HEAVY[1] * np.sin(40.0 * t), 0.0)} for t in (k * step, (k + 1) * step))
@@ -286,11 +281,11 @@ def harmonic(end_too, step, formulation, count):
     return flexible, state
 
 
-@pytest.mark.parametrize("formulation", [LINEAR, COROTATED])
-def test_loads_that_grow_over_a_step_make_it_second_order_where_constant_ones_are_first(formulation):
-    flexible, exact = harmonic(True, END / 2**11, formulation, 2**11)
+@pytest.mark.parametrize("method", [LINEAR, COROTATED])
+def test_loads_that_grow_over_a_step_make_it_second_order_where_constant_ones_are_first(method):
+    flexible, exact = harmonic(True, END / 2**11, method, 2**11)
     errors = {
-        ramp: [distance(flexible, harmonic(ramp, END / 2**k, formulation, 2**k)[1], exact) for k in (6, 7, 8)]
+        ramp: [distance(flexible, harmonic(ramp, END / 2**k, method, 2**k)[1], exact) for k in (6, 7, 8)]
         for ramp in (False, True)
     }
     orders = {ramp: np.log2(np.array(e[:-1]) / e[1:]) for ramp, e in errors.items()}
@@ -300,7 +295,7 @@ def test_loads_that_grow_over_a_step_make_it_second_order_where_constant_ones_ar
 
 
 def test_a_linear_body_under_a_force_linear_in_time_is_exact_for_any_step():
-    one = swinging_beam(formulation=LINEAR, damping=0.02)
+    one = swinging_beam(method=LINEAR, damping=0.02)
     force = np.array([*HEAVY])
     whole, _ = one.step_with_work(one.rest(), {}, END, {"tip": force})
     parts = one.rest()
@@ -309,13 +304,12 @@ def test_a_linear_body_under_a_force_linear_in_time_is_exact_for_any_step():
     assert distance(one, whole, parts) < 1e-12
 
 
-@pytest.mark.parametrize("use_compiled", [True, False])
-def test_loads_that_grow_over_many_internal_steps_grow_as_over_as_many_short_ones(use_compiled):
+def test_loads_that_grow_over_many_internal_steps_grow_as_over_as_many_short_ones():
     """A step in 64 parts is 64 steps, whether the master or the body divides it; short enough for a fixed point."""
     model, count = beam_body(3, modes=3, planes="y", damping=0.01), 64
     first, last = (np.array([scale * f for f in HEAVY]) for scale in (0.1, 0.5))
     limits = StepLimits(END / count, 1e300)
-    flexible = FlexibleBody(model, COROTATED, limits=limits, use_compiled=use_compiled)
+    flexible = FlexibleBody(model, COROTATED, limits=limits)
     whole, work = flexible.step_with_work(flexible.rest(), {"tip": first}, END, {"tip": last})
     assert work.substeps == count
     assert work.iterations <= 6 * count

@@ -77,7 +77,7 @@ def test_von_mises_stress_of_tension_and_torsion(beam):
     assert shear > 1e6
 
 
-@pytest.mark.parametrize("runtime", list(Runtime))
+@pytest.mark.parametrize("runtime", Runtime)
 def test_fmu_gives_the_largest_von_mises_stress(beam, tmp_path, runtime):
     write_modal_file(beam.model, tmp_path / "modal.h5")
     read = read_modal_file(tmp_path / "modal.h5")

@@ -4,18 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flexfmu.runtime.tree import (
-    build_tree,
-    configuration,
-    generalised_force,
-    jacobians,
-    load_stiffness,
-    outboard_loads,
-)
 
 from bodies import COROTATED, LINEAR, random_body, turning_body, with_second_order
 from flexfmu.body import FlexibleBody, State
-from flexfmu.model.reduced_body import GROUND, Kinematics
+from flexfmu.methods import Method
+from flexfmu.model.reduced_body import GROUND, Masses, WholeFrame
 from flexfmu.rotations import exponential, skew
 
 H = 1e-5
@@ -28,16 +21,21 @@ def central(function, q):
     return np.stack([(function(q + H * unit) - function(q - H * unit)) / (2.0 * H) for unit in np.eye(q.size)], axis=-1)
 
 
+MASS = 2.0
+# Those whose loads act on the deformed body: forces then have a potential.
+CONSERVATIVE = [Method.FRAMES, Method.SECOND_ORDER, Method.FLOATING_FRAME]
+# Those in which places depend on q other than linearly.
+TURNED = [*CONSERVATIVE, Method.HALF_ROTATION, Method.MODAL_ROTATION]
+
+
 @pytest.fixture(params=["branched", "with an interface on the ground"])
 def body(request):
+    """A tree with a mass on one frame, for loads of every kind."""
+    lump = Masses(np.array([MASS]), [[0.2, 0.3, -0.1]], np.random.default_rng(2).standard_normal((1, 3, 6)), [1])
+    whole = WholeFrame(np.full(3, 0.1), *np.random.default_rng(9).standard_normal((3, 3, 6)))
     if request.param == "branched":
-        return with_second_order(random_body(), 0.1)
-    return with_second_order(random_body(3, interface_frame=(2, GROUND, 0)), 0.1)
-
-
-@pytest.fixture(params=[kinematics for kinematics in Kinematics if kinematics is not Kinematics.LINEAR])
-def tree(request, body):
-    return build_tree(body, request.param)
+        return with_second_order(random_body(masses=lump, whole=whole), 0.1)
+    return with_second_order(random_body(3, interface_frame=(2, GROUND, 0), masses=lump, whole=whole), 0.1)
 
 
 @pytest.fixture(params=SIZES)
@@ -46,78 +44,105 @@ def q(request, body):
 
 
 @pytest.fixture
-def loads(tree):
-    """Force and moment at every node, frames included."""
-    rng = np.random.default_rng(6)
-    return rng.standard_normal((2, len(tree.parent), 3))
+def loads():
+    """Force and moment at every interface, and an acceleration."""
+    return np.random.default_rng(6).standard_normal(21)
 
 
-def test_jacobian_of_positions_is_their_derivative(tree, q):
-    translation, _ = jacobians(tree, configuration(tree, q))
-    expected = central(lambda q: configuration(tree, q).position, q)
-    np.testing.assert_allclose(translation, expected, atol=2e-8)
+def only(loads, which):
+    """Forces or moments alone."""
+    kept = loads.copy()
+    wrench = kept[:18].reshape(3, 2, 3)
+    if which == "forces":
+        wrench[:, 1] = 0.0
+    if which == "moments":
+        wrench[:, 0] = kept[18:] = 0.0
+    return kept
 
 
-def test_jacobian_of_rotations_gives_the_angular_velocity(tree, q):
-    state = configuration(tree, q)
-    _, spin = jacobians(tree, state)
-    rate = central(lambda q: configuration(tree, q).rotation, q)
-    angular = np.einsum("kijm,klj->kilm", rate, state.rotation)
+def at(q):
+    return State(q, np.zeros_like(q))
+
+
+def jacobians(flexible, q):
+    """Of the interfaces' places and spins, each (3, 3, m): rates under unit rates of each coordinate."""
+    rates = [flexible.rates(State(q, unit)) for unit in np.eye(q.size)]
+    return (np.stack([rate[k] for rate in rates], axis=-1) for k in (0, 1))
+
+
+@pytest.mark.parametrize("method", TURNED)
+def test_jacobian_of_positions_is_their_derivative(body, method, q):
+    flexible = FlexibleBody(body, method)
+    expected = central(lambda q: flexible.response(at(q)).displacement, q)
+    np.testing.assert_allclose(next(jacobians(flexible, q)), expected, atol=2e-8)
+
+
+@pytest.mark.parametrize("method", TURNED)
+def test_jacobian_of_rotations_gives_the_angular_velocity(body, method, q):
+    flexible = FlexibleBody(body, method)
+    _, spin = jacobians(flexible, q)
+    rotation = flexible.core.nodes_at(q)[1]
+    rate = central(lambda q: flexible.core.nodes_at(q)[1], q)
+    nodes = slice(flexible.core.frames, flexible.core.frames + 3)
+    angular = np.einsum("kijm,klj->kilm", rate[nodes], rotation[nodes])
     expected = np.moveaxis(skew(np.moveaxis(spin, 1, -1)), 1, -1)
     np.testing.assert_allclose(angular, expected, atol=2e-8)
 
 
-def test_forces_are_the_gradient_of_their_work(tree, q, loads):
-    force = loads[0]
-    expected = central(lambda q: np.vdot(force, configuration(tree, q).position), q)
-    found = generalised_force(tree, configuration(tree, q), force, np.zeros_like(force))
-    np.testing.assert_allclose(found, expected, atol=1e-7)
+@pytest.mark.parametrize("method", CONSERVATIVE)
+def test_forces_are_the_gradient_of_their_work(body, method, q, loads):
+    flexible, forces = FlexibleBody(body, method), only(loads, "forces")
+
+    def work(q):
+        place = flexible.core.nodes_at(q)[0][flexible.core.frames :]
+        return np.vdot(forces[:18].reshape(3, 2, 3)[:, 0], place[:3]) - MASS * forces[18:] @ place[3]
+
+    found = flexible.forces(at(q), forces)
+    np.testing.assert_allclose(found, central(work, q), atol=1e-7)
     assert np.linalg.norm(found) > 1.0
 
 
-def test_virtual_work_of_forces_and_moments_is_that_of_the_modal_force(tree, q, loads):
-    state = configuration(tree, q)
-    translation, spin = jacobians(tree, state)
-    expected = np.einsum("ki,kim->m", loads[0], translation) + np.einsum("ki,kim->m", loads[1], spin)
-    np.testing.assert_allclose(generalised_force(tree, state, *loads), expected, rtol=1e-12, atol=1e-12)
+@pytest.mark.parametrize("method", CONSERVATIVE)
+def test_virtual_work_of_forces_and_moments_is_that_of_the_modal_force(body, method, q, loads):
+    flexible = FlexibleBody(body, method)
+    translation, spin = jacobians(flexible, q)
+    wrench = loads[:18].reshape(3, 2, 3)
+    expected = np.einsum("ki,kim->m", wrench[:, 0], translation) + np.einsum("ki,kim->m", wrench[:, 1], spin)
+    on_interfaces = np.append(loads[:18], np.zeros(3))
+    np.testing.assert_allclose(flexible.forces(at(q), on_interfaces), expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("method", TURNED)
 @pytest.mark.parametrize("which", ["forces", "moments", "both"])
-def test_load_stiffness_is_the_derivative_of_the_modal_force(tree, q, loads, which):
-    force, moment = loads[0] * (which != "moments"), loads[1] * (which != "forces")
-    expected = central(lambda q: generalised_force(tree, configuration(tree, q), force, moment), q)
-    found = load_stiffness(tree, configuration(tree, q), force, moment)
+def test_load_stiffness_is_the_derivative_of_the_modal_force(body, method, q, loads, which):
+    flexible, given = FlexibleBody(body, method), only(loads, which)
+    expected = central(lambda q: flexible.forces(at(q), given), q)
+    found = np.diag(body.angular_frequency**2) - flexible.tangent(at(q), given)
     np.testing.assert_allclose(found, expected, atol=3e-7)
-    assert np.linalg.norm(found) > 1.0
+    if which == "forces" or method in CONSERVATIVE:
+        assert np.linalg.norm(found) > 1.0
 
 
-def test_load_stiffness_is_symmetric_under_forces_and_unsymmetric_under_moments(tree, q, loads):
-    state, none = configuration(tree, q), np.zeros_like(loads[0])
-    symmetric = load_stiffness(tree, state, loads[0], none)
-    np.testing.assert_allclose(symmetric, symmetric.T, atol=1e-12 * np.linalg.norm(symmetric))
-    by_moment = load_stiffness(tree, state, none, loads[1])
+@pytest.mark.parametrize("method", CONSERVATIVE)
+def test_load_stiffness_is_symmetric_under_forces_and_unsymmetric_under_moments(body, method, q, loads):
+    flexible, square = FlexibleBody(body, method), np.diag(body.angular_frequency**2)
+    symmetric = flexible.tangent(at(q), only(loads, "forces")) - square
+    np.testing.assert_allclose(symmetric, symmetric.T, atol=1e-12 * np.linalg.norm(square))
+    by_moment = flexible.tangent(at(q), only(loads, "moments")) - square
     assert np.linalg.norm(by_moment - by_moment.T) > 0.1 * np.linalg.norm(by_moment)
 
 
-def test_loads_beyond_a_joint_add_up_to_what_it_carries(body, q, loads):
-    tree = build_tree(body, Kinematics.COROTATED)
-    state = configuration(tree, q)
-    force, moment = outboard_loads(tree, state, *loads)
-    for k in range(len(tree.parent)):
-        beyond = [d for d in range(len(tree.parent)) if k in lineage(tree.parent, d)]
-        arm = state.position[beyond] - state.position[k]
-        np.testing.assert_allclose(force[k], loads[0][beyond].sum(axis=0), atol=1e-13)
-        np.testing.assert_allclose(
-            moment[k], (loads[1][beyond] + np.cross(arm, loads[0][beyond])).sum(axis=0), atol=1e-12
-        )
-
-
-def lineage(parent, k):
-    """Node k and all its ancestors."""
-    result = [k]
-    while parent[result[-1]] != GROUND:
-        result.append(parent[result[-1]])
-    return result
+def test_a_pair_of_forces_is_the_moment_of_its_arm():
+    """Two interfaces that one frame carries rigidly, pulled opposite ways: the moment about what the arm has become."""
+    model = turning_body(np.array([1.0, 2.0, 2.0]) / 3.0, np.zeros(3))
+    flexible, q = FlexibleBody(model, COROTATED), np.array([0.8, 0.0])
+    place = model.interface_point + flexible.response(at(q)).displacement
+    force, pair = np.array([3.0, -4.0, 5.0]), np.zeros((2, 18))
+    pair[0, :3], pair[0, 6:9] = force, -force
+    pair[1, 3:6] = np.cross(place[0] - place[1], force)
+    moment = [flexible.forces(at(q), each)[0] for each in pair]
+    assert moment[0] == pytest.approx(moment[1], rel=1e-12)
+    assert abs(moment[0]) > 0.5
 
 
 def test_interface_rates_are_the_rates_of_displacement_and_rotation(body):
@@ -126,13 +151,13 @@ def test_interface_rates_are_the_rates_of_displacement_and_rotation(body):
     q, v = 0.2 * rng.standard_normal((2, body.mode_count))
     velocity, angular = flexible.rates(State(q, v))
 
-    def at(t):
+    def after(t):
         return flexible.response(State(q + t * v, v))
 
-    ahead, behind = at(H), at(-H)
+    ahead, behind = after(H), after(-H)
     np.testing.assert_allclose(velocity, (ahead.displacement - behind.displacement) / (2 * H), atol=1e-8)
     turn = (exponential(ahead.rotation) - exponential(behind.rotation)) / (2 * H)
-    here = exponential(at(0.0).rotation)
+    here = exponential(after(0.0).rotation)
     np.testing.assert_allclose(turn @ np.swapaxes(here, 1, 2), skew(angular), atol=1e-8)
 
 
@@ -173,11 +198,10 @@ def test_a_rigid_turn_carries_the_elastic_deformation_along():
     assert np.min(np.linalg.norm(bent.displacement, axis=1)) > 1e-3
 
 
-@pytest.mark.parametrize("formulation", [COROTATED, LINEAR])
-def test_without_frames_displacements_are_modal_superposition(formulation):
+def test_without_frames_displacements_are_modal_superposition():
     model = random_body(parents=(), interface_frame=(GROUND,) * 3)
     q = 0.1 * np.random.default_rng(4).standard_normal(model.mode_count)
-    response = FlexibleBody(model, formulation).response(State(q, np.zeros_like(q)))
+    response = FlexibleBody(model).response(State(q, np.zeros_like(q)))
     np.testing.assert_allclose(response.displacement, model.interface_displacement @ q, atol=1e-15)
     np.testing.assert_allclose(response.rotation, model.interface_rotation @ q, atol=1e-14)
 

@@ -208,6 +208,14 @@ class Instance:
         value = c_double()
         return self._call("GetRealStatus", LAST_SUCCESSFUL_TIME, byref(value)), value.value
 
+    def answers(self):
+        """The status of the last step, whether the run is at its end, and what is pending."""
+        status, over, pending = c_int(-1), c_int(-1), c_char_p()
+        self._call("GetStatus", 0, byref(status))
+        self._call("GetBooleanStatus", 3, byref(over))
+        self._call("GetStringStatus", 1, byref(pending))
+        return [status.value, over.value, (pending.value or b"").decode()]
+
     def unsupported(self):
         """Statuses of the calls that pythonfmu's library offers but does not support."""
         one, real, whole, text = (c_uint * 1)(0), (c_double * 1)(), (c_int * 1)(1), (c_char_p * 1)()

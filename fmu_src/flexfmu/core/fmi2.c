@@ -227,6 +227,13 @@ static fmi2Status numbers_of(fmi2Component handle, const fmi2ValueReference refe
     for (size_t i = 0; i < count; i++) {
         double number;
         if (get_number(c->body, (int64_t)references[i], &number, c->text) != ANSWER_OK) return fail(c, c->text);
+        const int64_t role = instance_description(c->body)->variable_role[references[i]];
+        /* Inputs and parameters are what the master set. */
+        if (!isfinite(number) && role != ROLE_INPUT && role != ROLE_PARAMETER) {
+            snprintf(c->text, MESSAGE, "%s: %s has no finite value: the loads are too large for the arithmetic; lower them", call,
+                     variable_text(c->body, (int64_t)references[i], 0, c->room));
+            return fail(c, c->text);
+        }
         if (type == TYPE_REAL)
             ((fmi2Real *)values)[i] = number;
         else

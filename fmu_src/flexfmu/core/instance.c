@@ -544,7 +544,12 @@ Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_c
     for (int64_t i = 0; i < input_count; i++) x->start_inputs[p->variable_index[inputs[i]]] += direction[i];
     body_derivative(x->body, x->previous, usual_step(x), x->q, x->start_inputs, x->rates);
     x->cached &= ~CACHED_MOTION;
-    for (int64_t i = 0; i < output_count; i++) result[i] = x->rates[p->variable_index[outputs[i]]];
+    for (int64_t i = 0; i < output_count; i++) {
+        result[i] = x->rates[p->variable_index[outputs[i]]];
+        if (isfinite(result[i])) continue;
+        snprintf(why, MESSAGE, "the derivative of %s is not finite: the loads, the direction or the step are too large for the arithmetic", variable_text(x, outputs[i], 0, room));
+        return ANSWER_REFUSED;
+    }
     return ANSWER_OK;
 }
 

@@ -340,6 +340,16 @@ class Core:
         loads = _given(inputs)
         return float(self._library.body_missed(self._body, _place(loads), None))
 
+    def may_miss(self, inputs: FloatArray, limit: float) -> bool:
+        """Whether that error may exceed a limit; faster than finding it."""
+        return bool(self._library.body_may_miss(self._body, _place(_given(inputs)), limit))
+
+    def judged_margin(self, inputs: FloatArray) -> float:
+        """Smallest eigenvalue of the undeformed body's tangent by the second opinion, over the unloaded one."""
+        loads, margin = _given(inputs), np.empty(1)
+        self._library.body_missed(self._body, _place(loads), _place(margin))
+        return float(margin[0])
+
     def compliance(self, inputs: FloatArray, step: float, q: FloatArray, interfaces: Sequence[int]) -> FloatArray:
         """Derivative (6n, 6n) of interfaces' motion at a step's end by loads on them held over the step."""
         loads, at, chosen = _given(inputs), _given(q), np.array(interfaces, dtype=np.int64)

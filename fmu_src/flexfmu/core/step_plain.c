@@ -8,8 +8,8 @@
 
 #include "internal.h"
 
-/* Change of Omega q over a round relative to its size: two decades above round-off. */
-static const double TOLERANCE = 1e-12;
+/* What may be left of the error of Omega q relative to its size: energy that is not kept adds up. */
+static const double TOLERANCE = 1e-14;
 /* Change below which the discrete gradient's bracket joins the iteration: its own error is then far below the tolerance. */
 static const double SETTLED = 1e-5;
 /* The bracket is skipped where it is round-off: it is cubic in the way, and would be divided by its square. */

@@ -337,6 +337,27 @@ static int factor_response(Body *body, const double *inputs, double step, const 
     return lu_factor(room->lower, body->pivot, m);
 }
 
+/* Derivative (m) of the modal force by a load: force or moment `c` on an interface, whose motion is `motion` (6, m). */
+static void force_by_load(const Body *body, const Configuration *at, int64_t interface, int c, const double *motion, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, k = p->frames + interface, load = 6 * interface + c;
+    const double *moved = p->load_operator + 3 * interface * m, *turned = p->load_operator + 3 * (p->interfaces + interface) * m;
+    if (p->placement == PLACE_DEFORMED) {
+        memcpy(out, motion + c * m, (size_t)m * sizeof(double));
+    } else {
+        memcpy(out, c < 3 ? moved + c * m : turned + (c - 3) * m, (size_t)m * sizeof(double));
+        if (p->placement == PLACE_CORRECTIVE_MOMENT && c < 3) {
+            double displacement[3], unit[3] = {0.0, 0.0, 0.0}, moment[3];
+            for (int i = 0; i < 3; i++) displacement[i] = at->position[3 * k + i] - p->point[3 * k + i];
+            unit[c] = 1.0;
+            cross(displacement, unit, moment);
+            add_rows(moment, turned, out, 3, m);
+        }
+    }
+    if (p->by_load_given)
+        for (int64_t i = 0; i < m; i++) out[i] -= dot(p->by_load + (load * m + i) * m, at->q, m);
+}
+
 void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
                      int64_t n, double *out) {
     const Program *p = &body->p;
@@ -354,8 +375,10 @@ void body_compliance(Body *body, const double *inputs, double step, const double
         memcpy(room.motion + 6 * i * m, room.translation + k * size, (size_t)size * sizeof(double));
         memcpy(room.motion + (6 * i + 3) * m, room.spin + k * size, (size_t)size * sizeof(double));
     }
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t k = 0; k < 6 * n; k++) room.change[i * 6 * n + k] = rule->gq[i] * room.motion[k * m + i];
+    for (int64_t k = 0; k < 6 * n; k++) {
+        force_by_load(body, &room.at, interfaces[k / 6], (int)(k % 6), room.motion + k / 6 * 6 * m, room.row);
+        for (int64_t i = 0; i < m; i++) room.change[i * 6 * n + k] = rule->gq[i] * room.row[i];
+    }
     lu_solve(room.lower, body->pivot, room.change, m, 6 * n);
     product(room.motion, room.change, out, 6 * n, m, 6 * n);
 }

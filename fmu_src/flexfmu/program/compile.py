@@ -99,8 +99,10 @@ def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -
     m, interfaces = body.mode_count, body.interface_count
     tree = build_tree(body, recipe.kinematics)
     placement = recipe.loads
-    if placement is LoadPlacement.DEFORMED and not np.any(tree.parent[tree.frames : tree.frames + interfaces] >= 0):
-        # Linear kinematics have a constant derivative: loads on the deformed body are then those on the reference one.
+    loaded = tree.frames + interfaces + (0 if body.masses is None else body.masses.mass.size)
+    if placement is LoadPlacement.DEFORMED and not np.any(tree.parent[tree.frames : loaded] >= 0):
+        # Nothing that is loaded hangs on a frame: all places have constant derivatives, and loads on the deformed body
+        # are those on the undeformed one.
         placement = LoadPlacement.REFERENCE
     omega, rigid = body.angular_frequency, body.rigid_count
     inertia = np.zeros((3, m))
