@@ -31,8 +31,8 @@ PACKAGE = Path("fmu_src") / "flexfmu"
 # Not needed by any test, or made anew.
 LEFT_OUT = (".git", ".venv*", "__pycache__", ".*_cache", ".hypothesis", "output", "build", "dist", "*.egg-info")
 CORE = PACKAGE / "core"
-# Short tests: compiling takes longer than what it would save.
-QUICK = ("-O1",)
+# Tests are short: compiling well takes longer than what it saves in them.
+QUICK = ("-O0",)
 # That a test fails is enough: nobody looks for its smallest example.
 HASTE = """
 import hypothesis
