@@ -12,6 +12,7 @@ import argparse
 import csv
 import os
 import platform
+import runpy
 import shutil
 import subprocess
 import sys
@@ -21,6 +22,7 @@ import tomllib
 from dataclasses import asdict, dataclass
 from enum import Enum
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -28,20 +30,15 @@ TABLE = HERE / "mutations.toml"
 PACKAGE = Path("fmu_src") / "flexfmu"
 # Not needed by any test, or made anew.
 LEFT_OUT = (".git", ".venv*", "__pycache__", ".*_cache", ".hypothesis", "output", "build", "dist", "*.egg-info")
-# What setup.py hands to setuptools, built beside its source; a failure is an error here.
-COMPILE = """
-import runpy
-import setuptools
+CORE = PACKAGE / "core"
+# Tests are short: compiling well takes longer than what it saves in them.
+QUICK = ("-O0",)
+# That a test fails is enough: nobody looks for its smallest example.
+HASTE = """
+import hypothesis
 
-given = {}
-setuptools.setup = given.update
-runpy.run_path("setup.py")
-for extension in given["ext_modules"]:
-    extension.optional = False
-command = setuptools.Distribution({"package_dir": {"": "fmu_src"}, **given}).get_command_obj("build_ext")
-command.inplace = command.force = True
-command.ensure_finalized()
-command.run()
+hypothesis.settings.register_profile("haste", phases=[hypothesis.Phase.explicit, hypothesis.Phase.generate])
+hypothesis.settings.load_profile("haste")
 """
 # Tests that take this long (s) do not end any more.
 LONGEST = 900.0
@@ -131,11 +128,25 @@ def run_tests(tree: Path, tests: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def compile_kernel(tree: Path) -> None:
-    """Build the compiled step in place, as setup.py asks for it."""
-    done = subprocess.run([sys.executable, "-c", COMPILE], cwd=tree, capture_output=True, text=True, check=False)
+def compile_core(tree: Path) -> None:
+    """Build the core in place by the copy's own command, which knows its sources."""
+    building: dict[str, Any] = runpy.run_path(str(tree / CORE / "building.py"))
+    compiler = building["system_compiler"]()
+    if compiler is None:
+        raise SystemExit("there is no C compiler")
+    output = library_of(tree)
+    # Another file: who has the old one open keeps it.
+    part = output.with_name(f"part{output.suffix}")
+    words = building["command"](compiler, part, extra=QUICK)
+    done = subprocess.run(words, cwd=tree, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise SystemExit(f"the compiled step does not build:\n{done.stdout}\n{done.stderr}")
+        raise SystemExit(f"the core does not compile:\n{done.stdout}\n{done.stderr}")
+    part.replace(output)
+
+
+def library_of(tree: Path) -> Path:
+    """The compiled core of a copy."""
+    return (tree / CORE / "_flexcore").with_suffix({"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so"))
 
 
 def try_change(tree: Path, change: Change) -> Result:
@@ -146,11 +157,12 @@ def try_change(tree: Path, change: Change) -> Result:
     found = text.count(change.before)
     if found != 1:
         return Result(Outcome.GONE, f"the line is found {found} times, expected once", 0.0)
-    compiled = path.suffix == ".c"
+    compiled, library = path.suffix == ".c", library_of(tree)
+    right = library.read_bytes()
     path.write_text(text.replace(change.before, change.after), encoding="utf-8")
     try:
         if compiled:
-            compile_kernel(tree)
+            compile_core(tree)
         done = run_tests(tree, change.tests)
         outcome, by = judged(done.returncode, done.stdout)
     except subprocess.TimeoutExpired:
@@ -158,7 +170,8 @@ def try_change(tree: Path, change: Change) -> Result:
     finally:
         path.write_text(text, encoding="utf-8")
         if compiled:
-            compile_kernel(tree)
+            library.unlink()
+            library.write_bytes(right)
     return Result(outcome, by, time.perf_counter() - start)
 
 
@@ -208,7 +221,9 @@ def run(changes: list[Change], check: bool) -> dict[Change, Result]:
     with tempfile.TemporaryDirectory(prefix="mutations_") as name:
         tree = Path(name).resolve() / "tree"
         shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(*LEFT_OUT))
-        compile_kernel(tree)
+        with (tree / "tests" / "conftest.py").open("a", encoding="utf-8") as file:
+            file.write(HASTE)
+        compile_core(tree)
         start = time.perf_counter()
         try:
             if check:

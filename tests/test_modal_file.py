@@ -2,15 +2,18 @@
 
 import io
 from dataclasses import fields, replace
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
 from bodies import LINEAR, beam_body, random_body, with_second_order
+from flexfmu.methods import Mass, Method
+from flexfmu.model.arrays import BODY, STRESS
 from flexfmu.model.errors import ModalFileError
 from flexfmu.model.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
-from flexfmu.model.reduced_body import GROUND, ReducedBody, SecondOrder, Surface
+from flexfmu.model.reduced_body import GROUND, PARTS, ReducedBody, SecondOrder, StressSet, Surface
 
 
 def with_surface(body):
@@ -273,3 +276,90 @@ def test_a_body_without_modes_is_refused():
         ReducedBody(
             "b", empty, empty, ("tip",), np.zeros((1, 3)), np.zeros((1, 3, 0)), np.zeros((1, 3, 0)), np.array([-1])
         )
+
+
+def with_parts():
+    """A body that holds every part there is, of random numbers."""
+    rng = np.random.default_rng(11)
+    body = random_body()
+    m, i, s = body.mode_count, body.interface_count, body.frame_count
+    sizes = {
+        "m": m,
+        "m+": m + 1,
+        "I": i,
+        "S": s,
+        "L": 6 * i + 3,
+        "K": s + i + 2 + 2 * 4,
+        "P": 2,
+        "T": 4,
+        "k": 3,
+        "Q": 5,
+    }
+    sizes |= {"n": 5, "f": 2}
+
+    def made(entry):
+        shape = [int(token) if token.isdigit() else sizes[token] for token in entry.shape.split()]
+        if entry.kind is str:
+            return tuple(f"name_{k}" for k in range(shape[0]))
+        return rng.integers(0, s, shape) if entry.kind is int else np.abs(rng.standard_normal(shape))
+
+    parts = {part.attribute: part.kind(**{e.name: made(e) for e in part.entries}) for part in PARTS}
+    optional = {entry.name: made(entry) for entry in BODY if entry.optional}
+    stresses = tuple(StressSet(name, *(made(entry) for entry in STRESS)) for name in ("a", "b"))
+    return replace(body, stress_sets=stresses, method=Method.FRAMES, mass=Mass.CONFIGURATION, **parts, **optional)
+
+
+def test_every_part_comes_back_bit_by_bit_and_cannot_be_written_to(tmp_path):
+    body = with_parts()
+    write_modal_file(body, tmp_path / "body.h5")
+    again = read_modal_file(tmp_path / "body.h5")
+    assert (again.method, again.mass) == (Method.FRAMES, Mass.CONFIGURATION)
+    for part in PARTS:
+        for entry in part.entries:
+            before, after = (getattr(getattr(one, part.attribute), entry.name) for one in (body, again))
+            np.testing.assert_array_equal(before, after, err_msg=entry.path)
+            if entry.kind is not str:
+                assert not after.flags.writeable, entry.path
+    for before, after in zip(body.stress_sets, again.stress_sets, strict=True):
+        assert before.name == after.name
+        np.testing.assert_array_equal(before.stress, after.stress)
+    found = datasets(tmp_path / "body.h5")
+    listed = [entry.path for entry in BODY] + [entry.path for part in PARTS for entry in part.entries]
+    assert set(found) == {*listed, *(f"stress/00{k}_{'ab'[k]}/{e.path}" for k in range(2) for e in STRESS)}
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.attribute)
+def test_a_part_of_another_body_is_refused_by_its_array(part):
+    body = with_parts()
+    refused = 0
+    for entry in part.entries:
+        value = getattr(getattr(body, part.attribute), entry.name)
+        for axis, token in enumerate(entry.shape.split()):
+            if entry.kind is not str and token not in ("P", "T", "n", "f", "k"):
+                # One too many along an axis whose size others tell.
+                longer = np.concatenate([value, value.take([-1], axis)], axis)
+                with pytest.raises(ModalFileError, match=f"{part.attribute}: .* has shape"):
+                    replace(body, **{part.attribute: replace(getattr(body, part.attribute), **{entry.name: longer})})
+                refused += 1
+    assert refused > 0
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.attribute)
+def test_numbers_that_are_not_finite_are_refused_in_every_part(part):
+    body = with_parts()
+    for entry in part.entries:
+        if entry.kind is float:
+            value = np.array(getattr(getattr(body, part.attribute), entry.name))
+            value.flat[-1] = np.nan
+            with pytest.raises(
+                ModalFileError, match=f"{part.attribute}: {entry.name} holds values that are not finite"
+            ):
+                replace(body, **{part.attribute: replace(getattr(body, part.attribute), **{entry.name: value})})
+
+
+def test_the_page_lists_every_dataset():
+    page = (Path(__file__).parents[1] / "docs" / "file-formats.md").read_text(encoding="utf-8")
+    for entry in BODY:
+        assert f"`{entry.path}`" in page, entry.path
+    for part in PARTS:
+        assert f"`{part.attribute}/" in page, part.attribute

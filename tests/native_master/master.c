@@ -1,18 +1,31 @@
 /* The smallest FMI 2.0 master: loads an FMU's library, sets values, steps, prints outputs with 17 digits.
  *
- *     cc master.c -o master -ldl
+ *     cc master.c -o master -ldl                    (Windows, MinGW: without -ldl)
  *     ./master LIBRARY RESOURCES GUID STEP COUNT [r:REFERENCE=VALUE | s:REFERENCE=TEXT | o:REFERENCE]...
  *
  * LIBRARY is binaries/linux64/NAME.so of the unpacked FMU, RESOURCES the address (file:///...) of its folder resources,
  * GUID that of its modelDescription.xml. r: and s: set a real or a text before initialisation ends, o: names a real
  * that is printed after initialisation and after every step.
  */
-#include <dlfcn.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#if defined(_WIN32)
+#include <windows.h>
+static void *open_library(const char *path) { return (void *)LoadLibraryA(path); }
+static void *find_function(void *from, const char *name) { return (void *)GetProcAddress((HMODULE)from, name); }
+static int close_library(void *which) { return !FreeLibrary((HMODULE)which); }
+static const char *why(void) { return "no library, or no function in it"; }
+#else
+#include <dlfcn.h>
+static void *open_library(const char *path) { return dlopen(path, RTLD_NOW | RTLD_LOCAL); }
+static void *find_function(void *from, const char *name) { return dlsym(from, name); }
+static int close_library(void *which) { return dlclose(which); }
+static const char *why(void) { return dlerror(); }
+#endif
 
 typedef void *Component;
 typedef unsigned int Reference;
@@ -31,9 +44,9 @@ static void *library;
 
 static void *function(const char *name)
 {
-    void *found = dlsym(library, name);
+    void *found = find_function(library, name);
     if (!found) {
-        fprintf(stderr, "%s\n", dlerror());
+        fprintf(stderr, "%s\n", why());
         exit(2);
     }
     return found;
@@ -64,9 +77,9 @@ int main(int count, char **words)
         fprintf(stderr, "usage: master LIBRARY RESOURCES GUID STEP COUNT [r:REF=VALUE | s:REF=TEXT | o:REF]...\n");
         return 1;
     }
-    library = dlopen(words[1], RTLD_NOW | RTLD_LOCAL);
+    library = open_library(words[1]);
     if (!library) {
-        fprintf(stderr, "%s\n", dlerror());
+        fprintf(stderr, "%s\n", why());
         return 2;
     }
 
@@ -123,5 +136,5 @@ int main(int count, char **words)
     check("fmi2Terminate", terminate(body));
     free_instance(body);
     puts("done");
-    return dlclose(library);
+    return close_library(library);
 }

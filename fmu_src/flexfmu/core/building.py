@@ -59,8 +59,8 @@ def source_files() -> list[Path]:
 
 def source_hash() -> str:
     """Hash of all that is compiled, and how."""
-    digest = hashlib.sha256(" ".join(FLAGS).encode())
-    for path in source_files():
+    digest = hashlib.sha256()
+    for path in (*source_files(), Path(__file__)):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
@@ -117,6 +117,9 @@ def command(compiler: Sequence[str], output: Path, target: str | None = None, ex
         words += ["-target", target, "-mcpu=baseline", "-s"]
     if output.suffix != ".dll":
         words += ["-fPIC", "-lm"]
+    if output.suffix == ".dylib":
+        # Else the library contains the path under which it was made.
+        words += ["-Wl,-install_name,@rpath/flexcore.dylib"]
     if output.suffix == ".so":
         # Its own functions are its own, whatever else the master's process has loaded under their names.
         words += ["-Wl,-Bsymbolic"]
@@ -140,7 +143,7 @@ def compile_core(output: Path, compiler: Sequence[str], targets: Sequence[str] =
         The compiler is not there, or it fails, with its words.
     """
     with tempfile.TemporaryDirectory(prefix=".core-", dir=output.parent) as folder:
-        # Libraries of Windows and macOS contain the name under which they were made.
+        # A library of Windows contains the name under which it was made.
         part = Path(folder) / f"flexcore{output.suffix}"
         made = []
         kinds: list[str | None] = [*targets]

@@ -108,7 +108,7 @@ static const char *inconsistent(const Program *p) {
             if (p->part[i] < -1 || p->part[i] >= p->parts) return "a curvature is of no part";
             if (p->part[i] < 0) continue;
             const int64_t r = p->extent[p->part[i]];
-            if (p->core_start[i] < 0 || p->core_start[i] + r * r > p->bends) return "a curvature lies outside";
+            if (p->core_start[i] < 0 || p->core_start[i] > p->bends - r * r) return "a curvature lies outside";
             bends += r * r;
         }
         if (bends != p->bends) return "curvatures lie over each other";

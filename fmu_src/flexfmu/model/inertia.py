@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rotations import skew
-from .errors import ModalFileError
+from .arrays import INERTIA, settle
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -65,22 +65,7 @@ class InertiaIntegrals:
         ModalFileError
             Naming the array that is wrong, and how.
         """
-        parts, modes = np.size(self.frame), len(self.ground)
-        shapes = {
-            "frame": (parts,),
-            "mass": (parts,),
-            "first": (parts, 1 + modes, 3),
-            "second": (parts, 1 + modes, 1 + modes, 3, 3),
-            "ground": (modes, modes),
-        }
-        for name, shape in shapes.items():
-            value = np.array(getattr(self, name), dtype=np.int64 if name == "frame" else np.float64)
-            if value.shape != shape:
-                raise ModalFileError(f"inertia: {name} has shape {value.shape}, expected {shape}")
-            if not np.all(np.isfinite(value)):
-                raise ModalFileError(f"inertia: {name} holds values that are not finite")
-            value.flags.writeable = False
-            object.__setattr__(self, name, value)
+        settle(self, INERTIA, {"m": len(self.ground)}, "inertia")
         elastic = self.ground + np.einsum("pabii->ab", self.second[:, 1:, 1:])
         elastic.flags.writeable = False
         object.__setattr__(self, "elastic", elastic)

@@ -2,16 +2,14 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..methods import DEFAULT, Mass, Method, masses_of
+from .arrays import BODY, INERTIA, MASSES, PROPERTIES, SECOND, STRESS, SURFACE, TIES, WHOLE, Entry, settle
 from .errors import ModalFileError
-
-if TYPE_CHECKING:
-    from .inertia import InertiaIntegrals
+from .inertia import InertiaIntegrals
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -273,7 +271,7 @@ class ReducedBody:
     floating: bool = False
     provenance: dict[str, str] = field(default_factory=dict)
     surface: Surface | None = None
-    inertia: "InertiaIntegrals | None" = None
+    inertia: InertiaIntegrals | None = None
     ties: Ties | None = None
     second: SecondOrder | None = None
     properties: Properties | None = None
@@ -286,77 +284,29 @@ class ReducedBody:
         ModalFileError
             Naming the first array that is wrong, and how.
         """
-        modes = np.size(self.angular_frequency)
-        interfaces, frames = len(self.interface_names), len(self.frame_names)
-        shapes = {
-            "angular_frequency": (modes,),
-            "damping_ratio": (modes,),
-            "interface_point": (interfaces, 3),
-            "interface_displacement": (interfaces, 3, modes),
-            "interface_rotation": (interfaces, 3, modes),
-            "interface_frame": (interfaces,),
-            "frame_parent": (frames,),
-            "joint_point": (frames, 3),
-            "joint_displacement": (frames, 3, modes),
-            "joint_rotation": (frames, 3, modes),
-            "frame_rotation": (frames, 3, modes),
-        }
-        if self.whole is not None:
-            found = [np.shape(getattr(self.whole, name)) for name in self.whole.__slots__]
-            if found != [(3,), (3, modes), (3, modes), (3, modes)]:
-                raise ModalFileError(f"the whole body's frame has shapes {found}, expected those of {modes} modes")
-        if self.masses is not None:
-            count = np.size(self.masses.mass)
-            found = [np.shape(getattr(self.masses, name)) for name in ("point", "displacement", "frame")]
-            if found != [(count, 3), (count, 3, modes), (count,)]:
-                raise ModalFileError(f"masses have shapes {found}, expected {count} points and {modes} modes")
-        if self.ties is not None:
-            count = len(self.ties.stiffness)
-            found = [np.shape(getattr(self.ties, name)) for name in self.ties.__slots__]
-            ends = [(count, 2), (count, 2, 3), (count, 2, 3, modes), (count, 2, 3, modes), (count, 3), (count, 3, 3)]
-            if found != ends:
-                raise ModalFileError(f"ties have shapes {found}, expected {ends}")
-            if np.any(self.ties.frame >= frames) or np.any(self.ties.frame < GROUND) or np.any(self.ties.stiffness < 0):
-                raise ModalFileError("ties must name frames, or -1, and have a stiffness that is not negative")
-        if self.second is not None:
-            count = frames + interfaces + (0 if self.masses is None else np.size(self.masses.mass))
-            count += 0 if self.ties is None else 2 * len(self.ties.stiffness)
-            found = [np.shape(getattr(self.second, name)) for name in self.second.__slots__]
-            if found != 2 * [(count, 3, modes, modes)]:
-                raise ModalFileError(f"second-order parts have shapes {found}, expected {count} nodes, {modes} modes")
-        if self.properties is not None:
-            made = self.properties
-            count = len(made.material_names)
-            found = [np.shape(a) for a in (made.volume, made.youngs_modulus, made.poissons_ratio, made.density)]
-            if np.shape(made.box) != (2, 3) or found != [(count,)] * 4:
-                raise ModalFileError(
-                    f"properties have shapes {np.shape(made.box)}, {found}, expected {count} materials"
-                )
-        for part in self.stress_sets:
-            count = len(part.point)
-            if part.point.shape != (count, 3) or part.stress.shape != (count, 6, modes) or not count:
-                raise ModalFileError(f"stress set {part.name!r} has shapes {part.point.shape}, {part.stress.shape}")
-        if self.inertia is not None and (
-            self.inertia.mode_count != modes or np.any((self.inertia.frame < 0) | (self.inertia.frame >= frames))
-        ):
-            raise ModalFileError(f"inertia is that of another body, expected {modes} modes and {frames} frames")
-        if self.stiffness_by_load is not None:
-            shapes["stiffness_by_load"] = (6 * interfaces + (3 if self.masses is not None else 0), modes, modes)
-        if self.stiffness_by_mode is not None:
-            shapes["stiffness_by_mode"] = (modes, modes, modes)
-        for name, shape in shapes.items():
-            kind = np.int64 if name in ("interface_frame", "frame_parent") else np.float64
-            value = np.array(getattr(self, name), dtype=kind)
-            if value.shape != shape and not (value.size == 0 and 0 in shape):
-                raise ModalFileError(f"{name} has shape {value.shape}, expected {shape}")
-            value = value.reshape(shape)
-            if not np.all(np.isfinite(value)):
-                raise ModalFileError(f"{name} holds values that are not finite")
-            value.flags.writeable = False
-            object.__setattr__(self, name, value)
+        sizes = {"m": np.size(self.angular_frequency), "I": len(self.interface_names), "S": len(self.frame_names)}
+        sizes["L"] = 6 * sizes["I"] + (0 if self.masses is None else 3)
+        sizes["K"] = sizes["S"] + sizes["I"] + (0 if self.masses is None else np.size(self.masses.mass))
+        sizes["K"] += 0 if self.ties is None else 2 * len(self.ties.stiffness)
+        settle(self, BODY, sizes)
+        for part in PARTS:
+            value = getattr(self, part.attribute)
+            if value is not None:
+                settle(value, part.entries, sizes, part.attribute)
+        for stresses in self.stress_sets:
+            settle(stresses, STRESS, sizes, f"stress set {stresses.name!r}")
         self._check_physics()
 
     def _check_physics(self) -> None:
+        for name, lowest in (("ties", GROUND), ("masses", GROUND), ("surface", GROUND), ("inertia", 0)):
+            part = getattr(self, name)
+            if part is not None and np.any((part.frame < lowest) | (part.frame >= self.frame_count)):
+                other = " of frames, or -1" if lowest < 0 else " of frames"
+                raise ModalFileError(f"{name}: frame holds numbers beyond those of the body, expected those{other}")
+        if self.ties is not None and np.any(self.ties.stiffness < 0.0):
+            raise ModalFileError("ties: stiffness must not be negative")
+        if any(not len(stresses.point) for stresses in self.stress_sets):
+            raise ModalFileError("a stress set has no points, expected at least one")
         if self.mode_count == 0:
             raise ModalFileError("the body has no modes, expected at least one")
         if np.any(self.angular_frequency < 0.0) or np.any(np.diff(self.angular_frequency) < 0.0):
@@ -409,3 +359,32 @@ class ReducedBody:
     def interface_count(self) -> int:
         """Number of interfaces I."""
         return len(self.interface_names)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What a body may hold besides its own arrays.
+
+    Attributes
+    ----------
+    attribute : str
+        Of `ReducedBody`; also the group of the modal file.
+    kind : type
+    entries : tuple of Entry
+    """
+
+    attribute: str
+    kind: type
+    entries: tuple[Entry, ...]
+
+
+PARTS = (
+    Part("whole", WholeFrame, WHOLE),
+    Part("masses", Masses, MASSES),
+    Part("inertia", InertiaIntegrals, INERTIA),
+    Part("ties", Ties, TIES),
+    Part("second", SecondOrder, SECOND),
+    Part("properties", Properties, PROPERTIES),
+    Part("surface", Surface, SURFACE),
+)
+"""Parts that are there only where a body was built with them; stress sets have a group each."""

@@ -1,0 +1,180 @@
+"""The table of all arrays of a reduced body: what checks them, and what writes, digests and reads the modal file.
+
+Shapes are words: m modes (m+ one more), I interfaces, S frames, L unit loads (6I, and three accelerations of a body
+with masses), K nodes of the tree (frames, interfaces, centres of mass, ends a of all ties, ends b). Any other letter is
+a number of the part's own, told by the first array that has it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .errors import ModalFileError
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An array, or a list of names.
+
+    Attributes
+    ----------
+    name : str
+        Attribute of the class that holds it.
+    path : str
+        Dataset of the file.
+    shape : str
+        Sizes, as above.
+    unit : str
+        SI unit, "1" for none.
+    words : str
+    kind : type
+        float, int, or str.
+    optional : bool
+        Whether it may be absent.
+    """
+
+    name: str
+    path: str
+    shape: str
+    unit: str
+    words: str
+    kind: type = float
+    optional: bool = False
+
+    @property
+    def description(self) -> str:
+        """Shape and meaning, as the file tells them."""
+        sizes = {"L": "6I or 6I + 3", "m+": "1 + m"}
+        listed = [sizes.get(token, token) for token in self.shape.split()]
+        return f"({', '.join(listed)}{',' if len(listed) == 1 else ''}) {self.words}"
+
+
+# Modal coordinates are mass-normalised: kg^0.5 m.
+BODY = (
+    Entry("interface_names", "interfaces/name", "I", "1", "names", str),
+    Entry("frame_names", "frames/name", "S", "1", "names", str),
+    Entry("angular_frequency", "modes/angular_frequency", "m", "rad/s", "undamped angular frequencies"),
+    Entry("damping_ratio", "modes/damping_ratio", "m", "1", "modal damping ratios"),
+    Entry("interface_point", "interfaces/point", "I 3", "m", "reference points"),
+    Entry("interface_displacement", "interfaces/displacement", "I 3 m", "kg^-0.5", "displacement per mode"),
+    Entry("interface_rotation", "interfaces/rotation", "I 3 m", "rad/(kg^0.5 m)", "rotation per mode"),
+    Entry("interface_frame", "interfaces/frame", "I", "1", "frame that carries the interface, -1 for none", int),
+    Entry("frame_parent", "frames/parent", "S", "1", "parent frame, -1 for a root", int),
+    Entry("joint_point", "frames/joint_point", "S 3", "m", "joints with the parents"),
+    Entry("joint_displacement", "frames/joint_displacement", "S 3 m", "kg^-0.5", "displacement per mode"),
+    Entry("joint_rotation", "frames/joint_rotation", "S 3 m", "rad/(kg^0.5 m)", "rotation per mode"),
+    Entry("frame_rotation", "frames/rotation", "S 3 m", "rad/(kg^0.5 m)", "averaged rotation per mode"),
+    Entry(
+        "stiffness_by_load", "stiffness/by_load", "L m m", "s^-2/N",
+        "per unit load: forces, moments (/(N m)), accelerations (/(m/s^2))", optional=True,
+    ),
+    Entry(
+        "stiffness_by_mode", "stiffness/by_mode", "m m m", "s^-2/(kg^0.5 m)", "per unit modal coordinate", optional=True
+    ),
+)  # fmt: skip
+WHOLE = (
+    Entry("joint_point", "whole/joint_point", "3", "m", "centre of the supports"),
+    Entry("joint_displacement", "whole/joint_displacement", "3 m", "kg^-0.5", "displacement per mode"),
+    Entry("joint_rotation", "whole/joint_rotation", "3 m", "rad/(kg^0.5 m)", "rotation per mode"),
+    Entry("frame_rotation", "whole/rotation", "3 m", "rad/(kg^0.5 m)", "averaged rotation of the whole body per mode"),
+)
+MASSES = (
+    Entry("mass", "masses/mass", "P", "kg", "mass of each sub-domain"),
+    Entry("point", "masses/point", "P 3", "m", "centres of mass"),
+    Entry("displacement", "masses/displacement", "P 3 m", "kg^-0.5", "displacement of the centres per mode"),
+    Entry("frame", "masses/frame", "P", "1", "frame that carries it, -1 for none", int),
+)
+# Index 0 of y_a stands for X - X_s, index j for the remainder of mode j in the frame.
+INERTIA = (
+    Entry("frame", "inertia/frame", "P", "1", "frame that carries each part", int),
+    Entry("mass", "inertia/mass", "P", "kg", "mass of each part"),
+    Entry("first", "inertia/first", "P m+ 3", "kg m, kg^0.5", "integral of rho y_a"),
+    Entry("second", "inertia/second", "P m+ m+ 3 3", "kg m^2, kg^0.5 m, 1", "integral of rho y_a y_b"),
+    Entry("ground", "inertia/ground", "m m", "1", "modal mass of what lies on no frame"),
+)
+TIES = (
+    Entry("frame", "ties/frame", "T 2", "1", "frames that carry the ends, -1 for the ground", int),
+    Entry("point", "ties/point", "T 2 3", "m", "centres of the sections"),
+    Entry("displacement", "ties/displacement", "T 2 3 m", "kg^-0.5", "displacement per mode"),
+    Entry("rotation", "ties/rotation", "T 2 3 m", "rad/(kg^0.5 m)", "rotation per mode"),
+    Entry("stiffness", "ties/stiffness", "T 3", "N/m", "along the global axes"),
+    Entry("lever", "ties/lever", "T 3 3", "m", "in columns, points of the springs that resist tilting"),
+)
+SECOND = (
+    Entry("displacement", "second/displacement", "K 3 m m", "kg^-1 m^-1", "second derivative of displacements"),
+    Entry("rotation", "second/rotation", "K 3 m m", "rad/(kg m^2)", "second derivative of rotation vectors"),
+)
+SURFACE = (
+    Entry("points", "surface/points", "n 3", "m", "undeformed corner nodes of the outer faces"),
+    Entry("faces", "surface/faces", "f 4", "1", "rows of points; a triangle repeats its last corner", int),
+    Entry("modes", "surface/modes", "n 3 m", "kg^-0.5", "mode shapes"),
+    Entry("frame", "surface/frame", "n", "1", "frame that carries the point, -1 for none", int),
+)
+PROPERTIES = (
+    Entry("material_names", "properties/material", "k", "1", "names of the materials", str),
+    Entry("box", "properties/box", "2 3", "m", "smallest and largest coordinates of the undeformed body"),
+    Entry("volume", "properties/volume", "k", "m^3", "volume of each material"),
+    Entry("youngs_modulus", "properties/youngs_modulus", "k", "N/m^2", "of each material"),
+    Entry("poissons_ratio", "properties/poissons_ratio", "k", "1", "of each material"),
+    Entry("density", "properties/density", "k", "kg/m^3", "of each material"),
+)
+# In a group of each stress set's name.
+STRESS = (
+    Entry("point", "point", "Q 3", "m", "undeformed places"),
+    Entry(
+        "stress", "stress", "Q 6 m", "N/m^2/(kg^0.5 m)",
+        "xx, yy, zz, xy, yz, zx per mode, turning with the material",
+    ),
+)  # fmt: skip
+
+
+def settle(holder: object, entries: tuple[Entry, ...], sizes: Mapping[str, int], title: str = "") -> None:
+    """Bring the arrays of a data class into their types, read-only, and check shapes and finiteness.
+
+    Parameters
+    ----------
+    holder : object
+        Frozen data class; its attributes are set.
+    entries : tuple of Entry
+    sizes : mapping of str to int
+        Of the letters that are known.
+    title : str
+        What the arrays are of, for messages.
+
+    Raises
+    ------
+    ModalFileError
+        Naming the first array that is wrong, and how.
+    """
+    known = dict(sizes)
+    known |= {f"{letter}+": size + 1 for letter, size in sizes.items()}
+    for entry in entries:
+        given, label = getattr(holder, entry.name), f"{title}: {entry.name}" if title else entry.name
+        if given is None and entry.optional:
+            continue
+        if entry.kind is str:
+            value: Any = tuple(given)
+            found: tuple[int, ...] = (len(value),)
+        else:
+            value = np.asarray(given, dtype=np.int64 if entry.kind is int else np.float64)
+            found = value.shape
+        tokens = entry.shape.split()
+        if len(found) == len(tokens):
+            for token, size in zip(tokens, found, strict=True):
+                known.setdefault(token, int(token) if token.isdigit() else size)
+        expected = tuple(known.get(token, int(token) if token.isdigit() else -1) for token in tokens)
+        # Empty arrays of any shape will do where nothing is expected.
+        if found != expected and not (0 in found and 0 in expected and entry.kind is not str):
+            wanted = expected if -1 not in expected else f"({entry.shape.replace(' ', ', ')})"
+            raise ModalFileError(f"{label} has shape {found}, expected {wanted}")
+        if entry.kind is not str:
+            if not np.all(np.isfinite(value)):
+                raise ModalFileError(f"{label} holds values that are not finite")
+            value = value.reshape(expected)
+            if value.flags.writeable or (isinstance(value.base, np.ndarray) and value.base.flags.writeable):
+                # The caller's array stays the caller's.
+                value = value.copy()
+                value.flags.writeable = False
+        object.__setattr__(holder, entry.name, value)
