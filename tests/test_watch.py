@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import fuzzed
 from bodies import Beam, beam_body, random_body
 from driven import STATE_HEAD, Driven
 from flexfmu.body import FlexibleBody
@@ -19,12 +20,18 @@ MISSED = "watch.stiffness_missed.limit"
 
 
 @pytest.fixture(params=list(Runtime), ids=lambda runtime: runtime.value)
-def drive(request, tmp_path):
+def runtime(request):
+    """Each export."""
+    return request.param
+
+
+@pytest.fixture
+def drive(runtime, tmp_path):
     """Start an FMU of each export."""
 
     def begin(model=None, **start):
         model = model or replace(beam_body(3, modes=4, damping=0.05), compliance_interfaces=("tip",))
-        driven = Driven(model, tmp_path, request.param, **start)
+        driven = Driven(model, tmp_path, runtime, **start)
         assert driven.began == OK
         return driven
 
@@ -355,3 +362,45 @@ def test_growth_beyond_all_numbers_discards_the_step(native, rate):
     assert "derivative" in driven.log[-1][1]
     driven.set(**{"tip.force.y": 1.0})
     assert driven.step() == OK
+
+
+# Fixed interfaces.
+
+
+@pytest.fixture(scope="module")
+def free():
+    """A free body of a mesh."""
+    return fuzzed.fuzzed_body("free")
+
+
+@pytest.mark.parametrize(
+    ("method", "fixed"), [("linear", ["root"]), ("linear", ["root", "tip"]), ("linear", ["tip"]), ("frames", ["root"])]
+)
+def test_interfaces_that_are_fixed_before_the_start_stay_and_the_rest_moves_as_the_body_does(
+    free, tmp_path, runtime, method, fixed
+):
+    driven = Driven(free, tmp_path, runtime, method=method, **{f"{name}.fixed": True for name in fixed})
+    assert driven.began == OK
+    body = FlexibleBody(free, method, fixed=fixed)
+    loads = {"tip": [30.0, -200.0, 50.0], "root": [10.0, 20.0, 0.0]}
+    given = {
+        f"{name}.force.{axis}": value for name, force in loads.items() for axis, value in zip("xyz", force, strict=True)
+    }
+    driven.set(**given)
+    state = body.rest()
+    for _ in range(5):
+        assert driven.taken(STEP)
+        state = body.step(state, loads, STEP)
+    response = body.response(state)
+    for k, name in enumerate(("root", "tip")):
+        found = driven.motion(name)
+        np.testing.assert_allclose(found, [*response.displacement[k], *response.rotation[k]], rtol=0, atol=1e-13)
+        assert (np.max(np.abs(found)) < 1e-12) == (name in fixed)
+
+
+def test_interfaces_that_a_method_cannot_fix_are_refused_in_words(free, tmp_path, runtime):
+    driven = Driven(free, tmp_path, runtime, **{"method": "frames", "tip.fixed": True})
+    assert driven.began == ERROR
+    text = driven.log[-1][1]
+    assert "method 'frames'" in text
+    assert "fix others, or choose another method" in text
