@@ -1,4 +1,4 @@
-"""Programs with forged fields, at work in the core: `program_fuzzer.py CORE SEED COUNT` in a process of its own.
+"""Programs with forged fields, at work in the core: `program_fuzzer.py CORE SEED COUNT [fmu]`, by itself.
 
 Each forged program has a right checksum. It is refused when it is opened, or the core answers every call: without a
 crash, within its bound of work, the same again from a fresh body, and finite where it says that all is well.
@@ -7,6 +7,8 @@ crash, within its bound of work, the same again from a fresh body, and finite wh
 import signal
 import struct
 import sys
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +16,12 @@ import numpy as np
 from bodies import body_of_everything, random_ties
 from flexfmu.core import Core, StepAnswer, StepLimits
 from flexfmu.core import library as core_library
+from flexfmu.fmu.python_slave import SlaveError, core_file
 from flexfmu.methods import Mass, Method, missing
 from flexfmu.model.errors import OptionError
 from flexfmu.program.compile import compile_program
 from flexfmu.program.image import _HEAD, checksum, fields, read_image
+from flexfmu.stability.slave import Aboard
 
 # Seconds that one program may take, with every call and under sanitizers.
 PATIENCE = 60
@@ -178,5 +182,39 @@ def main(core, seed, count):
     print(refused, worked)
 
 
+def through_the_fmu(core, seed, count):
+    """The same with the programs of an FMU, variables and all: its slave is started, stepped and read."""
+    small = body_of_everything(1, modes=3, frames=2, interfaces=2)
+    aboard = Aboard(replace(small, compliance_interfaces=small.interface_names[:1], velocity_outputs=True))
+    folder = Path(aboard._folder.name)
+    core_file(folder).write_bytes(Path(core).read_bytes())
+    images = {path: path.read_bytes() for path in sorted(folder.glob("*.prog"))}
+    reals = [number for number, variable in aboard.variables.values() if variable.type == "Real"]
+    rng, refused, worked = np.random.default_rng(seed), 0, 0
+    for number in range(count):
+        path = list(images)[number % len(images)]
+        altered, words = forged(images[path], rng)
+        print(f"{number} {path.name}: {words}", file=sys.stderr, flush=True)
+        path.write_bytes(altered)
+        signal.alarm(PATIENCE)
+        try:
+            slave = aboard.start(method=path.stem) if path.stem in {m.value for m in Method} else aboard.start()
+            slave.set_real(range(6), [1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+            slave.enter_initialization_mode()
+            slave.exit_initialization_mode()
+            for step in (1e-3, 1e-3, 0.1):
+                slave.do_step(0.0, step)
+            slave._set_fmu_state(slave._get_fmu_state())
+            for real in reals:
+                with suppress(SlaveError):
+                    assert np.isfinite(slave.get_real([real])[0]), words
+            worked += 1
+        except (SlaveError, UnicodeDecodeError):
+            refused += 1
+        path.write_bytes(images[path])
+    signal.alarm(0)
+    print(refused, worked)
+
+
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
+    (through_the_fmu if "fmu" in sys.argv else main)(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))

@@ -99,9 +99,9 @@ def test_curvature_that_would_lie_outside_is_refused():
     assert "a curvature lies outside" in refusal(write_image(held.sizes, held.arrays | {"core_start": start}))
 
 
-def fuzzed(core, seed, count, **environment):
+def fuzzed(core, seed, count, *words, **environment):
     """How many forged programs were refused, and how many worked, in a process of its own."""
-    command = [sys.executable, str(FUZZER), str(core), str(seed), str(count)]
+    command = [sys.executable, str(FUZZER), str(core), str(seed), str(count), *words]
     variables = os.environ | {"PYTHONPATH": str(FUZZER.parent)} | environment
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=variables)
     assert done.returncode == 0, "\n".join(done.stderr.splitlines()[-30:])
@@ -112,6 +112,11 @@ def test_ten_thousand_forged_programs_are_refused_or_harmless():
     refused, worked = fuzzed(library_path(), 1, 10**4)
     assert refused > 2000
     assert worked > 2000
+
+
+def test_an_fmu_with_a_forged_program_is_refused_or_harmless():
+    refused, worked = fuzzed(library_path(), 3, 1000, "fmu")
+    assert min(refused, worked) > 100
 
 
 @pytest.fixture(scope="module")
@@ -138,3 +143,5 @@ def test_forged_programs_touch_no_memory_but_their_own(checked_core, count):
     options = "detect_leaks=0:allocator_may_return_null=1"
     refused, worked = fuzzed(path, 2 + count, count, LD_PRELOAD=runtime, ASAN_OPTIONS=options)
     assert min(refused, worked) > count // 5
+    through = fuzzed(path, 3 + count, count // 3, "fmu", LD_PRELOAD=runtime, ASAN_OPTIONS=options)
+    assert min(through) > count // 30
