@@ -208,7 +208,7 @@ def test_the_error_of_a_step_is_what_the_change_of_all_forces_does_beyond_their_
     loads, omega = body.loads(dict.fromkeys(body.model.interface_names, FORCE)), body.model.angular_frequency
     inputs = loads.packed(True)
     rng = np.random.default_rng(8)
-    for q, v in ((0.0, 20.0), (0.05, 20.0), (0.05, 0.0)):
+    for q, v in ((0.0, 20.0), (0.05, 20.0), (0.05, 0.0), (0.05, 300.0)):
         start = State(q * rng.standard_normal(omega.size), v * rng.standard_normal(omega.size))
         end, work = body.step_with_work(start, loads, step)
         before, after = (acceleration(body, inputs, at.q, at.v) + omega**2 * at.q for at in (start, end))
@@ -306,15 +306,25 @@ def stiff_ties(factor=1e4):
     return replace(model, angular_frequency=np.sqrt(squares), ties=ties, masses=masses, second=None, **moved)
 
 
-def test_stiff_ties_turned_by_a_load_are_in_equilibrium_after_a_few_rounds():
-    body = FlexibleBody(stiff_ties(), Method.FRAMES)
-    loads = body.loads(dict.fromkeys(body.model.interface_names, FORCE))
+@pytest.mark.parametrize(("factor", "share", "most"), [(1e2, 1.0, 6), (1e2, 4.0, 30), (1e4, 4.0, 5)])
+def test_stiff_ties_turned_by_a_load_are_in_equilibrium_after_a_few_rounds(factor, share, most):
+    body = FlexibleBody(stiff_ties(factor), Method.FRAMES)
+    loads = body.loads(dict.fromkeys(body.model.interface_names, tuple(share * f for f in FORCE)))
     state = body.static(loads)
     inputs = loads.packed(True)
     off = body.model.angular_frequency**2 * state.q - body.forces(state, inputs)
     assert np.linalg.norm(off / body.model.angular_frequency) < 1e-6 * np.linalg.norm(phase(body, state))
     _, _, _, rounds = body.core.static(inputs)
-    assert rounds <= 7
+    assert rounds <= most
+
+
+@pytest.mark.parametrize(("step", "most"), [(1e-3, 2e-5), (3e-3, 1e-3)])
+def test_a_cut_body_that_hardly_turns_is_propagated_exactly(step, most):
+    """Its modes follow their own vibration, however their forces change: that is no error."""
+    body = body_of("cut", ONE_STEP, damped=False)
+    q = 1e-7 * np.random.default_rng(1).standard_normal(body.core.modes)
+    _, work = body.step_with_work(State(q, 0.0 * q), {}, step)
+    assert work.error < most
 
 
 def test_steps_that_resolve_no_stiff_tie_settle_in_a_few_rounds():
@@ -328,5 +338,25 @@ def test_steps_that_resolve_no_stiff_tie_settle_in_a_few_rounds():
     for _ in range(30):
         state, work = body.step_with_work(state, loads, 5e-4)
         rounds, steps = rounds + work.iterations, steps + work.substeps
-    assert rounds <= 7 * steps
+    assert rounds <= 5 * steps
     assert steps <= 150
+
+
+def test_compliance_of_stiffness_by_load_counts_what_a_load_does_to_the_bent_body():
+    """Symmetric stiffness of every load: at equilibrium a little more of one moves the step's end so."""
+    model = body_of_everything(5, frames=4)
+    model = replace(model, stiffness_by_load=20.0 * model.stiffness_by_load)
+    body = FlexibleBody(model, Method.STIFFNESS_BY_LOAD, limits=ONE_STEP)
+    names, step, size = body.model.interface_names, 2e-3, 1e-3
+    loads = {name: np.array([*FORCE, 0.0, 0.0, 0.0]) / 20.0 for name in names}
+    start = body.static(loads)
+    found = body.compliance(start, body.loads(loads).packed(True), step, [0, 1])
+    for column in range(12):
+        extra = size * np.eye(12)[column].reshape(2, 6)
+        ends = [
+            body.motion(body.step(start, {n: loads[n] + sign * e for n, e in zip(names, extra, strict=True)}, step))
+            for sign in (1.0, -1.0)
+        ]
+        change = (ends[0] - ends[1]).reshape(2, 6)[:, :3] / (2.0 * size)
+        expected = found[:, column].reshape(2, 6)[:, :3]
+        np.testing.assert_allclose(expected, change, rtol=0.0, atol=1e-6 * np.abs(found).max())
