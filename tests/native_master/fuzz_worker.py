@@ -75,6 +75,7 @@ class Body:
             int(v.get("valueReference")): float(v[0].get("start")) for v in parameters if v[0].tag == "Real"
         }
         self.least = {int(v.get("valueReference")): float(v[0].get("min")) for v in parameters if v[0].tag == "Real"}
+        self.tunable = {int(v.get("valueReference")) for v in parameters if v.get("variability") == "tunable"}
         self.texts = {int(v.get("valueReference")): v[0].get("start") for v in parameters if v[0].tag == "String"}
         self.flags = {int(v.get("valueReference")): False for v in parameters if v[0].tag == "Boolean"}
         # The description ends with what is offered.
@@ -306,7 +307,7 @@ class Player:
         """Set a parameter, which after the start keeps its value with a warning."""
         know = self.know
         status = set_call(list(values), list(values.values()))
-        if know.phase in FIXABLE:
+        if know.phase in FIXABLE or (know.phase in SETTABLE and set(values) <= self.body.tunable):
             kept.update(values)
             return self.expect({OK}, status)
         if know.phase in SETTABLE:

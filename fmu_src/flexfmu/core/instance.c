@@ -198,7 +198,7 @@ double get_parameter(const Instance *x, int64_t index) { return x->parameter[ind
 
 void set_parameter(Instance *x, int64_t index, double value) {
     x->parameter[index] = value;
-    if (parameter_is_tunable(index)) return;
+    if (parameter_is_tunable(index) && runs(x)) return;
     if (x->body != x->described) body_close(x->body);
     x->body = 0;
 }
@@ -242,7 +242,10 @@ static Answer check_parameters(const Instance *x, char *why) {
     for (int64_t i = 0; i < p->variables; i++) {
         if (p->variable_role[i] != ROLE_PARAMETER || p->variable_type[i] != TYPE_REAL) continue;
         const int64_t index = p->variable_index[i];
-        const double value = x->parameter[index], least = index == P_STEP_TOLERANCE ? LEAST_TOLERANCE : index == P_STEP_MOST ? 1.0 : 0.0;
+        const int counted = index == P_STEP_MOST || index == P_STEP_FEWEST;
+        const double value = x->parameter[index], least = index == P_STEP_TOLERANCE ? LEAST_TOLERANCE : counted ? 1.0 : 0.0;
+        /* In a run each step looks at it. */
+        if (parameter_is_tunable(index) && runs(x)) continue;
         if (isfinite(value) && value >= least) continue;
         snprintf(why, MESSAGE, "%s is %g, expected a finite number of at least %g", variable_text(x, i, 0, room), value, least);
         return ANSWER_FAILED;
