@@ -3,7 +3,7 @@
 Run from the repository's root: python -m benchmarks.mutations [--only WORDS] [--skip N] [--output FILE.csv]. The tree
 is copied to a temporary folder; there each change is made in turn and the tests that should notice run until the first
 fails. A change is *killed* when one does, and *survives* when none does: then a test is missing. Ctrl-C ends the run
-with the results so far. It takes about a quarter of an hour.
+with the results so far. It takes about three quarters of an hour.
 """
 
 from __future__ import annotations

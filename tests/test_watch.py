@@ -277,9 +277,10 @@ def native(tmp_path):
     return begin
 
 
-@pytest.mark.parametrize("method", ["linear", "frames", "modal_rotation"])
+@pytest.mark.parametrize("method", ["linear", "frames", "modal_rotation", "stiffness_by_mode"])
 def test_directional_derivatives_are_those_of_the_next_step_by_loads_held_over_it(native, method):
-    driven = native(random_body(), method=method)
+    by_mode = 2e3 * np.random.default_rng(2).standard_normal((6, 6, 6))
+    driven = native(random_body(stiffness_by_mode=by_mode + by_mode.transpose(0, 2, 1)), method=method)
     loads = {"port_0.force.x": 30.0, "port_2.force.z": -20.0, "port_1.moment.y": 5.0}
     driven.set(**loads)
     for _ in range(3):
