@@ -13,7 +13,6 @@ from flexfmu.rotations import (
     exponential_and_jacobian,
     rotation_vector,
     skew,
-    transposed_jacobian_derivative,
 )
 
 # The series hands over to the closed forms at |φ|² = 0.05.
@@ -106,21 +105,6 @@ def test_left_jacobian_turns_rates_of_the_vector_into_angular_velocity(angle):
         np.testing.assert_allclose(rate @ rotation.T, skew(jacobian[:, j]), atol=3e-10)
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-6, 1e-3, SWITCH - 1e-7, SWITCH + 1e-7, 1.0, 3.0, 5.0])
-def test_derivative_of_the_transposed_jacobian_is_its_difference_quotient(angle):
-    vector, moment, h = angle * AXES[2], np.array([0.3, -2.0, 1.1]), 1e-5
-    derivative = transposed_jacobian_derivative(vector, moment)
-    for j, unit in enumerate(np.eye(3)):
-        ahead = exponential_and_jacobian(vector + h * unit)[1].T @ moment
-        behind = exponential_and_jacobian(vector - h * unit)[1].T @ moment
-        np.testing.assert_allclose(derivative[:, j], (ahead - behind) / (2.0 * h), atol=1e-9)
-
-
-def test_derivative_of_the_transposed_jacobian_at_zero_is_half_the_skew_matrix():
-    moment = np.array([0.3, -2.0, 1.1])
-    np.testing.assert_array_equal(transposed_jacobian_derivative(np.zeros(3), moment), 0.5 * skew(moment))
-
-
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_series_and_closed_forms_meet(side):
     # A jump of either would show as a difference far above the tiny step between the two points.
@@ -129,24 +113,14 @@ def test_series_and_closed_forms_meet(side):
         here, there = SWITCH * axis, (SWITCH + side * step) * axis
         for a, b in zip(exponential_and_jacobian(here), exponential_and_jacobian(there), strict=True):
             np.testing.assert_allclose(a, b, atol=2e-12)
-        moment = np.array([1.0, 2.0, 3.0])
-        np.testing.assert_allclose(
-            transposed_jacobian_derivative(here, moment),
-            transposed_jacobian_derivative(there, moment),
-            atol=1e-11,
-        )
 
 
 def test_a_stack_of_small_and_large_rotations_gives_what_each_gives_alone():
     vectors = np.array([angle * axis for angle in ANGLES for axis in AXES]).reshape(len(ANGLES), 3, 3)
-    moments = np.random.default_rng(2).standard_normal(vectors.shape)
-    stack = *exponential_and_jacobian(vectors), transposed_jacobian_derivative(vectors, moments)
+    stack = exponential_and_jacobian(vectors)
     logarithm = rotation_vector(stack[0])
     for index in np.ndindex(vectors.shape[:2]):
-        alone = (
-            *exponential_and_jacobian(vectors[index]),
-            transposed_jacobian_derivative(vectors[index], moments[index]),
-        )
+        alone = exponential_and_jacobian(vectors[index])
         for a, b in zip(stack, alone, strict=True):
             np.testing.assert_allclose(a[index], b, atol=1e-15)
         np.testing.assert_allclose(logarithm[index], rotation_vector(alone[0]), atol=1e-15)
