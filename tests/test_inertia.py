@@ -347,7 +347,7 @@ def test_a_body_built_without_its_integrals_is_refused():
 
 
 def test_integrals_of_another_body_are_refused(whole):
-    with pytest.raises(ModalFileError, match="inertia is that of another body, expected 12 modes and 2 frames"):
+    with pytest.raises(ModalFileError, match=r"inertia: first has shape \(4, 7, 3\), expected \(4, 13, 3\)"):
         beam_body(2, inertia=whole[0].inertia)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import AccuracyError, BodyFileError
 from ...mesh.model import IntArray
-from ...methods import Mass, Variant
+from ...methods import Mass, Method, Variant
 from ...model.reduced_body import ReducedBody
 from ..config import BasisChoice
 from ..measure import Errors
@@ -228,6 +228,11 @@ def cheapest(search: Search, found: list[Choice]) -> Choice:
 
 
 def _beats(one: Choice, other: Choice) -> bool:
-    """Whether one is faster than the other without a look at the clock: the same steps with far fewer modes."""
+    """Whether one is faster than the other without a look at the clock.
+
+    The same steps with far fewer modes, or linear steps in place of those that follow the load or the rotation.
+    """
+    if one.variant.method is Method.LINEAR and other.variant.method is not Method.LINEAR:
+        return one.body.mode_count <= other.body.mode_count
     same = one.variant == other.variant and one.body.frame_count == other.body.frame_count
     return same and one.body.mode_count <= _FEWER * other.body.mode_count
