@@ -196,7 +196,9 @@ MISTAKES = {
     ),
     "text for a number": options("--set damping.scale=two", "--set damping.scale=two", "a finite number ≥ 0"),
     "negative damping": options("--set damping.scale=-1", "--set damping.scale=-1", "a finite number ≥ 0"),
-    "unknown choice": options("--set initialization=still", "is 'still'", "expected one of 'rest', 'static'", runs=True),
+    "unknown choice": options(
+        "--set initialization=still", "is 'still'", "expected one of 'rest', 'static'", runs=True
+    ),
     "contradicting starts": options("--static-start --set initialization=rest", "--static-start and --set", code=2),
     "step tolerance of 3": options(
         "--set internal_step.tolerance=3", "internal_step.tolerance = 3", "expected a share below 1", code=0, runs=True
