@@ -76,6 +76,25 @@ typedef struct {
     int64_t rounds, most_rounds;
     double worst;
 } Division;
+
+/* division.c */
+typedef struct {
+    Configuration first, second, middle;
+    Loads loads;
+} Ends;
+int64_t ends_size(const Body *body);
+void take_ends(const Body *body, Arena *arena, Ends *ends);
+/* Loads in the middle of an internal step, where they grow over the division; `scratch` has room for the inputs. */
+void spread_middle(const Body *body, const Division *d, int64_t number, double *scratch, Loads *loads);
+/* Modal loads' growth over an internal step on the undeformed body; leaves the loads of one end. */
+void spread_growth(const Body *body, const Division *d, Loads *loads, double *growth);
+
+/* The discrete gradient's bracket is skipped below this part of what it is a difference of: it is round-off there, cubic in
+ * the way of a step, and would be divided by its square. */
+#define ROUND_OFF (64.0 * 2.220446049250313e-16)
+/* Part of that bound by which the bracket is uncertain where it is not round-off: no change below what it makes counts. */
+#define NOISE (1.0 / 16.0)
+
 int64_t plain_size(const Body *body);
 int plain_steps(Body *body, Division *d, double *q, double *v);
 int64_t tied_size(const Body *body);

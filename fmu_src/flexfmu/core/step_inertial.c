@@ -9,19 +9,13 @@
 #include "internal.h"
 
 static const double TOLERANCE = 1e-12;
-static const double ROUND_OFF = 64.0 * 2.220446049250313e-16;
 /* Change below which the gradient of M is left as it is: energy does not depend on it, and the rest far below the error. */
 static const double SETTLED = 1e-6;
 enum { FIXED_POINT_ROUNDS = 8, NEWTON_ROUNDS = 12 };
 
 int64_t inertial_size(const Body *body) {
     const int64_t m = body->p.modes;
-    Arena count = {0, 0};
-    Configuration at;
-    Loads loads;
-    for (int i = 0; i < 3; i++) take_configuration(body, &count, &at);
-    take_loads(body, &count, &loads);
-    return count.used + 24 * m + body->p.loads + 9 * m * m + modal_force_size(body) + tangent_size(body) + mass_size(body);
+    return ends_size(body) + 24 * m + body->p.loads + 9 * m * m + modal_force_size(body) + tangent_size(body) + mass_size(body);
 }
 
 typedef struct {
@@ -50,13 +44,11 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
     const int64_t m = p->modes;
     const int potential = has_potential(body);
     Arena arena = work_arena(body);
-    Configuration states[2], middle, *here = states, *there = states + 1;
-    Loads loads;
+    Ends ends;
     Room room;
-    take_configuration(body, &arena, here);
-    take_configuration(body, &arena, there);
-    take_configuration(body, &arena, &middle);
-    take_loads(body, &arena, &loads);
+    take_ends(body, &arena, &ends);
+    Configuration *here = &ends.first, *there = &ends.second, *middle = &ends.middle;
+    Loads *loads = &ends.loads;
     room.mass = take(&arena, m * m);
     room.matrix = take(&arena, m * m);
     room.scratch = take(&arena, modal_force_size(body));
@@ -73,28 +65,18 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
     const double h = d->step;
 
     d->worst = 0.0;
-    memset(growth, 0, (size_t)m * sizeof(double));
-    spread(body, d->inputs, &loads);
-    if (d->inputs_end) {
-        for (int64_t j = 0; j < m; j++) growth[j] = -loads.constant[j] / (double)d->count;
-        spread(body, d->inputs_end, &loads);
-        for (int64_t j = 0; j < m; j++) growth[j] += loads.constant[j] / (double)d->count;
-    }
+    spread_growth(body, d, loads, growth);
     memcpy(v0, v, (size_t)m * sizeof(double));
     memset(body->need, 1, (size_t)p->nodes * sizeof *body->need);
     if (!recall(body, body->need, q, here)) configure(body, q, here);
     mass_matrix(body, here, room.inertia, room.mass);
     for (int64_t number = 0; number < d->count; number++) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
-        if (d->inputs_end) {
-            const double share = ((double)number + 0.5) / (double)d->count;
-            for (int64_t i = 0; i < p->loads; i++) between[i] = d->inputs[i] + share * (d->inputs_end[i] - d->inputs[i]);
-            spread(body, between, &loads);
-        }
-        if (d->inputs_end || number == 0) end_force(body, &loads, here, v0, &room, spare, start);
+        if (d->inputs_end) spread_middle(body, d, number, between, loads);
+        if (d->inputs_end || number == 0) end_force(body, loads, here, v0, &room, spare, start);
         excess_times(room.mass, v0, m, momentum);
-        const double start_work = force_work(body, &loads, here);
-        const double load_size = work_reach(body, loads.force, p->nodes) + fabs(start_work);
+        const double start_work = force_work(body, loads, here);
+        const double load_size = work_reach(body, loads->force, p->nodes) + fabs(start_work);
         for (int64_t j = 0; j < m; j++) {
             free_q[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j] + rule->ramp[j] * growth[j];
             free_v[j] = rule->p21[j] * here->q[j] + rule->p22[j] * v0[j] + rule->ramp_rate[j] * growth[j];
@@ -108,14 +90,14 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
             if (round > FIXED_POINT_ROUNDS + NEWTON_ROUNDS) return UNSETTLED;
             d->rounds++;
             configure(body, q1, there);
-            configure_halfway(body, 0, here, there, &middle);
+            configure_halfway(body, 0, here, there, middle);
             mass_matrix(body, there, room.inertia, room.mass);
             for (int64_t j = 0; j < m; j++) {
                 way[j] = q1[j] - here->q[j];
                 half[j] = 0.5 * (v0[j] + v1[j]);
             }
-            if (size > SETTLED) kinetic_gradient(body, &middle, half, room.inertia, gradient);
-            modal_force(body, &loads, 1, &middle, 0, room.scratch, force);
+            if (size > SETTLED) kinetic_gradient(body, middle, half, room.inertia, gradient);
+            modal_force(body, loads, 1, middle, 0, room.scratch, force);
             excess_times(room.mass, v1, m, impulse);
             const double carried = dot(v1, impulse, m);
             for (int64_t j = 0; j < m; j++) impulse[j] -= momentum[j];
@@ -126,9 +108,9 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
             double reach = fabs(carried) + fabs(dot(v0, momentum, m));
             if (potential) {
                 const double *conservative = force;
-                const double work = force_work(body, &loads, there);
-                if (loads.has_moments) {
-                    modal_force(body, &loads, 0, &middle, 0, room.scratch, bare);
+                const double work = force_work(body, loads, there);
+                if (loads->has_moments) {
+                    modal_force(body, loads, 0, middle, 0, room.scratch, bare);
                     conservative = bare;
                 }
                 bracket += work - start_work - dot(conservative, way, m);
@@ -147,8 +129,8 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
                 }
                 if (round == FIXED_POINT_ROUNDS + 1) {
                     /* Derivative of the residual by q1 and v1, but for second derivatives of M. */
-                    tangent_stiffness(body, &loads, 1, &middle, 0, room.rest, tangent);
-                    momentum_slope(body, &middle, half, room.inertia, slope);
+                    tangent_stiffness(body, loads, 1, middle, 0, room.rest, tangent);
+                    momentum_slope(body, middle, half, room.inertia, slope);
                     for (int64_t i = 0; i < m; i++)
                         for (int64_t j = 0; j < m; j++) {
                             const double one = i == j ? 1.0 : 0.0;
@@ -194,7 +176,7 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
         }
         configure(body, q1, there);
         mass_matrix(body, there, room.inertia, room.mass);
-        end_force(body, &loads, there, v1, &room, spare, end);
+        end_force(body, loads, there, v1, &room, spare, end);
         double error = 0.0, energy = 0.0;
         for (int64_t j = 0; j < m; j++) {
             const double lost = p->weight[j] * rule->ramp[j] * (end[j] - start[j]), strained = p->omega[j] * q1[j];

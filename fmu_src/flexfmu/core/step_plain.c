@@ -12,22 +12,13 @@
 static const double TOLERANCE = 1e-14;
 /* Change below which the discrete gradient's bracket joins the iteration: its own error is then far below the tolerance. */
 static const double SETTLED = 1e-5;
-/* The bracket is skipped where it is round-off: it is cubic in the way, and would be divided by its square. */
-static const double ROUND_OFF = 64.0 * 2.220446049250313e-16;
-/* Part of that bound by which the bracket is uncertain where it is not round-off: no change below what it makes counts. */
-static const double NOISE = 1.0 / 16.0;
 /* A fixed point that has not settled after this many rounds is slow: the step is divided. Newton's method would settle some
  * of these steps, but hardly one of them to the tolerance. */
 enum { MOST_ROUNDS = 16 };
 
 int64_t plain_size(const Body *body) {
     const int64_t m = body->p.modes;
-    Arena count = {0, 0};
-    Configuration at;
-    Loads loads;
-    for (int i = 0; i < 3; i++) take_configuration(body, &count, &at);
-    take_loads(body, &count, &loads);
-    return count.used + 11 * m + body->p.loads + modal_force_size(body);
+    return ends_size(body) + 11 * m + body->p.loads + modal_force_size(body);
 }
 
 int plain_steps(Body *body, Division *d, double *q, double *v) {
@@ -35,12 +26,10 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
     const int64_t m = p->modes;
     const int potential = has_potential(body);
     Arena arena = work_arena(body);
-    Configuration states[2], middle, *here = states, *there = states + 1;
-    Loads loads;
-    take_configuration(body, &arena, here);
-    take_configuration(body, &arena, there);
-    take_configuration(body, &arena, &middle);
-    take_loads(body, &arena, &loads);
+    Ends ends;
+    take_ends(body, &arena, &ends);
+    Configuration *here = &ends.first, *there = &ends.second, *middle = &ends.middle;
+    Loads *loads = &ends.loads;
     double *v0 = take(&arena, m), *q1 = take(&arena, m), *free = take(&arena, m), *start = take(&arena, m);
     double *end = take(&arena, m), *force = take(&arena, m), *mean = take(&arena, m), *way = take(&arena, m);
     double *bare = take(&arena, m), *growth = take(&arena, m), *change = take(&arena, m);
@@ -49,14 +38,8 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
     double start_work = 0.0, end_work = 0.0;
 
     d->worst = 0.0;
-    memset(growth, 0, (size_t)m * sizeof(double));
-    spread(body, d->inputs, &loads);
-    if (d->inputs_end) {
-        /* What loads that grow over a step do beyond their mean: exact on the undeformed body. */
-        for (int64_t j = 0; j < m; j++) growth[j] = -loads.constant[j] / (double)d->count;
-        spread(body, d->inputs_end, &loads);
-        for (int64_t j = 0; j < m; j++) growth[j] += loads.constant[j] / (double)d->count;
-    }
+    /* What loads that grow over a step do beyond their mean: exact on the undeformed body. */
+    spread_growth(body, d, loads, growth);
     memcpy(v0, v, (size_t)m * sizeof(double));
     find_need(body, d->inputs, d->inputs_end);
     const Need *need = body->need;
@@ -66,16 +49,12 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
     }
     for (int64_t number = 0; number < d->count; number++) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
-        if (d->inputs_end) {
-            const double share = ((double)number + 0.5) / (double)d->count;
-            for (int64_t i = 0; i < p->loads; i++) between[i] = d->inputs[i] + share * (d->inputs_end[i] - d->inputs[i]);
-            spread(body, between, &loads);
-        }
+        if (d->inputs_end) spread_middle(body, d, number, between, loads);
         if (d->inputs_end || number == 0) {
-            modal_force(body, &loads, 1, here, 0, scratch, start);
-            start_work = force_work(body, &loads, here);
+            modal_force(body, loads, 1, here, 0, scratch, start);
+            start_work = force_work(body, loads, here);
         }
-        const double reach = work_reach(body, loads.force, p->nodes) + fabs(start_work), speed = norm(v0, m);
+        const double reach = work_reach(body, loads->force, p->nodes) + fabs(start_work), speed = norm(v0, m);
         for (int64_t j = 0; j < m; j++) {
             free[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j];
             q1[j] = free[j] + rule->gq[j] * start[j];
@@ -87,19 +66,19 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
             d->rounds++;
             double square = 0.0;
             configure_linear(body, need, q1, there);
-            configure_halfway(body, need, here, there, &middle);
+            configure_halfway(body, need, here, there, middle);
             for (int64_t j = 0; j < m; j++) {
                 way[j] = q1[j] - here->q[j];
                 square += way[j] * way[j];
             }
-            modal_force(body, &loads, 1, &middle, 0, scratch, force);
+            modal_force(body, loads, 1, middle, 0, scratch, force);
             const int corrected = size <= SETTLED;
             if (corrected && potential && square > 0.0) {
                 const double *conservative = force;
                 configure_places(body, need, there);
-                end_work = force_work(body, &loads, there);
-                if (loads.has_moments) {
-                    modal_force(body, &loads, 0, &middle, 0, scratch, bare);
+                end_work = force_work(body, loads, there);
+                if (loads->has_moments) {
+                    modal_force(body, loads, 0, middle, 0, scratch, bare);
                     conservative = bare;
                 }
                 const double bracket = end_work - start_work - dot(conservative, way, m);
@@ -135,8 +114,8 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
         }
         configure_linear(body, need, q1, there);
         configure_places(body, need, there);
-        modal_force(body, &loads, 1, there, 0, scratch, end);
-        end_work = force_work(body, &loads, there);
+        modal_force(body, loads, 1, there, 0, scratch, end);
+        end_work = force_work(body, loads, there);
         /* What the force's change over the step would do beyond its mean is the leading error. */
         double error = 0.0, energy = 0.0;
         for (int64_t j = 0; j < m; j++) {

@@ -10,9 +10,6 @@
 
 /* Change of q over a round relative to q and to the way of a step. */
 static const double TOLERANCE = 1e-11;
-static const double ROUND_OFF = 64.0 * 2.220446049250313e-16;
-/* As in step_plain.c. */
-static const double NOISE = 1.0 / 16.0;
 /* A round that leaves more than this of the change before it has the ties pull anew in its own middle. */
 static const double FAST = 0.02;
 /* An iteration that has not settled after this many rounds is slow: the step is divided. */
@@ -20,12 +17,7 @@ enum { MOST_ROUNDS = 16 };
 
 int64_t tied_size(const Body *body) {
     const int64_t m = body->p.modes;
-    Arena count = {0, 0};
-    Configuration at;
-    Loads loads;
-    for (int i = 0; i < 3; i++) take_configuration(body, &count, &at);
-    take_loads(body, &count, &loads);
-    return count.used + pull_size(body) + 14 * m + body->p.loads + 12 * body->p.ties + modal_force_size(body) +
+    return ends_size(body) + pull_size(body) + 14 * m + body->p.loads + 12 * body->p.ties + modal_force_size(body) +
            6 * body->p.nodes + pass_back_size(body);
 }
 
@@ -41,13 +33,11 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
     const int64_t m = p->modes;
     const int potential = has_potential(body);
     Arena arena = work_arena(body);
-    Configuration states[2], middle, *here = states, *there = states + 1;
-    Loads loads;
+    Ends ends;
     Pull pull;
-    take_configuration(body, &arena, here);
-    take_configuration(body, &arena, there);
-    take_configuration(body, &arena, &middle);
-    take_loads(body, &arena, &loads);
+    take_ends(body, &arena, &ends);
+    Configuration *here = &ends.first, *there = &ends.second, *middle = &ends.middle;
+    Loads *loads = &ends.loads;
     take_pull(body, &arena, &pull);
     double *v0 = take(&arena, m), *q1 = take(&arena, m), *free = take(&arena, m), *force = take(&arena, m);
     double *bare = take(&arena, m), *mean = take(&arena, m), *way = take(&arena, m), *speed = take(&arena, m);
@@ -63,45 +53,41 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
     memcpy(v0, v, (size_t)m * sizeof(double));
     memset(body->need, 1, (size_t)p->nodes * sizeof *body->need);
     if (!recall(body, body->need, q, here)) configure(body, q, here);
-    spread(body, d->inputs, &loads);
+    spread(body, d->inputs, loads);
     rows_times(p->tie_initial, q, linear, m, m);
     double start_energy = strain_of(body, q, tie_tension(body, here, tense), linear) + dot(v0, v0, m);
     for (int64_t number = 0; number < d->count; number++) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
-        if (d->inputs_end) {
-            const double share = ((double)number + 0.5) / (double)d->count;
-            for (int64_t i = 0; i < p->loads; i++) between[i] = d->inputs[i] + share * (d->inputs_end[i] - d->inputs[i]);
-            spread(body, between, &loads);
-        }
-        const double load_work = force_work(body, &loads, here), start_work = load_work - tie_tension(body, here, tense);
-        const double rate = norm(v0, m), reach = work_reach(body, loads.force, p->nodes) + fabs(start_work);
+        if (d->inputs_end) spread_middle(body, d, number, between, loads);
+        const double load_work = force_work(body, loads, here), start_work = load_work - tie_tension(body, here, tense);
+        const double rate = norm(v0, m), reach = work_reach(body, loads->force, p->nodes) + fabs(start_work);
         double last = HUGE_VAL, earlier = HUGE_VAL;
         for (int64_t j = 0; j < m; j++) {
             free[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j];
             q1[j] = here->q[j] + h * v0[j];
         }
         configure(body, q1, there);
-        configure_halfway(body, 0, here, there, &middle);
+        configure_halfway(body, 0, here, there, middle);
         int settled = 0, stale = 1;
         for (int round = 1; !settled; round++) {
             d->rounds++;
             if (round > 1) {
                 configure(body, q1, there);
-                configure_halfway(body, 0, here, there, &middle);
+                configure_halfway(body, 0, here, there, middle);
             }
-            if (stale && !pull_at(body, rule, &middle, unit, body->pivot, &pull)) return UNSETTLED;
+            if (stale && !pull_at(body, rule, middle, unit, body->pivot, &pull)) return UNSETTLED;
             for (int64_t j = 0; j < m; j++) {
                 way[j] = q1[j] - here->q[j];
                 speed[j] = way[j] / h;
             }
-            modal_force(body, &loads, 1, &middle, 0, scratch, force);
+            modal_force(body, loads, 1, middle, 0, scratch, force);
             const double square = dot(way, way, m);
             const double *conservative = force;
             double correction = 0.0, blur = 0.0, blurred = 0.0;
             if (potential && square > 0.0) {
-                const double end_work = force_work(body, &loads, there) - tie_tension(body, there, tense);
-                if (loads.has_moments) {
-                    modal_force(body, &loads, 0, &middle, 0, scratch, bare);
+                const double end_work = force_work(body, loads, there) - tie_tension(body, there, tense);
+                if (loads->has_moments) {
+                    modal_force(body, loads, 0, middle, 0, scratch, bare);
                     conservative = bare;
                 }
                 const double bracket = end_work - start_work - dot(conservative, way, m);
@@ -113,7 +99,7 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
                 }
             }
             for (int64_t j = 0; j < m; j++) {
-                mean[j] = force[j] + correction * way[j] + dot(p->tie_initial + j * m, middle.q, m) -
+                mean[j] = force[j] + correction * way[j] + dot(p->tie_initial + j * m, middle->q, m) -
                           dot(body->coupled + j * m, speed, m);
                 off[j] = q1[j] - free[j] - rule->gq[j] * mean[j];
                 blurred += rule->gq[j] * way[j] * rule->gq[j] * way[j];
@@ -129,12 +115,12 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             last = size;
         }
         configure(body, q1, there);
-        configure_halfway(body, 0, here, there, &middle);
+        configure_halfway(body, 0, here, there, middle);
         /* Stiff springs that vibrate faster than the step can tell are strained by it at its ends as they never are in
          * truth: their tension is taken as it is in the middle, and how it changes from how the body gives way. */
-        tie_tension(body, &middle, tense);
-        modal_force(body, &loads, 1, there, tense, scratch, force);
-        modal_force(body, &loads, 1, here, tense, scratch, bare);
+        tie_tension(body, middle, tense);
+        modal_force(body, loads, 1, there, tense, scratch, force);
+        modal_force(body, loads, 1, here, tense, scratch, bare);
         for (int64_t j = 0; j < m; j++) {
             way[j] = q1[j] - here->q[j];
             v0[j] = rule->p21[j] * here->q[j] + rule->p22[j] * v0[j] + rule->gv[j] * mean[j];
@@ -153,15 +139,15 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             const double lost = p->omega[j] * fmin(fabs(moved), fabs(followed));
             error += lost * lost;
         }
-        /* Work of the loads: forces by their potential, moments by their value in the middle. */
-        double work = potential ? force_work(body, &loads, there) - load_work : 0.0;
+        /* Work of the loads: forces by their potential, moments by their value in the middle-> */
+        double work = potential ? force_work(body, loads, there) - load_work : 0.0;
         memset(tense, 0, (size_t)(12 * p->ties) * sizeof(double));
-        if (!potential || loads.has_moments) {
-            modal_force(body, &loads, 1, &middle, tense, scratch, force);
+        if (!potential || loads->has_moments) {
+            modal_force(body, loads, 1, middle, tense, scratch, force);
             work += dot(force, way, m);
         }
-        if (potential && loads.has_moments) {
-            modal_force(body, &loads, 0, &middle, tense, scratch, force);
+        if (potential && loads->has_moments) {
+            modal_force(body, loads, 0, middle, tense, scratch, force);
             work -= dot(force, way, m);
         }
         /* Energy that neither was there at the start nor came from the loads is error as well, and what blows up may not be
