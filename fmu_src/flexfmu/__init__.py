@@ -1,49 +1,53 @@
 """Finite element models of flexible bodies as FMI 2.0 co-simulation FMUs that stay right when the body bends far."""
 
+from importlib import import_module
 from importlib.metadata import version
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .body import FlexibleBody, Response, State, StepLimits
 from .methods import Mass, Method
 
+if TYPE_CHECKING:
+    from .api import Body, BuiltBody, SimulationResult, load
+    from .choices import Interface, Support
+    from .config import Basis
+    from .mesh.formats import read_mesh
+    from .mesh.model import Mesh
+    from .mesh.units import UnitSystem
+
 __version__ = version("flexfmu")
 __all__ = [
+    "Basis",
+    "Body",
+    "BuiltBody",
     "FlexibleBody",
+    "Interface",
     "Mass",
+    "Mesh",
     "Method",
     "Response",
+    "SimulationResult",
     "State",
     "StepLimits",
+    "Support",
+    "UnitSystem",
     "__version__",
     "load",
+    "read_mesh",
 ]
 
+# Imported when first asked for: the build side takes a second to load, and a running body does without it.
+_MODULES = {
+    "Basis": ".config",
+    "Interface": ".choices",
+    "Support": ".choices",
+    "Mesh": ".mesh.model",
+    "UnitSystem": ".mesh.units",
+    "read_mesh": ".mesh.formats",
+}
 
-def load(path: str | Path, method: Method | str | None = None, mass: Mass | str | None = None) -> FlexibleBody:
-    """Read a body from an FMU or a modal file, to use it without FMI.
 
-    Parameters
-    ----------
-    path : path
-        FMU made by flexfmu, or modal file (HDF5).
-    method : Method or str, optional
-        Default: the one that the body was built with.
-    mass : Mass or str, optional
-        Default: the body's own, where the method knows it.
-
-    Returns
-    -------
-    FlexibleBody
-
-    Raises
-    ------
-    PackagingError
-        An archive that is no FMU of flexfmu.
-    OptionError
-        No such method or mass, or data that the body was built without.
-    ModalFileError
-        The file is missing, damaged, altered or of an unknown version.
-    """
-    from .fmu.package import read_packaged_body
-
-    return FlexibleBody(read_packaged_body(Path(path)), method, mass)
+def __getattr__(name: str) -> object:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_MODULES.get(name, ".api"), __name__), name)

@@ -22,7 +22,7 @@ __all__ = ["FlexibleBody", "Response", "State", "StepLimits", "Work"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class State:
     """The evolving state of a body.
 
@@ -37,6 +37,10 @@ class State:
     q: FloatArray
     v: FloatArray
     substeps: int = 1
+
+    def __repr__(self) -> str:
+        """Size: how far the body is from its rest, and how fast it moves."""
+        return f"<State of {self.q.size} modes: |q| = {np.linalg.norm(self.q):.4g}, |v| = {np.linalg.norm(self.v):.4g}>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +129,7 @@ class FlexibleBody:
     def __repr__(self) -> str:
         """Name, method and size."""
         return (
-            f"<FlexibleBody {self.model.name!r}: {self.method.value}, {self.core.modes} modes, "
+            f"<{type(self).__name__} {self.model.name!r}: {self.method.value}, {self.core.modes} modes, "
             f"{self.core.frames} frames, interfaces {', '.join(self.model.interface_names)}>"
         )
 

@@ -1,20 +1,19 @@
 """The pipeline: mesh → model → modes → interfaces and frames → reduced body."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from . import __version__
-from .config import BodyFile
+from .config import BodyFile, BodySpec
 from .errors import BodyFileError
 from .fe.assembly import volume_matrices
 from .fe.faces import FaceBlock, element_faces
 from .fe.stress import point_stress
 from .mesh.checks import checked
-from .mesh.formats import read_mesh
+from .mesh.formats import file_origin, read_mesh
 from .mesh.model import FloatArray, Mesh
 from .mesh.plausibility import implausible
 from .methods import Data
@@ -47,12 +46,36 @@ NUMBERS = "normal_modes"
 
 
 def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) -> ReducedBody:
-    """Reduce a finite element body.
+    """Read the mesh of a body file and reduce it; see `reduce_mesh`.
 
     Parameters
     ----------
     config : BodyFile
         With the mesh's path resolved.
+    report : Reporter
+    store : Store, optional
+
+    Returns
+    -------
+    ReducedBody
+    """
+    file = config.mesh.file
+    with report.stage(f"Read {file.name}"):
+        mesh = read_mesh(file, config.mesh.units)
+    return reduce_mesh(mesh, config, file_origin(file), report, store)
+
+
+def reduce_mesh(
+    mesh: Mesh, config: BodySpec, origin: Mapping[str, str], report: Reporter, store: Store | None = None
+) -> ReducedBody:
+    """Reduce a finite element body.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    config : BodySpec
+    origin : mapping of str to str
+        Where the mesh is from, for the body's provenance.
     report : Reporter
     store : Store, optional
         Where modes and the like are kept from build to build; default: nowhere.
@@ -64,10 +87,10 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
     Raises
     ------
     FlexfmuError
-        Anything that the body file or the mesh does not provide, with what to do.
+        Anything that the specification or the mesh does not provide, with what to do.
     """
-    with report.stage(f"Read {config.mesh.file.name}"):
-        mesh = checked(read_mesh(config.mesh.file, config.mesh.units))
+    with report.stage("Check the mesh"):
+        mesh = checked(mesh)
         unused = config.material is not None and not elements_without_material(mesh)
         model = assemble_model(mesh, config)
         mesh = model.mesh
@@ -97,13 +120,13 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
         method=config.variant.method,
         mass=config.variant.mass,
         velocity_outputs=config.output.velocities,
-        provenance=_provenance(config, mesh),
+        provenance=_provenance(config, mesh, origin),
         properties=properties,
     )
 
 
 def _reduced(
-    config: BodyFile,
+    config: BodySpec,
     model: Model,
     report: Reporter,
     store: Store,
@@ -190,7 +213,7 @@ def _reduced(
     return body, warping.T @ modes.shapes
 
 
-def _cut_body(config: BodyFile, model: Model, report: Reporter, store: Store) -> ReducedBody:
+def _cut_body(config: BodySpec, model: Model, report: Reporter, store: Store) -> ReducedBody:
     """Reduce the parts of a body each by itself and join them again."""
     names = [table.nodes for table in config.cut]
     with report.stage("Cut into parts"):
@@ -237,7 +260,7 @@ def _cut_body(config: BodyFile, model: Model, report: Reporter, store: Store) ->
     return body
 
 
-def _unit_responses(config: BodyFile, model: Model, report: Reporter, store: Store) -> FloatArray:
+def _unit_responses(config: BodySpec, model: Model, report: Reporter, store: Store) -> FloatArray:
     """Static displacements (3n, l) of the body in one piece under its interfaces' unit loads, of unit work."""
     mesh = model.mesh
     faces = element_faces(mesh)
@@ -320,7 +343,7 @@ def _damping(ratio: float | list[float], count: int) -> FloatArray:
     return np.broadcast_to(values, (count,))
 
 
-def _check_sets(config: BodyFile, mesh: Mesh) -> None:
+def _check_sets(config: BodySpec, mesh: Mesh) -> None:
     """Find every set that will be asked for before the expensive work begins."""
     for cut in config.cut:
         node_set(mesh, cut.nodes, "[[cut]] nodes")
@@ -336,7 +359,7 @@ def _check_sets(config: BodyFile, mesh: Mesh) -> None:
             node_set(mesh, name, f"frame {frame.name!r}, rotation_points")
 
 
-def _distant_points(config: BodyFile, properties: Properties) -> list[str]:
+def _distant_points(config: BodySpec, properties: Properties) -> list[str]:
     """Say which reference points lie far from the body: they are in m, whatever the mesh is in."""
     low, high = properties.box
     size = float(np.max(high - low))
@@ -350,7 +373,7 @@ def _distant_points(config: BodyFile, properties: Properties) -> list[str]:
 
 
 def _interfaces(
-    config: BodyFile, model: Model, faces: tuple[FaceBlock, ...], subdomains: list[Subdomain], report: Reporter
+    config: BodySpec, model: Model, faces: tuple[FaceBlock, ...], subdomains: list[Subdomain], report: Reporter
 ) -> list[Interface]:
     interfaces = [fit_interface(table, model.mesh, faces, subdomains) for table in config.interface]
     for interface in interfaces:
@@ -377,7 +400,7 @@ def _interfaces(
     return interfaces
 
 
-def _stress_sets(config: BodyFile, mesh: Mesh, shapes: FloatArray) -> tuple[StressSet, ...]:
+def _stress_sets(config: BodySpec, mesh: Mesh, shapes: FloatArray) -> tuple[StressSet, ...]:
     result = []
     for table in config.stress:
         elements = element_set(mesh, table.elements, f"stress {table.name!r}, elements")
@@ -385,11 +408,10 @@ def _stress_sets(config: BodyFile, mesh: Mesh, shapes: FloatArray) -> tuple[Stre
     return tuple(result)
 
 
-def _provenance(config: BodyFile, mesh: Mesh) -> dict[str, str]:
+def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict[str, str]:
     """Hashes of what went in, and what made it."""
     return {
-        "mesh_file": config.mesh.file.name,
-        "mesh_sha256": hashlib.sha256(Path(config.mesh.file).read_bytes()).hexdigest(),
+        **origin,
         "body_sha256": hashlib.sha256(config.model_dump_json(exclude={"mesh": {"file"}}).encode()).hexdigest(),
         "nodes": str(len(mesh.points)),
         "elements": str(mesh.element_count),

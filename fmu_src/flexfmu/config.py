@@ -31,11 +31,16 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
-class MeshTable(_Table):
+class MeshUnits(_Table):
+    """What the numbers of a mesh and of `[material]` are in."""
+
+    units: UnitSystem = Field(default=UnitSystem.SI, strict=False)
+
+
+class MeshTable(MeshUnits):
     """`[mesh]`: where the mesh is and in which units."""
 
     file: Path = Field(strict=False, examples=["arm.inp"])
-    units: UnitSystem = Field(default=UnitSystem.SI, strict=False)
 
 
 class MaterialTable(_Table):
@@ -221,11 +226,11 @@ class OutputTable(_Table):
     surface: bool = False
 
 
-class BodyFile(_Table):
-    """A whole body file."""
+class BodySpec(_Table):
+    """What to make of a mesh: everything that a body file says, but for where the mesh is."""
 
     name: Name = Field(examples=["arm"])
-    mesh: MeshTable
+    mesh: MeshUnits = MeshUnits()
     material: MaterialTable | None = None
     free: bool = False
     root: Name | None = None
@@ -250,7 +255,7 @@ class BodyFile(_Table):
         return value
 
     @model_validator(mode="after")
-    def _consistent(self) -> "BodyFile":
+    def _consistent(self) -> "BodySpec":
         if sum((self.frames is not None, bool(self.frame), bool(self.branch))) > 1:
             raise ValueError(
                 "give either frames = n (automatic division), [[branch]] tables (joints at distances) or [[frame]] "
@@ -378,6 +383,12 @@ class BodyFile(_Table):
             raise ValueError("[[cut]] goes without geometric_stiffness, which knows bodies in one piece")
         if self.reduction.inertia:
             raise ValueError('[[cut]] goes with mass "constant" only, without reduction.inertia')
+
+
+class BodyFile(BodySpec):
+    """A whole body file."""
+
+    mesh: MeshTable
 
 
 def read_body_file(path: Path) -> BodyFile:

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from .build import reduce_body
-from .config import read_body_file
+from .api import Body
 from .fmu.package import cores_for, package_fmu
 from .fmu.runtime import Runtime
 from .model.modal_file import write_modal_file
@@ -55,10 +54,9 @@ def build_fmu(
     check_target(output, (".fmu",))
     if modal_file is not None:
         check_target(modal_file, (".h5",))
-    config = read_body_file(body_file)
     # What cannot be compiled is told before anything long begins.
     cores_for(runtime, platforms, report)
-    body = reduce_body(config, report, store)
+    body = Body.read(body_file, report).build(report=report, store=store).reduced
     with report.stage(f"Write {output}"):
         if modal_file is None:
             package_fmu(body, output, runtime, platforms)

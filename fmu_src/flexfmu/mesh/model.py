@@ -7,6 +7,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfmu.mesh.listing import listed
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -73,7 +75,7 @@ class ElementBlock:
     material: IntArray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Mesh:
     """A body's mesh.
 
@@ -103,6 +105,12 @@ class Mesh:
     materials: tuple[Material, ...]
     fixed: NDArray[np.bool_]
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Size, kinds of elements, sets."""
+        kinds = ", ".join(f"{len(block.labels)} {block.type.value}" for block in self.blocks)
+        sets = f"node sets {listed(self.node_sets)}; element sets {listed(self.element_sets)}"
+        return f"<Mesh: {len(self.points)} nodes, {kinds or 'no elements'}; {sets}>"
 
     @property
     def element_count(self) -> int:

@@ -177,7 +177,7 @@ class Properties:
         return float(self.volume @ self.density)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ReducedBody:
     """A flexible body in m modal coordinates with I interfaces and S frames.
 
@@ -332,6 +332,13 @@ class ReducedBody:
             raise ModalFileError("frame_parent must name an earlier frame, or -1 for a root")
         if np.any(self.interface_frame >= self.frame_count) or np.any(self.interface_frame < GROUND):
             raise ModalFileError("interface_frame must name a frame, or -1")
+
+    def __repr__(self) -> str:
+        """Name and size."""
+        return (
+            f"<ReducedBody {self.name!r}: {self.mode_count} modes, {self.frame_count} frames, interfaces "
+            f"{', '.join(self.interface_names)}>"
+        )
 
     @property
     def mode_count(self) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..config import Basis, BodyFile, BranchTable, InterfaceTable, SupportTable
+from ..config import Basis, BodySpec, BranchTable, InterfaceTable, SupportTable
 from ..errors import BodyFileError
 from ..fe.assembly import stiffness
 from ..fe.faces import element_faces
@@ -227,19 +227,19 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
     return part, np.flatnonzero(inside)
 
 
-def part_configs(config: BodyFile, opened: Mesh, parts: Sequence[Part]) -> list[BodyFile]:
+def part_configs(config: BodySpec, opened: Mesh, parts: Sequence[Part]) -> list[BodySpec]:
     """Body files of the parts: each with its own interfaces, the sides of the cuts after them, frames and stress sets.
 
     Parameters
     ----------
-    config : BodyFile
+    config : BodySpec
         Of the whole body.
     opened : Mesh
     parts : sequence of Part
 
     Returns
     -------
-    list of BodyFile
+    list of BodySpec
 
     Raises
     ------

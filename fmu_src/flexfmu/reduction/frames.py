@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..config import Basis, BodyFile, BranchTable
+from ..config import Basis, BodySpec, BranchTable
 from ..fe.faces import FaceBlock
 from ..mesh.model import FloatArray, IntArray
 from ..model.reduced_body import GROUND, WholeFrame
@@ -28,13 +28,13 @@ _RIGID_MOTIONS = 6
 
 
 def body_subdomains(
-    config: BodyFile, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
+    config: BodySpec, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
 ) -> tuple[list[Subdomain], tuple[str, ...]]:
     """Frames by hand or by themselves; without any key the body gets one. Those of a free body hang on a floating one.
 
     Parameters
     ----------
-    config : BodyFile
+    config : BodySpec
     model : Model
     volumes : tuple of (n_elements, node_count, node_count) float
     faces : tuple of FaceBlock
@@ -88,7 +88,7 @@ def is_free(model: Model) -> bool:
     return bool(model.rigid.shape[1] == _RIGID_MOTIONS)
 
 
-def _end(config: BodyFile, branch: BranchTable) -> str:
+def _end(config: BodySpec, branch: BranchTable) -> str:
     """Node set at which a branch ends: an interface's, or that of a section in a part of a cut body."""
     return next((i.nodes for i in config.interface if i.name == branch.toward), branch.toward)
 
@@ -108,7 +108,7 @@ def several(subdomains: list[Subdomain]) -> bool:
 
 
 def whole_frame(
-    model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], shapes: FloatArray, config: BodyFile
+    model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], shapes: FloatArray, config: BodySpec
 ) -> WholeFrame:
     """A frame for the whole body about its supports, to be compared with the tree."""
     mesh = model.mesh
@@ -122,7 +122,7 @@ def whole_frame(
     return WholeFrame(domain.joint_point, *operators)
 
 
-def hanging(model: Model, config: BodyFile) -> IntArray:
+def hanging(model: Model, config: BodySpec) -> IntArray:
     """Nodes from which frames are counted: the best supports, or a free body's root interface."""
     if not is_free(model):
         return model.anchored
@@ -130,13 +130,13 @@ def hanging(model: Model, config: BodyFile) -> IntArray:
     return np.sort(node_set(model.mesh, root.nodes, f"interface {root.name!r}, nodes"))
 
 
-def _root(config: BodyFile) -> int:
+def _root(config: BodySpec) -> int:
     """The interface from which a free body is divided."""
     names = [interface.name for interface in config.interface]
     return 0 if config.root is None else names.index(config.root)
 
 
-def fixable_root(config: BodyFile, model: Model) -> int:
+def fixable_root(config: BodySpec, model: Model) -> int:
     """The same where a scene may fix it: the body moves freely, and the basis holds its constraint modes."""
     if model.rigid.shape[1] and config.reduction.basis is Basis.CRAIG_BAMPTON:
         return _root(config)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config import BodyFile
+from ..config import BodySpec
 from ..errors import BodyFileError, ModelError
 from ..mesh.checks import connected_parts
 from ..mesh.model import NO_MATERIAL, FloatArray, IntArray, Material, Mesh
@@ -96,14 +96,14 @@ def element_set(mesh: Mesh, name: str, key: str) -> IntArray:
     return _named_set(mesh.element_sets, "element", name, key)
 
 
-def assemble_model(mesh: Mesh, config: BodyFile) -> Model:
+def assemble_model(mesh: Mesh, config: BodySpec) -> Model:
     """Give a mesh its materials and supports.
 
     Parameters
     ----------
     mesh : Mesh
         Checked.
-    config : BodyFile
+    config : BodySpec
 
     Returns
     -------
@@ -134,7 +134,7 @@ def elements_without_material(mesh: Mesh) -> int:
     return sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
 
 
-def _with_material(mesh: Mesh, config: BodyFile) -> Mesh:
+def _with_material(mesh: Mesh, config: BodySpec) -> Mesh:
     missing = elements_without_material(mesh)
     if not missing:
         return mesh

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...config import BodyFile
+from ...config import BodyFile, BodySpec
 from ...fe.assembly import volume_matrices
 from ...fe.faces import element_faces
 from ...mesh.checks import checked
@@ -79,7 +79,7 @@ def find_branches(config: BodyFile) -> list[Branch]:
     return found
 
 
-def _branches(model: Model, config: BodyFile, part: int, offset: int) -> tuple[list[Branch], int]:
+def _branches(model: Model, config: BodySpec, part: int, offset: int) -> tuple[list[Branch], int]:
     """Branches of a model in one piece, and its number of frames."""
     mesh = model.mesh
     volumes, faces = volume_matrices(mesh), element_faces(mesh)
