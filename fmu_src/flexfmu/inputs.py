@@ -10,7 +10,8 @@ from typing import Any
 from .errors import FlexfmuError
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_MESHES = (".inp", ".msh", ".vtk", ".vtu", ".bdf", ".nas", ".unv", ".med", ".xdmf", ".stl")
+_MESHES = (".inp", ".msh", ".vtk", ".vtu", ".bdf", ".nas", ".fem", ".dat", ".cdb", ".unv", ".med", ".xdmf", ".stl",
+           ".e", ".exo", ".ex2", ".exii")  # fmt: skip
 
 
 class Kind(Enum):

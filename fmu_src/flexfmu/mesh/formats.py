@@ -1,8 +1,7 @@
-"""Mesh files of any kind: decks by our own reader, all else through meshio."""
+"""Mesh files of any kind: which reader takes which."""
 
-import contextlib
 import hashlib
-import io
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +9,29 @@ import meshio
 
 from flexfmu.errors import MeshError
 from flexfmu.inputs import Kind, check_input
+from flexfmu.mesh.ansys import read_ansys
 from flexfmu.mesh.deck import read_deck
-from flexfmu.mesh.in_memory import from_meshio
+from flexfmu.mesh.exodus import read_exodus
+from flexfmu.mesh.extras import quiet
+from flexfmu.mesh.in_memory import Contents, from_contents
 from flexfmu.mesh.model import Mesh
+from flexfmu.mesh.nastran import read_nastran
 from flexfmu.mesh.units import UnitSystem
 
+# Suffixes of files that have a reader of their own; all others are meshio's.
 DECK_SUFFIX = ".inp"
+NASTRAN_SUFFIXES = (".bdf", ".nas", ".fem")
+ANSYS_SUFFIXES = (".cdb",)
+EXODUS_SUFFIXES = (".e", ".exo", ".ex2", ".exii")
+# Programs write input files under these; the first lines tell whose they are.
+_SHARED_SUFFIXES = (".dat", ".inp")
+_LINES = 2000
 
 
 def read_mesh(path: Path | str, units: UnitSystem | str = UnitSystem.SI) -> Mesh:
-    """Read a body's mesh: a deck (.inp), or any format that meshio knows by its suffix (.msh, .vtk, .bdf ...).
+    """Read a body's mesh: an Abaqus or CalculiX deck, or any other file of docs/file-formats.md.
 
-    What files other than decks give is told of in `from_meshio`.
+    What files other than decks give is told of in `from_contents`.
 
     Parameters
     ----------
@@ -43,9 +53,39 @@ def read_mesh(path: Path | str, units: UnitSystem | str = UnitSystem.SI) -> Mesh
     """
     path, units = Path(path), UnitSystem(units)
     check_input(path, MeshError, Kind.MESH)
-    if path.suffix.lower() == DECK_SUFFIX:
+    suffix = path.suffix.lower()
+    if suffix in _SHARED_SUFFIXES:
+        suffix = _told_apart(path)
+    if suffix == DECK_SUFFIX:
         return read_deck(path, units)
-    return from_meshio(_read_with_meshio(path), str(path), units)
+    if suffix in NASTRAN_SUFFIXES:
+        contents = read_nastran(path, units)
+    elif suffix in ANSYS_SUFFIXES:
+        contents = read_ansys(path, units)
+    elif suffix in EXODUS_SUFFIXES:
+        contents = read_exodus(path)
+    elif suffix == ".unv":
+        raise MeshError(
+            f"{path}: no library reads solids of universal files; turn it into .msh by gmsh, which keeps groups: "
+            f"gmsh {path.name} -save -format msh41 -o {path.stem}.msh"
+        )
+    else:
+        contents = Contents(_read_with_meshio(path))
+    return from_contents(contents, str(path), units)
+
+
+def _told_apart(path: Path) -> str:
+    """Suffix of whose input file it is, by its first commands."""
+    with path.open(encoding="latin-1") as file:
+        for line in islice(file, _LINES):
+            start = line.strip().upper()
+            if start.startswith("*") and not start.startswith(("**", "*IF", "*ELSE", "*ENDIF", "*SET", "*DIM", "*GET")):
+                return DECK_SUFFIX
+            if start.startswith(("/PREP7", "/COM,ANSYS", "NBLOCK", "/BATCH")):
+                return ANSYS_SUFFIXES[0]
+            if start.startswith(("BEGIN BULK", "SOL ", "CEND", "GRID")):
+                return NASTRAN_SUFFIXES[0]
+    return DECK_SUFFIX
 
 
 def file_origin(path: Path) -> dict[str, str]:
@@ -54,12 +94,5 @@ def file_origin(path: Path) -> dict[str, str]:
 
 
 def _read_with_meshio(path: Path) -> Any:
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            return meshio.read(path)
-    # meshio ends the interpreter where it cannot read, and lets any exception of its parsers through.
-    except (Exception, SystemExit) as failure:
-        reason = str(failure) if isinstance(failure, Exception) else ""
-        told = " ".join(f"{said.getvalue()} {reason}".split()) or type(failure).__name__
-        raise MeshError(f"{path} cannot be read as a mesh: {told}; check the file and its suffix") from failure
+    with quiet(path, "check the file and its suffix"):
+        return meshio.read(path)

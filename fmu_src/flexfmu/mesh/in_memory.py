@@ -1,6 +1,7 @@
 """Meshes that are in memory: of meshio and scikit-fem, or arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import meshio
@@ -8,7 +9,7 @@ import numpy as np
 
 from flexfmu.errors import MeshError
 from flexfmu.mesh.file_sets import cell_groups, node_sets_of
-from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray, Mesh
+from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray, Material, Mesh
 from flexfmu.mesh.units import UnitSystem
 
 # meshio's names. They do not tell full from reduced integration: reduced, as most 20-node models are run.
@@ -19,21 +20,61 @@ ELEMENT_TYPES = {
     "hexahedron20": ElementType.C3D20R,
 }
 
-# Nodes of a tetrahedron whose first two corners change places.
-_MIRRORED = {"tetra": [1, 0, 2, 3], "tetra10": [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]}
+# Nodes of cells that are numbered the other way round, in the order that turns them inside out.
+_MIRRORED = {
+    "tetra": [1, 0, 2, 3],
+    "tetra10": [1, 0, 2, 3, 4, 6, 5, 8, 7, 9],
+    "hexahedron": [0, 3, 2, 1, 4, 7, 6, 5],
+    "hexahedron20": [0, 3, 2, 1, 4, 7, 6, 5, 11, 10, 9, 8, 15, 14, 13, 12, 16, 19, 18, 17],
+    "wedge": [0, 2, 1, 3, 5, 4],
+    "wedge15": [0, 2, 1, 3, 5, 4, 8, 7, 6, 11, 10, 9, 12, 14, 13],
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a file holds: a meshio.Mesh, and what that has no place for.
+
+    Attributes
+    ----------
+    mesh : meshio.Mesh
+        In the file's units.
+    node_labels : (n,) int, optional
+        The file's node numbers; default: counted from one.
+    cell_labels : sequence of (k,) int, optional
+        The file's cell numbers, for each of the mesh's cell blocks; default: counted from one.
+    materials : tuple of Material
+        SI units.
+    material : sequence of (k,) int, optional
+        Rows of `materials`, for each of the mesh's cell blocks; `NO_MATERIAL` where the file gives none.
+    notes : tuple of str
+        What was left unused.
+    """
+
+    mesh: Any
+    node_labels: IntArray | None = None
+    cell_labels: Sequence[IntArray] | None = None
+    materials: tuple[Material, ...] = ()
+    material: Sequence[IntArray] | None = None
+    notes: tuple[str, ...] = ()
 
 
 def from_meshio(found: Any, title: str, units: UnitSystem) -> Mesh:
-    """Mesh of one of meshio.
+    """Mesh of one of meshio, without materials and labels; see `from_contents`."""
+    return from_contents(Contents(found), title, units)
 
-    It gives no materials and no supports. Its point sets are node sets. Its cell sets and gmsh's physical groups are
-    node sets (of the cells' nodes), those of volume cells element sets too; a group without a name is called after its
-    kind and number, as in ``"Physical Surface 3"``. Cells of lower dimension serve sets only. 20-node bricks become
-    C3D20R. Nodes and elements are numbered from one in the mesh's order.
+
+def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
+    """Mesh of a file's contents, without supports.
+
+    Point sets are node sets. Cell sets, gmsh's physical groups and MED's groups are node sets (of the cells' nodes),
+    those of volume cells element sets too; a physical group without a name is called after its kind and number, as in
+    ``"Physical Surface 3"``. Whole numbers at cells or points make a set of each value. Cells of lower dimension serve
+    sets only. 20-node bricks become C3D20R. Cells that are numbered the other way round are turned.
 
     Parameters
     ----------
-    found : meshio.Mesh
+    contents : Contents
     title : str
         What it is called in messages.
     units : UnitSystem
@@ -49,26 +90,51 @@ def from_meshio(found: Any, title: str, units: UnitSystem) -> Mesh:
     MeshError
         Volume cells of a kind that is not supported, or none.
     """
+    found = contents.mesh
+    points = _points(found, title)
     places = _volume_blocks(found, title)
-    blocks, positions = _element_blocks(found, places)
+    notes = [*contents.notes, *_turned(found, points, places)]
+    blocks, positions = _element_blocks(contents, places)
     groups = cell_groups(found)
-    node_sets, notes = node_sets_of(found, groups)
+    node_sets, more = node_sets_of(found, groups)
     element_sets = {}
     for name, group in groups.items():
         members = [positions[place][group[place]] for place in places if place in group]
         if members and len(joined := np.unique(np.concatenate(members))):
             element_sets[name] = joined
-    count = len(found.points)
+    labels = np.arange(1, len(points) + 1) if contents.node_labels is None else contents.node_labels
     return Mesh(
-        points=_points(found, title) * units.length,
-        labels=np.arange(1, count + 1),
+        points=points * units.length,
+        labels=labels,
         blocks=blocks,
         node_sets=node_sets,
         element_sets=element_sets,
-        materials=(),
-        fixed=np.zeros((count, 3), dtype=bool),
-        notes=notes,
+        materials=contents.materials,
+        fixed=np.zeros((len(points), 3), dtype=bool),
+        notes=(*notes, *more),
     )
+
+
+def _turned(found: Any, points: FloatArray, places: Sequence[int]) -> list[str]:
+    """Turn cells that are numbered the other way round; say how many."""
+    count = 0
+    for place in places:
+        block = found.cells[place]
+        corners = points[block.data[:, : _CORNERS[block.type.rstrip("0123456789")]]]
+        # Three edges of the first corner: of bricks and wedges the fourth node is not the one above it.
+        ends = corners[:, [1, {4: 2, 6: 2, 8: 3}[corners.shape[1]], {4: 3, 6: 3, 8: 4}[corners.shape[1]]]]
+        inverted = np.linalg.det(ends - corners[:, :1]) < 0.0
+        if inverted.any():
+            count += int(inverted.sum())
+            data = np.array(block.data)
+            data[inverted] = data[inverted][:, _MIRRORED[block.type]]
+            block.data = data
+    return (
+        [f"{count} elements are numbered the other way round (mirrored): their node order was turned"] if count else []
+    )
+
+
+_CORNERS = {"tetra": 4, "wedge": 6, "hexahedron": 8}
 
 
 def as_mesh(given: object, units: UnitSystem) -> Mesh:
@@ -133,12 +199,6 @@ def _from_skfem(given: Any) -> meshio.Mesh:
         found = to_meshio(given, encode_cell_data=False)
     except KeyError as error:
         raise MeshError(f"a {type(given).__name__} of scikit-fem is no solid mesh that meshio knows") from error
-    for block in found.cells:
-        if block.type in _MIRRORED:
-            # scikit-fem sorts the corners of tetrahedra by number: every other one is inside out.
-            corners = found.points[block.data[:, :4]]
-            inverted = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0.0
-            block.data[inverted] = block.data[inverted][:, _MIRRORED[block.type]]
     found.point_sets = {
         name: np.unique(given.dofs.get_facet_dofs(facets).flatten())
         for name, facets in (given.boundaries or {}).items()
@@ -175,22 +235,24 @@ def _points(found: Any, title: str) -> FloatArray:
     return points
 
 
-def _element_blocks(found: Any, places: list[int]) -> tuple[tuple[ElementBlock, ...], dict[int, IntArray]]:
+def _element_blocks(contents: Contents, places: list[int]) -> tuple[tuple[ElementBlock, ...], dict[int, IntArray]]:
     """Return one block for each type, and the position of each cell of the file's blocks in them."""
-    start = {place: sum(len(found.cells[before].data) for before in places if before < place) for place in places}
-    kinds = list(dict.fromkeys(ELEMENT_TYPES[found.cells[place].type] for place in places))
+    cells = contents.mesh.cells
+    start = {place: sum(len(cells[before].data) for before in places if before < place) for place in places}
     blocks = []
     positions: dict[int, IntArray] = {}
     end = 0
-    for kind in kinds:
-        chosen = [place for place in places if ELEMENT_TYPES[found.cells[place].type] is kind]
-        labels = []
+    for kind in dict.fromkeys(ELEMENT_TYPES[cells[place].type] for place in places):
+        chosen = [place for place in places if ELEMENT_TYPES[cells[place].type] is kind]
+        labels, material = [], []
         for place in chosen:
-            count = len(found.cells[place].data)
-            labels.append(np.arange(start[place] + 1, start[place] + count + 1))
+            count = len(cells[place].data)
+            counted = np.arange(start[place] + 1, start[place] + count + 1)
+            labels.append(counted if contents.cell_labels is None else contents.cell_labels[place])
+            none = np.full(count, NO_MATERIAL, dtype=np.int64)
+            material.append(none if contents.material is None else contents.material[place])
             positions[place] = np.arange(end, end + count)
             end += count
-        connectivity = np.concatenate([found.cells[place].data for place in chosen]).astype(np.int64)
-        material = np.full(len(connectivity), NO_MATERIAL, dtype=np.int64)
-        blocks.append(ElementBlock(kind, np.concatenate(labels), connectivity, material))
+        connectivity = np.concatenate([cells[place].data for place in chosen]).astype(np.int64)
+        blocks.append(ElementBlock(kind, np.concatenate(labels), connectivity, np.concatenate(material)))
     return tuple(blocks), positions
