@@ -122,7 +122,7 @@ def ansys(folder, kind, elements, tail=""):
     corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
     lines = ["/COM,ANSYS RELEASE 2024 R1", "/PREP7", f"ET,  1,{kind}", "NBLOCK,6,SOLID,  8,  8", "(3i9,6e21.13e3)"]
     lines += [
-        f"{k:9d}{0:9d}{0:9d}" + "".join(f"{x:21.13E}".replace("E+", "E+0") for x in p) for k, p in enumerate(corners, 1)
+        f"{k:9d}{0:9d}{0:9d}" + "".join(f"{x:20.13E}".replace("E+", "E+0") for x in p) for k, p in enumerate(corners, 1)
     ]
     lines += ["N,R5.3,LOC,       -1,", f"EBLOCK,19,SOLID,{len(elements):10d},{len(elements):10d}", "(19i9)"]
     for number, nodes in enumerate(elements, 1):
