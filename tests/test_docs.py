@@ -103,7 +103,7 @@ def files(tmp_path_factory):
     mesh = meshio.read(ROOT / "demo" / "bracket" / "bracket.msh")
     mesh.cells = [cells for cells in mesh.cells if cells.type == "tetra10"]
     solid = meshio.Mesh(mesh.points, [("tetra10", mesh.cells[0].data)])
-    solid.write(folder / "model.bdf")
+    solid.write(folder / "model.vtu")
     return folder
 
 
