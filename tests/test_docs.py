@@ -11,12 +11,15 @@ from pathlib import Path
 import meshio
 import pytest
 import typer
+from tools.site import on_page_markdown
 
 from bodies import beam_body
 from flexfmu.cli import app
 from flexfmu.config import BodyFile
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master.config import CouplingFile
+from flexfmu.model.arrays import BODY as BODY_ARRAYS
+from flexfmu.model.reduced_body import PARTS
 from flexfmu.scenes.config import SceneFile
 from references import BEAM
 
@@ -183,6 +186,16 @@ def test_toml_of_the_pages_is_valid():
     assert found >= 8
 
 
+def test_the_site_lists_every_dataset_and_every_option():
+    formats, commands_page = (on_page_markdown(PAGES[name]) for name in ("file-formats.md", "commands.md"))
+    for entry in (*BODY_ARRAYS, *(entry for part in PARTS for entry in part.entries)):
+        assert f"`{entry.path}`" in formats, entry.path
+    for name, command in typer.main.get_command(app).commands.items():
+        assert f"`flexfmu {name}`" in commands_page
+        for option in (option for parameter in command.params for option in parameter.opts):
+            assert option.strip("-") in commands_page, option
+
+
 def anchors(text):
     """Anchors of a page's headings, as Python-Markdown makes them."""
     for line in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
@@ -224,7 +237,6 @@ LONG = {
     "architecture.md",
     "conventions.md",
     "cost.md",
-    "file-formats.md",
     "methods.md",
     "platforms.md",
     "python.md",

@@ -2,7 +2,6 @@
 
 import io
 from dataclasses import fields, replace
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -355,11 +354,3 @@ def test_numbers_that_are_not_finite_are_refused_in_every_part(part):
                 ModalFileError, match=f"{part.attribute}: {entry.name} holds values that are not finite"
             ):
                 replace(body, **{part.attribute: replace(getattr(body, part.attribute), **{entry.name: value})})
-
-
-def test_the_page_lists_every_dataset():
-    page = (Path(__file__).parents[1] / "docs" / "file-formats.md").read_text(encoding="utf-8")
-    for entry in BODY:
-        assert f"`{entry.path}`" in page, entry.path
-    for part in PARTS:
-        assert f"`{part.attribute}/" in page, part.attribute
