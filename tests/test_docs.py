@@ -196,6 +196,25 @@ def test_the_site_lists_every_dataset_and_every_option():
             assert option.strip("-") in commands_page, option
 
 
+def test_sections_and_equations_that_code_cites_are_in_the_theory():
+    theory = PAGES["theory.md"]
+    sections = set(re.findall(r"^## (\d+[a-z]?) ", theory, re.MULTILINE))
+    equations = set(re.findall(r"^    .*\((\d+[a-z]?)\)[.,]?$", theory, re.MULTILINE))
+    cited = 0
+    for path in (ROOT / "fmu_src").rglob("*.*"):
+        if path.suffix in (".py", ".c", ".h", ".def"):
+            for line in path.read_text(encoding="utf-8").splitlines():
+                found = re.findall(r"sections? (\d+[a-z]?)(?:,? and (\d+[a-z]?))?", line) if "theory.md" in line else []
+                names = {name for pair in found for name in pair if name}
+                assert names <= sections, f"{path.name}: {line}"
+                numbers = {
+                    n for pair in re.findall(r"equations? \((\w+)\)(?: and \((\w+)\))?", line) for n in pair if n
+                }
+                assert numbers <= equations, f"{path.name}: {line}"
+                cited += len(names) + len(numbers)
+    assert cited > 20
+
+
 def anchors(text):
     """Anchors of a page's headings, as Python-Markdown makes them."""
     for line in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
