@@ -27,52 +27,49 @@ _USUAL_STEPS = ("exact", "0.0001", "")
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One model: what was asked for, how far it is off, what it costs.
-
-    A reduced model, tried on the whole scene; or the whole finite element model in one of its cases.
+    """One row of a chart's records: a reduced model on the whole scene, or a finite element model in one case.
 
     Attributes
     ----------
-    scene : str
-        Digest of the scene.
-    body : str
-    solver : str
-        "reduced"; of the finite element model "flexfmu", "calculix", or "results" for what the user brings.
-    case : str
-        Of the finite element model: the case that it was solved for.
+    scene, body : str
+        Digest of the scene; name of the body.
+    solver, case : str
+        "reduced"; for finite elements "flexfmu", "calculix" or "results" (the user's own), and the case.
     basis, modes, frames, method, mass, internal_step
-        The combination; the internal step is "single", "exact" or its tolerance. Of the finite element model nothing.
+        The combination; empty for finite elements. `frames` is -1 where the body file gives them by hand;
+        `internal_step` is "single", "exact" or the tolerance.
     mode_count, frame_count : int
-        What came of it; of the finite element model its degrees of freedom, and none.
-    status : str
-        "ok", or "no answer".
-    note : str
-        Why there is no answer.
-    static_displacement … limited_by
-        As of `measure.Errors`.
+        Result, interface modes included; for finite elements the degrees of freedom, and none.
+    status, note : str
+        "ok", or "no answer" and why; for finite elements the increments and iterations.
+    static_displacement, static_rotation, static_rotation_rad : float
+        Error of the worst interface, case and factor: relative, relative, rad.
+    static_at : str
+        Where the displacement is worst.
+    transient_displacement, transient_rotation, transient_rotation_rad : float
+        The same over time, rms.
+    transient_at : str
+    share : float
+        Largest error over its tolerance: at most 1 meets the scene.
+    limited_by : str
+        Where that is.
     step : float
         Communication step of the timing, s.
     step_us, step_us_median : float
-        The bare model's step, µs: fastest and median of blocks; of the finite element model one equilibrium, from the
-        one before.
+        Step of the model without FMI, µs: fastest and median block; for finite elements one equilibrium, from the
+        previous one.
+    iterations, busy : float
+        Rounds a step; slowdown of the machine while timing (1: none).
     bare_ms_per_s, fmu_ms_per_s : float
-        ms per simulated second, bare and through the FMU.
+        ms per simulated second, without FMI and through the FMU.
+    fmu_us, empty_us, fmu_ratio, fmu_busy : float
+        Step of the FMU and of an empty one, µs, their ratio, and the slowdown; not a number without FMUs.
     equilibrium_ms : float
-        The equilibrium under the first static case, from rest.
-    iterations : float
-        Rounds a step.
-    busy : float
-        How busy the machine was with other things meanwhile: 1 when calm, 2 when all took twice as long.
-    fmu_us, empty_us, fmu_ratio : float
-        Step of the FMU and of an empty one, µs, and their ratio; not a number where not asked for.
-    fmu_busy : float
-        As `busy`, meanwhile.
-    memory_bytes : int
-        Bytes that the model holds while it runs: its program and the work space.
-    modal_bytes : int
-        Size of the modal file.
+        Equilibrium without FMI under the first static case, from rest.
+    memory_bytes, modal_bytes : int
+        Program and work space while running; modal file with the data of this method.
     build_s : float
-        Time of the reduction, s, which serves all methods of the same basis, modes and frames.
+        Time of the reduction, s, common to all methods of the same basis, modes and frames.
     build_reused : str
         "yes" where parts of it came from an earlier build.
     """

@@ -31,29 +31,24 @@ Key = tuple[str, str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run.
+    """One row of the records of stability maps: one run.
 
     Attributes
     ----------
-    digest : str
-        Of the body and the scene.
-    body : str
-    map : str
-    panel : str
-        What the map is drawn for, one picture's part.
-    x, y : str
-        Place in the panel.
+    digest, body : str
+        Digest of body and scene; name of the body.
+    map, panel, x, y : str
+        "buckling", "rotation" or "coupling"; part of its picture; place in the panel.
     verdict : str
+        "right", "warned", "refused" or "silent".
     error : float
-        Relative; not a number where the run has no result, or nothing is known to compare it with.
+        Relative displacement of the interface, rms over time; not a number where nothing is known to compare with.
     measure : float
-        Of buckling: `diagnostics.stability`; of rotation: within a
-        frame, rad; of coupling: κ.
-    taken : int
-        Steps taken before the run's fate was known.
-    seconds : float
+        Buckling: `diagnostics.stability`; rotation: `diagnostics.rotation_within_frame`, rad; coupling: κ.
+    taken, seconds : int, float
+        Steps until the verdict; time, s.
     words : str
-        First words of the log.
+        First message.
     """
 
     digest: str
