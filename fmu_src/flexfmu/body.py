@@ -15,7 +15,7 @@ from .model.errors import EquilibriumError, LoadError, OptionError, StepError
 from .model.fixing import with_fixed_interfaces
 from .model.reduced_body import ReducedBody
 from .program.compile import compile_program
-from .rotations import cross
+from .recovery import surface_places
 
 __all__ = ["FlexibleBody", "Response", "State", "StepLimits", "Work"]
 
@@ -274,22 +274,7 @@ class FlexibleBody:
         OptionError
             The body was built without its surface.
         """
-        body = self.model
-        if body.surface is None:
-            raise OptionError("the body holds no surface: build it with surface = true in [output]")
-        surface, q = body.surface, state.q
-        moved: FloatArray = surface.points + surface.modes @ q
-        if self.core.frames == 0:
-            return moved
-        position, rotation = self.core.nodes_at(q)
-        carried = surface.frame >= 0
-        s = surface.frame[carried]
-        # X − X_s + e, with e = u − u(X_s) − θ_s × (X − X_s)
-        arm = surface.points[carried] - body.joint_point[s]
-        turn = cross((body.frame_rotation @ q)[s], arm)
-        local = moved[carried] - body.joint_point[s] - (body.joint_displacement @ q)[s] - turn
-        moved[carried] = position[s] + (rotation[s] @ local[:, :, None])[:, :, 0]
-        return moved
+        return surface_places(self, state.q)
 
     def von_mises(self, state: State) -> FloatArray:
         """Largest von Mises stress of each stress set, N/m², (number of stress sets,)."""

@@ -31,7 +31,7 @@ from .reduction.modes import Modes
 from .reduction.rigid_fit import by_node, modal_fit
 from .reduction.second_order import hourglass_warnings, node_readings, second_order
 from .reduction.subdomains import Subdomain, carrying_frame, frame_operators
-from .reduction.surface import body_surface
+from .reduction.surface import body_surface, second_order_fields
 from .store import Store, content_key
 from .summary import first_frequency, summary
 
@@ -183,6 +183,16 @@ def _reduced(
         with report.stage(f"Find where {len(readings)} places go at second order"):
             second = second_order(mesh, matrices.supported, modes.shapes, rigid, floating, readings)
 
+    surface = None
+    if config.output.surface:
+        fields = _surface_fields(matrices, modes, key, loads, store, report) if second is not None else None
+        sets, held = [interface.nodes for interface in interfaces], model.fixed | (model.spring > 0.0)
+        moved = np.flatnonzero(held.any(axis=1))
+        surface = body_surface(mesh, modes.shapes, faces, subdomains, sets, moved, fields, config.output.stress)
+        rigid = modes.angular_frequency == 0.0
+        if fields is not None and rigid.any() and not subdomains[0].floating:
+            surface = replace(surface, turn=frames.frame_rotation[0] * rigid, pivot=subdomains[0].joint_point)
+
     body = ReducedBody(
         name=config.name,
         angular_frequency=modes.angular_frequency,
@@ -206,7 +216,7 @@ def _reduced(
         stress_sets=_stress_sets(config, mesh, modes.shapes),
         stiffness_by_load=by_load,
         stiffness_by_mode=by_mode,
-        surface=body_surface(mesh, modes.shapes, faces, subdomains) if config.output.surface else None,
+        surface=surface,
         ties=_springs(springs, mesh, modes.shapes, subdomains, frames.frame_rotation),
         second=second,
     )
@@ -281,6 +291,24 @@ def _unit_responses(config: BodySpec, model: Model, report: Reporter, store: Sto
     # Loads on a support do nothing.
     fields: FloatArray = found[:, work > 0.0] / np.sqrt(work[work > 0.0])
     return fields
+
+
+def _surface_fields(
+    matrices: Matrices, modes: Modes, modes_key: str, loads: FloatArray, store: Store, report: Reporter
+) -> tuple[FloatArray, FloatArray]:
+    """What goes with q at second order all over the body, for pictures."""
+    mesh, shapes, omega = matrices.model.mesh, modes.shapes, modes.angular_frequency
+
+    def make() -> dict[str, FloatArray]:
+        model = matrices.supported
+        with report.stage("Find where the surface goes at second order"):
+            elastic = np.flatnonzero(omega > 0.0)
+            fields, forms = second_order_fields(mesh, model, shapes, elastic, omega**2, loads)
+            return {"fields": fields, "forms": forms}
+
+    key = content_key(__name__, "surface", modes_key, loads)
+    kept = store.arrays(key, "the surface at second order", report, make)
+    return kept["fields"], kept["forms"]
 
 
 def _springs(

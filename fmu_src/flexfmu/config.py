@@ -223,7 +223,14 @@ class OutputTable(_Table):
     """`[output]`: what else goes into the FMU."""
 
     velocities: bool = False
-    surface: bool = False
+    surface: bool = True
+    stress: bool = False
+
+    @model_validator(mode="after")
+    def _stress_on_the_surface(self) -> "OutputTable":
+        if self.stress and not self.surface:
+            raise ValueError("stress is stored for the surface: take surface = false out, or stress = true")
+        return self
 
 
 class BodySpec(_Table):

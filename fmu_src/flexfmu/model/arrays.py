@@ -33,6 +33,8 @@ class Entry:
         float, int, or str.
     optional : bool
         Whether it may be absent.
+    single : bool
+        Whether it is kept in single precision.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Entry:
     words: str
     kind: type = float
     optional: bool = False
+    single: bool = False
 
     @property
     def description(self) -> str:
@@ -107,11 +110,21 @@ SECOND = (
     Entry("rotation", "second/rotation", "K 3 m m", "rad/(kg m^2)", "second derivative of rotation vectors"),
 )
 SURFACE = (
-    Entry("points", "surface/points", "n 3", "m", "undeformed corner nodes of the outer faces"),
+    Entry("points", "surface/points", "n 3", "m", "undeformed corner nodes of the outer faces", single=True),
     Entry("faces", "surface/faces", "f 4", "1", "rows of points; a triangle repeats its last corner", int),
-    Entry("modes", "surface/modes", "n 3 m", "kg^-0.5", "mode shapes"),
+    Entry("modes", "surface/modes", "n 3 m", "kg^-0.5", "mode shapes", single=True),
     Entry("frame", "surface/frame", "n", "1", "frame that carries the point, -1 for none", int),
-)
+    Entry("interface", "surface/interface", "n", "1", "interface that holds the point, or -1", int, optional=True),
+    Entry("support", "surface/support", "n", "1", "1 where a support holds the point", int, optional=True),
+    Entry("second", "surface/second", "n 3 r", "m", "second-order displacement per form", optional=True, single=True),
+    Entry("form", "surface/form", "r m m", "1/(kg m^2)", "quadratic forms of modal coordinates", optional=True),
+    Entry("turn", "surface/turn", "3 m", "rad/(kg^0.5 m)", "rotation to undo in second, per mode", optional=True),
+    Entry("pivot", "surface/pivot", "3", "m", "the point that it is about", optional=True),
+    Entry(
+        "stress", "surface/stress", "n 6 m", "N/m^2/(kg^0.5 m)",
+        "xx, yy, zz, xy, yz, zx per mode, turning with the material", optional=True, single=True,
+    ),
+)  # fmt: skip
 PROPERTIES = (
     Entry("material_names", "properties/material", "k", "1", "names of the materials", str),
     Entry("box", "properties/box", "2 3", "m", "smallest and largest coordinates of the undeformed body"),
@@ -173,6 +186,8 @@ def settle(holder: object, entries: tuple[Entry, ...], sizes: Mapping[str, int],
             if not np.all(np.isfinite(value)):
                 raise ModalFileError(f"{label} holds values that are not finite")
             value = value.reshape(expected)
+            if entry.single:
+                value = value.astype(np.float32).astype(np.float64)
             if value.flags.writeable or (isinstance(value.base, np.ndarray) and value.base.flags.writeable):
                 # The caller's array stays the caller's.
                 value = value.copy()

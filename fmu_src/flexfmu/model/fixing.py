@@ -16,7 +16,7 @@ from ..methods import Method, has_frames
 from ..rotations import skew
 from .errors import OptionError
 from .inertia import without_frames
-from .reduced_body import GROUND, ReducedBody, SecondOrder, WholeFrame
+from .reduced_body import GROUND, ReducedBody, SecondOrder, Surface, WholeFrame
 
 FloatArray = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     if masses is not None:
         masses = replace(masses, displacement=masses.displacement @ turn, frame=np.maximum(masses.frame - gone, GROUND))
     if surface is not None:
-        surface = replace(surface, modes=surface.modes @ turn, frame=np.maximum(surface.frame - gone, GROUND))
+        surface = _surface_fixed(body, surface, turn, gone)
     by_mode = body.stiffness_by_mode
     if by_mode is not None:
         by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
@@ -133,6 +133,29 @@ def _second_order_fixed(body: ReducedBody, second: SecondOrder, turn: FloatArray
             displacement, rotation, reference, arm, change, np.concatenate(turned) @ turn
         )
     return SecondOrder(displacement[gone:], rotation[gone:])
+
+
+def _surface_fixed(body: ReducedBody, surface: Surface, turn: FloatArray, gone: int) -> Surface:
+    """The surface in the coordinates that are left, moved at second order as the nodes of the tree are."""
+    found = replace(
+        surface,
+        modes=surface.modes @ turn,
+        frame=np.maximum(surface.frame - gone, GROUND),
+        stress=None if surface.stress is None else surface.stress @ turn,
+    )
+    if surface.second is None or surface.form is None or body.second is None:
+        return found
+    root, pivot = body.frame_count + body.root_interface, body.interface_point[body.root_interface]
+    own = np.concatenate([surface.form, -body.second.displacement[root], body.second.rotation[root]])
+    count = len(surface.points)
+    moved = np.broadcast_to(np.eye(3), (count, 3, 3))
+    return replace(
+        found,
+        second=np.concatenate([surface.second, moved, skew(surface.points - pivot)], axis=2),
+        form=np.einsum("rab,ac,bd->rcd", own, turn, turn, optimize=True),
+        turn=body.frame_rotation[0] @ turn if body.floating else None,
+        pivot=pivot if body.floating else None,
+    )
 
 
 def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> FloatArray:

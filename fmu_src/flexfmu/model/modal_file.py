@@ -96,7 +96,8 @@ def _encoded(names: tuple[str, ...]) -> Any:
 
 
 def _write(file: Any, path: str, entry: Entry, value: Any) -> None:
-    dataset = file.create_dataset(path, data=_encoded(value) if entry.kind is str else value, track_times=False)
+    data = _encoded(value) if entry.kind is str else value.astype("<f4") if entry.single else value
+    dataset = file.create_dataset(path, data=data, track_times=False)
     dataset.attrs["unit"] = entry.unit
     dataset.attrs["description"] = entry.description
 

@@ -23,24 +23,43 @@ GROUND = -1
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """The body's outer faces, for viewing only.
+    """The body's outer faces, for viewing only; kept in single precision.
 
     Attributes
     ----------
     points : (n_points, 3) float
         Undeformed corner nodes, m, global frame.
     faces : (n_faces, 4) int
-        Rows of `points`; a triangle repeats its last corner.
+        Rows of `points`, outward; a triangle repeats its last corner.
     modes : (n_points, 3, m) float
         Mode shapes, kg^-1/2.
     frame : (n_points,) int
         The frame that carries each point, or `GROUND`.
+    interface : (n_points,) int or None
+        The interface whose node set holds the point, or −1.
+    support : (n_points,) int or None
+        1 where a support holds the point, else 0.
+    second : (n_points, 3, r) float or None
+    form : (r, m, m) float or None
+        What goes with q at second order, ½ Σ second_r (qᵀ form_r q), as `SecondOrder` has it of the tree's nodes.
+    turn : (3, m) float or None
+    pivot : (3,) float or None
+        Rotation about a point by which that is to be turned back to the ground, of bodies that can turn.
+    stress : (n_points, 6, m) float or None
+        As `StressSet.stress`.
     """
 
     points: FloatArray
     faces: IntArray
     modes: FloatArray
     frame: IntArray
+    interface: IntArray | None = None
+    support: IntArray | None = None
+    second: FloatArray | None = None
+    form: FloatArray | None = None
+    turn: FloatArray | None = None
+    pivot: FloatArray | None = None
+    stress: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)

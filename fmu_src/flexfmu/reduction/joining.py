@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -165,7 +166,7 @@ def joined(
         frame_rotation=every("frame_rotation"),
         masses=_masses(parts, stack, on, modes),
         stress_sets=_stress_sets(parts, stack, modes),
-        surface=_surface(parts, stack, on, modes),
+        surface=_surface(parts, stack, on, modes, interfaces),
         ties=ties,
         second=_second_order(parts, welds, places, stack, modes),
     )
@@ -276,15 +277,57 @@ def _stress_sets(parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray)
 
 
 def _surface(
-    parts: Sequence[ReducedBody], stack: _Stack, on: Callable[[int, IntArray], IntArray], modes: FloatArray
+    parts: Sequence[ReducedBody],
+    stack: _Stack,
+    on: Callable[[int, IntArray], IntArray],
+    modes: FloatArray,
+    interfaces: Sequence[str],
 ) -> Surface | None:
     found = [(p, part.surface) for p, part in enumerate(parts) if part.surface is not None]
     if not found:
         return None
     first = np.concatenate([[0], np.cumsum([len(s.points) for _, s in found])[:-1]])
+
+    def every(name: str) -> Any:
+        parts_of = [getattr(surface, name) for _, surface in found]
+        return None if any(part is None for part in parts_of) else np.concatenate(parts_of)
+
+    fields, forms = _second_order_fields(parts, stack, modes)
+    stress = [(p, s.stress) for p, s in found if s.stress is not None]
+    numbers = [_renumbered(parts[p].interface_names, s.interface, interfaces) for p, s in found]
     return Surface(
-        np.concatenate([s.points for _, s in found]),
+        every("points"),
         np.concatenate([s.faces + start for (_, s), start in zip(found, first, strict=True)]),
         np.concatenate([stack.widened(p, s.modes) for p, s in found]) @ modes,
         np.concatenate([on(p, s.frame) for p, s in found]),
+        np.concatenate(numbers),
+        every("support"),
+        fields,
+        forms,
+        stress=np.concatenate([stack.widened(p, part) for p, part in stress]) @ modes if stress else None,
     )
+
+
+def _renumbered(names: Sequence[str], number: IntArray | None, kept: Sequence[str]) -> IntArray:
+    """Numbers of a part's interfaces as those of the whole body, −1 for sections that are no interface of it."""
+    table = np.array([kept.index(name) if name in kept else -1 for name in names] + [-1])
+    return np.zeros(0, dtype=np.int64) if number is None else table[number]
+
+
+def _second_order_fields(
+    parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Second-order fields of the surfaces of all parts, each zero on the others, and their forms."""
+    fields, forms = [], []
+    for p, part in enumerate(parts):
+        if part.surface is None or part.surface.second is None or part.surface.form is None:
+            return None, None
+        own = modes[stack.first[p] : stack.first[p] + part.mode_count]
+        fields.append(part.surface.second)
+        forms.append(np.einsum("rab,ac,bd->rcd", part.surface.form, own, own, optimize=True))
+    widths = np.cumsum([0, *(field.shape[2] for field in fields)])
+    wide = [
+        np.pad(field, ((0, 0), (0, 0), (start, widths[-1] - start - field.shape[2])))
+        for field, start in zip(fields, widths[:-1], strict=True)
+    ]
+    return np.concatenate(wide), np.concatenate(forms)

@@ -1,17 +1,71 @@
-"""The body's outer faces with their mode shapes, for viewing only."""
+"""The body's outer faces and how they move, for pictures: mode shapes, second-order part, stress, what they belong to."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..fe.faces import FaceBlock
-from ..mesh.model import FloatArray, Mesh
+from ..fe.initial_strain import strain_forces
+from ..fe.stress import nodal_stress
+from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND, Surface
 from .subdomains import Subdomain
+from .supported import Supported
+
+# Directions in the modal coordinates whose pairs are kept: 300 pairs, as many static responses.
+_DIRECTIONS = 24
+# Share of the largest below which what pairs add is left out.
+_SMALL = 1e-3
+
+
+def surface_nodes(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> tuple[IntArray, IntArray]:
+    """Corner nodes of the outer faces, rows of the mesh's points, and the faces (f, 4), outward, in them."""
+    cells = [cell for block in mesh.blocks for cell in block.connectivity]
+    corners = []
+    for block in faces:
+        outer = block.nodes[block.outer, : block.corner_count]
+        if not len(outer):
+            continue
+        # Seen from outside, corners go round against the clock.
+        inside = np.array([mesh.points[cells[e]].mean(axis=0) for e in block.element[block.outer]])
+        ring = mesh.points[outer]
+        normal = np.cross(ring[:, 1] - ring[:, 0], ring[:, 2] - ring[:, 0])
+        inward = np.einsum("fi,fi->f", normal, ring.mean(axis=1) - inside) < 0.0
+        outer = np.where(inward[:, None], outer[:, ::-1], outer)
+        corners.append(outer if block.corner_count == 4 else outer[:, [0, 1, 2, 2]])
+    nodes, index = np.unique(np.concatenate(corners), return_inverse=True)
+    return nodes, index.reshape(-1, 4)
+
+
+def carrying_frames(count: int, subdomains: Sequence[Subdomain]) -> IntArray:
+    """The frame that carries each of `count` nodes, or `GROUND`."""
+    frame = np.full(count, GROUND)
+    # Last to first: a floating frame, the first, would take everything.
+    own = [s for s, domain in enumerate(subdomains) if not domain.floating]
+    if len(own) < len(subdomains):
+        frame[:] = 0
+    for s in reversed(own):
+        frame[subdomains[s].body.nodes] = s
+    return frame
+
+
+def set_numbers(count: int, sets: Sequence[IntArray]) -> IntArray:
+    """Which of several node sets holds each of `count` nodes, the first that does, or −1."""
+    number = np.full(count, -1)
+    for k in reversed(range(len(sets))):
+        number[sets[k]] = k
+    return number
 
 
 def body_surface(
-    mesh: Mesh, shapes: FloatArray, faces: tuple[FaceBlock, ...], subdomains: Sequence[Subdomain]
+    mesh: Mesh,
+    shapes: FloatArray,
+    faces: tuple[FaceBlock, ...],
+    subdomains: Sequence[Subdomain],
+    interfaces: Sequence[IntArray],
+    held: IntArray,
+    second: tuple[FloatArray, FloatArray] | None = None,
+    stress: bool = False,
 ) -> Surface:
     """Corner nodes of the outer faces.
 
@@ -21,23 +75,90 @@ def body_surface(
     shapes : (3n, m) float
     faces : tuple of FaceBlock
     subdomains : sequence of Subdomain
+    interfaces : sequence of (k,) int
+        Node sets of the interfaces.
+    held : (k,) int
+        Nodes that supports hold.
+    second : (3n, r) and (r, m, m) float, optional
+        As of `second_order_fields`.
+    stress : bool
+        Whether the modes' stress goes along.
 
     Returns
     -------
     Surface
     """
-    corners = []
-    for block in faces:
-        outer = block.nodes[block.outer, : block.corner_count]
-        corners.append(outer if block.corner_count == 4 else outer[:, [0, 1, 2, 2]])
-    nodes, index = np.unique(np.concatenate(corners), return_inverse=True)
-    frame = np.full(len(mesh.points), GROUND)
-    # Last to first: a floating frame, the first, would take everything.
-    own = [s for s, domain in enumerate(subdomains) if not domain.floating]
-    if len(own) < len(subdomains):
-        frame[:] = 0
-    for s in reversed(own):
-        frame[subdomains[s].body.nodes] = s
+    count = len(mesh.points)
+    nodes, corners = surface_nodes(mesh, faces)
+    fields, forms = second or (None, None)
     return Surface(
-        mesh.points[nodes], index.reshape(-1, 4), shapes.reshape(len(mesh.points), 3, -1)[nodes], frame[nodes]
+        mesh.points[nodes],
+        corners,
+        shapes.reshape(count, 3, -1)[nodes],
+        carrying_frames(count, subdomains)[nodes],
+        set_numbers(count, interfaces)[nodes],
+        set_numbers(count, [held])[nodes] + 1,
+        None if fields is None else fields.reshape(count, 3, -1)[nodes],
+        forms,
+        stress=nodal_stress(mesh, nodes, shapes) if stress else None,
     )
+
+
+def second_order_fields(
+    mesh: Mesh, model: Supported, shapes: FloatArray, elastic: IntArray, squares: FloatArray, loads: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Displacement ½ w(q, q) of all nodes that goes with q at second order, as few fields w = Σ W_r (qᵀ c_r q).
+
+    Of many coordinates the directions count into which static loads and the lowest modes turn the material most.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Every element with a material.
+    model : Supported
+    shapes : (3n, m) float
+    elastic : (e,) int
+        Modes that are no rigid motions.
+    squares : (m,) float
+        ω², 1/s².
+    loads : (3n, j) float
+        Of which static displacements are made.
+
+    Returns
+    -------
+    fields : (3n, r) float
+        W_r, seen from the floating frame of a body that has one, else from the ground.
+    forms : (r, m, m) float
+        c_r, symmetric.
+    """
+    m, phi = shapes.shape[1], shapes[:, elastic]
+    omega = np.sqrt(squares[elastic])
+    # Coordinates of unit strain energy under each load, and of each mode alone as slow loads move it.
+    answers = (loads.T @ phi) / omega**2
+    energy = np.linalg.norm(answers * omega, axis=1)
+    answers = answers[energy > 0.0] / energy[energy > 0.0, None]
+    amplitudes = np.vstack([answers, np.diag(omega[0] / omega**2)])
+    # By how far they turn the material: differences over the elements' edges tell it well enough.
+    edges = np.concatenate([np.sort(block.connectivity[:, :2]) for block in mesh.blocks])
+    length = np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1)
+    u = phi.reshape(len(mesh.points), 3, -1)
+    turned = np.linalg.norm((u[edges[:, 1]] - u[edges[:, 0]]) / length[:, None, None], axis=(0, 1))
+    size = np.where(turned > 0.0, turned, 1.0)
+    _, values, axes = np.linalg.svd(amplitudes * size, full_matrices=False)
+    kept = min(_DIRECTIONS, values.size)
+    axes, values = axes[:kept], values[:kept]
+    directions = phi @ (axes / size).T
+    first, second = np.triu_indices(kept)
+    # Pairs are weighed by how large they get.
+    weight = values[first] * values[second]
+    forces = strain_forces(mesh, directions, first, second)
+    pairs = -model.whole(model.static(forces[model.free])) * weight
+    squares_of, turn = np.linalg.eigh(pairs.T @ pairs)
+    large = squares_of > (_SMALL**2) * squares_of[-1]
+    turn = turn[:, large]
+    # y = axes (size q): the coordinates of the directions.
+    onto = np.zeros((kept, m))
+    onto[:, elastic] = axes * size
+    forms = np.zeros((turn.shape[1], kept, kept))
+    forms[:, first, second] = forms[:, second, first] = (turn / weight[:, None]).T
+    return pairs @ turn, np.einsum("rab,ai,bj->rij", forms, onto, onto, optimize=True)

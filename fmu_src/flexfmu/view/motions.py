@@ -1,0 +1,214 @@
+"""Views of a reduced body: as it is, its modes, equilibria, and its motion under loads over time."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..body import FlexibleBody
+from ..loads import Loads
+from ..model.errors import EquilibriumError, OptionError
+from ..model.reduced_body import GROUND, FloatArray
+from ..progress import Reporter
+from ..recovery import surface_of, surface_places, surface_von_mises
+from .model import STRESS, Case, Mark, MarkKind, Region, View, metres
+
+# Shapes of an oscillation, and of a load that grows.
+_PHASES, _SHARES = 24, 11
+# Largest displacement of a mode's picture, in sizes of the body.
+_MODE_AMPLITUDE = 0.08
+FRAMES, INTERFACES = "frames", "interfaces and supports"
+
+
+def body_view(body: FlexibleBody, cases: Sequence[Case] = (), **more: object) -> View:
+    """A body with its frames, interfaces and joints, and motions of it.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    cases : sequence of Case
+    **more
+        Other attributes of `View`.
+
+    Returns
+    -------
+    View
+
+    Raises
+    ------
+    OptionError
+        The body was built without its surface.
+    """
+    surface, model = surface_of(body), body.model
+    regions = []
+    if model.frame_count:
+        regions.append(Region(FRAMES, model.frame_names, surface.frame))
+    if surface.interface is not None and surface.support is not None:
+        number = np.where(surface.interface >= 0, surface.interface, -1)
+        number = np.where((number < 0) & (surface.support > 0), model.interface_count, number)
+        regions.append(Region(INTERFACES, (*model.interface_names, "supports"), number))
+    marks = marks_of(body)
+    words = f"{model.mode_count} modes, {model.frame_count} frames, method {body.variant.words}"
+    return View(
+        title=model.name,
+        subtitle=words,
+        points=surface.points,
+        faces=surface.faces,
+        regions=tuple(regions),
+        marks=marks,
+        mark_points=mark_places(body, np.zeros(model.mode_count)),
+        cases=tuple(cases),
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def marks_of(body: FlexibleBody) -> tuple[Mark, ...]:
+    """Interfaces, then joints between frames, then cuts."""
+    model = body.model
+    marks = [Mark(MarkKind.INTERFACE, name) for name in model.interface_names]
+    marks += [Mark(MarkKind.JOINT, model.frame_names[s]) for s in _joints(body)]
+    return (*marks, *(Mark(MarkKind.CUT, f"cut {k + 1}") for k in range(len(_cuts(body)))))
+
+
+def _joints(body: FlexibleBody) -> list[int]:
+    return [s for s in range(body.core.frames) if not (body.model.floating and s == 0)]
+
+
+def _cuts(body: FlexibleBody) -> list[int]:
+    """Ties between two sections of the body."""
+    ties = body.model.ties
+    return [] if ties is None else [t for t in range(len(ties.frame)) if np.all(ties.frame[t] != GROUND)]
+
+
+def mark_places(body: FlexibleBody, q: FloatArray) -> FloatArray:
+    """Where the marks are, (k, 3), m."""
+    model = body.model
+    places = [model.interface_point + body.core.motion(q).reshape(-1, 2, 3)[:, 0]]
+    cuts = _cuts(body)
+    if body.core.frames:
+        position, _ = body.core.nodes_at(q)
+        places.append(position[_joints(body)])
+        if model.ties is not None:
+            first = len(position) - 2 * len(model.ties.frame)
+            places.append(position[[first + t for t in cuts]])
+    elif model.ties is not None:
+        places.append(model.ties.point[cuts, 0] + model.ties.displacement[cuts, 0] @ q)
+    return np.concatenate(places)
+
+
+def motion_case(
+    body: FlexibleBody,
+    name: str,
+    states: Sequence[FloatArray],
+    position: Sequence[float],
+    label: str = "time",
+    unit: str = "s",
+    cyclic: bool = False,
+    note: str | None = None,
+) -> Case:
+    """A motion of which the modal coordinates are known.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    name : str
+    states : sequence of (m,) float
+        q, kg^1/2 m.
+    position : sequence of float
+    label, unit : str
+        What `position` is.
+    cyclic : bool
+    note : str, optional
+        Default: the largest displacement and when.
+
+    Returns
+    -------
+    Case
+    """
+    surface = surface_of(body)
+    places = np.array([surface_places(body, q) for q in states])
+    stress = None if surface.stress is None else np.array([surface_von_mises(body, q) for q in states])
+    marks = np.array([mark_places(body, q) for q in states])
+    if note is None:
+        note = _extremes(body, places, stress, states, position, label, unit)
+    return Case(name, label, unit, np.array(position, dtype=float), places, marks, stress, cyclic, note)
+
+
+def _extremes(
+    body: FlexibleBody,
+    places: FloatArray,
+    stress: FloatArray | None,
+    states: Sequence[FloatArray],
+    position: Sequence[float],
+    label: str,
+    unit: str,
+) -> str:
+    """Largest displacement, rotation within a frame and stress, in words."""
+    moved = np.linalg.norm(places - surface_of(body).points, axis=2).max(axis=1)
+    last = int(np.argmax(moved))
+    when = f" at {label} {position[last]:.4g} {unit}".rstrip() if label == "time" else ""
+    turned = max(body.core.largest_rotation(q) for q in states)
+    words = (
+        f"largest displacement {metres(float(moved[last]))}{when}, rotation within a frame {np.degrees(turned):.2g}°"
+    )
+    return words if stress is None else f"{words}, {STRESS} {stress.max() / 1e6:.4g} MPa"
+
+
+def mode_cases(body: FlexibleBody, count: int, size: float) -> list[Case]:
+    """The lowest elastic modes, swinging by a share of the body's size (m)."""
+    surface, model = surface_of(body), body.model
+    cases = []
+    for number, j in enumerate(range(model.rigid_count, min(model.rigid_count + count, model.mode_count)), start=1):
+        amplitude = _MODE_AMPLITUDE * size / np.linalg.norm(surface.modes[:, :, j], axis=1).max()
+        phases = np.arange(_PHASES) * 360.0 / _PHASES
+        unit = np.zeros(model.mode_count)
+        unit[j] = amplitude
+        states = [unit * np.sin(np.radians(phase)) for phase in phases]
+        hertz = model.angular_frequency[j] / (2.0 * np.pi)
+        note = f"damping ratio {model.damping_ratio[j]:.3g}; amplitude as drawn, not as loads make it"
+        cases.append(
+            motion_case(body, f"mode {number}, {hertz:.4g} Hz", states, [*phases], "phase", "°", cyclic=True, note=note)
+        )
+    return cases
+
+
+def static_case(body: FlexibleBody, loads: Loads, name: str, report: Reporter) -> Case:
+    """The equilibrium under loads, reached by growing them.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    loads : Loads
+    name : str
+    report : Reporter
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    EquilibriumError
+        There is none under the whole of the loads.
+    """
+    shares = np.linspace(0.0, 1.0, _SHARES)
+    with report.stage(f"Equilibrium under {name}"):
+        states = [body.static(loads.scaled(share)).q for share in shares]
+    packed = loads.packed(body.model.masses is not None)
+    missed = body.stiffness_missed(packed)
+    case = motion_case(body, name, states, [*(100.0 * shares)], "load", "%")
+    if missed > 0.1:
+        report.warning(f"{name}: the method misses stiffness worth up to {100.0 * missed:.0f} % of the displacement")
+    return case
+
+
+def equilibria_case(body: FlexibleBody, name: str, times: FloatArray, rows: Sequence[Loads], report: Reporter) -> Case:
+    """Equilibria under one row of loads after the other."""
+    states = []
+    with report.counted(f"Equilibria of {name}", len(rows), "rows") as tell:
+        for k, loads in enumerate(rows):
+            try:
+                states.append(body.static(loads).q)
+            except EquilibriumError as error:
+                raise OptionError(f"{name}, row {k + 1} ({times[k]:g} s): {error}") from error
+            tell(k + 1)
+    return motion_case(body, name, states, [*times])

@@ -1,0 +1,277 @@
+"""A view as a picture for reports: shaded faces from back to front, without a display."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from ..errors import OutputError
+from ..model.reduced_body import FloatArray, IntArray
+from ..targets import whole_file
+from .model import DISPLACEMENT, STRESS, Case, MarkKind, View
+
+# A palette that colour-blind readers can tell apart (Okabe and Ito), and what belongs to nothing.
+PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
+PLAIN, GHOST = "#b8c2cc", "#7d858c"
+_LIGHT = np.array([-0.35, 0.55, 0.75]) / np.linalg.norm([-0.35, 0.55, 0.75])
+# Cosine of the angle between faces beyond which their edge is drawn bold.
+_CORNER = 0.85
+# More faces than this: their edges would hide the colours.
+_MANY_FACES = 12000
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Directions of the picture in the body's axes.
+
+    Attributes
+    ----------
+    right, up : (3,) float
+    """
+
+    right: FloatArray
+    up: FloatArray
+
+    @classmethod
+    def along(cls, right: Any, up: Any) -> "Camera":
+        """Camera whose picture's axes are closest to two directions."""
+        x = np.asarray(right, dtype=float) / np.linalg.norm(right)
+        y = np.asarray(up, dtype=float) - np.dot(up, x) * x
+        return cls(x, y / np.linalg.norm(y))
+
+    @classmethod
+    def of(cls, size: FloatArray) -> "Camera":
+        """Camera that shows a body of some size (3,) from its broad side."""
+        broad = size[:2][size[:2] > 0.15 * size[:2].max()]
+        if size[2] < 0.2 * broad.min():
+            return cls.along([1.0, 0.0, -0.35], [0.12, 1.0, -0.3])
+        right = np.array([0.9, 0.45, 0.0]) if size[0] >= size[1] else np.array([-0.45, 0.9, 0.0])
+        right /= np.linalg.norm(right)
+        return cls.along(right, np.cross([0.87 * right[1], -0.87 * right[0], 0.5], right))
+
+    @property
+    def axes(self) -> FloatArray:
+        """Right, up and towards the eye, as rows."""
+        return np.stack([self.right, self.up, np.cross(self.right, self.up)])
+
+
+def face_normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Unit normals (f, 3) of faces, by their diagonals."""
+    ring = points[faces]
+    last = np.where((faces[:, 2] == faces[:, 3])[:, None], ring[:, 0], ring[:, 3])
+    normal = np.cross(ring[:, 2] - ring[:, 0], last - ring[:, 1])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    result: FloatArray = normal / np.where(length > 0.0, length, 1.0)
+    return result
+
+
+def corner_edges(points: FloatArray, faces: IntArray) -> IntArray:
+    """Edges (e, 2) where the surface has a corner or ends."""
+    normals = face_normals(points, faces)
+    following = np.roll(faces, -1, axis=1)
+    pairs = np.sort(np.stack([faces, following], axis=2).reshape(-1, 2), axis=1)
+    owner = np.repeat(np.arange(len(faces)), 4)
+    real = pairs[:, 0] != pairs[:, 1]
+    edges, index, count = np.unique(pairs[real], axis=0, return_inverse=True, return_counts=True)
+    total = np.zeros((len(edges), 3))
+    np.add.at(total, index.ravel(), normals[owner[real]])
+    # |n₁ + n₂|² = 2 + 2 cos.
+    sharp = (count != 2) | ((total**2).sum(axis=1) < 2.0 + 2.0 * _CORNER)
+    result: IntArray = edges[sharp]
+    return result
+
+
+def draw_surface(
+    panel: Any,
+    points: FloatArray,
+    faces: IntArray,
+    camera: Camera,
+    colours: FloatArray,
+    edges: bool = True,
+    order: float = 2.0,
+) -> None:
+    """Draw shaded faces into axes, from back to front.
+
+    Parameters
+    ----------
+    panel : matplotlib axes
+    points : (n, 3) float
+        m.
+    faces : (f, 4) int
+    camera : Camera
+    colours : (f, 3) float
+        Of the faces, before shading.
+    edges : bool
+        Whether the faces' edges are drawn.
+    order : float
+        Higher ones hide lower ones.
+    """
+    seen = points @ camera.axes.T
+    normals = face_normals(points, faces) @ camera.axes.T
+    front = normals[:, 2] > 0.0
+    depth = seen[faces][:, :, 2].mean(axis=1)
+    drawn = np.flatnonzero(front)[np.argsort(depth[front])]
+    shade = 0.58 + 0.42 * np.clip(normals[drawn] @ _LIGHT, 0.0, 1.0)
+    tint = np.clip(colours[drawn] * shade[:, None] + 0.04, 0.0, 1.0)
+    lines: dict[str, Any] = {"edgecolors": (0.07, 0.1, 0.14, 0.35), "linewidths": 0.3}
+    if not edges or len(faces) > _MANY_FACES:
+        # Thin lines of the faces' own colour close the gaps between them.
+        lines = {"edgecolors": tint, "linewidths": 0.25}
+    panel.add_collection(PolyCollection(seen[faces[drawn]][:, :, :2], facecolors=tint, zorder=order, **lines))
+
+
+def draw_outline(
+    panel: Any, points: FloatArray, edges: IntArray, camera: Camera, colour: str, width: float = 0.7, order: float = 1.0
+) -> None:
+    """Draw edges (e, 2) of points (n, 3) into axes."""
+    seen = points @ camera.axes.T
+    panel.add_collection(LineCollection(seen[edges][:, :, :2], colors=colour, linewidths=width, zorder=order))
+
+
+def draw_triad(panel: Any, camera: Camera, place: tuple[float, float] = (0.06, 0.1), length: float = 0.4) -> None:
+    """Draw the directions of the axes near a corner of the panel, lengths in inches."""
+    for axis, ink in zip(range(3), ("#d55e00", "#009e73", "#0072b2"), strict=True):
+        direction = camera.axes[:2, axis] * length * 72.0
+        panel.annotate(
+            "",
+            xy=tuple(direction),
+            xytext=place,
+            textcoords="axes fraction",
+            xycoords=_offset(panel, place),
+            arrowprops={"arrowstyle": "-|>", "color": ink, "lw": 1.4, "shrinkA": 0, "shrinkB": 0},
+            zorder=9,
+        )
+        panel.annotate(
+            "xyz"[axis],
+            xy=place,
+            xycoords="axes fraction",
+            xytext=tuple(1.25 * direction),
+            textcoords="offset points",
+            color=ink,
+            ha="center",
+            va="center",
+            zorder=9,
+        )
+
+
+def _offset(panel: Any, place: tuple[float, float]) -> Any:
+    """Points counted from a place in the panel."""
+    from matplotlib.text import OffsetFrom
+
+    anchor = panel.annotate("", xy=place, xycoords="axes fraction")
+    return OffsetFrom(anchor, (0.0, 0.0), unit="points")
+
+
+def write_picture(view: View, case: Case | None, shape: int, colour: str, path: Path) -> None:
+    """Draw one shape of a motion beside the undeformed body.
+
+    Parameters
+    ----------
+    view : View
+    case : Case or None
+    shape : int
+        Index along the motion.
+    colour : str
+        One of `View.colours`.
+    path : Path
+        PNG, PDF or SVG.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    factor = 1.0 if case is None else view.factor(case)
+    moved = np.zeros_like(view.points) if case is None else case.places[shape] - view.points
+    points = view.points + factor * moved
+    camera = Camera.of(np.ptp(np.concatenate([view.points, points]), axis=0))
+    figure = Figure(figsize=(8.0, 4.8), layout="constrained")
+    panel = figure.add_subplot()
+    panel.set_aspect("equal")
+    panel.set_axis_off()
+    tint, bar = _tint(view, case, shape, colour)
+    draw_surface(panel, points, view.faces, camera, tint)
+    edges = corner_edges(view.points, view.faces)
+    if case is not None:
+        draw_outline(panel, view.points, edges, camera, GHOST)
+    _draw_marks(panel, view, case, shape, factor, camera)
+    panel.autoscale_view()
+    panel.margins(0.06)
+    draw_triad(panel, camera)
+    if bar is not None:
+        figure.colorbar(bar[0], ax=panel, label=bar[1], shrink=0.75, pad=0.02)
+    else:
+        _legend(panel, view, colour)
+    scaled = "" if factor == 1.0 else f", drawn × {factor:g}"
+    panel.set_title(view.title if case is None else f"{view.title}: {case.name}", loc="left", fontsize=12)
+    if case is not None:
+        panel.text(0.0, -0.01, f"{case.note}{scaled}", transform=panel.transAxes, va="top", fontsize=9, color="#5b6875")
+    try:
+        with whole_file(path) as part:
+            figure.savefig(part, dpi=160)
+    except ValueError as error:
+        raise OutputError(f"{path}: cannot be drawn ({error})") from error
+
+
+def _tint(view: View, case: Case | None, shape: int, colour: str) -> tuple[FloatArray, Any]:
+    """Colours (f, 3) of the faces, and what a colour bar needs, or None."""
+    if case is not None and colour in (DISPLACEMENT, STRESS):
+        lengths = np.linalg.norm(case.places - view.points, axis=2)
+        values, factor, unit = lengths, *_length_unit(float(lengths.max()))
+        if colour == STRESS and case.stress is not None:
+            values, factor, unit = case.stress, 1e-6, "MPa"
+        norm = matplotlib.colors.Normalize(0.0, factor * float(values.max()) or 1.0)
+        mean = factor * values[shape][view.faces].mean(axis=1)
+        scale = matplotlib.cm.ScalarMappable(norm, "viridis")
+        return scale.to_rgba(mean)[:, :3], (scale, f"{colour} / {unit}")
+    tint = np.tile(matplotlib.colors.to_rgb(PLAIN), (len(view.faces), 1))
+    for region in view.regions:
+        if region.title == colour:
+            palette = np.array([region_colour(k) for k in range(len(region.names))] + [tint[0]])
+            tint = palette[region.number[view.faces]].mean(axis=1)
+    return tint, None
+
+
+def _length_unit(largest: float) -> tuple[float, str]:
+    return (1.0, "m") if largest >= 1.0 else (1e3, "mm") if largest >= 1e-3 else (1e6, "µm")
+
+
+def region_colour(number: int) -> tuple[float, float, float]:
+    """Colour of a name: the palette, then its lighter and its darker half."""
+    red, green, blue = matplotlib.colors.to_rgb(PALETTE[number % len(PALETTE)])
+    share, add = ((1.0, 0.0), (0.55, 0.45), (0.6, 0.0))[number // len(PALETTE) % 3]
+    return share * red + add, share * green + add, share * blue + add
+
+
+def _draw_marks(panel: Any, view: View, case: Case | None, shape: int, factor: float, camera: Camera) -> None:
+    rest = view.mark_points
+    places = rest if case is None else rest + factor * (case.marks[shape] - rest)
+    looks = {
+        MarkKind.INTERFACE: ("o", "#d55e00", 6),
+        MarkKind.JOINT: ("D", "#1d2733", 3.5),
+        MarkKind.CUT: ("D", "#cc79a7", 5),
+    }
+    for mark, place in zip(view.marks, places @ camera.axes.T, strict=True):
+        form, ink, size = looks[mark.kind]
+        panel.plot(*place[:2], form, color=ink, markersize=size, markeredgecolor="white", zorder=8)
+        if mark.kind is not MarkKind.JOINT:
+            panel.annotate(mark.name, place[:2], xytext=(7, 7), textcoords="offset points", fontsize=9, zorder=9)
+
+
+def _legend(panel: Any, view: View, colour: str) -> None:
+    for region in view.regions:
+        if region.title == colour:
+            used = [k for k in range(len(region.names)) if np.any(region.number == k)]
+            handles = [panel.plot([], [], "s", color=region_colour(k), label=region.names[k])[0] for k in used]
+            panel.legend(
+                handles=handles,
+                title=region.title,
+                loc="center left",
+                bbox_to_anchor=(1.0, 0.5),
+                frameon=False,
+                fontsize=9,
+            )
