@@ -175,7 +175,7 @@ def body_file(mesh, folder, *, interface, support="ROOT", name="body", **tables)
     content = {
         "name": name,
         "mesh": {"file": deck},
-        "support": [{"nodes": support, "fix": ["x", "y", "z"]}],
+        "support": [] if support is None else [{"nodes": support, "fix": ["x", "y", "z"]}],
         "interface": [{"name": each.lower(), "nodes": each} for each in interface],
     }
     return BodyFile.model_validate(content | tables)

@@ -436,7 +436,7 @@ def test_without_its_surface_a_body_is_as_large_whatever_its_mesh(folder):
     assert sizes[True, "fine"] > 1.5 * sizes[True, "coarse"]
     body = FlexibleBody(read_modal_file(folder / "coarse.h5"))
     assert body.model.surface is not None
-    (folder / "body.toml").write_text(BODY.replace("surface = true", ""))
+    (folder / "body.toml").write_text(BODY.replace("surface = true", "surface = false"))
     bare = FlexibleBody(build_fmu(folder / "body.toml", folder / "bare.fmu"))
     with pytest.raises(OptionError, match="surface = true"):
         bare.surface_positions(bare.rest())

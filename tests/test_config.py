@@ -54,7 +54,7 @@ def test_defaults_are_those_of_the_documentation(tmp_path):
     assert body.damping.ratio == 0.0
     assert body.variant == Variant(Method.SECOND_ORDER, Mass.CONSTANT)
     assert body.stored == {Data.SECOND_ORDER}
-    assert (body.output.velocities, body.output.surface, body.input.acceleration) == (False, False, False)
+    assert (body.output.velocities, body.output.surface, body.input.acceleration) == (False, True, False)
 
 
 @pytest.mark.parametrize("rest", ['[formulation]\nmass = "configuration"', "[reduction]\nsecond_order = false"])

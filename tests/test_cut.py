@@ -101,6 +101,23 @@ def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):
     )
 
 
+def test_the_surfaces_of_both_sides_of_a_cut_stay_together(cut):
+    body, surface = FlexibleBody(cut), cut.surface
+    moved = body.surface_positions(body.static({"corner": [0.0, 12e3, 12e3]})) - surface.points
+    pairs = [np.flatnonzero((np.abs(surface.points - p) < 1e-9).all(axis=1)) for p in surface.points]
+    pairs = np.array([pair for pair in pairs if len(pair) == 2])
+    # Four corners of the section, seen from either side.
+    assert len(np.unique(pairs)) == 8
+    largest = np.linalg.norm(moved, axis=1).max()
+    assert largest > 0.008
+    apart = np.linalg.norm(np.diff(moved[pairs], axis=1), axis=2).max()
+    assert apart < 2e-3 * largest
+    # Where frames alone carry it, the gap is wider.
+    rough = FlexibleBody(cut, Method.FRAMES)
+    moved = rough.surface_positions(rough.static({"corner": [0.0, 12e3, 12e3]})) - surface.points
+    assert np.linalg.norm(np.diff(moved[pairs], axis=1), axis=2).max() > 3.0 * apart
+
+
 def test_joints_at_distances_and_numbers_of_modes_hold_in_each_part(tmp_path):
     def build(modes):
         tables = {"frames": None, "branch": [{"toward": "MID", "joints": [0.1]}], "reduction": {"modes": modes}}

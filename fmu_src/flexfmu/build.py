@@ -17,7 +17,7 @@ from .mesh.formats import file_origin, read_mesh
 from .mesh.model import FloatArray, Mesh
 from .mesh.plausibility import implausible
 from .methods import Data
-from .model.reduced_body import GROUND, Properties, ReducedBody, StressSet, Ties
+from .model.reduced_body import GROUND, Properties, ReducedBody, StressSet, Surface, Ties
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
@@ -113,6 +113,8 @@ def reduce_mesh(
             "1 % is 0.01"
         )
     report.note(f"first frequency {first_frequency(body.angular_frequency)}")
+    if body.surface is not None:
+        report.note(_surface_words(body.surface))
     return replace(
         body,
         damping_ratio=damping_ratio,
@@ -309,6 +311,14 @@ def _surface_fields(
     key = content_key(__name__, "surface", modes_key, loads)
     kept = store.arrays(key, "the surface at second order", report, make)
     return kept["fields"], kept["forms"]
+
+
+def _surface_words(surface: Surface) -> str:
+    """What pictures need of the modal file, and how to leave it out."""
+    sizes = {"shapes": surface.modes, "second order": surface.second, "stress": surface.stress}
+    # In single precision.
+    parts = [f"{words} {part.nbytes / 2048:.0f} KiB" for words, part in sizes.items() if part is not None]
+    return f"surface for pictures: {len(surface.points)} points, {', '.join(parts)} ([output] surface, stress)"
 
 
 def _springs(

@@ -111,14 +111,20 @@ def simulate(
         list[str] | None, typer.Option("--set", help="Parameter, NAME=VALUE; may be repeated.")
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")] = None,
+    shape: Annotated[
+        Path | None, typer.Option("--view", help="Show the body as it moves (.html, .pvd, .png; see `flexfmu view`).")
+    ] = None,
 ) -> None:
     """Drive an FMU by a table of loads and write its motion."""
     from .fmu.simulation import parse_parameters, simulate_csv
     from .targets import PICTURE_SUFFIXES, check_target
+    from .view.command import SUFFIXES, show_simulation
 
     def job() -> None:
         if plot is not None:
             check_target(plot, PICTURE_SUFFIXES, inputs=(fmu, loads, output))
+        if shape is not None:
+            check_target(shape, SUFFIXES, inputs=(fmu, loads, output))
         settings = parse_parameters(parameter or [])
         if static_start:
             if settings.get("initialization", "static") != "static":
@@ -129,7 +135,9 @@ def simulate(
             from .plots import plot_result
 
             plot_result(output, plot)
-        typer.echo(f"{output}" + (f", {plot}" if plot else ""))
+        if shape is not None:
+            show_simulation(fmu, loads, output, shape, settings, ConsoleReporter())
+        typer.echo(", ".join(str(path) for path in (output, plot, shape) if path is not None))
 
     _run(job)
 

@@ -3,7 +3,7 @@
 from enum import Enum
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -303,6 +303,11 @@ class BodySpec(_Table):
         if plain and isinstance(ratio, list) and len(ratio) != count:
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {count} modes")
         return self
+
+    @property
+    def without_pictures(self) -> Self:
+        """The same body without what only pictures of it need."""
+        return self.model_copy(update={"output": self.output.model_copy(update={"surface": False, "stress": False})})
 
     @property
     def variant(self) -> Variant:

@@ -7,6 +7,7 @@ of (6), with the second-order part (19) where the method has one.
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .methods import Kinematics, recipe_of
 from .model.errors import OptionError
@@ -16,7 +17,7 @@ from .rotations import cross
 if TYPE_CHECKING:
     from .body import FlexibleBody
 
-LACKS_SURFACE = "the body was built without its surface: take surface = false out of [output], and build it again"
+LACKS_SURFACE = "the body holds no surface: build it with surface = true in [output], which is the default"
 
 
 def surface_of(body: "FlexibleBody") -> Surface:
@@ -76,7 +77,7 @@ def _applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
 
 def _from_ground(body: "FlexibleBody", q: FloatArray) -> FloatArray:
     """½ w of each point, (n, 3), seen as the tree's nodes are: from the ground, or from the floating frame."""
-    surface, model = surface_of(body), body.model
+    surface = surface_of(body)
     if surface.second is None or surface.form is None:
         return np.zeros_like(surface.points)
     half: FloatArray = surface.second @ (0.5 * np.einsum("rab,a,b->r", surface.form, q, q))
@@ -88,7 +89,7 @@ def _from_ground(body: "FlexibleBody", q: FloatArray) -> FloatArray:
 
 
 def _second_order(
-    body: "FlexibleBody", q: FloatArray, on: IntArray, s: IntArray, arm: FloatArray, change: FloatArray
+    body: "FlexibleBody", q: FloatArray, on: NDArray[np.bool_], s: IntArray, arm: FloatArray, change: FloatArray
 ) -> FloatArray:
     """What (19) adds to the offsets of carried points, (k, 3)."""
     model = body.model
@@ -102,7 +103,8 @@ def _second_order(
     if model.floating:
         turn = turn - model.frame_rotation[0] @ q
     own = _from_ground(body, q)[on]
-    return own - parent[s] - cross(turned[s], arm) - cross(turn, change + 0.5 * cross(turn, arm))
+    result: FloatArray = own - parent[s] - cross(turned[s], arm) - cross(turn, change + 0.5 * cross(turn, arm))
+    return result
 
 
 def surface_von_mises(body: "FlexibleBody", q: FloatArray) -> FloatArray:
@@ -118,4 +120,5 @@ def surface_von_mises(body: "FlexibleBody", q: FloatArray) -> FloatArray:
         raise OptionError("the body was built without the stress of its surface: set stress = true in [output]")
     xx, yy, zz, xy, yz, zx = np.moveaxis(surface.stress @ q, 1, 0)
     shear = xy**2 + yz**2 + zx**2
-    return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * shear)
+    result: FloatArray = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * shear)
+    return result

@@ -1,6 +1,7 @@
 """Stress of displacement fields at the integration points of chosen elements."""
 
 from functools import cache
+from typing import Any
 
 import felupe
 import numpy as np
@@ -99,7 +100,9 @@ def _extrapolation(kind: ElementType) -> FloatArray:
     choice = rule(kind)
     bricks = kind in (ElementType.C3D8, ElementType.C3D20, ElementType.C3D20R)
     powers = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1) if bricks or i + j + k < 2]
-    corners, points = choice.element.points[: 8 if bricks else 4], choice.stiffness.points
+    element: Any = choice.element
+    scheme: Any = choice.stiffness
+    corners, points = element.points[: 8 if bricks else 4], scheme.points
     if len(points) < len(powers):
         # One integration point: constant stress.
         powers = powers[:1]

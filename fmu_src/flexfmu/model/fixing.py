@@ -137,12 +137,7 @@ def _second_order_fixed(body: ReducedBody, second: SecondOrder, turn: FloatArray
 
 def _surface_fixed(body: ReducedBody, surface: Surface, turn: FloatArray, gone: int) -> Surface:
     """The surface in the coordinates that are left, moved at second order as the nodes of the tree are."""
-    found = replace(
-        surface,
-        modes=surface.modes @ turn,
-        frame=np.maximum(surface.frame - gone, GROUND),
-        stress=None if surface.stress is None else surface.stress @ turn,
-    )
+    found = replace(surface.in_coordinates(turn), frame=np.maximum(surface.frame - gone, GROUND))
     if surface.second is None or surface.form is None or body.second is None:
         return found
     root, pivot = body.frame_count + body.root_interface, body.interface_point[body.root_interface]

@@ -1,7 +1,7 @@
 """The reduced body: what is left of the finite element model once modes, interfaces and frames are known."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,17 @@ class Surface:
     turn: FloatArray | None = None
     pivot: FloatArray | None = None
     stress: FloatArray | None = None
+
+    def in_coordinates(self, turn: FloatArray) -> "Surface":
+        """The surface with q = turn z, (m, k), in the coordinates z."""
+        form = self.form
+        return replace(
+            self,
+            modes=self.modes @ turn,
+            form=None if form is None else np.einsum("rab,ac,bd->rcd", form, turn, turn, optimize=True),
+            turn=None if self.turn is None else self.turn @ turn,
+            stress=None if self.stress is None else self.stress @ turn,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The body's outer faces and how they move, for pictures: mode shapes, second-order part, stress, what they belong to."""
+"""The body's outer faces and how they move, for pictures: mode shapes, second-order part, stress."""
 
 from collections.abc import Sequence
 

@@ -203,7 +203,7 @@ def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
     if masses is not None:
         masses = replace(masses, displacement=masses.displacement[..., kept])
     if surface is not None:
-        surface = replace(surface, modes=surface.modes[..., kept])
+        surface = surface.in_coordinates(np.eye(body.mode_count)[:, kept])
     if ties is not None:
         ties = replace(ties, displacement=ties.displacement[..., kept], rotation=ties.rotation[..., kept])
     if inertia is not None:

@@ -151,7 +151,7 @@ def _tight_model(
     )
     method = FormulationTable(method=Method.FRAMES, mass=mass)
     changes = {"frames": settings.frames, "frame": [], "reduction": reduction, "formulation": method}
-    tight = config.model_copy(update=changes)
+    tight = config.model_copy(update=changes).without_pictures
 
     def run() -> dict[str, FloatArray]:
         body = reduce_body(tight, report, store)

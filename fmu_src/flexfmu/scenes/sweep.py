@@ -70,7 +70,8 @@ class Workshop:
         """Reduce the body; seconds that it took, and whether something came from an earlier build."""
         listening = _Listening(self._report)
         start = time.perf_counter()
-        body = reduce_body(reduction_config(self.scene.config, reduction, variants), listening, self._store)
+        config = reduction_config(self.scene.config, reduction, variants).without_pictures
+        body = reduce_body(config, listening, self._store)
         return body, time.perf_counter() - start, listening.reused
 
     def record(

@@ -78,7 +78,7 @@ class Subject:
         if "method" in changes:
             update["formulation"] = FormulationTable.model_validate({"method": changes.pop("method")})
         update["reduction"] = self.config.reduction.model_copy(update=changes)
-        return reduce_body(self.config.model_copy(update=update), self.quiet, self.store)
+        return reduce_body(self.config.model_copy(update=update).without_pictures, self.quiet, self.store)
 
     def reference(self) -> FlexibleBody:
         """The finest body: many modes with residual flexibility, many frames, stiffness by load."""

@@ -1,7 +1,8 @@
 """What `flexfmu view` is asked for, and the view that answers it."""
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,24 +13,28 @@ from ..config import read_body_file
 from ..errors import FlexfmuError
 from ..fmu.package import read_packaged_body
 from ..fmu.simulation import read_table
-from ..fmu.variables import ACCELERATION, METHOD
+from ..fmu.variables import ACCELERATION
 from ..inputs import Kind, check_input, kind_of
 from ..loads import Loads
-from ..model.reduced_body import FloatArray, ReducedBody
+from ..model.reduced_body import FloatArray, IntArray, ReducedBody
 from ..names import nearest
 from ..progress import Reporter
 from ..quantities import number
+from ..replay import body_with, communication_points, replay
 from ..store import Store, default_folder
 from ..targets import PICTURE_SUFFIXES, check_target, whole_file
+from .from_motion import motion_columns, shapes_of_least_energy
 from .mesh import body_file_view, mesh_view
-from .model import DISPLACEMENT, Case, View
-from .motions import body_view, equilibria_case, mode_cases, static_case
+from .model import Case, View
+from .motions import body_view, equilibria_case, mode_cases, motion_case, static_case
 from .page import page
 from .paraview import write_pvd, write_vtu
 from .picture import write_picture
 
 PAGE, SHAPE, SERIES = ".html", ".vtu", ".pvd"
 SUFFIXES = (PAGE, SHAPE, SERIES, *PICTURE_SUFFIXES)
+# Most shapes of a motion, and relative difference of motions that are the same.
+MOST_SHAPES, _REPLAYED = 100, 1e-6
 _AXES = ("x", "y", "z")
 
 
@@ -74,7 +79,7 @@ class Request:
     settings: Mapping[str, object] | None = None
     step: float | None = None
     stop: float | None = None
-    shapes: int = 100
+    shapes: int = MOST_SHAPES
 
 
 def show(request: Request, report: Reporter) -> View:
@@ -98,23 +103,28 @@ def show(request: Request, report: Reporter) -> View:
     """
     check_target(request.output, SUFFIXES, inputs=[p for p in (request.file, request.table) if p is not None])
     view = _view(request, report)
-    colour = _colour(request, view)
-    view = _with(view, colour, request.scale)
+    view = replace(view, colour=_colour(request, view), scale=request.scale)
+    _write(view, request.output, report)
+    return view
+
+
+def _write(view: View, output: Path, report: Reporter) -> None:
+    """Write a view as the ending of the file's name says."""
     case = view.cases[0] if view.cases else None
-    suffix = request.output.suffix.lower()
-    with report.stage(f"Write {request.output}"):
+    shape = 0 if case is None else view.telling(case)
+    suffix = output.suffix.lower()
+    with report.stage(f"Write {output}"):
         if suffix == PAGE:
-            with whole_file(request.output) as part:
+            with whole_file(output) as part:
                 part.write_text(page(view), encoding="utf-8")
         elif suffix == SERIES:
             if case is None:
-                raise FlexfmuError(f"{request.output}: a series wants a motion; give loads or --modes, or take {SHAPE}")
-            write_pvd(view, case, request.output)
+                raise FlexfmuError(f"{output}: a series wants a motion; give loads or --modes, or take {SHAPE}")
+            write_pvd(view, case, output)
         elif suffix == SHAPE:
-            write_vtu(view, case, _telling(view, case), request.output)
+            write_vtu(view, case, shape, output)
         else:
-            write_picture(view, case, _telling(view, case), view.colour, request.output)
-    return view
+            write_picture(view, case, shape, view.colour, output)
 
 
 def _view(request: Request, report: Reporter) -> View:
@@ -150,20 +160,82 @@ def view_of_model(model: ReducedBody, request: Request, report: Reporter) -> Vie
     View
     """
     settings = dict(request.settings or {})
-    method = request.method or settings.pop(METHOD, None)
-    body = FlexibleBody(model, None if method is None else str(method))
+    body = body_with(model, settings, request.method)
     cases: list[Case] = []
     if request.loads:
         loads, words = loads_of(body, request.loads)
         cases.append(static_case(body, loads, words, report))
     if request.table is not None:
-        names, values = read_table(request.table)
-        rows = [Loads.unpacked(row, model.interface_count) for row in packed_rows(model, names, values)]
-        cases.append(equilibria_case(body, request.table.name, values[:, 0], rows, report))
+        cases.append(_table_case(body, request, settings, report))
     if request.modes or not cases:
         bare = body_view(body)
         cases += mode_cases(body, request.modes or 6, bare.size)
     return body_view(body, cases)
+
+
+def _table_case(body: FlexibleBody, request: Request, settings: Mapping[str, object], report: Reporter) -> Case:
+    """What a table tells: motions of interfaces, or loads."""
+    model, table = body.model, request.table
+    assert table is not None
+    names, values = read_table(table)
+    motions = motion_columns(body, names)
+    if motions:
+        some = _spread(len(values), request.shapes)
+        states = shapes_of_least_energy(body, motions, values[some, 1:], report)
+        return motion_case(body, table.name, states, [*values[some, 0]])
+    rows = packed_rows(model, names, values)
+    if request.static:
+        return equilibria_case(
+            body, table.name, values[:, 0], [Loads.unpacked(row, model.interface_count) for row in rows], report
+        )
+    stop = float(values[-1, 0]) if request.stop is None else request.stop
+    points = communication_points(values[:, 0], request.step or model.suggested_step, stop)
+    found = replay(body, np.column_stack([values[:, :1], rows]), points, settings, report)
+    if found.ended:
+        report.warning(f"the motion ends at {found.time[-1]:.6g} s: {found.ended}")
+    some = _spread(len(found.time), request.shapes)
+    return motion_case(body, table.name, [*found.q[some]], [*found.time[some]])
+
+
+def _spread(count: int, most: int) -> IntArray:
+    """At most so many of `count` places, evenly, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
+
+
+def show_simulation(
+    fmu: Path, table: Path, result: Path, output: Path, settings: Mapping[str, object], report: Reporter
+) -> None:
+    """Show a simulation that was run: the same loads at the same times, and the same motion to the last digits.
+
+    Parameters
+    ----------
+    fmu, table, result : Path
+        What was run, its loads, and its results.
+    output : Path
+        As of `Request`.
+    settings : mapping of str to object
+        Parameters of the run.
+    report : Reporter
+
+    Raises
+    ------
+    FlexfmuError
+        See `show`.
+    """
+    model = read_packaged_body(fmu)
+    body = body_with(model, settings)
+    names, loads = read_table(table)
+    outputs, motion = read_table(result)
+    rows = np.column_stack([loads[:, :1], packed_rows(model, names, loads)])
+    found = replay(body, rows, motion[:, 0], settings, report)
+    columns = motion_columns(body, outputs)
+    expected = motion[: len(found.q), [column + 1 for column in columns]]
+    seen = np.array([body.core.motion(q)[list(columns.values())] for q in found.q])
+    off = float(np.abs(seen - expected).max(initial=0.0))
+    if off > _REPLAYED * max(float(np.abs(expected).max(initial=0.0)), 1e-12):
+        report.warning(f"the picture's motion differs from the FMU's by up to {off:.2g}: its loads are other ones")
+    some = _spread(len(found.time), MOST_SHAPES)
+    _write(body_view(body, [motion_case(body, table.name, [*found.q[some]], [*found.time[some]])]), output, report)
 
 
 def input_names(model: ReducedBody) -> list[str]:
@@ -206,7 +278,8 @@ def loads_of(body: FlexibleBody, texts: Sequence[str]) -> tuple[Loads, str]:
         names.append(name)
         row.append(number(value, name))
     packed = packed_rows(body.model, names, np.array([[0.0, *row]]))[0]
-    return Loads.unpacked(packed, body.model.interface_count), ", ".join(text.replace("=", " = ") for text in texts)
+    words = [re.sub(r"\s*=\s*([-+.\de]*\d)\s*", r" = \1 ", text).strip() for text in texts]
+    return Loads.unpacked(packed, body.model.interface_count), ", ".join(words)
 
 
 def _colour(request: Request, view: View) -> str:
@@ -219,21 +292,3 @@ def _colour(request: Request, view: View) -> str:
         lack = "; stress is stored with stress = true in [output]" if "mises" in wanted or "stress" in wanted else ""
         raise FlexfmuError(f"--colour {request.colour}: expected one of {', '.join(view.colours)}{lack}")
     return found[0]
-
-
-def _with(view: View, colour: str, scale: float) -> View:
-    from dataclasses import replace
-
-    return replace(view, colour=colour, scale=scale)
-
-
-def _telling(view: View, case: Case | None) -> int:
-    """The shape of a motion that is drawn alone: the last of a load that grows, else the largest."""
-    if case is None:
-        return 0
-    if case.unit == "%":
-        return len(case.position) - 1
-    return int(np.argmax(np.abs(case.places - view.points).max(axis=(1, 2))))
-
-
-__all__ = ["DISPLACEMENT", "SUFFIXES", "Request", "show"]

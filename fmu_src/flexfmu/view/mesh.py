@@ -17,6 +17,7 @@ from ..progress import Reporter
 from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface
 from ..reduction.model import assemble_model, node_set
+from ..reduction.subdomains import Subdomain
 from ..reduction.surface import carrying_frames, set_numbers, surface_nodes
 from .model import Mark, MarkKind, Region, View
 from .motions import FRAMES, INTERFACES
@@ -54,7 +55,7 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
     faces = element_faces(mesh)
     numbered = []
     marks, places = [], []
-    subdomains = []
+    subdomains: list[Subdomain] = []
     if not config.cut:
         with report.stage("Divide into frames"):
             subdomains, warnings = body_subdomains(config, model, volume_matrices(mesh), faces)

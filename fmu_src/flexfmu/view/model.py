@@ -131,6 +131,12 @@ class View:
             return self.scale
         return shown_factor(float(np.abs(case.places - self.points).max()), self.size)
 
+    def telling(self, case: Case) -> int:
+        """The shape of a motion that tells most: the last of a load that grows, else that of the largest displacement."""
+        if case.unit == "%":
+            return len(case.position) - 1
+        return int(np.argmax(np.abs(case.places - self.points).max(axis=(1, 2))))
+
     @property
     def colours(self) -> tuple[str, ...]:
         """What the surface can be coloured by."""

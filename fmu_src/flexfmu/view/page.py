@@ -66,6 +66,7 @@ def _case(view: View, case: Case) -> dict[str, Any]:
         "low": _rounded((case.places.min(axis=(0, 1)) - view.points.min(axis=0))[None])[0],
         "high": _rounded((case.places.max(axis=(0, 1)) - view.points.max(axis=0))[None])[0],
         "marks": [_rounded(places) for places in case.marks],
+        "peak": view.telling(case) / max(len(case.position) - (0 if case.cyclic else 1), 1),
         "cyclic": case.cyclic,
         "note": case.note,
         "factor": view.factor(case),

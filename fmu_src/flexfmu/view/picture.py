@@ -8,6 +8,7 @@ import matplotlib
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from ..errors import OutputError
 from ..model.reduced_body import FloatArray, IntArray
@@ -17,6 +18,10 @@ from .model import DISPLACEMENT, STRESS, Case, MarkKind, View
 # A palette that colour-blind readers can tell apart (Okabe and Ito), and what belongs to nothing.
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
 PLAIN, GHOST = "#b8c2cc", "#7d858c"
+_AXES = ("#d55e00", "#009e73", "#0072b2")
+_HALO = [withStroke(linewidth=2.5, foreground="white", alpha=0.8)]
+# Inches.
+_WIDTH = 8.0
 _LIGHT = np.array([-0.35, 0.55, 0.75]) / np.linalg.norm([-0.35, 0.55, 0.75])
 # Cosine of the angle between faces beyond which their edge is drawn bold.
 _CORNER = 0.85
@@ -47,7 +52,7 @@ class Camera:
     def of(cls, size: FloatArray) -> "Camera":
         """Camera that shows a body of some size (3,) from its broad side."""
         broad = size[:2][size[:2] > 0.15 * size[:2].max()]
-        if size[2] < 0.2 * broad.min():
+        if size[2] < 0.12 * broad.min():
             return cls.along([1.0, 0.0, -0.35], [0.12, 1.0, -0.3])
         right = np.array([0.9, 0.45, 0.0]) if size[0] >= size[1] else np.array([-0.45, 0.9, 0.0])
         right /= np.linalg.norm(right)
@@ -121,7 +126,7 @@ def draw_surface(
     if not edges or len(faces) > _MANY_FACES:
         # Thin lines of the faces' own colour close the gaps between them.
         lines = {"edgecolors": tint, "linewidths": 0.25}
-    panel.add_collection(PolyCollection(seen[faces[drawn]][:, :, :2], facecolors=tint, zorder=order, **lines))
+    panel.add_collection(PolyCollection([*seen[faces[drawn]][:, :, :2]], facecolors=tint, zorder=order, **lines))
 
 
 def draw_outline(
@@ -129,41 +134,22 @@ def draw_outline(
 ) -> None:
     """Draw edges (e, 2) of points (n, 3) into axes."""
     seen = points @ camera.axes.T
-    panel.add_collection(LineCollection(seen[edges][:, :, :2], colors=colour, linewidths=width, zorder=order))
+    panel.add_collection(LineCollection([*seen[edges][:, :, :2]], colors=colour, linewidths=width, zorder=order))
 
 
-def draw_triad(panel: Any, camera: Camera, place: tuple[float, float] = (0.06, 0.1), length: float = 0.4) -> None:
-    """Draw the directions of the axes near a corner of the panel, lengths in inches."""
-    for axis, ink in zip(range(3), ("#d55e00", "#009e73", "#0072b2"), strict=True):
-        direction = camera.axes[:2, axis] * length * 72.0
-        panel.annotate(
-            "",
-            xy=tuple(direction),
-            xytext=place,
-            textcoords="axes fraction",
-            xycoords=_offset(panel, place),
-            arrowprops={"arrowstyle": "-|>", "color": ink, "lw": 1.4, "shrinkA": 0, "shrinkB": 0},
-            zorder=9,
-        )
-        panel.annotate(
-            "xyz"[axis],
-            xy=place,
-            xycoords="axes fraction",
-            xytext=tuple(1.25 * direction),
-            textcoords="offset points",
-            color=ink,
-            ha="center",
-            va="center",
-            zorder=9,
-        )
-
-
-def _offset(panel: Any, place: tuple[float, float]) -> Any:
-    """Points counted from a place in the panel."""
-    from matplotlib.text import OffsetFrom
-
-    anchor = panel.annotate("", xy=place, xycoords="axes fraction")
-    return OffsetFrom(anchor, (0.0, 0.0), unit="points")
+def draw_triad(panel: Any, camera: Camera) -> None:
+    """Draw the directions of the axes into a small panel of their own."""
+    panel.set_aspect("equal")
+    panel.set_axis_off()
+    panel.set(xlim=(-1.5, 1.5), ylim=(-1.5, 1.5))
+    directions = camera.axes.T
+    # Those that point at the eye come last.
+    for axis in np.argsort(directions[:, 2]):
+        x, y = directions[axis, :2]
+        ink = _AXES[axis]
+        arrow = {"arrowstyle": "-|>", "color": ink, "lw": 1.4, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
+        panel.annotate("", xy=(x, y), xytext=(0.0, 0.0), arrowprops=arrow)
+        panel.text(1.35 * x, 1.35 * y, "xyz"[axis], color=ink, ha="center", va="center", fontsize=9)
 
 
 def write_picture(view: View, case: Case | None, shape: int, colour: str, path: Path) -> None:
@@ -188,28 +174,31 @@ def write_picture(view: View, case: Case | None, shape: int, colour: str, path: 
     factor = 1.0 if case is None else view.factor(case)
     moved = np.zeros_like(view.points) if case is None else case.places[shape] - view.points
     points = view.points + factor * moved
-    camera = Camera.of(np.ptp(np.concatenate([view.points, points]), axis=0))
-    figure = Figure(figsize=(8.0, 4.8), layout="constrained")
-    panel = figure.add_subplot()
-    panel.set_aspect("equal")
+    both = np.concatenate([view.points, points])
+    camera = Camera.of(np.ptp(both, axis=0))
+    extent = np.ptp(both @ camera.axes[:2].T, axis=0)
+    height = float(np.clip(_WIDTH * 0.8 * extent[1] / max(extent[0], 1e-12) + 1.2, 3.2, 7.0))
+    figure = Figure(figsize=(_WIDTH, height))
+    panel = figure.add_axes((0.02, 0.45 / height, 0.8, 1.0 - 0.95 / height))
+    panel.set_aspect("equal", adjustable="datalim")
     panel.set_axis_off()
     tint, bar = _tint(view, case, shape, colour)
     draw_surface(panel, points, view.faces, camera, tint)
-    edges = corner_edges(view.points, view.faces)
     if case is not None:
-        draw_outline(panel, view.points, edges, camera, GHOST)
+        draw_outline(panel, view.points, corner_edges(view.points, view.faces), camera, GHOST)
     _draw_marks(panel, view, case, shape, factor, camera)
+    panel.margins(0.07)
     panel.autoscale_view()
-    panel.margins(0.06)
-    draw_triad(panel, camera)
+    draw_triad(figure.add_axes((0.0, 0.3 / height, 0.9 / _WIDTH, 0.9 / height)), camera)
     if bar is not None:
-        figure.colorbar(bar[0], ax=panel, label=bar[1], shrink=0.75, pad=0.02)
+        figure.colorbar(bar[0], cax=figure.add_axes((0.86, 0.2, 0.025, 0.6)), label=bar[1])
     else:
         _legend(panel, view, colour)
-    scaled = "" if factor == 1.0 else f", drawn × {factor:g}"
-    panel.set_title(view.title if case is None else f"{view.title}: {case.name}", loc="left", fontsize=12)
+    title = view.title if case is None else f"{view.title}: {case.name}"
+    figure.text(0.02, 1.0 - 0.12 / height, title, fontsize=12, va="top")
     if case is not None:
-        panel.text(0.0, -0.01, f"{case.note}{scaled}", transform=panel.transAxes, va="top", fontsize=9, color="#5b6875")
+        scaled = "" if factor == 1.0 else f"; drawn × {factor:g}"
+        figure.text(0.02, 0.1 / height, f"{case.note}{scaled}", fontsize=9, color="#5b6875")
     try:
         with whole_file(path) as part:
             figure.savefig(part, dpi=160)
@@ -259,7 +248,8 @@ def _draw_marks(panel: Any, view: View, case: Case | None, shape: int, factor: f
         form, ink, size = looks[mark.kind]
         panel.plot(*place[:2], form, color=ink, markersize=size, markeredgecolor="white", zorder=8)
         if mark.kind is not MarkKind.JOINT:
-            panel.annotate(mark.name, place[:2], xytext=(7, 7), textcoords="offset points", fontsize=9, zorder=9)
+            words = {"xytext": (7, 7), "textcoords": "offset points", "fontsize": 9, "zorder": 9, "path_effects": _HALO}
+            panel.annotate(mark.name, place[:2], **words)
 
 
 def _legend(panel: Any, view: View, colour: str) -> None:

@@ -125,7 +125,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
         damping_ratio=np.full(len(angular_frequency), body.damping_ratio[0]),
         whole=whole and replace(whole, **turned(whole, *frames)),
         masses=masses and replace(masses, **turned(masses, "displacement")),
-        surface=surface and replace(surface, **turned(surface, "modes")),
+        surface=surface and surface.in_coordinates(turn),
         ties=ties and replace(ties, **turned(ties, "displacement", "rotation")),
         inertia=inertia,
         second=second,

@@ -123,7 +123,7 @@ class Search:
         found = self._bodies.get(plan)
         if found is None or not set(variants) <= found[1]:
             config = plan_config(self.scene.config, plan, variants)
-            found = self._bodies[plan] = reduced(config, self.store), frozenset(variants)
+            found = self._bodies[plan] = reduced(config.without_pictures, self.store), frozenset(variants)
         return found[0]
 
     def errors(self, body: ReducedBody, variant: Variant) -> Errors:

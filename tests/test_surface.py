@@ -1,0 +1,150 @@
+"""The surface for pictures goes where the method takes the body: interfaces, lengths, rigid turns, stress."""
+
+import numpy as np
+import pytest
+
+from flexfmu.body import FlexibleBody
+from flexfmu.build import reduce_body
+from flexfmu.fe.stress import nodal_stress
+from flexfmu.mesh.model import ElementType
+from flexfmu.methods import Method
+from flexfmu.model.errors import OptionError
+from flexfmu.progress import Reporter
+from flexfmu.recovery import surface_places, surface_von_mises
+from flexfmu.rotations import exponential
+from meshes import EVERY_TYPE, arc, body_file, box
+from references import relative
+
+# Every node of these bricks is on a corner, so that the surface holds all nodes of an interface on it.
+BRICK = ElementType.C3D8
+PLACES = (Method.LINEAR, Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.FRAMES, Method.SECOND_ORDER)
+# The second-order part is kept to a thousandth of itself, which is some hundredths of the displacement.
+CLOSE = 1e-4
+
+
+def by_node(mesh, folder, *sets, **tables):
+    """Reduced body whose interfaces count every node the same."""
+    config = body_file(mesh, folder, interface=sets, **tables)
+    return reduce_body(
+        config.model_copy(
+            update={"interface": [table.model_copy(update={"weights": "node"}) for table in config.interface]}
+        ),
+        Reporter(),
+    )
+
+
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory):
+    """A quarter arc of linear bricks, reduced once for each number of frames."""
+    known = {}
+
+    def make(frames):
+        if frames not in known:
+            mesh = arc(BRICK, (24, 2, 2), 1.0, 0.04)
+            tables = {"reduction": {"modes": 8, "residual_flexibility": True, "second_order": True}}
+            known[frames] = by_node(mesh, tmp_path_factory.mktemp("arc"), "TIP", frames=frames, **tables)
+        return known[frames]
+
+    return make
+
+
+@pytest.mark.parametrize("method", PLACES)
+@pytest.mark.parametrize("frames", [1, 3])
+def test_the_mean_of_an_interfaces_nodes_moves_as_the_fmu_says(bent, method, frames):
+    body = FlexibleBody(bent(frames), method)
+    state = body.static({"tip": [2000.0, 6000.0, 4000.0]})
+    on = body.model.surface.interface == 0
+    assert on.sum() == 9
+    moved = (body.surface_positions(state) - body.model.surface.points)[on].mean(axis=0)
+    expected = body.response(state).displacement[0]
+    assert np.linalg.norm(expected) > 0.1
+    assert relative(moved, expected) < CLOSE
+    # Not by chance: without its second-order part the surface of that method misses the interface.
+    if method is Method.SECOND_ORDER:
+        frames_only = FlexibleBody(bent(frames), Method.FRAMES).surface_positions(state)
+        assert relative((frames_only - body.model.surface.points)[on].mean(axis=0), expected) > 5 * CLOSE
+
+
+def fibre(points, start):
+    """Length of the line through the middles of a straight bar's sections."""
+    levels = np.round(start[:, 0], 9)
+    middles = np.array([points[levels == level].mean(axis=0) for level in np.unique(levels)])
+    return np.linalg.norm(np.diff(middles, axis=0), axis=1).sum()
+
+
+def test_a_bar_that_bends_far_keeps_its_length(tmp_path):
+    mesh = box(BRICK, (40, 2, 2), (1.0, 0.03, 0.03))
+    tables = {"frames": 1, "reduction": {"modes": 8, "residual_flexibility": True}}
+    model = by_node(mesh, tmp_path, "TIP", **tables)
+    stretch = {}
+    for method in (Method.LINEAR, Method.FRAMES, Method.SECOND_ORDER):
+        body = FlexibleBody(model, method)
+        state = FlexibleBody(model).static({"tip": [0.0, 10e3, 0.0]})
+        stretch[method] = fibre(body.surface_positions(state), model.surface.points) - 1.0
+    assert stretch[Method.LINEAR] > 0.018
+    assert stretch[Method.FRAMES] > 0.003
+    assert abs(stretch[Method.SECOND_ORDER]) < 4e-4
+
+
+@pytest.fixture(scope="module")
+def free_bar(tmp_path_factory):
+    mesh = box(BRICK, (16, 2, 2), (0.5, 0.04, 0.03))
+    tables = {"free": True, "frames": 2, "root": "root", "reduction": {"modes": 6, "basis": "craig_bampton"}}
+    return by_node(mesh, tmp_path_factory.mktemp("free"), "ROOT", "TIP", support=None, **tables)
+
+
+@pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
+def test_a_free_body_that_turns_as_one_stays_rigid(free_bar, method):
+    body = FlexibleBody(free_bar, method)
+    angle = np.array([0.3, -0.5, 0.9])
+    q = np.zeros(free_bar.mode_count)
+    rigid = np.concatenate([free_bar.joint_displacement[0], free_bar.frame_rotation[0]])[:, :6]
+    q[:6] = np.linalg.solve(rigid, [0.1, 0.2, -0.3, *angle])
+    start = free_bar.surface.points
+    centre = free_bar.joint_point[0]
+    expected = centre + [0.1, 0.2, -0.3] + (start - centre) @ exponential(angle).T
+    np.testing.assert_allclose(surface_places(body, q), expected, atol=1e-6)
+
+
+def test_a_bar_whose_root_the_scene_fixes_is_a_clamped_one(free_bar):
+    body = FlexibleBody(free_bar, Method.SECOND_ORDER, fixed=["root"])
+    state = body.static({"tip": [0.0, 24e3, 12e3]})
+    surface = body.model.surface
+    moved = body.surface_positions(state) - surface.points
+    expected = body.response(state).displacement[1]
+    assert np.linalg.norm(expected) > 0.03
+    assert relative(moved[surface.interface == 1].mean(axis=0), expected) < CLOSE
+    assert np.abs(moved[surface.interface == 0].mean(axis=0)).max() < CLOSE * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("kind", EVERY_TYPE)
+def test_uniform_strain_gives_hookes_stress_at_every_corner(kind):
+    mesh = box(kind, (2, 2, 1), (0.2, 0.2, 0.1))
+    gradient = np.array([[1e-3, 4e-4, 0.0], [2e-4, -5e-4, 3e-4], [0.0, 1e-4, 7e-4]])
+    corners = np.unique(
+        np.concatenate(
+            [b.connectivity[:, : 4 if "10" in kind.value or kind.value == "C3D4" else 8].ravel() for b in mesh.blocks]
+        )
+    )
+    stress = nodal_stress(mesh, corners, (mesh.points @ gradient.T).reshape(-1, 1))[:, :, 0]
+    strain = 0.5 * (gradient + gradient.T)
+    expected = 2e11 / 1.3 * (strain + 0.3 / 0.4 * np.trace(strain) * np.eye(3))
+    voigt = [expected[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))]
+    np.testing.assert_allclose(stress, np.broadcast_to(voigt, stress.shape), rtol=1e-9, atol=1e-3)
+
+
+def test_the_surface_of_a_bent_bar_is_stressed_as_beam_theory_has_it(tmp_path):
+    mesh = box(ElementType.C3D20R, (20, 2, 2), (1.0, 0.03, 0.03))
+    tables = {"frames": 1, "output": {"stress": True}, "reduction": {"modes": 6, "residual_flexibility": True}}
+    body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TIP"], **tables), Reporter()))
+    state = body.static({"tip": [0.0, 100.0, 0.0]})
+    points = body.model.surface.points
+    outer = (points[:, 0] > 0.2) & (points[:, 0] < 0.8) & (points[:, 1] == 0.0)
+    expected = 100.0 * (1.0 - points[outer, 0]) * 0.015 / (0.03**4 / 12.0)
+    np.testing.assert_allclose(surface_von_mises(body, state.q)[outer], expected, rtol=0.02)
+
+
+def test_a_body_without_the_stress_of_its_surface_says_how_to_store_it(bent):
+    body = FlexibleBody(bent(1))
+    with pytest.raises(OptionError, match="stress = true"):
+        surface_von_mises(body, body.rest().q)
