@@ -132,7 +132,7 @@ class View:
         return shown_factor(float(np.abs(case.places - self.points).max()), self.size)
 
     def telling(self, case: Case) -> int:
-        """The shape of a motion that tells most: the last of a load that grows, else that of the largest displacement."""
+        """The shape of a motion that tells most: the last of a load that grows, else the largest."""
         if case.unit == "%":
             return len(case.position) - 1
         return int(np.argmax(np.abs(case.places - self.points).max(axis=(1, 2))))
