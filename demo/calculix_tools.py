@@ -177,16 +177,30 @@ def sudden_load_deck(model: Model, forces: Forces, step: float, duration: float,
     step, duration : float
         Fixed time step and end time, s. With ALPHA=0 the method is the trapezoidal rule, free of damping.
     """
+    return transient_deck(model, forces, np.array([[0.0, 1.0], [2.0 * duration, 1.0]]), step, duration, title)
+
+
+def transient_deck(model: Model, forces: Forces, course: np.ndarray, step: float, duration: float, title: str) -> str:
+    """The same under forces that follow a course.
+
+    Parameters
+    ----------
+    model, forces, step, duration, title
+        As in `sudden_load_deck`.
+    course : ndarray, shape (n, 2)
+        Times (s) and the share of `forces` that acts then; linear in between.
+    """
+    rows = [f"{time:.9g}, {share:.9g}" for time, share in course]
     return _deck(
         model,
         title,
-        ["*AMPLITUDE, NAME=SUDDEN", f"0., 1., {2 * duration:.9g}, 1."],
+        ["*AMPLITUDE, NAME=COURSE", *rows],
         [
             f"*STEP, NLGEOM, INC={10 * round(duration / step)}",
             "*DYNAMIC, ALPHA=0., DIRECT",
             f"{step:.9g}, {duration:.9g}",
             *_tolerance_cards(),
-            *_load_cards(model, forces, ", AMPLITUDE=SUDDEN"),
+            *_load_cards(model, forces, ", AMPLITUDE=COURSE"),
             *_print_cards(model),
             "*END STEP",
         ],

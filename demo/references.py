@@ -112,7 +112,21 @@ class ReferenceBody:
         Times in s. Of the computed steps, every `keep_every`-th is kept in the result.
         """
         title = f"Nonlinear transient, undamped, sudden dead {_in_words(forces)}, from rest"
-        run = self._run(name, ccx.sudden_load_deck(self.model, _as_arrays(forces), step, duration, title))
+        deck = ccx.sudden_load_deck(self.model, _as_arrays(forces), step, duration, title)
+        self._transient(name, title, deck, step, keep_every)
+
+    def shaken(
+        self, name: str, forces: Forces, hertz: float, step: float, duration: float, keep_every: int, drawn: float
+    ) -> None:
+        """The same under dead forces that go with the sine of a frequency, drawn by straight lines `drawn` s long."""
+        title = f"Nonlinear transient, undamped, dead {_in_words(forces)} times sin(2 pi {hertz:g} t), from rest"
+        times = drawn * np.arange(round(duration / drawn) + 1)
+        course = np.column_stack([times, np.sin(2.0 * np.pi * hertz * times)])
+        deck = ccx.transient_deck(self.model, _as_arrays(forces), course, step, duration, title)
+        self._transient(name, title, deck, step, keep_every)
+
+    def _transient(self, name: str, title: str, deck: str, step: float, keep_every: int) -> None:
+        run = self._run(name, deck)
         _, motion = self._motion(run)
         motion = np.vstack([np.zeros(motion.shape[1]), motion])
         times = step * np.arange(len(motion))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from flexfmu.methods import Method
-from flexfmu.model.inertia import InertiaIntegrals
+from flexfmu.model.inertia import LumpedMass
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, Ties, WholeFrame
 
 FloatArray = NDArray[np.float64]
@@ -202,12 +202,29 @@ def beam_body(
     return ReducedBody(**(values | changes))  # type: ignore[arg-type]
 
 
+def random_lumps(rng: np.random.Generator, frames: int, modes: int) -> LumpedMass:
+    """Two lumps a frame, with turning inertia and curvature."""
+    count = 2 * frames
+    arms = 0.3 * rng.standard_normal((frames, 6, 3))
+    square = np.einsum("sni,snj->sij", arms, arms)
+    curvature = 0.1 * rng.standard_normal((count, 3, modes, modes))
+    return LumpedMass(
+        np.repeat(np.arange(frames), 2),
+        rng.uniform(1.0, 6.0, count),
+        rng.standard_normal((count, 3)),
+        0.3 * rng.standard_normal((count, 3, modes)),
+        np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3) - square,
+        0.1 * rng.standard_normal((frames, 3, modes)),
+        curvature + curvature.swapaxes(2, 3),
+    )
+
+
 def body_of_everything(
     seed: int, modes: int = 5, frames: int = 4, interfaces: int = 2, free: bool = False
 ) -> ReducedBody:
     """A random tree with the data of every method; parents and carriers are random, the ground among them.
 
-    The integrals are those of twelve point masses a frame, and four on the ground.
+    Each frame carries two lumps.
     """
     rng = np.random.default_rng(seed)
     parents = tuple(int(rng.integers(GROUND, s)) for s in range(frames))
@@ -221,15 +238,7 @@ def body_of_everything(
     )
     by_load = rng.standard_normal((6 * interfaces + 3, modes, modes))
     by_mode = 30.0 * rng.standard_normal((modes, modes, modes))
-    moments = 0.3 * rng.standard_normal((frames, 12, 1 + modes, 3))
-    on_ground = rng.standard_normal((modes, 12))
-    inertia = InertiaIntegrals(
-        np.arange(frames),
-        np.full(frames, 12.0),
-        moments.sum(axis=1),
-        np.einsum("pnai,pnbj->pabij", moments, moments),
-        on_ground @ on_ground.T,
-    )
+    inertia = random_lumps(rng, frames, modes)
     whole = WholeFrame(rng.uniform(-1.0, 1.0, 3), *rng.standard_normal((3, 3, modes)))
     body = replace(
         body,

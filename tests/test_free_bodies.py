@@ -97,8 +97,8 @@ def test_what_hung_on_the_floating_frame_keeps_its_mass_where_the_scene_fixes_th
     changes = {"free": True, "support": [], "interface": ROOT_AND_TIP, "frames": None, "frame": frame}
     free = bodies.beam(reduction=reduction, **changes).model
     body = FlexibleBody(free, mass=Mass.CONFIGURATION, fixed=["root"])
-    assert body.model.inertia.frame.tolist() == [0]
-    assert np.trace(body.model.inertia.ground) > 1.0
+    assert set(body.model.inertia.frame) == {0}
+    assert body.model.inertia.mass.sum() < 0.5 * free.inertia.mass.sum()
     count = body.model.mode_count
     for v in [*np.eye(count), np.ones(count)]:
         assert sum(body.energies(State(np.zeros(count), v))) == pytest.approx(0.5 * float(v @ v), rel=1e-9)

@@ -1,6 +1,7 @@
 """Mass of the deformed body: against the finite element model's own, closed forms, conservation laws and CalculiX."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from flexfmu import build
 from flexfmu.body import FlexibleBody, State, StepLimits
 from flexfmu.build import reduce_body
 from flexfmu.config import Basis, BodyFile, InputTable, InterfaceTable
-from flexfmu.methods import Mass, Method, Variant
+from flexfmu.methods import Mass, Method, Variant, masses_of
 from flexfmu.model.errors import ModalFileError, OptionError
 from flexfmu.model.inertia import without_frames
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.progress import Reporter
+from flexfmu.reduction import inertia as lumping
 from flexfmu.rotations import exponential
 from reference import Reference
 from references import BEAM, L_FRAME, calculix, displacement, relative
@@ -29,12 +31,13 @@ ROOT_AND_TIP = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="
 
 @pytest.fixture(scope="module")
 def beam(bodies):
-    """The clamped beam with inertia integrals aboard, undamped."""
+    """The clamped beam with its lumps, undamped."""
 
-    def make(frames, modes=10, limits=None, mass=Mass.CONFIGURATION):
-        reduction = bodies.config(BEAM).reduction.model_copy(update={"modes": modes, "inertia": True})
+    def make(frames, modes=10, limits=None, mass=Mass.CONFIGURATION, method=Method.FRAMES):
+        stored = {"modes": modes, "inertia": True, "second_order": True}
+        reduction = bodies.config(BEAM).reduction.model_copy(update=stored)
         model = bodies.beam(frames=frames, reduction=reduction).model
-        return FlexibleBody(model, Method.FRAMES, mass, damping_scale=0.0, limits=limits)
+        return FlexibleBody(model, method, mass, damping_scale=0.0, limits=limits)
 
     return make
 
@@ -61,22 +64,25 @@ def floating(bodies):
 
 @pytest.fixture(scope="module")
 def whole(bodies):
-    """The L-frame with four frames, and the finite element model that it was made of."""
-    known = {}
-    original = build.inertia_integrals
+    """The L-frame with four frames and some number of lumps, and the finite element model that it was made of."""
 
-    def watched(mesh, volumes, shapes, subdomains, frames):
-        known.update(mesh=mesh, volumes=volumes, shapes=shapes, subdomains=subdomains)
-        return original(mesh, volumes, shapes, subdomains, frames)
+    @cache
+    def make(count=lumping.LUMPS):
+        known = {}
+        original = build.lumped_mass
 
-    config = bodies.config(L_FRAME)
-    reduction = config.reduction.model_copy(update={"modes": 6, "inertia": True})
-    build.inertia_integrals = watched
-    try:
-        model = build.reduce_body(config.model_copy(update={"frames": 4, "reduction": reduction}), Reporter())
-    finally:
-        build.inertia_integrals = original
-    return model, known
+        def watched(mesh, volumes, shapes, lumps, frames):
+            known.update(mesh=mesh, volumes=volumes, shapes=shapes, lumps=lumps)
+            return original(mesh, volumes, shapes, lumps, frames)
+
+        config = bodies.config(L_FRAME)
+        reduction = config.reduction.model_copy(update={"modes": 6, "inertia": True})
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(build, "lumped_mass", watched)
+            patch.setattr(lumping, "LUMPS", count)
+            return build.reduce_body(config.model_copy(update={"frames": 4, "reduction": reduction}), Reporter()), known
+
+    return make
 
 
 def mass_at(model, q):
@@ -97,8 +103,8 @@ def element_places(model, finite, q):
     mesh, shapes = finite["mesh"], finite["shapes"]
     position, rotation = FlexibleBody(model, Method.FRAMES).core.nodes_at(q)
     owner = np.full(mesh.element_count, -1)
-    for s, domain in enumerate(finite["subdomains"]):
-        owner[domain.elements] = s
+    for s, elements in finite["lumps"]:
+        owner[elements] = s
     assert np.all(owner >= 0)
     u = (shapes @ q).reshape(-1, 3)
     result, first = [], 0
@@ -112,8 +118,8 @@ def element_places(model, finite, q):
     return result
 
 
-def test_the_mass_is_that_of_all_finite_element_nodes_as_the_tree_moves_them(whole, random):
-    model, finite = whole
+def test_the_mass_comes_to_that_of_all_finite_element_nodes_with_the_square_of_the_lumps_size(whole, random):
+    model, finite = whole()
     q, step = bent(model, random), 1e-5
     expected = np.zeros((model.mode_count, model.mode_count))
     density = finite["mesh"].materials[0].density
@@ -124,36 +130,37 @@ def test_the_mass_is_that_of_all_finite_element_nodes_as_the_tree_moves_them(who
     for number, volumes in enumerate(finite["volumes"]):
         jacobian = np.array([slope[number] for slope in slopes])
         expected += density * np.einsum("meai,eab,nebi->mn", jacobian, volumes, jacobian, optimize=True)
-    found = mass_at(model, q)
-    assert np.max(np.abs(expected - np.eye(model.mode_count))) > 0.1
-    np.testing.assert_allclose(found, expected, atol=1e-8)
+    change = np.max(np.abs(expected - np.eye(model.mode_count)))
+    assert change > 0.1
+    errors = {n: np.max(np.abs(mass_at(whole(n)[0], q) - expected)) / change for n in (8, lumping.LUMPS, 32)}
+    assert errors[8] < 0.05
+    assert errors[lumping.LUMPS] < 0.01
+    assert errors[8] / errors[32] > 8.0
+
+
+def test_every_lump_is_a_connected_share_of_one_frame_and_together_they_are_the_body(whole):
+    model, finite = whole()
+    every = np.concatenate([elements for _, elements in finite["lumps"]])
+    np.testing.assert_array_equal(np.sort(every), np.arange(finite["mesh"].element_count))
+    assert model.inertia.mass.size == lumping.LUMPS
+    assert model.inertia.mass.sum() == pytest.approx(model.properties.mass, rel=1e-12)
+    np.testing.assert_array_equal(np.unique(model.inertia.frame), np.arange(4))
 
 
 def test_the_undeformed_body_has_unit_modal_mass(whole, beam, floating):
-    for model in (whole[0], beam(8).model, floating().model):
+    for model in (whole()[0], beam(8).model, floating().model):
         np.testing.assert_allclose(mass_at(model, np.zeros(model.mode_count)), np.eye(model.mode_count), atol=1e-9)
 
 
-def test_what_lies_on_no_frame_keeps_its_mass(bodies):
-    # Without frames of its own the free body lies on its floating frame alone; taken away, all of it moves linearly.
-    reduction = bodies.config(BEAM).reduction.model_copy(update={"inertia": True})
-    model = bodies.beam(free=True, support=[], reduction=reduction, frames=0).model
-    motions = np.concatenate([model.joint_displacement, model.frame_rotation], axis=1)
-    gone = without_frames(model.inertia, np.eye(model.mode_count), motions, 1)
-    assert gone.mass.size == 0
-    np.testing.assert_allclose(gone.elastic, np.eye(model.mode_count), atol=1e-9)
-
-
-def test_integrals_in_another_basis_are_those_of_the_turned_modes(whole, random):
-    model, _ = whole
+def test_lumps_in_another_basis_are_those_of_the_turned_modes(whole, random):
+    model, _ = whole()
     turn = np.linalg.qr(random.standard_normal((model.mode_count, 4)))[0]
-    motions = np.concatenate([model.joint_displacement, model.frame_rotation], axis=1)
     z = 0.1 * random.standard_normal(4)
     turned = replace(
         model,
         angular_frequency=np.arange(1.0, 5.0),
         damping_ratio=np.zeros(4),
-        inertia=without_frames(model.inertia, turn, motions, 0),
+        inertia=without_frames(model.inertia, turn, 0),
         whole=None,
         **{
             name: getattr(model, name) @ turn
@@ -169,12 +176,17 @@ def test_integrals_in_another_basis_are_those_of_the_turned_modes(whole, random)
     np.testing.assert_allclose(mass_at(turned, z), turn.T @ mass_at(model, turn @ z) @ turn, atol=1e-12)
 
 
+@pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
 @pytest.mark.parametrize("push", [[0.0, 0.0, 0.0], [300.0, -200.0, 500.0]])
-def test_the_motion_is_that_of_an_independent_integrator(beam, push):
-    """(14) as it stands: d(M q̇)/dt − ½ ∂(q̇ᵀ M q̇)/∂q + 2ZΩ q̇ + Λq = Q, M and its derivatives from the reference."""
+def test_the_motion_is_that_of_an_independent_integrator(beam, push, method):
+    """(14) as it stands: d(M q̇)/dt − ½ ∂(q̇ᵀ M q̇)/∂q + 2ZΩ q̇ + Λq = Q, derivatives of M by differences."""
     model = beam(2, modes=3).model
-    body = FlexibleBody(model, Method.FRAMES, HEAVY, limits=StepLimits(0.0, 1e-9))
-    reference, m = Reference(model, Method.FRAMES, HEAVY), model.mode_count
+    body = FlexibleBody(model, method, HEAVY, limits=StepLimits(0.0, 1e-9))
+    reference, m = Reference(model, method), model.mode_count
+
+    def mass(q):
+        return body.mass(State(q, q))
+
     omega, zeta, small = model.angular_frequency, model.damping_ratio, 1e-5
     inputs = np.array([*push, 0.0, 0.0, 20.0])
     # Bent far and swinging: inertia is that of the deformed body.
@@ -182,16 +194,16 @@ def test_the_motion_is_that_of_an_independent_integrator(beam, push):
 
     def rate(_, y):
         q, v = y[:m], y[m:]
-        slope = [reference.mass(q + small * e) - reference.mass(q - small * e) for e in np.eye(m)]
+        slope = [mass(q + small * e) - mass(q - small * e) for e in np.eye(m)]
         slope = np.array(slope) / (2.0 * small)
         convective = np.einsum("kij,k,j->i", slope, v, v) - 0.5 * np.einsum("kij,i,j->k", slope, v, v)
         force = reference.force(inputs, q) - omega**2 * q - 2.0 * zeta * omega * v - convective
-        return np.concatenate([v, np.linalg.solve(reference.mass(q), force)])
+        return np.concatenate([v, np.linalg.solve(mass(q), force)])
 
     end = 4e-3
     exact = solve_ivp(rate, (0.0, end), np.concatenate(start), method="DOP853", rtol=1e-8, atol=1e-10).y[:, -1]
     found = body.step_packed(State(*start), inputs, end)[0]
-    assert np.linalg.norm(reference.mass(exact[:m]) - np.eye(m)) > 0.05
+    assert np.linalg.norm(mass(exact[:m]) - np.eye(m)) > 0.05
     scale = np.linalg.norm([omega * exact[:m], exact[m:]])
     assert np.linalg.norm([omega * (found.q - exact[:m]), found.v - exact[m:]]) < 1e-5 * scale
 
@@ -260,10 +272,11 @@ def test_a_spinning_rod_stretches_under_centrifugal_force(floating):
     assert 0.5 * stretch == pytest.approx(DENSITY * rate**2 * LENGTH**3 / (24.0 * YOUNG), rel=5e-3)
 
 
+@pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
 @pytest.mark.parametrize("step", [2e-4, 1e-3])
-def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(beam, step):
+def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(beam, step, method):
     # The tenth mode's period is 0.8 ms.
-    body = beam(4, limits=ONE_STEP)
+    body = beam(4, limits=ONE_STEP, method=method)
     state, force, largest, worst = body.rest(), np.array([0.0, 5e3, 1e3]), 0.0, 0.0
     for _ in range(100):
         state = body.step(state, {"tip": force}, step)
@@ -308,7 +321,7 @@ def test_the_step_is_divided_until_the_tolerance_holds(beam):
 def test_static_equilibria_know_nothing_of_mass(beam):
     loads = {"tip": [0.0, 10e3, 0.0]}
     both = [body.static(loads).q for body in (beam(4), beam(4, mass=Mass.CONSTANT))]
-    np.testing.assert_array_equal(*both)
+    np.testing.assert_allclose(*both, rtol=0.0, atol=1e-13 * np.max(np.abs(both)))
 
 
 def test_the_sudden_load_follows_the_nonlinear_transient_much_closer_than_with_constant_mass(beam):
@@ -327,17 +340,18 @@ def test_the_sudden_load_follows_the_nonlinear_transient_much_closer_than_with_c
 
 
 def test_a_body_with_its_integrals_comes_back_from_its_file(whole, tmp_path):
-    model = replace(whole[0], mass=HEAVY)
+    model = replace(whole()[0], mass=HEAVY)
     write_modal_file(model, tmp_path / "body.h5")
     back = read_modal_file(tmp_path / "body.h5")
     assert back.mass is HEAVY
-    for name in ("frame", "mass", "first", "second", "ground", "elastic"):
+    for name in ("frame", "mass", "point", "displacement", "turning", "sweep"):
         np.testing.assert_array_equal(getattr(back.inertia, name), getattr(model.inertia, name))
 
 
-@pytest.mark.parametrize("method", [m for m in Method if m is not Method.FRAMES])
+@pytest.mark.parametrize("method", [m for m in Method if HEAVY not in masses_of(m)])
 def test_other_methods_are_refused_with_the_reason(method):
-    with pytest.raises(OptionError, match=f'goes with method "frames" only, not with "{method.value}"'):
+    known = 'goes with methods "frames" and "second_order" only'
+    with pytest.raises(OptionError, match=f'{known}, not with "{method.value}"'):
         Variant(method, HEAVY)
 
 
@@ -346,9 +360,9 @@ def test_a_body_built_without_its_integrals_is_refused():
         FlexibleBody(beam_body(2), mass=HEAVY)
 
 
-def test_integrals_of_another_body_are_refused(whole):
-    with pytest.raises(ModalFileError, match=r"inertia: first has shape \(4, 7, 3\), expected \(4, 13, 3\)"):
-        beam_body(2, inertia=whole[0].inertia)
+def test_lumps_of_another_body_are_refused(whole):
+    with pytest.raises(ModalFileError, match=r"inertia: displacement has shape \(16, 3, 6\), expected \(16, 3, 12\)"):
+        beam_body(4, inertia=whole()[0].inertia)
 
 
 def test_the_body_file_stores_integrals_where_the_mass_asks_for_them(bodies):

@@ -69,14 +69,16 @@ def test_places_forces_tangents_and_energies_are_those_of_the_theory(kind, metho
 
 
 @pytest.mark.parametrize("kind", ["one frame", "tree", "large", "free"])
-@settings(max_examples=10, deadline=None, derandomize=True)
+@pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
+@settings(max_examples=6, deadline=None, derandomize=True)
 @given(seed=SEEDS, size=SIZES)
-def test_the_mass_is_that_of_what_each_frame_carries(kind, seed, size):
-    body, reference, rng, _ = pair(kind, Method.FRAMES, seed, Mass.CONFIGURATION)
+def test_the_mass_is_that_of_what_each_frame_carries(kind, method, seed, size):
+    body, reference, rng, _ = pair(kind, method, seed, Mass.CONFIGURATION)
     q, v = size * rng.standard_normal(body.core.modes), rng.standard_normal(body.core.modes)
     expected = reference.mass(q)
     same(body.mass(State(q, v)), expected, 1e-12)
-    assert body.energies(State(q, v))[1] == pytest.approx(0.5 * float(v @ expected @ v), rel=1e-11)
+    energy = body.energies(State(q, v))[1]
+    assert abs(energy - 0.5 * float(v @ expected @ v)) < 1e-11 * np.linalg.norm(expected) * float(v @ v)
 
 
 def test_to_second_order_places_are_those_of_the_data():

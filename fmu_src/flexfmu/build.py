@@ -17,12 +17,12 @@ from .mesh.formats import file_origin, read_mesh
 from .mesh.model import FloatArray, Mesh
 from .mesh.plausibility import implausible
 from .methods import Data
-from .model.reduced_body import GROUND, Properties, ReducedBody, StressSet, Surface, Ties
+from .model.reduced_body import GROUND, Properties, ReducedBody, SecondOrder, StressSet, Surface, Ties
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
 from .reduction.frames import body_subdomains, fixable_root, several, whole_frame
-from .reduction.inertia import inertia_integrals
+from .reduction.inertia import element_lumps, lumped_mass
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.joining import Weld, joined
 from .reduction.masses import body_properties, mass_shares, sub_masses
@@ -172,18 +172,29 @@ def _reduced(
     if Data.BY_MODE in stored:
         by_mode = stiffness_by_mode(matrices, modes, key, store, report)
 
+    inertia, lump_shares = None, np.zeros((0, len(mesh.points)))
+    if Data.INERTIA in stored and subdomains:
+        lumps = element_lumps(mesh, volumes, subdomains)
+        inertia, lump_shares = lumped_mass(mesh, volumes, modes.shapes, lumps, frames)
     second = None
     if Data.SECOND_ORDER in stored and subdomains:
         for text in hourglass_warnings(mesh, subdomains):
             report.warning(text)
         heavy = config.input.acceleration
         shares = mass_shares(mesh, volumes, subdomains) if heavy else np.zeros((0, len(mesh.points)))
+        shares = np.concatenate([shares, lump_shares])
         turned, nodes = frames.frame_rotation, [by_node(spring.nodes) for spring in springs]
         readings = node_readings(mesh.points, modes.shapes, subdomains, turned, interfaces, shares, nodes)
         rigid = np.flatnonzero(modes.angular_frequency == 0.0)
         floating = any(domain.floating for domain in subdomains)
         with report.stage(f"Find where {len(readings)} places go at second order"):
             second = second_order(mesh, matrices.supported, modes.shapes, rigid, floating, readings)
+        if inertia is not None:
+            last = len(second.displacement) - 2 * len(nodes)
+            lumped = np.arange(last - len(lump_shares), last)
+            inertia = replace(inertia, curvature=second.displacement[lumped])
+            displacement, rotation = (np.delete(part, lumped, 0) for part in (second.displacement, second.rotation))
+            second = SecondOrder(displacement, rotation)
 
     surface = None
     if config.output.surface:
@@ -214,7 +225,7 @@ def _reduced(
         frame_rotation=frames.frame_rotation,
         whole=whole_frame(model, volumes, faces, modes.shapes, config) if several(subdomains) else None,
         masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
-        inertia=inertia_integrals(mesh, volumes, modes.shapes, subdomains, frames) if Data.INERTIA in stored else None,
+        inertia=inertia,
         stress_sets=_stress_sets(config, mesh, modes.shapes),
         stiffness_by_load=by_load,
         stiffness_by_mode=by_mode,

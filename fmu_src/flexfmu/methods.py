@@ -46,7 +46,7 @@ class Mass(Enum):
     CONSTANT = "constant"
     """That of the undeformed body: ΦᵀMΦ = I."""
     CONFIGURATION = "configuration"
-    """That of the deformed body, M(q) = JᵀMJ with J the kinematics' derivative; of method "frames" only."""
+    """That of the deformed body, M(q) = JᵀMJ with J the kinematics' derivative; of "frames" and "second_order"."""
 
 
 DEFAULT = Method.FRAMES
@@ -171,10 +171,10 @@ class Variant:
     def __post_init__(self) -> None:
         """Refuse a mass that the method does not know."""
         if self.mass not in masses_of(self.method):
+            known = " and ".join(f'"{method.value}"' for method in Method if self.mass in masses_of(method))
             raise OptionError(
-                f'mass "{self.mass.value}" goes with method "{Method.FRAMES.value}" only, not with '
-                f'"{self.method.value}": only there the motion of every point of the body is known; take that method, '
-                f'or mass "{Mass.CONSTANT.value}"'
+                f'mass "{self.mass.value}" goes with methods {known} only, not with "{self.method.value}": only there '
+                f'the motion of every point of the body is known; take one of these, or mass "{Mass.CONSTANT.value}"'
             )
 
     @property
@@ -190,7 +190,7 @@ def recipe_of(method: Method) -> Recipe:
 
 def masses_of(method: Method) -> tuple[Mass, ...]:
     """Masses that a method can have, the usual one first."""
-    return tuple(Mass) if method is Method.FRAMES else (Mass.CONSTANT,)
+    return tuple(Mass) if method in (Method.FRAMES, Method.SECOND_ORDER) else (Mass.CONSTANT,)
 
 
 def method_named(value: Method | str) -> Method:

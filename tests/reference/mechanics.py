@@ -61,8 +61,19 @@ class Reference:
             lumps = zip(body.masses.frame, body.masses.point, body.masses.displacement, strict=True)
             self.nodes += [Node(carried(f), x, u, still) for f, x, u in lumps]
         self.masses = slice(self.interfaces.stop, len(self.nodes))
+        self.heavy = mass is not Mass.CONSTANT and self.frames > 0
+        # Coordinates whose inertia is that of the deformed body, section 9.
+        omega, rigid = body.angular_frequency, body.rigid_count
+        self.slow = min(max(int(np.sum(omega <= 20.0 * omega[rigid])), rigid + 6), self.modes)
+        if self.heavy:
+            data = body.inertia
+            lumps = zip(data.frame, data.point, data.displacement, strict=True)
+            self.nodes += [Node(int(f), x, u, self.nodes[int(f)].rotation) for f, x, u in lumps]
+        self.lumps = slice(self.masses.stop, len(self.nodes))
         # Where nothing that is loaded hangs on a frame, loads act on the undeformed body.
-        self.deformed = method in FRAMED and any(node.on != GROUND for node in self.nodes[self.frames :])
+        self.deformed = method in FRAMED and any(
+            node.on != GROUND for node in self.nodes[self.frames : self.lumps.start]
+        )
         self.ties = None if body.ties is None or not self.frames else body.ties
         for end in (0, 1) if self.ties is not None else ():
             t = self.ties
@@ -112,8 +123,14 @@ class Reference:
 
     def _second_order(self, number, q, parent):
         """What (19) and (20) add to offset and relative rotation of a node."""
-        second, node = self.body.second, self.nodes[number]
-        w, z = ((given[number] @ q) @ q for given in (second.displacement, second.rotation))
+        second, node, lump = self.body.second, self.nodes[number], number - self.lumps.start
+        if 0 <= lump < self.lumps.stop - self.lumps.start:
+            # Seen from its frame a lump does not turn, and is bent by the coordinates whose inertia counts.
+            q = q * (np.arange(q.size) < self.slow)
+            w, z = (self.body.inertia.curvature[lump] @ q) @ q, None
+        else:
+            row = number if lump < 0 else number - self.lumps.stop + self.lumps.start
+            w, z = ((given[row] @ q) @ q for given in (second.displacement, second.rotation))
         if parent is None:
             return 0.5 * w, 0.5 * z
         base, carrier = ((given[node.on] @ q) @ q for given in (second.displacement, second.rotation))
@@ -123,7 +140,8 @@ class Reference:
         change = (node.displacement - parent.displacement) @ q - np.cross(theta, arm)
         theta, turn = theta - seen, node.rotation @ q - seen
         bent = 0.5 * (w - base) - 0.5 * np.cross(carrier, arm) - np.cross(theta, change)
-        return bent - 0.5 * np.cross(theta, np.cross(theta, arm)), 0.5 * (z - carrier) - 0.5 * np.cross(theta, turn)
+        bent = bent - 0.5 * np.cross(theta, np.cross(theta, arm))
+        return bent, np.zeros(3) if z is None else 0.5 * (z - carrier) - 0.5 * np.cross(theta, turn)
 
     def _linear(self, inputs):
         """Modal force of loads on the undeformed body."""
@@ -219,26 +237,23 @@ class Reference:
         return energy if self.ties is None else energy + self.held(q) - 0.5 * q @ self.joined() @ q
 
     def mass(self, q):
-        """M(q) of (12) and (13), from the integrals of what each frame carries."""
-        if self.mass_kind is Mass.CONSTANT or not self.frames:
+        """M(q) of (12) and (13), from the lumps that the frames carry."""
+        if not self.heavy:
             return np.eye(self.modes)
-        data, total = self.body.inertia, np.array(self.body.inertia.ground)
+        change, slow = self._lumped(q) - self._lumped(np.zeros_like(q)), np.arange(self.modes) < self.slow
+        return np.eye(self.modes) + change * np.outer(slow, slow)
+
+    def _lumped(self, q):
+        """What lumps and the frames that turn them have of the mass."""
+        data = self.body.inertia
         rotation = self.places(q)[1].real
-        motion = slopes(lambda at: self.places(at)[0], q)
+        motion = slopes(lambda at: self.places(at)[0], q)[self.lumps]
         spins = slopes(lambda at: self.places(at)[1], q)
-        now = np.concatenate([[1.0], q])
-        for part, s in enumerate(data.frame):
-            t = rotation[s].T @ motion[s]
+        total = np.einsum("p,pia,pib->ab", data.mass, motion, motion)
+        for s in range(self.frames):
             w = rotation[s].T @ np.array([axial(spins[s, :, :, j] @ rotation[s].T) for j in range(self.modes)]).T
-            first, second = data.first[part], data.second[part]
-            mean = hat(now @ first)
-            # ∫ρ (w_i × y)·(w_j × y), ∫ρ y × e_j.
-            square = np.einsum("a,b,abij->ij", now, now, second)
-            turned = np.einsum("a,abij->bij", now, second)[1:]
-            swept = np.array([2.0 * axial(each.T) for each in turned]).T
-            half = -t.T @ mean @ w + t.T @ first[1:].T + w.T @ swept
-            total += data.mass[part] * t.T @ t + w.T @ (np.trace(square) * np.eye(3) - square) @ w
-            total += half + half.T + np.einsum("abii->ab", second[1:, 1:])
+            half = w.T @ (0.5 * data.turning[s] @ w + data.sweep[s])
+            total += half + half.T
         return total
 
 

@@ -1,7 +1,8 @@
 """Reference results of the curved bars with CalculiX (decks and CSV files beside this file).
 
-Dead tip forces grow from zero in ten equal increments. Run from the repository's root, with ``ccx`` on the PATH, for
-all bars or those named: ``python -m demo.curved.calculix.run_calculix [case ...]``. Columns: see `demo.references`.
+Dead tip forces grow from zero in ten equal increments. ``arc_90_shaken``: undamped transient of the quarter arc near
+its first frequency (24.4 Hz) from rest, 0.15 s. Run from the repository's root, with ``ccx`` on the PATH, for all bars
+or those named: ``python -m demo.curved.calculix.run_calculix [case ...]``. Columns: see `demo.references`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ FORCES = {
     "s_curve_tetrahedra": (0.0, 0.0, 10e3),
 }
 INCREMENTS = 10
+# Of the quarter arc near its first frequency; the sine is drawn by straight lines.
+SHAKEN_FORCE, SHAKEN_HERTZ, SHAKEN_DRAWN = (0.0, 300.0, 600.0), 22.0, 5e-4
+SHAKEN_STEP = 6.25e-5  # s
 
 
 def reference_body(name: str) -> ReferenceBody:
@@ -43,6 +47,15 @@ def main() -> None:
         name: lambda name, force=force: reference_body(name).static(name, {"tip": force}, INCREMENTS)
         for name, force in FORCES.items()
     }
+    cases["arc_90_shaken"] = lambda name: reference_body("arc_90").shaken(
+        name,
+        {"tip": SHAKEN_FORCE},
+        hertz=SHAKEN_HERTZ,
+        step=SHAKEN_STEP,
+        duration=0.15,
+        keep_every=round(SHAKEN_DRAWN / SHAKEN_STEP),
+        drawn=SHAKEN_DRAWN,
+    )
     run_cases(cases, "CalculiX reference results of the curved bars")
 
 

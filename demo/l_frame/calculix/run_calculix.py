@@ -4,6 +4,7 @@
 - ``static_x``: dead tip force in the plane, across leg 2, 0 to 3 kN in steps of 300 N; linear statics: 11 %.
 - ``linear_z``, ``linear_x``: linear statics under 1 kN in each of these directions.
 - ``frequencies``: the lowest 12 eigenfrequencies.
+- ``sudden_load``: undamped transient under a sudden dead tip force of 1.7 kN out of the plane, from rest, 0.1 s.
 
 Run from the repository's root, with ``ccx`` on the PATH, for all cases or those named:
 ``python -m demo.l_frame.calculix.run_calculix [case ...]``. Columns: see `demo.references`.
@@ -19,6 +20,8 @@ from demo.references import ReferenceBody, run_cases
 from demo.tip_face import TipFace
 
 MESH_NOTE = "C3D20R, 2 x 2 over the section, 28 and 16 along the legs, corner 2 x 2 x 2 (1401 nodes)"
+
+SUDDEN_STEP = 5e-5  # s
 
 
 def main() -> None:
@@ -36,6 +39,9 @@ def main() -> None:
         "static_x": lambda name: body.static(name, {"tip": (3e3, 0.0, 0.0)}, increments=10),
         "linear_x": lambda name: body.linear(name, {"tip": (1e3, 0.0, 0.0)}),
         "frequencies": lambda name: body.frequencies(name, count=12),
+        "sudden_load": lambda name: body.sudden_load(
+            name, {"tip": (0.0, 0.0, 1.7e3)}, step=SUDDEN_STEP, duration=0.1, keep_every=round(5e-4 / SUDDEN_STEP)
+        ),
     }
     run_cases(cases, "CalculiX reference results of the L-frame")
 

@@ -64,7 +64,10 @@ static void gather_bends(Body *body) {
         bend->row = row;
         bend->start = body->bend_rows;
         for (int64_t i = 0; p->curved && i < 6 * p->nodes; i++)
-            if (p->part[i] == part) *row++ = i;
+            if (p->part[i] == part) {
+                body->turned_start[i] = bend->start + (row - bend->row) * p->extent[part];
+                *row++ = i;
+            }
         bend->count = row - bend->row;
         body->bend_rows += bend->count * p->extent[part];
     }
@@ -106,12 +109,17 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     const int64_t nodes = body->p.nodes;
     body->bends = calloc((size_t)body->p.parts + 1, sizeof *body->bends);
     body->bent_row = calloc((size_t)(6 * nodes), sizeof *body->bent_row);
-    body->need = calloc((size_t)(2 * nodes), sizeof *body->need);
-    if (!body->bends || !body->bent_row || !body->need) {
+    body->turned_start = calloc((size_t)(6 * nodes), sizeof *body->turned_start);
+    body->need = calloc((size_t)(3 * nodes), sizeof *body->need);
+    if (!body->bends || !body->bent_row || !body->turned_start || !body->need) {
         body_close(body);
         return 0;
     }
     body->memo_need = body->need + nodes;
+    body->lumped = body->memo_need + nodes;
+    memset(body->lumped, 1, (size_t)body->p.frames * sizeof *body->lumped);
+    for (int64_t i = 0; i < body->p.lumps; i++)
+        body->lumped[body->p.frames + body->p.interfaces + body->p.masses + i].offset = 1;
     gather_bends(body);
     lay_out(body, &arena);
     body->arena = calloc((size_t)arena.used, sizeof(double));
@@ -144,6 +152,7 @@ void body_close(Body *body) {
     free(body->arena);
     free(body->bends);
     free(body->bent_row);
+    free(body->turned_start);
     free(body->need);
     free(body->pivot);
     free(body->image);
@@ -363,11 +372,12 @@ void body_motion(Body *body, const double *q, const double *v, double *motion, d
         rotation_vector(at->rotation + 9 * k, motion + 6 * i + 3);
     }
     if (!rates) return;
-    double *velocity = take(&arena, 3 * p->nodes), *spin = take(&arena, 3 * p->nodes);
-    node_rates(body, at, v, take(&arena, pass_back_size(body)), velocity, spin);
+    Rates of;
+    take_rates(body, &arena, &of);
+    node_rates(body, 0, at, v, &of);
     for (int64_t i = 0; i < p->interfaces; i++) {
-        memcpy(rates + 6 * i, velocity + 3 * (p->frames + i), 3 * sizeof(double));
-        memcpy(rates + 6 * i + 3, spin + 3 * (p->frames + i), 3 * sizeof(double));
+        memcpy(rates + 6 * i, of.velocity + 3 * (p->frames + i), 3 * sizeof(double));
+        memcpy(rates + 6 * i + 3, of.spin + 3 * (p->frames + i), 3 * sizeof(double));
     }
 }
 
@@ -392,8 +402,9 @@ void body_energies(Body *body, const double *q, const double *v, double *strain,
     Arena arena = work_arena(body);
     Configuration at;
     take_configuration(body, &arena, &at);
-    double *tense = take(&arena, 12 * p->ties), *mass = take(&arena, p->inertial * m * m), *momentum = take(&arena, m);
-    double *scratch = take(&arena, mass_size(body));
+    Flow flow;
+    double *tense = take(&arena, 12 * p->ties), *momentum = take(&arena, m);
+    take_flow(body, &arena, &flow);
     *strain = 0.0;
     for (int64_t j = 0; j < m; j++) *strain += 0.5 * body->stiffness[j] * q[j] * q[j];
     *kinetic = 0.5 * dot(v, v, m);
@@ -404,9 +415,8 @@ void body_energies(Body *body, const double *q, const double *v, double *strain,
         for (int64_t j = 0; j < m; j++) *strain -= 0.5 * q[j] * dot(p->tie_initial + j * m, q, m);
     }
     if (p->inertial) {
-        mass_matrix(body, &at, scratch, mass);
-        rows_times(mass, v, momentum, m, m);
-        *kinetic = 0.5 * dot(v, momentum, m);
+        excess_momentum(body, &at, v, &flow, momentum);
+        *kinetic += 0.5 * dot(v, momentum, m);
     }
 }
 
@@ -414,13 +424,17 @@ void body_mass(Body *body, const double *q, double *mass) {
     const int64_t m = body->p.modes;
     Arena arena = work_arena(body);
     Configuration at;
-    if (!body->p.inertial) {
-        for (int64_t i = 0; i < m * m; i++) mass[i] = i % (m + 1) == 0 ? 1.0 : 0.0;
-        return;
-    }
+    const int64_t r = body->p.inertial_modes;
+    for (int64_t i = 0; i < m * m; i++) mass[i] = i % (m + 1) == 0 ? 1.0 : 0.0;
+    if (!body->p.inertial) return;
+    Flow flow;
     take_configuration(body, &arena, &at);
+    take_flow(body, &arena, &flow);
+    double *excess = take(&arena, r * r);
     configure(body, q, &at);
-    mass_matrix(body, &at, take(&arena, mass_size(body)), mass);
+    excess_mass(body, &at, &flow, excess);
+    for (int64_t i = 0; i < r; i++)
+        for (int64_t j = 0; j < r; j++) mass[i * m + j] += excess[i * r + j];
 }
 
 void body_forces(Body *body, const double *inputs, const double *q, double *force, double *tangent) {

@@ -80,7 +80,9 @@ typedef struct Body {
     int64_t *bent_row;    /* of all parts in turn */
     double *curvature_t;  /* (r, count, r) of each part */
     int64_t bend_rows;    /* numbers of Configuration.turned */
+    int64_t *turned_start; /* (6K): where those of each row begin */
     Need *need;           /* (K): of the step at hand */
+    Need *lumped;         /* (K): what inertia needs */
     Configuration memo;   /* of the q last seen: a step begins, and outputs are read, where the step before it ended */
     Need *memo_need;
     int memo_known;

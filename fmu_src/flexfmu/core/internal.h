@@ -37,8 +37,24 @@ int64_t load_stiffness_size(const Body *body);
 void add_load_stiffness(const Body *body, const Configuration *at, const double *force, const double *moment,
                         const double *operator_, const double *translation, const double *spin, double *scratch,
                         double *out);
-void node_rates(const Body *body, const Configuration *at, const double *v, double *scratch, double *velocity,
-                double *spin);
+/* How all nodes move for rates v of the coordinates. */
+typedef struct {
+    double *local;           /* (6K): rates of b and phi */
+    double *bent, *turned;   /* (parts, m) and (r) of each row that is curved: as of a configuration */
+    double *velocity, *spin; /* (K, 3) */
+} Rates;
+void take_rates(const Body *body, Arena *arena, Rates *rates);
+void node_rates(const Body *body, const Need *need, const Configuration *at, const double *v, Rates *rates);
+/* `turned`, which the following need. */
+void turn_rates(const Body *body, const Need *need, Rates *rates);
+/* How velocity and spin (K, 3) change at constant rates v; `acceleration` has room for 9K. */
+void node_accelerations(const Body *body, const Need *need, const Configuration *at, const Rates *rates, double *acceleration,
+                        double *whirl);
+/* out (m) += derivative along the rates of what pass_back makes of loads that stay what they are. */
+int64_t pass_back_rate_size(const Body *body);
+void pass_back_rate(const Body *body, const Configuration *at, const Rates *rates, double *force, double *moment,
+                    double *scratch, double *out);
+void row_derivative(const Body *body, const Configuration *at, int64_t row, int64_t count, double *out);
 
 /* forces.c */
 void spread(const Body *body, const double *inputs, Loads *loads);
@@ -103,12 +119,19 @@ int64_t inertial_size(const Body *body);
 int inertial_steps(Body *body, Division *d, double *q, double *v);
 
 /* inertia.c */
-int64_t mass_size(const Body *body);
-void mass_matrix(const Body *body, const Configuration *at, double *scratch, double *out);
-void kinetic_gradient(const Body *body, const Configuration *at, const double *v, double *scratch, double *out);
-void convective_force(const Body *body, const Configuration *at, const double *v, double *scratch, double *out);
-/* d(M w)/dq (m, m) at a fixed w: row i is the derivative of component i. */
-void momentum_slope(const Body *body, const Configuration *at, const double *w, double *scratch, double *out);
+typedef struct {
+    Rates rates;
+    double *force, *moment, *acceleration, *whirl, *own, *rows, *scratch;
+} Flow;
+void take_flow(const Body *body, Arena *arena, Flow *flow);
+/* Loads of the mass beyond that of the undeformed body, (m): (M - 1) v. */
+void excess_momentum(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out);
+/* Derivative of v M(q) v / 2 by q at a fixed v. */
+void kinetic_gradient(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out);
+/* d(M v)/dt - d(v M v / 2)/dq - M dv/dt: centrifugal and Coriolis forces with their sign reversed. */
+void convective_force(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out);
+/* M - 1 of the first coordinates, (r, r). */
+void excess_mass(const Body *body, const Configuration *at, Flow *flow, double *out);
 
 /* ties.c */
 typedef struct {

@@ -82,7 +82,7 @@ static int is_flag(int64_t value) { return value == 0 || value == 1; }
 static const char *inconsistent(const Program *p) {
     const int64_t m = p->modes, k = p->nodes, s = p->frames;
     if (m < 1 || m > 4096 || k > 65536) return "the numbers of modes or nodes are out of range";
-    if (p->interfaces < 1 || k != s + p->interfaces + p->masses + 2 * p->ties) return "the nodes are not those of its parts";
+    if (p->interfaces < 1 || k != s + p->interfaces + p->masses + p->lumps + 2 * p->ties) return "the nodes are not those of its parts";
     if (p->loads != 6 * p->interfaces + (p->masses ? 3 : 0)) return "the number of loads is not that of its interfaces";
     if (p->placement > PLACE_DEFORMED || !is_flag(p->tied) || p->tied != (p->ties > 0) || !is_flag(p->curved) ||
         !is_flag(p->by_load_given) || !is_flag(p->by_mode_given) || !is_flag(p->judged) || !is_flag(p->inertial) ||
@@ -119,8 +119,9 @@ static const char *inconsistent(const Program *p) {
     if (p->stress_start[0] != 0 || p->stress_start[p->stress_sets] != p->stress_points) return "stress points are out of range";
     for (int64_t i = 0; i < p->stress_sets; i++)
         if (p->stress_start[i + 1] < p->stress_start[i]) return "stress points are out of order";
-    if (p->inertial && (!p->inertial_parts || !s)) return "the deformed body's mass has no frames";
-    if (!within(p->inertial_frame, p->inertial_parts, 0, s - 1)) return "a mass is of no frame";
+    if (p->inertial ? !p->lumps || !s || p->tied || p->inertial_modes < 1 || p->inertial_modes > m : p->lumps || p->inertial_modes)
+        return "the deformed body's mass has no lumps";
+    if (!positive(p->lump_mass, p->lumps, 1)) return "a lump's mass is negative";
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";
     if (!within(p->compliance_interface, p->compliances, 0, p->interfaces - 1)) return "a compliance is of no interface";
     if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < 4)

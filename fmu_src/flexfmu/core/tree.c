@@ -33,7 +33,7 @@ static int wanted(const Program *p, const Need *need, int64_t row) {
 }
 
 /* Curvature times the coordinates, of rows that are needed: runs of them at a time, since rows of a part lie together. */
-static void turn_rows(const Body *body, const Need *need, Configuration *at) {
+static void turn_rows(const Body *body, const Need *need, const double *bent, double *to) {
     const Program *p = &body->p;
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->bends + part;
@@ -45,9 +45,9 @@ static void turn_rows(const Body *body, const Need *need, Configuration *at) {
             }
             int64_t last = first + 1;
             while (last < bend->count && wanted(p, need, bend->row[last])) last++;
-            double *turned = at->turned + bend->start + first * r;
+            double *turned = to + bend->start + first * r;
             memset(turned, 0, (size_t)((last - first) * r) * sizeof(double));
-            add_strided_rows(at->bent + part * p->modes, bend->curvature + first * r, bend->count * r, turned, r, (last - first) * r);
+            add_strided_rows(bent + part * p->modes, bend->curvature + first * r, bend->count * r, turned, r, (last - first) * r);
             first = last;
         }
     }
@@ -98,7 +98,7 @@ void configure_linear(const Body *body, const Need *need, const double *q, Confi
     add_rows(q, body->operator_t, at->straight, p->modes, 6 * p->nodes);
     if (!p->curved) return;
     part_coordinates(p, q, at->bent);
-    turn_rows(body, need, at);
+    turn_rows(body, need, at->bent, at->turned);
 }
 
 void configure_places(const Body *body, const Need *need, Configuration *at) {
@@ -144,9 +144,10 @@ static int same(const double *a, const double *b, int64_t n) { return memcmp(a, 
 /* What of each node steps under some loads need: frames carry others, ties hold others. */
 void find_need(Body *body, const double *inputs, const double *inputs_end) {
     const Program *p = &body->p;
-    const int64_t first = p->frames, masses = first + p->interfaces, ties = masses + p->masses;
+    const int64_t first = p->frames, masses = first + p->interfaces, lumps = masses + p->masses;
     memset(body->need, 1, (size_t)p->nodes * sizeof *body->need);
-    for (int64_t k = first; k < ties; k++) {
+    for (int64_t k = lumps; k < lumps + p->lumps; k++) body->need[k].turn = 0;
+    for (int64_t k = first; k < lumps; k++) {
         const double *loads[2] = {inputs, inputs_end ? inputs_end : inputs};
         body->need[k].offset = body->need[k].turn = 0;
         for (int end = 0; end < 2; end++) {
@@ -185,7 +186,7 @@ const Configuration *whole_configuration(Body *body, const double *q) {
             missing |= body->need[k].offset | body->need[k].turn;
         }
         if (!missing) return &body->memo;
-        if (body->p.curved) turn_rows(body, body->need, &body->memo);
+        if (body->p.curved) turn_rows(body, body->need, body->memo.bent, body->memo.turned);
         configure_places(body, 0, &body->memo);
     }
     memset(body->memo_need, 1, (size_t)n * sizeof *body->memo_need);
@@ -193,24 +194,29 @@ const Configuration *whole_configuration(Body *body, const double *q) {
     return &body->memo;
 }
 
-/* out (m) += factors (6K) times the derivatives of b and phi; `scratch` holds (parts, m). */
-static void add_times_derivative(const Body *body, const Configuration *at, const double *factors, double *scratch,
-                                 double *out) {
+/* out (m) += factors (6K) times what is bent, (r) of each row that is curved; `scratch` holds (parts, m). */
+static void add_times_bent(const Body *body, const double *turned, const double *factors, double *scratch, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
-    add_rows(factors, p->operator_, out, 6 * p->nodes, m);
     if (!p->curved) return;
     memset(scratch, 0, (size_t)(p->parts * m) * sizeof(double));
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->bends + part;
         const int64_t r = p->extent[part];
         for (int64_t k = 0; k < bend->count; k++)
-            add_rows(factors + bend->row[k], at->turned + bend->start + k * r, scratch + part * m, 1, r);
+            add_rows(factors + bend->row[k], turned + bend->start + k * r, scratch + part * m, 1, r);
     }
     const double *basis = p->basis;
     for (int64_t j = 0; !basis && j < m; j++) out[j] += scratch[j];
     for (int64_t i = 0; basis && i < p->parts; basis += p->extent[i++] * m)
         add_rows(scratch + i * m, basis, out, p->extent[i], m);
+}
+
+/* out (m) += factors (6K) times the derivatives of b and phi; `scratch` holds (parts, m). */
+static void add_times_derivative(const Body *body, const Configuration *at, const double *factors, double *scratch,
+                                 double *out) {
+    add_rows(factors, body->p.operator_, out, 6 * body->p.nodes, body->p.modes);
+    add_times_bent(body, at->turned, factors, scratch, out);
 }
 
 int64_t pass_back_size(const Body *body) { return 6 * body->p.nodes + body->p.parts * body->p.modes; }
@@ -374,29 +380,41 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
     }
 }
 
-/* Velocity and spin (K, 3) of all nodes for rates v; `scratch` holds 6K + parts m. */
-void node_rates(const Body *body, const Configuration *at, const double *v, double *scratch, double *velocity,
-                double *spin) {
+void take_rates(const Body *body, Arena *arena, Rates *rates) {
     const Program *p = &body->p;
-    const int64_t m = p->modes, n = p->nodes;
-    double *rates = scratch, *bent = scratch + 6 * n;
-    rows_times(p->operator_, v, rates, 6 * n, m);
+    rates->local = take(arena, 6 * p->nodes);
+    rates->bent = take(arena, p->parts * p->modes);
+    rates->turned = take(arena, body->bend_rows);
+    rates->velocity = take(arena, 3 * p->nodes);
+    rates->spin = take(arena, 3 * p->nodes);
+}
+
+void node_rates(const Body *body, const Need *need, const Configuration *at, const double *v, Rates *rates) {
+    const Program *p = &body->p;
+    const int64_t n = p->nodes;
+    double *local = rates->local, *velocity = rates->velocity, *spin = rates->spin;
+    memset(local, 0, (size_t)(6 * n) * sizeof(double));
+    add_rows(v, body->operator_t, local, p->modes, 6 * n);
     if (p->curved) {
-        part_coordinates(p, v, bent);
+        part_coordinates(p, v, rates->bent);
         for (int64_t part = 0; part < p->parts; part++) {
             const Bend *bend = body->bends + part;
             const int64_t r = p->extent[part];
             for (int64_t k = 0; k < bend->count; k++)
-                rates[bend->row[k]] += dot(at->turned + bend->start + k * r, bent + part * m, r);
+                if (wanted(p, need, bend->row[k]))
+                    local[bend->row[k]] += dot(at->turned + bend->start + k * r, rates->bent + part * p->modes, r);
         }
     }
     for (int64_t k = 0; k < n; k++) {
+        if (need && !need[k].offset) continue;
         const int64_t on = p->parent[k];
         const double *parent = at->parent + 9 * k;
-        double relative[3], turned[3], carried[3] = {0.0, 0.0, 0.0}, stretched[3], arm[3];
-        apply(at->jacobian + 9 * k, rates + 3 * (n + k), relative);
-        apply(parent, relative, turned);
-        apply(parent, rates + 3 * k, stretched);
+        double relative[3], turned[3] = {0.0, 0.0, 0.0}, carried[3] = {0.0, 0.0, 0.0}, stretched[3], arm[3];
+        if (!need || need[k].turn) {
+            apply(at->jacobian + 9 * k, local + 3 * (n + k), relative);
+            apply(parent, relative, turned);
+        }
+        apply(parent, local + 3 * k, stretched);
         if (on >= 0) {
             apply(parent, at->local + 3 * k, arm);
             cross(spin + 3 * on, arm, carried);
@@ -406,4 +424,118 @@ void node_rates(const Body *body, const Configuration *at, const double *v, doub
             velocity[3 * k + i] = (on < 0 ? 0.0 : velocity[3 * on + i]) + carried[i] + stretched[i];
         }
     }
+}
+
+/* The curvature's share in how b' and phi' change as the body moves on. */
+void turn_rates(const Body *body, const Need *need, Rates *rates) {
+    if (body->p.curved) turn_rows(body, need, rates->bent, rates->turned);
+}
+
+void node_accelerations(const Body *body, const Need *need, const Configuration *at, const Rates *rates, double *acceleration,
+                        double *whirl) {
+    const Program *p = &body->p;
+    const int64_t n = p->nodes;
+    double *second = acceleration + 3 * n; /* b'', phi'' */
+    memset(second, 0, (size_t)(6 * n) * sizeof(double));
+    for (int64_t part = 0; part < p->parts; part++) {
+        const Bend *bend = body->bends + part;
+        const int64_t r = p->extent[part];
+        for (int64_t k = 0; k < bend->count; k++)
+            if (wanted(p, need, bend->row[k]))
+                second[bend->row[k]] = dot(rates->turned + bend->start + k * r, rates->bent + part * p->modes, r);
+    }
+    for (int64_t k = 0; k < n; k++) {
+        if (need && !need[k].offset) continue;
+        const int64_t on = p->parent[k];
+        const double *parent = at->parent + 9 * k, *rate = rates->local + 3 * (n + k);
+        static const double still[3] = {0.0, 0.0, 0.0};
+        const double *spin = on < 0 ? still : rates->spin + 3 * on, *angular = on < 0 ? still : whirl + 3 * on;
+        double sum[3], part[3], arm[3], slope[9], pushed[3];
+        /* The rest of x'' = x_p'' + a x b + w x (w x b) + 2 w x b' + b'', the parent's spin w turning by a. */
+        apply(parent, second + 3 * k, sum);
+        if (on >= 0) {
+            apply(parent, at->local + 3 * k, arm);
+            apply(parent, rates->local + 3 * k, pushed);
+            cross(angular, arm, part);
+            for (int i = 0; i < 3; i++) sum[i] += part[i];
+            cross(spin, arm, part);
+            for (int i = 0; i < 3; i++) part[i] += 2.0 * pushed[i];
+            cross(spin, part, pushed);
+            for (int i = 0; i < 3; i++) sum[i] += pushed[i] + acceleration[3 * on + i];
+        }
+        memcpy(acceleration + 3 * k, sum, sizeof sum);
+        memcpy(whirl + 3 * k, angular, sizeof sum);
+        if (need && !need[k].turn) continue;
+        jacobian_rate(at->local + 3 * (n + k), rate, slope);
+        apply(slope, rate, part);
+        apply(at->jacobian + 9 * k, second + 3 * (n + k), pushed);
+        for (int i = 0; i < 3; i++) part[i] += pushed[i];
+        apply(parent, part, sum);
+        apply(at->jacobian + 9 * k, rate, part);
+        apply(parent, part, pushed);
+        cross(spin, pushed, part);
+        for (int i = 0; i < 3; i++) whirl[3 * k + i] += sum[i] + part[i];
+    }
+}
+
+int64_t pass_back_rate_size(const Body *body) { return 15 * body->p.nodes + body->p.parts * body->p.modes; }
+
+void pass_back_rate(const Body *body, const Configuration *at, const Rates *rates, double *force, double *moment,
+                    double *scratch, double *out) {
+    const Program *p = &body->p;
+    const int64_t n = p->nodes;
+    double *rows = scratch, *change = rows + 6 * n, *about = change + 6 * n;
+    memset(scratch, 0, (size_t)(15 * n) * sizeof(double));
+    for (int64_t k = n - 1; k >= 0; k--) {
+        if (no_load(force + 3 * k) && no_load(moment + 3 * k) && no_load(about + 3 * k)) continue;
+        const int64_t on = p->parent[k];
+        const double *parent = at->parent + 9 * k;
+        static const double still[3] = {0.0, 0.0, 0.0};
+        const double *spin = on < 0 ? still : rates->spin + 3 * on;
+        double local[3], turned[3], slope[9];
+        apply_back(parent, force + 3 * k, rows + 3 * k);
+        /* Axes that turn with the parent see what stands still turn back. */
+        cross(force + 3 * k, spin, turned);
+        apply_back(parent, turned, change + 3 * k);
+        if (!(no_load(moment + 3 * k) && no_load(about + 3 * k))) {
+            apply_back(parent, moment + 3 * k, local);
+            apply_back(at->jacobian + 9 * k, local, rows + 3 * (n + k));
+            jacobian_rate(at->local + 3 * (n + k), rates->local + 3 * (n + k), slope);
+            apply_back(slope, local, change + 3 * (n + k));
+            cross(moment + 3 * k, spin, turned);
+            for (int i = 0; i < 3; i++) turned[i] += about[3 * k + i];
+            apply_back(parent, turned, local);
+            apply_back(at->jacobian + 9 * k, local, turned);
+            for (int i = 0; i < 3; i++) change[3 * (n + k) + i] += turned[i];
+        }
+        if (on < 0) continue;
+        double arm[3], lever[3], swept[3], moved[3];
+        for (int i = 0; i < 3; i++) {
+            arm[i] = (at->position[3 * k + i] - p->base[3 * k + i]) - (at->position[3 * on + i] - p->base[3 * on + i]);
+            moved[i] = rates->velocity[3 * k + i] - rates->velocity[3 * on + i];
+        }
+        cross(arm, force + 3 * k, lever);
+        cross(moved, force + 3 * k, swept);
+        for (int i = 0; i < 3; i++) {
+            force[3 * on + i] += force[3 * k + i];
+            moment[3 * on + i] += moment[3 * k + i] + lever[i];
+            about[3 * on + i] += about[3 * k + i] + swept[i];
+        }
+    }
+    add_times_derivative(body, at, change, scratch + 15 * n, out);
+    add_times_bent(body, rates->turned, rows, scratch + 15 * n, out);
+}
+
+/* Derivatives (count) of one row of b or phi by the first coordinates. */
+void row_derivative(const Body *body, const Configuration *at, int64_t row, int64_t count, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    memcpy(out, p->operator_ + row * m, (size_t)count * sizeof(double));
+    if (!p->curved || p->part[row] < 0) return;
+    const double *basis = p->basis, *turned = at->turned + body->turned_start[row];
+    for (int64_t i = 0; basis && i < p->part[row]; i++) basis += p->extent[i] * m;
+    if (basis)
+        add_strided_rows(turned, basis, m, out, p->extent[p->part[row]], count);
+    else
+        for (int64_t j = 0; j < count; j++) out[j] += turned[j];
 }

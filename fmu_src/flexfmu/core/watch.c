@@ -12,6 +12,7 @@ typedef struct {
     double *tangent, *unloaded, *scaled, *lower, *shapes, *values, *rest, *operator_, *translation, *spin, *gaps, *row;
     double *motion, *change, *scratch, *unit, *force, *tense;
     Pull pull;
+    Rates rates;
 } Room;
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
@@ -38,6 +39,7 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->force = take(arena, 2 * m);
     room->tense = take(arena, 12 * p->ties);
     take_pull(body, arena, &room->pull);
+    take_rates(body, arena, &room->rates);
 }
 
 
@@ -404,13 +406,13 @@ void body_derivative(Body *body, const double *inputs, double step, const double
     modal_force(body, &room.loads, 1, &room.at, 0, room.scratch, without);
     for (int64_t j = 0; j < m; j++) room.row[j] = rule->gq[j] * (with[j] - without[j]);
     lu_solve(room.lower, body->pivot, room.row, m, 1);
-    node_rates(body, &room.at, room.row, room.scratch, room.translation, room.spin);
+    node_rates(body, 0, &room.at, room.row, &room.rates);
     for (int64_t i = 0; i < p->interfaces; i++) {
         const int64_t k = p->frames + i;
         double vector[3], rotation[9], jacobian[9];
         int64_t pivot[3];
-        memcpy(out + 6 * i, room.translation + 3 * k, 3 * sizeof(double));
-        memcpy(out + 6 * i + 3, room.spin + 3 * k, 3 * sizeof(double));
+        memcpy(out + 6 * i, room.rates.velocity + 3 * k, 3 * sizeof(double));
+        memcpy(out + 6 * i + 3, room.rates.spin + 3 * k, 3 * sizeof(double));
         /* A spin turns the rotation vector by T^-1. */
         rotation_vector(room.at.rotation + 9 * k, vector);
         exponential(vector, rotation, jacobian);

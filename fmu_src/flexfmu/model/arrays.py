@@ -89,13 +89,16 @@ MASSES = (
     Entry("displacement", "masses/displacement", "P 3 m", "kg^-0.5", "displacement of the centres per mode"),
     Entry("frame", "masses/frame", "P", "1", "frame that carries it, -1 for none", int),
 )
-# Index 0 of y_a stands for X - X_s, index j for the remainder of mode j in the frame.
 INERTIA = (
-    Entry("frame", "inertia/frame", "P", "1", "frame that carries each part", int),
-    Entry("mass", "inertia/mass", "P", "kg", "mass of each part"),
-    Entry("first", "inertia/first", "P m+ 3", "kg m, kg^0.5", "integral of rho y_a"),
-    Entry("second", "inertia/second", "P m+ m+ 3 3", "kg m^2, kg^0.5 m, 1", "integral of rho y_a y_b"),
-    Entry("ground", "inertia/ground", "m m", "1", "modal mass of what lies on no frame"),
+    Entry("frame", "inertia/frame", "P", "1", "frame that carries each lump", int),
+    Entry("mass", "inertia/mass", "P", "kg", "mass of each lump"),
+    Entry("point", "inertia/point", "P 3", "m", "centres of mass of the lumps"),
+    Entry("displacement", "inertia/displacement", "P 3 m", "kg^-0.5", "displacement of the centres per mode"),
+    Entry("turning", "inertia/turning", "S 3 3", "kg m^2", "rotary inertia of a frame's lumps about their centres"),
+    Entry("sweep", "inertia/sweep", "S 3 m", "kg^0.5 m", "integral of rho r x e_j within a frame's lumps"),
+    Entry(
+        "curvature", "inertia/curvature", "P 3 m m", "kg^-1 m^-1", "second derivative of displacements", optional=True
+    ),
 )
 TIES = (
     Entry("frame", "ties/frame", "T 2", "1", "frames that carry the ends, -1 for the ground", int),

@@ -83,9 +83,12 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
         by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
     inertia = body.inertia
     if inertia is not None:
-        motions = np.concatenate([body.joint_displacement, body.frame_rotation], axis=1)
-        inertia = without_frames(inertia, turn, motions, gone)
-    second = None if body.second is None else _second_order_fixed(body, body.second, turn)
+        inertia = without_frames(inertia, turn, gone)
+    second = None
+    if body.second is not None:
+        second, curvature = _second_order_fixed(body, body.second, turn)
+        if inertia is not None and curvature is not None and body.inertia is not None:
+            inertia = replace(inertia, curvature=curvature[body.inertia.frame >= gone])
     return replace(
         body,
         angular_frequency=np.sqrt(squares),
@@ -111,19 +114,21 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     )
 
 
-def _second_order_fixed(body: ReducedBody, second: SecondOrder, turn: FloatArray) -> SecondOrder:
-    """The same motions moved as one so that the root interface stays where it is, seen from the ground."""
+def _second_order_fixed(
+    body: ReducedBody, second: SecondOrder, turn: FloatArray
+) -> tuple[SecondOrder, FloatArray | None]:
+    """The same motions moved as one so that the root interface stays where it is, seen from the ground, and lumps'."""
     gone, root = int(body.floating), body.frame_count + body.root_interface
-    masses = body.masses
-    points = [body.joint_point, body.interface_point, *([] if masses is None else [masses.point])]
-    moved = [body.joint_displacement, body.interface_displacement, *([] if masses is None else [masses.displacement])]
-    turned = [body.frame_rotation, body.interface_rotation]
-    turned += [] if masses is None else [np.zeros_like(masses.displacement)]
-    arm = np.concatenate(points) - body.interface_point[body.root_interface]
-    displacement, rotation = (
-        np.einsum("kiab,ac,bd->kicd", part, turn, turn, optimize=True)
-        for part in (second.displacement, second.rotation)
-    )
+    lumps = None if body.inertia is None else body.inertia.curvature
+    points = [part for part in (body.masses, None if lumps is None else body.inertia) if part is not None]
+    moved = [body.joint_displacement, body.interface_displacement, *(part.displacement for part in points)]
+    turned = [body.frame_rotation, body.interface_rotation, *(np.zeros_like(part.displacement) for part in points)]
+    places = np.concatenate([body.joint_point, body.interface_point, *(part.point for part in points)])
+    arm = places - body.interface_point[body.root_interface]
+    given = second.displacement, second.rotation
+    if lumps is not None:
+        given = np.concatenate([given[0], lumps]), np.concatenate([given[1], np.zeros_like(lumps)])
+    displacement, rotation = (np.einsum("kiab,ac,bd->kicd", part, turn, turn, optimize=True) for part in given)
     displacement = displacement - displacement[root] + np.einsum("kij,jab->kiab", skew(arm), rotation[root])
     rotation = rotation - rotation[root]
     if body.floating:
@@ -132,7 +137,8 @@ def _second_order_fixed(body: ReducedBody, second: SecondOrder, turn: FloatArray
         displacement, rotation = from_ground(
             displacement, rotation, reference, arm, change, np.concatenate(turned) @ turn
         )
-    return SecondOrder(displacement[gone:], rotation[gone:])
+    nodes = len(second.displacement)
+    return SecondOrder(displacement[gone:nodes], rotation[gone:nodes]), None if lumps is None else displacement[nodes:]
 
 
 def _surface_fixed(body: ReducedBody, surface: Surface, turn: FloatArray, gone: int) -> Surface:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..methods import DEFAULT, Mass, Method, masses_of
 from .arrays import BODY, INERTIA, MASSES, PROPERTIES, SECOND, STRESS, SURFACE, TIES, WHOLE, Entry, settle
 from .errors import ModalFileError
-from .inertia import InertiaIntegrals
+from .inertia import LumpedMass
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -264,7 +264,7 @@ class ReducedBody:
     provenance : dict of str to str
         Where the body comes from: input hashes and versions.
     surface : Surface or None
-    inertia : InertiaIntegrals or None
+    inertia : LumpedMass or None
         What the mass of the deformed body is made of.
     ties : Ties or None
         What joins the parts of a body that was cut.
@@ -301,7 +301,7 @@ class ReducedBody:
     floating: bool = False
     provenance: dict[str, str] = field(default_factory=dict)
     surface: Surface | None = None
-    inertia: InertiaIntegrals | None = None
+    inertia: LumpedMass | None = None
     ties: Ties | None = None
     second: SecondOrder | None = None
     properties: Properties | None = None
@@ -418,7 +418,7 @@ class Part:
 PARTS = (
     Part("whole", WholeFrame, WHOLE),
     Part("masses", Masses, MASSES),
-    Part("inertia", InertiaIntegrals, INERTIA),
+    Part("inertia", LumpedMass, INERTIA),
     Part("ties", Ties, TIES),
     Part("second", SecondOrder, SECOND),
     Part("properties", Properties, PROPERTIES),

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..core import Core
 from ..methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
 from ..model.errors import OptionError
+from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND, ReducedBody
 from ..rotations import skew
 from .image import write_image
@@ -32,6 +33,9 @@ _MOMENT = 8.0 / np.pi**2
 
 
 _BY_LOAD, _BY_SECOND_ORDER = "geometric stiffness by load", "the frames to second order"
+# Frequency over that of the softest mode up to which the deformed body's mass counts, and how many elastic modes are at
+# least: stiffer ones move too little, and cost shorter steps (section 9).
+_SLOW, _SLOW_MODES = 20.0, 6
 # Smallest over largest eigenvalue of the inverse inertia below which an axis is held.
 _HELD = 1e-9
 
@@ -97,7 +101,9 @@ def compile_program(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTAN
 def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> Draft:
     """Everything but geometric stiffness and the second opinion on it."""
     m, interfaces = body.mode_count, body.interface_count
-    tree = build_tree(body, recipe.kinematics)
+    lumped = _lumped(body, mass)
+    tree = build_tree(body, recipe.kinematics, lumped)
+    kept = 0 if lumped is None else _inertial_modes(body)
     placement = recipe.loads
     loaded = tree.frames + interfaces + (0 if body.masses is None else body.masses.mass.size)
     if placement is LoadPlacement.DEFORMED and not np.any(tree.parent[tree.frames : loaded] >= 0):
@@ -155,15 +161,18 @@ def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -
     _texts(draft, "advice", [_against_rotation(body, recipe), "", "", _against_spin(body, recipe)])
     _texts(draft, "guid", [""])
     if tree.curvature is not None:
-        bent = bends(tree)
+        bent = bends(tree, kept)
         draft.sizes |= {"curved": 1, "parts": bent.extent.size, "bends": bent.numbers.size}
         draft.sizes["basis_numbers"] = bent.basis.size
         draft.arrays |= {"curvature": bent.numbers, "basis": bent.basis, "part": bent.part}
         draft.arrays |= {"core_start": bent.start, "extent": bent.extent}
     if body.ties is not None and tree.frames:
         _ties(draft, body, tree)
-    if mass is Mass.CONFIGURATION and tree.frames:
-        _inertia(draft, body)
+    if lumped is not None:
+        rest = -lumped.at_rest(body.frame_rotation)[:kept, :kept]
+        draft.sizes |= {"inertial": 1, "inertial_modes": kept, "lumps": lumped.mass.size}
+        draft.arrays |= {"lump_mass": lumped.mass, "turning_inertia": lumped.turning, "inertial_rest": rest}
+        draft.arrays["turning_sweep"] = lumped.sweep[:, :, :kept]
     elif rigid and tree.frames:
         _spin(draft, body)
     return draft
@@ -246,24 +255,25 @@ def _ties(draft: Draft, body: ReducedBody, tree: Tree) -> None:
     }
 
 
-def _inertia(draft: Draft, body: ReducedBody) -> None:
-    """Integrals of the mass that each frame carries."""
-    data = body.inertia
-    if data is None:
+def _lumped(body: ReducedBody, mass: Mass) -> LumpedMass | None:
+    """The lumps that go along; none where nothing of the body hangs on a frame."""
+    if mass is Mass.CONSTANT:
+        return None
+    if body.inertia is None:
         raise OptionError(
             'mass "configuration" needs data that this body was built without: build it with inertia = true in '
             "[reduction]"
         )
     if body.ties is not None:
         raise OptionError('mass "configuration" does not know bodies that were cut; take mass "constant"')
-    draft.sizes |= {"inertial": 1, "inertial_parts": data.mass.size}
-    draft.arrays |= {
-        "inertial_frame": data.frame,
-        "inertial_mass": data.mass,
-        "inertial_first": data.first,
-        "inertial_second": data.second,
-        "inertial_elastic": data.elastic,
-    }
+    return body.inertia if body.inertia.mass.size else None
+
+
+def _inertial_modes(body: ReducedBody) -> int:
+    """How many of the first coordinates the mass of the deformed body knows of."""
+    omega, rigid = body.angular_frequency, body.rigid_count
+    slow = int(np.searchsorted(omega, _SLOW * omega[rigid], side="right"))
+    return min(max(slow, rigid + _SLOW_MODES), body.mode_count)
 
 
 def _spin(draft: Draft, body: ReducedBody) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..curvature import relative_curvature
 from ..methods import Kinematics
 from ..model.errors import OptionError
+from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND, ReducedBody
 from ..rotations import skew
 
@@ -32,7 +33,7 @@ _NO_BEND, _WORTH = 1e-13, 0.75
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """S frames, I interfaces, P centres of mass, 2 T ends of ties: K nodes.
+    """S frames, I interfaces, P centres of mass, lumps, 2 T ends of ties: K nodes.
 
     Attributes
     ----------
@@ -46,6 +47,8 @@ class Tree:
         D_k of all nodes, then C_k.
     curvature : (6K, m, m) float or None
         Second derivatives of b_k and φ_k, in the order of `operator`.
+    lumps : (P,) int
+        Nodes that are lumps.
     """
 
     parent: IntArray
@@ -55,15 +58,18 @@ class Tree:
     base: FloatArray
     operator: FloatArray
     curvature: FloatArray | None
+    lumps: IntArray
 
 
-def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
+def build_tree(body: ReducedBody, kinematics: Kinematics, inertia: LumpedMass | None = None) -> Tree:
     """Tree of a body under the given kinematics; `LINEAR` hangs every node on the ground.
 
     Parameters
     ----------
     body : ReducedBody
     kinematics : Kinematics
+    inertia : LumpedMass, optional
+        Lumps to go along.
 
     Returns
     -------
@@ -86,6 +92,14 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
         displacement.append(body.masses.displacement)
         # A centre of mass has no rotation of its own: nothing reads it, and no moment acts on it.
         rotation.append(np.zeros_like(body.masses.displacement))
+    lumps = np.zeros(0, dtype=np.int64)
+    if inertia is not None:
+        lumps = sum(map(len, parent)) + np.arange(inertia.mass.size)
+        parent.append(inertia.frame)
+        point.append(inertia.point)
+        displacement.append(inertia.displacement)
+        # Seen from its frame a lump does not turn.
+        rotation.append(body.frame_rotation[inertia.frame])
     if body.ties is not None and not linear:
         # Linear kinematics stretch the springs linearly, which the modes hold already.
         parent.append(body.ties.frame.T.ravel())
@@ -112,18 +126,25 @@ def build_tree(body: ReducedBody, kinematics: Kinematics) -> Tree:
         c[hung] -= theta[p]
     curvature = None
     if kinematics is Kinematics.SECOND_ORDER and frames:
-        curvature = _curvature(body, on, offset, d, theta)
-    return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature)
+        curvature = _curvature(body, inertia, on, offset, d, theta)
+        curvature.reshape(2, len(on), 3, *curvature.shape[1:])[1, lumps] = 0.0
+    return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature, lumps)
 
 
 def _curvature(
-    body: ReducedBody, parent: IntArray, offset: FloatArray, change: FloatArray, rotation: FloatArray
+    body: ReducedBody,
+    inertia: LumpedMass | None,
+    parent: IntArray,
+    offset: FloatArray,
+    change: FloatArray,
+    rotation: FloatArray,
 ) -> FloatArray:
     """Second derivatives (6K, m, m) of offsets and relative rotations, (19) and (20).
 
     Parameters
     ----------
     body : ReducedBody
+    inertia : LumpedMass or None
     parent : (K,) int
     offset : (K, 3) float
     change : (K, 3, m) float
@@ -139,12 +160,23 @@ def _curvature(
         )
     # Seen from the floating frame, if there is one.
     turn = rotation - body.frame_rotation[0] if body.floating else rotation
-    d, c = data.displacement.copy(), data.rotation.copy()
+    displacement, turned = data.displacement, data.rotation
+    if inertia is not None:
+        if inertia.curvature is None:
+            raise OptionError(
+                'mass "configuration" with method "second_order" needs data that this body was built without: build it '
+                "with inertia = true and second_order = true in [reduction]"
+            )
+        # Lumps stand before the ties.
+        before = len(displacement) - (0 if body.ties is None else 2 * len(body.ties.stiffness))
+        displacement = np.insert(displacement, [before], inertia.curvature, axis=0)
+        turned = np.insert(turned, [before], np.zeros_like(inertia.curvature), axis=0)
+    d, c = displacement.copy(), turned.copy()
     hung = np.flatnonzero(parent >= 0)
     p = parent[hung]
     d[hung], c[hung] = relative_curvature(
-        data.displacement[hung] - data.displacement[p],
-        np.stack([data.rotation[hung], data.rotation[p]]),
+        displacement[hung] - displacement[p],
+        np.stack([turned[hung], turned[p]]),
         turn[p],
         turn[hung],
         offset[hung],
@@ -178,12 +210,14 @@ class Bends:
     extent: IntArray
 
 
-def bends(tree: Tree) -> Bends:
-    """What bends the nodes of a tree with curvature."""
+def bends(tree: Tree, inertial: int) -> Bends:
+    """What bends the nodes of a tree with curvature, its lumps by the first `inertial` coordinates only."""
     assert tree.curvature is not None
     curvature, modes, root = tree.curvature, tree.operator.shape[-1], tree.parent.copy()
     for node, parent in enumerate(tree.parent):
         root[node] = node if parent < 0 else root[parent]
+    # Lumps are a part of their own, which comes last.
+    root[tree.lumps] = len(root)
     size = np.abs(curvature).max(axis=(1, 2))
     owner = np.where(size > 0.0, np.tile(np.repeat(root, 3), 2), -1)
     part = np.full(len(owner), -1)
@@ -191,10 +225,14 @@ def bends(tree: Tree) -> Bends:
     for number, name in enumerate(np.unique(owner[owner >= 0])):
         rows = np.flatnonzero(owner == name)
         part[rows] = number
+        if name == len(root):
+            bases.append(np.eye(inertial, modes))
+            continue
         scaled = curvature[rows] / size[rows, None, None]
         _, strength, directions = np.linalg.svd(scaled.reshape(-1, modes), full_matrices=False)
-        bases.append(directions[strength > _NO_BEND * strength[0]])
-    if not bases or max(len(basis) for basis in bases) > _WORTH * modes:
+        basis = directions[strength > _NO_BEND * strength[0]]
+        bases.append(basis if len(basis) <= _WORTH * modes else np.eye(modes))
+    if all(len(basis) == modes for basis in bases):
         part, bases = np.where(size > 0.0, 0, -1), []
     cores, start, used = [], np.zeros(len(owner), dtype=np.int64), 0
     for row in np.flatnonzero(part >= 0):

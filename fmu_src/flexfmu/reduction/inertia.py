@@ -1,23 +1,23 @@
-"""Inertia integrals of the frames: what the mass of the deformed body is made of (docs/theory.md, section 9)."""
+"""Lumps of the body's mass: what the mass of the deformed body is made of (docs/theory.md, section 9)."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from ..mesh.model import FloatArray, Mesh
-from ..model.inertia import InertiaIntegrals
+from ..mesh.model import FloatArray, IntArray, Mesh
+from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND
+from ..rotations import skew
 from .subdomains import FrameOperators, Subdomain, element_owner, volume_weighted
 
+LUMPS = 16
+"""Of a body; each frame has one at least."""
 
-def inertia_integrals(
-    mesh: Mesh,
-    volumes: tuple[FloatArray, ...],
-    shapes: FloatArray,
-    subdomains: Sequence[Subdomain],
-    frames: FrameOperators,
-) -> InertiaIntegrals:
-    """Moments of the mass of each frame's elements with the consistent mass matrix; an element has one frame.
+
+def element_lumps(
+    mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]
+) -> list[tuple[int, IntArray]]:
+    """Lumps as frames and elements: the one whose mass lies farthest from its centre is split until there are enough.
 
     Parameters
     ----------
@@ -25,45 +25,95 @@ def inertia_integrals(
         Every element with a material.
     volumes : tuple of (n_elements, node_count, node_count) float
         From `fe.assembly.volume_matrices`.
-    shapes : (3n, m) float
     subdomains : sequence of Subdomain
+
+    Returns
+    -------
+    list of (int, (k,) int)
+        By frame; what lies on no frame has none.
+    """
+    density = np.array([material.density for material in mesh.materials])
+    nodal = [
+        density[block.material][:, None] * matrices.sum(axis=2)
+        for block, matrices in zip(mesh.blocks, volumes, strict=True)
+    ]
+    places = [mesh.points[block.connectivity] for block in mesh.blocks]
+    mass = np.concatenate([part.sum(axis=1) for part in nodal])
+    centre = np.concatenate([np.einsum("en,eni->ei", *both) for both in zip(nodal, places, strict=True)])
+    centre /= mass[:, None]
+    owner = element_owner(mesh, subdomains)
+    lumps = [(int(s), np.flatnonzero(owner == s)) for s in np.unique(owner) if s != GROUND]
+
+    def spread(elements: IntArray) -> tuple[float, FloatArray]:
+        """Largest principal moment, and the elements' places along its axis."""
+        arm = centre[elements] - np.average(centre[elements], axis=0, weights=mass[elements])
+        values, axes = np.linalg.eigh(arm.T @ (mass[elements, None] * arm))
+        return float(values[-1]) if elements.size > 1 else 0.0, arm @ axes[:, -1]
+
+    spreads = [spread(elements) for _, elements in lumps]
+    while len(lumps) < LUMPS:
+        widest = int(np.argmax([size for size, _ in spreads]))
+        size, along = spreads[widest]
+        frame, elements = lumps[widest]
+        # Elements beside the middle by round-off belong to one side.
+        far = along > 1e-9 * np.abs(along).max(initial=0.0)
+        if size <= 0.0 or far.all() or not far.any():
+            break
+        lumps[widest : widest + 1] = [(frame, elements[~far]), (frame, elements[far])]
+        spreads[widest : widest + 1] = [spread(elements[~far]), spread(elements[far])]
+    return lumps
+
+
+def lumped_mass(
+    mesh: Mesh,
+    volumes: tuple[FloatArray, ...],
+    shapes: FloatArray,
+    lumps: Sequence[tuple[int, IntArray]],
+    frames: FrameOperators,
+) -> tuple[LumpedMass, FloatArray]:
+    """Mass of each lump with the consistent mass matrix, without curvature.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    volumes : tuple of (n_elements, node_count, node_count) float
+    shapes : (3n, m) float
+    lumps : sequence of (int, (k,) int)
+        From `element_lumps`.
     frames : FrameOperators
         Of the same shapes.
 
     Returns
     -------
-    InertiaIntegrals
+    inertia : LumpedMass
+    shares : (P, n) float
+        Share of each node in the centre of each lump.
     """
-    owner = element_owner(mesh, subdomains)
     density = np.array([material.density for material in mesh.materials])
     masses = tuple(
         density[block.material][:, None, None] * matrices for block, matrices in zip(mesh.blocks, volumes, strict=True)
     )
-    modes = shapes.shape[1]
+    count, modes = len(frames.frame_rotation), shapes.shape[1]
     nodal = shapes.reshape(len(mesh.points), 3, modes)
-    ground = np.zeros((modes, modes))
-    frame, mass, first, second = [], [], [], []
-    for s in np.unique(owner):
-        part = volume_weighted(mesh, masses, np.flatnonzero(owner == s))
+    turning, sweep = np.zeros((count, 3, 3)), np.zeros((count, 3, modes))
+    shares = np.zeros((len(lumps), len(mesh.points)))
+    mass, points, displacement = np.zeros(len(lumps)), np.zeros((len(lumps), 3)), np.zeros((len(lumps), 3, modes))
+    for number, (frame, elements) in enumerate(lumps):
+        part = volume_weighted(mesh, masses, elements)
+        weight = part.weight @ np.ones(part.nodes.size)
+        mass[number] = weight.sum()
+        share = weight / mass[number]
+        shares[number, part.nodes] = share
+        points[number] = share @ mesh.points[part.nodes]
         moved = nodal[part.nodes]
-        if s == GROUND:
-            flat = moved.reshape(len(moved), -1)
-            ground = np.einsum("nia,nib->ab", moved, (part.weight @ flat).reshape(moved.shape), optimize=True)
-            continue
-        arm = mesh.points[part.nodes] - subdomains[s].joint_point
-        turned = np.cross(frames.frame_rotation[s][None], arm[:, :, None], axis=1)
-        fields = np.concatenate([arm[:, :, None], moved - frames.joint_displacement[s] - turned], axis=2)
-        # Index of y first, its component last.
-        columns = fields.swapaxes(1, 2).reshape(len(arm), -1)
-        weighted = part.weight @ columns
-        frame.append(s)
-        mass.append(part.weight.sum())
-        first.append(weighted.sum(axis=0).reshape(1 + modes, 3))
-        second.append((columns.T @ weighted).reshape(1 + modes, 3, 1 + modes, 3).swapaxes(1, 2))
-    return InertiaIntegrals(
-        np.array(frame, dtype=np.int64),
-        np.array(mass),
-        np.array(first).reshape(-1, 1 + modes, 3),
-        np.array(second).reshape(-1, 1 + modes, 1 + modes, 3, 3),
-        ground,
-    )
+        displacement[number] = np.tensordot(share, moved, axes=1)
+        arm = mesh.points[part.nodes] - points[number]
+        weighted = part.weight @ arm
+        square = arm.T @ weighted
+        inertia = np.trace(square) * np.eye(3) - square
+        # ∫ρ r × e, where the frame's turn is taken off: the mean of either does not count.
+        swept = np.einsum("nij,nja->ia", skew(weighted), moved, optimize=True)
+        turning[frame] += inertia
+        sweep[frame] += swept - inertia @ frames.frame_rotation[frame]
+    frame_of = np.array([frame for frame, _ in lumps], dtype=np.int64)
+    return LumpedMass(frame_of, mass, points, displacement, turning, sweep), shares

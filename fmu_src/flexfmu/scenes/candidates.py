@@ -190,7 +190,6 @@ def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
     -------
     ReducedBody
     """
-    square = np.ix_(kept, kept)
     whole, masses, surface, inertia, ties = body.whole, body.masses, body.surface, body.inertia, body.ties
     second = body.second
     if second is not None:
@@ -207,15 +206,17 @@ def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
     if ties is not None:
         ties = replace(ties, displacement=ties.displacement[..., kept], rotation=ties.rotation[..., kept])
     if inertia is not None:
-        moments = np.concatenate([[0], kept + 1])
-        inertia = replace(
-            inertia,
-            first=inertia.first[:, moments],
-            second=inertia.second[:, moments][:, :, moments],
-            ground=inertia.ground[square],
-        )
+        curvature = None if inertia.curvature is None else inertia.curvature[:, :, kept[:, None], kept]
+        displacement, sweep = inertia.displacement[..., kept], inertia.sweep[..., kept]
+        inertia = replace(inertia, displacement=displacement, sweep=sweep, curvature=curvature)
     by_load, by_mode = body.stiffness_by_load, body.stiffness_by_mode
-    linear = ("interface_displacement", "interface_rotation", "joint_displacement", "joint_rotation", "frame_rotation")
+    linear = (
+        "interface_displacement",
+        "interface_rotation",
+        "joint_displacement",
+        "joint_rotation",
+        "frame_rotation",
+    )
     return replace(
         body,
         angular_frequency=body.angular_frequency[kept],

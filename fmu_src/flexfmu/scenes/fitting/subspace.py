@@ -104,14 +104,8 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     frames = ("joint_displacement", "joint_rotation", "frame_rotation")
     whole, masses, surface, inertia, ties = body.whole, body.masses, body.surface, body.inertia, body.ties
     if inertia is not None:
-        # Index 0 stands for the undeformed place.
-        more = scipy.linalg.block_diag(1.0, turn)
-        inertia = replace(
-            inertia,
-            first=np.einsum("pja,jk->pka", inertia.first, more),
-            second=np.einsum("pijab,ik,jl->pklab", inertia.second, more, more, optimize=True),
-            ground=turn.T @ inertia.ground @ turn,
-        )
+        curvature = None if inertia.curvature is None else turn.T @ inertia.curvature @ turn
+        inertia = replace(inertia, curvature=curvature, **turned(inertia, "displacement", "sweep"))
     second = body.second
     if second is not None:
         displacement, rotation = (turn.T @ part @ turn for part in (second.displacement, second.rotation))
