@@ -1,7 +1,7 @@
 """Mass of the deformed body from lumps that the frames carry (docs/theory.md, section 9; core/inertia.c).
 
-A lump's mass moves as one point, its centre of mass, however far the body bends. What its matter turns about that point,
-and is bent within it, goes by its frame. With w the frame's spin on its own axes the kinetic energy is
+A lump's mass moves as one point, its centre of mass, however far the body bends. What its matter turns about that point
+and how it is bent within it, goes by its frame. With w the frame's spin on its own axes the kinetic energy is
 
     Σ ½ m |x'|² + Σ (½ w I w + w · H v) + ½ vᵀ E v,   I = ∫ρ (|r|² 1 − r rᵀ),   H_j = ∫ρ r × e_j,
 
