@@ -15,7 +15,7 @@ import sys
 import sysconfig
 import tempfile
 import zipfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import fmpy
@@ -24,7 +24,7 @@ from flexfmu.build import reduce_body
 from flexfmu.config import DampingTable, FormulationTable, InterfaceTable, OutputTable, read_body_file
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
-from flexfmu.methods import Method
+from flexfmu.methods import Mass, Method
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.progress import Reporter
 from flexfmu.store import Store
@@ -153,10 +153,13 @@ def measure(output: Path) -> None:
                     cases.append((f"linear, {label}", fmu, "linear"))
                 cases.append((f"frames, {frames} frames, {label}", fmu, "frames"))
                 cases.append((f"second_order, {frames} frames, {label}", fmu, "second_order"))
-        heavy = folder / "heavy.fmu"
-        body = beam(INTERFACES, 8, inertia=True)
-        package_fmu(_with_mass(body), heavy)
-        cases.append(("frames, 8 frames, deformed body's mass, 4 interfaces", heavy, "frames"))
+        for frames in (8, 2):
+            body = beam(INTERFACES, frames, inertia=True)
+            for method in (Method.FRAMES, Method.SECOND_ORDER):
+                heavy = folder / f"heavy_{method.value}_{frames}.fmu"
+                package_fmu(replace(body, method=method, mass=Mass.CONFIGURATION), heavy)
+                what = f"{method.value}, {frames} frames, deformed body's mass, 4 interfaces"
+                cases.append((what, heavy, method.value))
         axle = folder / "axle.fmu"
         config = read_body_file(ROOT / "demo" / "rear_axle" / "body.toml")
         package_fmu(reduce_body(config, Reporter(), Store()), axle)
@@ -189,14 +192,6 @@ def measure(output: Path) -> None:
         writer.writeheader()
         for record in records:
             writer.writerow(asdict(record) | {"machine": platform.machine(), "python": platform.python_version()})
-
-
-def _with_mass(body: ReducedBody) -> ReducedBody:
-    from dataclasses import replace
-
-    from flexfmu.methods import Mass
-
-    return replace(body, method=Method.FRAMES, mass=Mass.CONFIGURATION)
 
 
 def main() -> None:

@@ -75,18 +75,22 @@ def test_fixed_by_the_scene_the_free_body_is_the_supported_one(bodies, floating,
     assert relative(found[0].displacement[1], found[1].displacement[0]) < 5e-3
 
 
-def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies):
-    reduction = {"basis": Basis.CRAIG_BAMPTON, "modes": 8, "inertia": True}
+@pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
+def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies, method):
+    reduction = {"basis": Basis.CRAIG_BAMPTON, "modes": 8, "inertia": True, "second_order": True}
     reduction = bodies.config(BEAM).reduction.model_copy(update=reduction)
     free = bodies.beam(free=True, support=[], interface=ROOT_AND_TIP, reduction=reduction, frames=4).model
-    fixed = FlexibleBody(free, mass=Mass.CONFIGURATION, fixed=["root"])
-    supported = FlexibleBody(bodies.beam(reduction=reduction, frames=4).model, mass=Mass.CONFIGURATION)
+    fixed = FlexibleBody(free, method, Mass.CONFIGURATION, fixed=["root"])
+    supported = FlexibleBody(bodies.beam(reduction=reduction, frames=4).model, method, Mass.CONFIGURATION)
     states = [body.rest() for body in (fixed, supported)]
     for _ in range(10):
         states = [b.step(s, {"tip": [0.0, 5e3, 0.0]}, 2e-3) for b, s in zip((fixed, supported), states, strict=True)]
     moved = [b.response(s).displacement[-1] for b, s in zip((fixed, supported), states, strict=True)]
     assert np.linalg.norm(moved[1]) > 0.1
     assert relative(moved[0], moved[1]) < 1e-2
+    masses = [np.linalg.eigvalsh(b.mass(b.static({"tip": [0.0, 5e3, 0.0]}))) for b in (fixed, supported)]
+    assert masses[1][-1] > 1.01
+    np.testing.assert_allclose(masses[0][-3:], masses[1][-3:], rtol=2e-3)
 
 
 def test_what_hung_on_the_floating_frame_keeps_its_mass_where_the_scene_fixes_the_root(bodies):
