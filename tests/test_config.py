@@ -153,8 +153,8 @@ WRONG = {
         ["explicit evaluation is gone", 'method = "linear"', "let the master send that moment"],
     ),
     "a mass that the method does not know": (
-        {"rest": '[formulation]\nmethod = "second_order"\nmass = "configuration"'},
-        ["formulation: ", 'mass "configuration" goes with method "frames" only'],
+        {"rest": '[formulation]\nmethod = "frames_stiffness"\nmass = "configuration"'},
+        ["formulation: ", 'mass "configuration" goes with methods "frames" and "second_order" only'],
     ),
     "a method without its data": (
         {"rest": '[reduction]\nsecond_order = false\n[formulation]\nmethod = "second_order"'},

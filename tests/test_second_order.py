@@ -171,8 +171,12 @@ def test_rigid_motions_make_no_strain(reduced):
 def test_what_second_order_needs_and_what_it_does_not_go_with(reduced, bodies):
     with pytest.raises(OptionError, match="second_order = true"):
         FlexibleBody(bodies.beam().model, SECOND)
-    with pytest.raises(OptionError, match='mass "configuration"'):
+    with pytest.raises(OptionError, match="mass configuration.* needs inertia = true"):
         FlexibleBody(reduced(BEAM, 2), SECOND, Mass.CONFIGURATION)
+    stored = {"inertia": True, "second_order": True}
+    model = bodies.beam(reduction=bodies.config(BEAM).reduction.model_copy(update=stored), frames=2).model
+    with pytest.raises(OptionError, match="inertia = true and second_order = true"):
+        FlexibleBody(replace(model, inertia=replace(model.inertia, curvature=None)), SECOND, Mass.CONFIGURATION)
 
 
 def source_of_judgement(body, method):

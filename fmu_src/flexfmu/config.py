@@ -313,16 +313,16 @@ class BodySpec(_Table):
     def variant(self) -> Variant:
         """Method and mass that the FMU starts with.
 
-        Where no method is given, second order; linear for a body without frames; frames with the deformed body's mass,
-        or where `reduction.second_order` is false.
+        Where no method is given, second order; linear for a body without frames; frames where
+        `reduction.second_order` is false.
         """
         table = self.formulation
         if table.method is not None:
             return table.variant
         if self.frames == 0 and not self.free:
             return Variant(Method.LINEAR)
-        possible = self.frames != 0 and table.mass is Mass.CONSTANT and self.reduction.second_order is not False
-        return Variant(Method.SECOND_ORDER) if possible else table.variant
+        possible = self.frames != 0 and self.reduction.second_order is not False
+        return Variant(Method.SECOND_ORDER, table.mass) if possible else table.variant
 
     @property
     def stored(self) -> frozenset[Data]:

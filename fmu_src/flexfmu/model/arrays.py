@@ -1,6 +1,6 @@
 """The table of all arrays of a reduced body: what checks them, and what writes, digests and reads the modal file.
 
-Shapes are words: m modes (m+ one more), I interfaces, S frames, L unit loads (6I, and three accelerations of a body
+Shapes are words: m modes, I interfaces, S frames, L unit loads (6I, and three accelerations of a body
 with masses), K nodes of the tree (frames, interfaces, centres of mass, ends a of all ties, ends b). Any other letter is
 a number of the part's own, told by the first array that has it.
 """
@@ -49,7 +49,7 @@ class Entry:
     @property
     def description(self) -> str:
         """Shape and meaning, as the file tells them."""
-        sizes = {"L": "6I or 6I + 3", "m+": "1 + m"}
+        sizes = {"L": "6I or 6I + 3"}
         listed = [sizes.get(token, token) for token in self.shape.split()]
         return f"({', '.join(listed)}{',' if len(listed) == 1 else ''}) {self.words}"
 
@@ -165,7 +165,6 @@ def settle(holder: object, entries: tuple[Entry, ...], sizes: Mapping[str, int],
         Naming the first array that is wrong, and how.
     """
     known = dict(sizes)
-    known |= {f"{letter}+": size + 1 for letter, size in sizes.items()}
     for entry in entries:
         given, label = getattr(holder, entry.name), f"{title}: {entry.name}" if title else entry.name
         if given is None and entry.optional:
