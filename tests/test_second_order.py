@@ -171,7 +171,7 @@ def test_rigid_motions_make_no_strain(reduced):
 def test_what_second_order_needs_and_what_it_does_not_go_with(reduced, bodies):
     with pytest.raises(OptionError, match="second_order = true"):
         FlexibleBody(bodies.beam().model, SECOND)
-    with pytest.raises(OptionError, match="mass configuration.* needs inertia = true"):
+    with pytest.raises(OptionError, match=r"mass configuration.* needs inertia = true"):
         FlexibleBody(reduced(BEAM, 2), SECOND, Mass.CONFIGURATION)
     stored = {"inertia": True, "second_order": True}
     model = bodies.beam(reduction=bodies.config(BEAM).reduction.model_copy(update=stored), frames=2).model
