@@ -1,0 +1,166 @@
+"""Demo bodies in three dimensions, bent far: linear modes and flexfmu, beside CalculiX; the pictures of the README.
+
+Run from the repository's root: python -m demo.pictures [--output FOLDER]
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from demo.fmu_study import reference
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from flexfmu.body import FlexibleBody
+from flexfmu.build import reduce_body
+from flexfmu.config import BodyFile, read_body_file
+from flexfmu.methods import Method
+from flexfmu.progress import Reporter
+from flexfmu.recovery import surface_of, surface_places
+from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface
+
+HERE = Path(__file__).parent
+FloatArray = NDArray[np.float64]
+LINEAR, FLEXFMU, CALCULIX, GHOST = "#c9cdd2", "#009e73", "#d55e00", "#5b6875"
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A body under one load case of CalculiX.
+
+    Attributes
+    ----------
+    name, title : str
+        Of the picture.
+    folder, table : str
+        Demo, and its table of CalculiX results; the last row counts.
+    forces : dict of str to (3,) float
+        N, by interface.
+    right, up : (3,) float
+        Directions of the picture.
+    frames : int
+    files : (str, str)
+        Body file of flexfmu, and of linear modes.
+    prefixed : bool
+        Whether the table's columns begin with the interface's name.
+    """
+
+    name: str
+    title: str
+    folder: str
+    table: str
+    forces: dict[str, tuple[float, float, float]]
+    right: tuple[float, float, float]
+    up: tuple[float, float, float]
+    frames: int = 2
+    files: tuple[str, str] = ("body.toml", "body.toml")
+    prefixed: bool = False
+
+    def expected(self) -> FloatArray:
+        """CalculiX's displacements of the loaded interfaces (i, 3), m."""
+        row = reference(HERE / self.folder / "calculix" / f"{self.table}.csv")[-1]
+        prefix = [f"{name}_" if self.prefixed else "" for name in self.forces]
+        return np.array([[row[f"{p}u{axis}_m"] for axis in "xyz"] for p in prefix])
+
+
+SCENES = (
+    Scene(
+        "beam", "Beam of 1 m, 20 kN at its tip", "clamped_beam", "static_y", {"tip": (0.0, 20e3, 0.0)},
+        (0.97, 0.0, -0.25), (-0.05, 1.0, -0.1),
+    ),
+    Scene(
+        "l_frame", "L-frame, 2 kN out of its plane", "l_frame", "static_z", {"tip": (0.0, 0.0, 2e3)},
+        (0.8, 0.6, 0.0), (-0.25, 0.3, 1.0),
+    ),
+    Scene(
+        "plate", "Plate of 3 mm, 2 × 440 N at its corners", "plate", "static_bend",
+        {"corner_left": (0.0, 0.0, 440.0), "corner_right": (0.0, 0.0, 440.0)},
+        (0.9, -0.45, 0.0), (0.2, 0.4, 1.0), frames=1, prefixed=True,
+    ),
+    Scene(
+        "axle", "Twist-beam axle, wheels ± 2.4 kN", "rear_axle", "opposite",
+        {"wheel_left": (0.0, 0.0, 2.4e3), "wheel_right": (0.0, 0.0, -2.4e3)},
+        (0.35, 0.95, 0.0), (-0.4, 0.15, 1.0), files=("body.toml", "body_whole.toml"), prefixed=True,
+    ),
+)  # fmt: skip
+
+
+def models(scene: Scene) -> tuple[FlexibleBody, FlexibleBody]:
+    """Bodies of flexfmu and of linear modes, with their surfaces."""
+
+    def built(file: str) -> BodyFile:
+        config = read_body_file(HERE / scene.folder / file)
+        update: dict[str, object] = {"output": config.output.model_copy(update={"surface": True})}
+        if not config.frame:
+            update["frames"] = scene.frames
+        update["formulation"] = config.formulation.model_copy(update={"method": Method.SECOND_ORDER})
+        return config.model_copy(update=update)
+
+    bent = reduce_body(built(scene.files[0]), Reporter())
+    whole = bent if len(set(scene.files)) == 1 else reduce_body(built(scene.files[1]), Reporter())
+    return FlexibleBody(bent, Method.SECOND_ORDER), FlexibleBody(whole, Method.LINEAR)
+
+
+def draw(scene: Scene, panel: object) -> None:
+    """Draw a scene, and write its errors into it."""
+    bent, linear = models(scene)
+    loads = {name: list(force) for name, force in scene.forces.items()}
+    camera, expected = Camera.along(scene.right, scene.up), scene.expected()
+    errors = {}
+    for body, colour, order in ((linear, LINEAR, 2.0), (bent, FLEXFMU, 3.0)):
+        state, surface = body.static(loads), surface_of(body)
+        faces, rest = surface.faces, surface.points
+        if body is linear:
+            draw_outline(panel, rest, corner_edges(rest, faces), camera, GHOST)
+        tint = np.tile(to_rgb(colour), (len(faces), 1))
+        draw_surface(panel, surface_places(body, state.q), faces, camera, tint, edges=False, order=order)
+        index = [body.model.interface_names.index(name) for name in loads]
+        found = body.response(state).displacement[index]
+        errors[colour] = 100.0 * np.linalg.norm(found - expected) / np.linalg.norm(expected)
+        places = (body.model.interface_point[index] + expected) @ camera.axes.T
+    panel.plot(places[:, 0], places[:, 1], "o", mfc="none", mec=CALCULIX, mew=1.8, ms=9, zorder=9)  # type: ignore[attr-defined]
+    panel.set_aspect("equal")  # type: ignore[attr-defined]
+    panel.set_axis_off()  # type: ignore[attr-defined]
+    panel.margins(0.04)  # type: ignore[attr-defined]
+    panel.autoscale_view()  # type: ignore[attr-defined]
+    panel.set_title(  # type: ignore[attr-defined]
+        f"{scene.title}\nerror: linear {errors[LINEAR]:.2g} %, flexfmu {errors[FLEXFMU]:.1g} %", fontsize=11
+    )
+
+
+def legend(figure: Figure) -> None:
+    """Legend below the panels."""
+    axes = figure.axes[0]
+    handles = [
+        axes.plot([], [], "-", color=GHOST, lw=1.0, label="undeformed")[0],
+        axes.plot([], [], "s", color=LINEAR, ms=9, label="linear modes")[0],
+        axes.plot([], [], "s", color=FLEXFMU, ms=9, label="flexfmu, the same modes")[0],
+        axes.plot([], [], "o", mfc="none", mec=CALCULIX, mew=1.8, ms=8, label="CalculiX: loaded interface")[0],
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=4, frameon=False, fontsize=10)
+
+
+def main(folder: Path) -> None:
+    """Draw all scenes: one picture of three bodies, and one for each."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shown = [scene for scene in SCENES if scene.name != "l_frame"]
+    figure = Figure(figsize=(12.0, 4.6))
+    for k, scene in enumerate(shown):
+        draw(scene, figure.add_axes((0.01 + 0.33 * k, 0.1, 0.31, 0.74)))
+    legend(figure)
+    figure.savefig(folder / "bodies.png", dpi=130)
+    for scene in SCENES:
+        figure = Figure(figsize=(7.5, 5.0))
+        draw(scene, figure.add_axes((0.02, 0.1, 0.96, 0.76)))
+        legend(figure)
+        figure.savefig(folder / f"body_{scene.name}.png", dpi=110)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("output/pictures"))
+    main(parser.parse_args().output)
