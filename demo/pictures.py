@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from demo.fmu_study import reference
@@ -25,10 +27,10 @@ from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surfac
 
 HERE = Path(__file__).parent
 FloatArray = NDArray[np.float64]
-LINEAR, FLEXFMU, CALCULIX, GHOST = "#c9cdd2", "#009e73", "#d55e00", "#5b6875"
+LINEAR, FLEXFMU, CALCULIX, GHOST = "#aab0b8", "#009e73", "#d55e00", "#5b6875"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """A body under one load case of CalculiX.
 
@@ -89,6 +91,7 @@ SCENES = (
 )  # fmt: skip
 
 
+@cache
 def models(scene: Scene) -> tuple[FlexibleBody, FlexibleBody]:
     """Bodies of flexfmu and of linear modes, with their surfaces."""
 
@@ -105,8 +108,8 @@ def models(scene: Scene) -> tuple[FlexibleBody, FlexibleBody]:
     return FlexibleBody(bent, Method.SECOND_ORDER), FlexibleBody(whole, Method.LINEAR)
 
 
-def draw(scene: Scene, panel: object) -> None:
-    """Draw a scene, and write its errors into it."""
+def draw(scene: Scene, panel: Any) -> tuple[float, float]:
+    """Draw a scene with its errors of the loaded interfaces' displacement, linear and flexfmu, in %."""
     bent, linear = models(scene)
     loads = {name: list(force) for name, force in scene.forces.items()}
     camera, expected = Camera.along(scene.right, scene.up), scene.expected()
@@ -114,25 +117,28 @@ def draw(scene: Scene, panel: object) -> None:
     for body, colour, order in ((linear, LINEAR, 2.0), (bent, FLEXFMU, 3.0)):
         state, surface = body.static(loads), surface_of(body)
         faces, rest = surface.faces, surface.points
+        moved, corners = surface_places(body, state.q), corner_edges(rest, faces)
         if body is linear:
-            draw_outline(panel, rest, corner_edges(rest, faces), camera, GHOST)
+            draw_outline(panel, rest, corners, camera, GHOST)
+            draw_outline(panel, moved, corners, camera, LINEAR, width=1.1, order=5.0)
         tint = np.tile(to_rgb(colour), (len(faces), 1))
-        draw_surface(panel, surface_places(body, state.q), faces, camera, tint, edges=False, order=order)
+        draw_surface(panel, moved, faces, camera, tint, edges=False, order=order)
         index = [body.model.interface_names.index(name) for name in loads]
         found = body.response(state).displacement[index]
-        errors[colour] = 100.0 * np.linalg.norm(found - expected) / np.linalg.norm(expected)
+        errors[colour] = float(100.0 * np.linalg.norm(found - expected) / np.linalg.norm(expected))
         places = (body.model.interface_point[index] + expected) @ camera.axes.T
-    panel.plot(places[:, 0], places[:, 1], "o", mfc="none", mec=CALCULIX, mew=1.8, ms=9, zorder=9)  # type: ignore[attr-defined]
-    panel.set_aspect("equal")  # type: ignore[attr-defined]
-    panel.set_axis_off()  # type: ignore[attr-defined]
-    panel.margins(0.04)  # type: ignore[attr-defined]
-    panel.autoscale_view()  # type: ignore[attr-defined]
-    panel.set_title(  # type: ignore[attr-defined]
-        f"{scene.title}\nerror: linear {errors[LINEAR]:.2g} %, flexfmu {errors[FLEXFMU]:.1g} %", fontsize=11
+    panel.plot(places[:, 0], places[:, 1], "o", mfc="none", mec=CALCULIX, mew=1.8, ms=9, zorder=9)
+    panel.set_aspect("equal")
+    panel.set_axis_off()
+    panel.margins(0.04)
+    panel.autoscale_view()
+    panel.set_title(
+        f"{scene.title}\nerror: linear {errors[LINEAR]:.2g} %, flexfmu {errors[FLEXFMU]:.2g} %", fontsize=12
     )
+    return errors[LINEAR], errors[FLEXFMU]
 
 
-def legend(figure: Figure) -> None:
+def legend(figure: Figure, columns: int) -> None:
     """Legend below the panels."""
     axes = figure.axes[0]
     handles = [
@@ -141,23 +147,23 @@ def legend(figure: Figure) -> None:
         axes.plot([], [], "s", color=FLEXFMU, ms=9, label="flexfmu, the same modes")[0],
         axes.plot([], [], "o", mfc="none", mec=CALCULIX, mew=1.8, ms=8, label="CalculiX: loaded interface")[0],
     ]
-    figure.legend(handles=handles, loc="lower center", ncols=4, frameon=False, fontsize=10)
+    figure.legend(handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=12)
 
 
 def main(folder: Path) -> None:
     """Draw all scenes: one picture of three bodies, and one for each."""
     folder.mkdir(parents=True, exist_ok=True)
     shown = [scene for scene in SCENES if scene.name != "l_frame"]
-    figure = Figure(figsize=(12.0, 4.6))
+    figure = Figure(figsize=(11.0, 4.6))
     for k, scene in enumerate(shown):
         draw(scene, figure.add_axes((0.01 + 0.33 * k, 0.1, 0.31, 0.74)))
-    legend(figure)
-    figure.savefig(folder / "bodies.png", dpi=130)
+    legend(figure, 4)
+    figure.savefig(folder / "bodies.png", dpi=130, bbox_inches="tight")
     for scene in SCENES:
         figure = Figure(figsize=(7.5, 5.0))
-        draw(scene, figure.add_axes((0.02, 0.1, 0.96, 0.76)))
-        legend(figure)
-        figure.savefig(folder / f"body_{scene.name}.png", dpi=110)
+        draw(scene, figure.add_axes((0.02, 0.14, 0.96, 0.74)))
+        legend(figure, 2)
+        figure.savefig(folder / f"body_{scene.name}.png", dpi=110, bbox_inches="tight")
 
 
 if __name__ == "__main__":

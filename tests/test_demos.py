@@ -6,7 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from demo import pictures
 from demo.methods import measure
+from matplotlib.figure import Figure
 
 ROOT = Path(__file__).parent.parent
 
@@ -79,3 +81,15 @@ def test_frames_that_do_not_carry_each_other_lose_what_the_tree_gains(table):
 
 def test_every_method_finds_an_equilibrium_at_every_load(table):
     assert not any(math.isnan(error) for error in table.values())
+
+
+def test_picture_of_the_beam_shows_the_errors_of_its_page():
+    panel = Figure().add_subplot()
+    linear, bent = pictures.draw(pictures.SCENES[0], panel)
+    assert linear == pytest.approx(32.3, abs=0.1)
+    assert bent == pytest.approx(0.13, abs=0.01)
+    assert f"{bent:.2g} %" in panel.get_title()
+    # CalculiX's circle is where the tip of the green beam is.
+    circle = panel.lines[-1].get_xydata()[0]
+    drawn = panel.collections[-1].get_paths()
+    assert min(abs(path.vertices - circle).max() for path in drawn) < 0.02

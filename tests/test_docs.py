@@ -262,3 +262,14 @@ def test_lines_of_prose_are_short():
     for page in PAGES.keys() - LONG:
         for line in BLOCK.sub("", PAGES[page]).splitlines():
             assert len(line) <= 120 or line.startswith(("|", "![")), f"{page}: {line}"
+
+
+# Words that say something else than they mean here.
+AVOIDED = re.compile(r"\b(aboard|bare|brought|lookout|judge|placement|told|beyond)\b", re.IGNORECASE)
+
+
+def test_prose_uses_plain_words():
+    for page, text in LINKED.items():
+        if page != "CHANGELOG.md":
+            prose = re.sub(r"`[^`]*`", "", BLOCK.sub("", text))
+            assert not AVOIDED.findall(prose), page
