@@ -226,7 +226,7 @@ def chart(
     stability: Annotated[
         bool, typer.Option("--stability", help="Map where each method stops working instead (docs/stability.md).")
     ] = False,
-    bare: Annotated[bool, typer.Option("--bare", help="Time the bare models only, not their FMUs.")] = False,
+    bare: Annotated[bool, typer.Option("--bare", help="Time the models without their FMUs.")] = False,
 ) -> None:
     """Try every model of a body on a scene, draw error against cost, and name those that nothing beats."""
     from .scenes.chart import chart as draw

@@ -366,17 +366,17 @@ def _parameters(body: ReducedBody) -> list[Variable]:
         ),
         choice(ON_STEP, OnRefusal.DISCARD, OnRefusal, "what happens when a step is refused"),
         number(ROTATION_LIMIT, 0.5, "rad", "largest rotation within a frame; 0 for no limit"),
-        choice(ON_ROTATION, OnLimit.WARN, OnLimit, "what happens beyond it"),
+        choice(ON_ROTATION, OnLimit.WARN, OnLimit, "what happens above it"),
         number(STABILITY_LIMIT, stability, None, f"smallest stability, see {STABILITY}; 0 for no limit"),
         choice(ON_STABILITY, OnLimit.WARN, OnLimit, "what happens below it"),
         number(MISSED_LIMIT, 0.1, None, f"largest {MISSED}; 0 for no limit"),
-        choice(ON_MISSED, OnLimit.WARN, OnLimit, "what happens beyond it"),
+        choice(ON_MISSED, OnLimit.WARN, OnLimit, "what happens above it"),
         *(
             (
                 number(SPIN_LIMIT, 0.15, None, f"largest {SPIN}; 0 for no limit"),
-                choice(ON_SPIN, OnLimit.WARN, OnLimit, "what happens beyond it"),
+                choice(ON_SPIN, OnLimit.WARN, OnLimit, "what happens above it"),
                 number(MOMENTUM_LIMIT, 0.1, None, f"largest {MOMENTUM}; 0 for no limit"),
-                choice(ON_MOMENTUM, OnLimit.WARN, OnLimit, "what happens beyond it"),
+                choice(ON_MOMENTUM, OnLimit.WARN, OnLimit, "what happens above it"),
             )
             if body.rigid_count
             else ()

@@ -75,7 +75,7 @@ class Axis:
 
 
 RATIO = Axis("fmu_ratio", "time of a step over that of an empty FMU", "×", "fmu_ms_per_s")
-BARE = Axis("step_us", "time of a step, bare model / µs", "µs", "bare_ms_per_s")
+BARE = Axis("step_us", "time of a step, without FMI / µs", "µs", "bare_ms_per_s")
 
 
 def chart(
@@ -339,7 +339,7 @@ class _Picture:
         several = len(self._bodies) > 1
         lines = [
             f"{n}  {describe(row, self._axis, several)}, {100.0 * getattr(row, quantity):.2g} %"
-            + ("" if row.share <= 1.0 else " (beyond)")
+            + ("" if row.share <= 1.0 else " (misses it)")
             for n, row in enumerate(members, start=1)
         ]
         for row in self._finite_elements(quantity):
@@ -365,7 +365,7 @@ class _Picture:
             if any(row.basis == basis for row in rows)
         ]
         if any(row.share > 1.0 for row in rows):
-            handles.append(dot("pale: beyond the scene's tolerance", alpha=0.35))
+            handles.append(dot("pale: misses the scene's tolerance", alpha=0.35))
         words = {"flexfmu": "finite elements (flexfmu)", "calculix": "CalculiX", "results": "results brought"}
         for solver in dict.fromkeys(row.solver for row in self._whole):
             red = {"markerfacecolor": "tab:red", "markeredgecolor": "tab:red", "markersize": 7}

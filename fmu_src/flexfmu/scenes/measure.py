@@ -217,7 +217,7 @@ def _within(signal: FloatArray, band: tuple[float, float], step: float) -> Float
 
 @dataclass(frozen=True, slots=True)
 class StepCost:
-    """Time of a step of the bare model, outputs included.
+    """Time of a step of the model without FMI, outputs included.
 
     Attributes
     ----------

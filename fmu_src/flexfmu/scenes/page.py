@@ -24,9 +24,9 @@ _FILTERS = (
 _COSTS = {
     "fmu_ratio": "time of a step over that of an empty FMU",
     "fmu_ms_per_s": "ms per simulated second, through the FMU",
-    "bare_ms_per_s": "ms per simulated second, bare model",
-    "step_us": "time of a step, bare model / µs",
-    "equilibrium_ms": "one equilibrium from rest, bare model / ms",
+    "bare_ms_per_s": "ms per simulated second, without FMI",
+    "step_us": "time of a step, without FMI / µs",
+    "equilibrium_ms": "one equilibrium from rest, without FMI / ms",
     "memory_bytes": "memory of the running model / bytes",
     "modal_bytes": "modal file / bytes",
     "mode_count": "modes",

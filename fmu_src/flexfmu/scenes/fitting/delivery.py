@@ -86,7 +86,7 @@ class Fit:
         lines = [
             f"Error over tolerance: predicted {short(self.predicted.share)}, measured {short(self.measured.share)}"
             f"{where}; {in_percent(self.measured)}.",
-            f"{_counts(self.mode_count, self.frame_count)}; a step of the bare model takes {1e6 * self.step:.3g} µs.",
+            f"{_counts(self.mode_count, self.frame_count)}; a step without FMI takes {1e6 * self.step:.3g} µs.",
         ]
         if math.isfinite(self.given_step):
             gain = self.given_step / self.step
