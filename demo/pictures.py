@@ -86,7 +86,7 @@ SCENES = (
     Scene(
         "axle", "Twist-beam axle, wheels ± 2.4 kN", "rear_axle", "opposite",
         {"wheel_left": (0.0, 0.0, 2.4e3), "wheel_right": (0.0, 0.0, -2.4e3)},
-        (0.35, 0.95, 0.0), (-0.4, 0.15, 1.0), files=("body.toml", "body_whole.toml"), prefixed=True,
+        (0.5, 1.0, 0.0), (-0.75, 0.3, 1.0), files=("body.toml", "body_whole.toml"), prefixed=True,
     ),
 )  # fmt: skip
 
@@ -120,7 +120,6 @@ def draw(scene: Scene, panel: Any) -> tuple[float, float]:
         moved, corners = surface_places(body, state.q), corner_edges(rest, faces)
         if body is linear:
             draw_outline(panel, rest, corners, camera, GHOST)
-            draw_outline(panel, moved, corners, camera, LINEAR, width=1.1, order=5.0)
         tint = np.tile(to_rgb(colour), (len(faces), 1))
         draw_surface(panel, moved, faces, camera, tint, edges=False, order=order)
         index = [body.model.interface_names.index(name) for name in loads]
@@ -144,7 +143,7 @@ def legend(figure: Figure, columns: int) -> None:
     handles = [
         axes.plot([], [], "-", color=GHOST, lw=1.0, label="undeformed")[0],
         axes.plot([], [], "s", color=LINEAR, ms=9, label="linear modes")[0],
-        axes.plot([], [], "s", color=FLEXFMU, ms=9, label="flexfmu, the same modes")[0],
+        axes.plot([], [], "s", color=FLEXFMU, ms=9, label="flexfmu")[0],
         axes.plot([], [], "o", mfc="none", mec=CALCULIX, mew=1.8, ms=8, label="CalculiX: loaded interface")[0],
     ]
     figure.legend(handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=12)
