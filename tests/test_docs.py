@@ -13,6 +13,7 @@ import pytest
 import typer
 from tools.site import on_page_markdown
 
+import flexfmu as flexfmu_package
 from bodies import beam_body
 from flexfmu.cli import app
 from flexfmu.config import BodyFile
@@ -194,6 +195,11 @@ def test_the_site_lists_every_dataset_and_every_option():
         assert f"`flexfmu {name}`" in commands_page
         for option in (option for parameter in command.params for option in parameter.opts):
             assert option.strip("-") in commands_page, option
+
+
+def test_the_site_describes_all_that_the_package_exports():
+    for name in set(flexfmu_package.__all__) - {"__version__"}:
+        assert f"::: flexfmu.{name}\n" in PAGES["api.md"], name
 
 
 def test_sections_and_equations_that_code_cites_are_in_the_theory():
