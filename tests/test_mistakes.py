@@ -172,18 +172,18 @@ MISTAKES = {
         LOADS.replace(",", ";"), "loads.csv: its columns are separated by semicolons", '"time,NAME,…" (commas)'
     ),
     "tabs": loads(LOADS.replace(",", "\t"), "separated by tabs", "commas"),
-    "unit of time": loads(
-        LOADS.replace("time", "time [s]"), "the first column is called 'time [s]'", 'call it "time", in s'
-    ),
+    "unit of time": loads(LOADS.replace("time", "time [kg]"), "time [kg]: the unit is 'kg'", "one of s, ms"),
     "unit of a force": loads(
-        LOADS.replace("y", "y [N]"), "'tip.force.y [N]' is no input", "without units: 'tip.force.y', in N"
+        LOADS.replace("y", "y [mm]"), "tip.force.y [mm]: the unit is 'mm'", "expected one of N, mN, kN"
     ),
     "no header": loads("0,10\n1,10\n", "the first line is numbers", 'expected a header "time,NAME,…"'),
     "one row": loads("time,tip.force.y\n0,10\n", "rows at one time only, 0 s", "add a later row, or give --stop"),
     "no row": loads("time,tip.force.y\n", "a header and nothing else", "at least one row"),
     "misspelt input": loads(LOADS.replace("force", "forse"), "'tip.forse.y' is no input", "did you mean 'tip.force.y'"),
     "output as input": loads(LOADS.replace("force", "rotation"), "'tip.rotation.y' is no input", "causality output"),
-    "unit beside a number": loads(LOADS.replace("10", "10N"), "loads.csv, line 2", "'10N'", "numbers, without units"),
+    "unit beside a number": loads(
+        LOADS.replace("10", "10N"), "loads.csv, line 2", "'10N'", "expected numbers, units in the header"
+    ),
     "no column but time": loads("time\n0\n0.01\n", "no column but time", "add inputs by name", code=0, runs=True),
     # Options of simulate.
     "value without parameter": options(

@@ -1,12 +1,15 @@
 """The `flexfmu` command: build, info, simulate, view, couple, chart and fit."""
 
 from collections.abc import Callable
+from contextvars import ContextVar
+from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
+from typer.core import TyperGroup
 
 from . import __version__
 from .errors import INTERRUPTED, FlexfmuError
@@ -14,13 +17,46 @@ from .fmu.runtime import Runtime
 from .model.errors import RuntimeBodyError
 from .progress import ConsoleReporter
 
+
+class _Loudness(Enum):
+    """How much a command says on standard error."""
+
+    USUAL = ""
+    QUIET = "quiet"
+    VERBOSE = "verbose"
+
+
+_LOUDNESS = ContextVar("loudness", default=_Loudness.USUAL)
+_FLAGS = {
+    "-q": _Loudness.QUIET,
+    "--quiet": _Loudness.QUIET,
+    "-v": _Loudness.VERBOSE,
+    "--verbose": _Loudness.VERBOSE,
+}
+
+
+class _Commands(TyperGroup):
+    """Commands whose common options stand before or after the command's name."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        found = [_FLAGS[word] for word in args if word in _FLAGS]
+        _LOUDNESS.set(found[-1] if found else _Loudness.USUAL)
+        return super().parse_args(ctx, [word for word in args if word not in _FLAGS])
+
+
 app = typer.Typer(
+    cls=_Commands,
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     help="Turn finite element models of flexible bodies into FMI 2.0 co-simulation FMUs that stay right when the body "
     "bends far.",
 )
+Json = Annotated[bool, typer.Option("--json", help="Write the result as JSON.")]
+
+
+def _reporter() -> ConsoleReporter:
+    return ConsoleReporter(quiet=_LOUDNESS.get() is _Loudness.QUIET)
 
 
 def _version(asked: bool) -> None:
@@ -32,6 +68,12 @@ def _version(asked: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Say nothing but warnings, errors and results; also after a command.")
+    ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Show where in the code an error arose; also after a command.")
+    ] = False,
 ) -> None:
     """Options of all commands."""
 
@@ -41,7 +83,10 @@ def _run(job: Callable[[], None], kept: str = "nothing was written") -> None:
     try:
         job()
     except (FlexfmuError, RuntimeBodyError, OSError) as error:
-        Console(stderr=True, highlight=False).print(f"[red]error:[/] {escape(str(error))}", soft_wrap=True)
+        console = Console(stderr=True, highlight=False)
+        if _LOUDNESS.get() is _Loudness.VERBOSE:
+            console.print_exception()
+        console.print(f"[red]error:[/] {escape(str(error))}", soft_wrap=True)
         raise typer.Exit(error.exit_code if isinstance(error, FlexfmuError) else 1) from error
     except KeyboardInterrupt as error:
         Console(stderr=True, highlight=False).print(f"[red]ended by Ctrl-C;[/] {escape(kept)}")
@@ -70,7 +115,7 @@ def build(
         target = output or Path(f"{read_body_file(body).name}.fmu")
         store = Store(None if fresh else default_folder())
         names = [name.strip() for name in platforms.split(",") if name.strip()]
-        build_fmu(body, target, modal_file, ConsoleReporter(), store, runtime, names)
+        build_fmu(body, target, modal_file, _reporter(), store, runtime, names)
         typer.echo(f"{target} ({target.stat().st_size / 1024:.0f} KiB)")
 
     _run(job)
@@ -82,19 +127,25 @@ def info(
     cost: Annotated[
         bool, typer.Option("--cost", help="Time a step of every method that the body has the data for.")
     ] = False,
+    as_json: Json = False,
 ) -> None:
     """Show what is in an FMU or a modal file: modes, interfaces, tree of frames, origin."""
     from .cost import step_costs
     from .fmu.package import read_packaged_body
-    from .info import cost_table, describe
+    from .info import cost_table, data, describe
+    from .plain_data import json_text
 
     def job() -> None:
         body = read_packaged_body(file)
+        costs = step_costs(body, _reporter()) if cost else []
+        if as_json:
+            typer.echo(json_text({**data(body), **({"cost": costs} if cost else {})}))
+            return
         console = Console(highlight=False)
         for part in describe(body):
             console.print(part)
         if cost:
-            console.print(cost_table(step_costs(body, ConsoleReporter())))
+            console.print(cost_table(costs))
 
     _run(job)
 
@@ -110,12 +161,14 @@ def simulate(
     parameter: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter, NAME=VALUE; may be repeated.")
     ] = None,
+    units: Annotated[bool, typer.Option("--units", help="Write units into the header: time [s].")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")] = None,
     shape: Annotated[
         Path | None, typer.Option("--view", help="Show the body as it moves (.html, .pvd, .png; see `flexfmu view`).")
     ] = None,
 ) -> None:
     """Drive an FMU by a table of loads and write its motion."""
+    from .fmu.outcome import outcome
     from .fmu.simulation import parse_parameters, simulate_csv
     from .targets import PICTURE_SUFFIXES, check_target
     from .view.command import SUFFIXES, show_simulation
@@ -130,13 +183,15 @@ def simulate(
             if settings.get("initialization", "static") != "static":
                 raise typer.BadParameter("--static-start and --set initialization=… contradict each other; give one")
             settings["initialization"] = "static"
-        simulate_csv(fmu, loads, output, step, stop, settings, ConsoleReporter())
+        report = _reporter()
+        outputs, result = simulate_csv(fmu, loads, output, step, stop, settings, report, units)
         if plot is not None:
             from .plots import plot_result
 
             plot_result(output, plot)
         if shape is not None:
-            show_simulation(fmu, loads, output, shape, settings, ConsoleReporter())
+            show_simulation(fmu, loads, output, shape, settings, report)
+        typer.echo(outcome(outputs, result, report.warnings))
         typer.echo(", ".join(str(path) for path in (output, plot, shape) if path is not None))
 
     _run(job)
@@ -180,7 +235,7 @@ def view(
         request = Request(
             file, target, table, tuple(load or ()), static, modes, colour, scale, method, settings, step, stop, shapes
         )
-        seen = show(request, ConsoleReporter())
+        seen = show(request, _reporter())
         for case in seen.cases[:1]:
             typer.echo(f"{case.name}: {case.note}")
         typer.echo(f"{target} ({target.stat().st_size / 1024:.0f} KiB)")
@@ -197,7 +252,7 @@ def couple(
     from .master import run
 
     def job() -> None:
-        run(file, output, ConsoleReporter())
+        run(file, output, _reporter())
         typer.echo(f"{output}")
 
     _run(job)
@@ -227,8 +282,10 @@ def chart(
         bool, typer.Option("--stability", help="Map where each method stops working instead (docs/stability.md).")
     ] = False,
     bare: Annotated[bool, typer.Option("--bare", help="Time the models without their FMUs.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Try every model of a body on a scene, draw error against cost, and name those that nothing beats."""
+    from .plain_data import json_text
     from .scenes.chart import chart as draw
     from .scenes.chart import check_targets, cost_axis, describe
     from .scenes.scene import read_scene
@@ -243,8 +300,11 @@ def chart(
             return
         check_targets(records, picture, page)
         if body is not None and scene is not None:
-            sweep(read_scene(scene, body), records[0], ConsoleReporter(), Store(default_folder()), fmu=not bare)
+            sweep(read_scene(scene, body), records[0], _reporter(), Store(default_folder()), fmu=not bare)
         best = draw(records, picture, page)
+        if as_json:
+            typer.echo(json_text(best))
+            return
         axis = cost_axis(best)
         for row in best:
             typer.echo(f"{row.share:8.2g} × tolerance  {describe(row, axis, several=len(records) > 1)}")
@@ -259,7 +319,7 @@ def _map_stability(body: Path | None, scene: Path | None, records: Path, picture
     from .store import Store, default_folder
 
     if body is not None and scene is not None:
-        lines = chart_stability(body, scene, records, picture, ConsoleReporter(), Store(default_folder()))
+        lines = chart_stability(body, scene, records, picture, _reporter(), Store(default_folder()))
     elif picture is not None:
         lines = [str(path) for path in pictures(records, picture)]
     else:
@@ -273,15 +333,20 @@ def fit(
     scene: Scene,
     output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
     fmu: Annotated[Path | None, typer.Option(help="FMU to write; default: beside the body file.")] = None,
+    as_json: Json = False,
 ) -> None:
     """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU."""
+    from .plain_data import json_text
     from .scenes.fit import fit as find
     from .scenes.scene import read_scene
     from .store import Store, default_folder
 
     def job() -> None:
         target = fmu or output.with_suffix(".fmu")
-        found = find(read_scene(scene, body), output, ConsoleReporter(), Store(default_folder()), target)
+        found = find(read_scene(scene, body), output, _reporter(), Store(default_folder()), target)
+        if as_json:
+            typer.echo(json_text(found))
+            return
         typer.echo("\n".join([f"{output}, {target}", *found.summary, f"{found.tried} models, {found.seconds:.1f} s."]))
 
     _run(job)

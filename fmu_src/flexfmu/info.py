@@ -34,6 +34,42 @@ def describe(body: ReducedBody) -> list[RenderableType]:
     return [head, aboard, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
 
 
+def data(body: ReducedBody) -> dict[str, object]:
+    """The same as `describe` shows, as plain data: SI units, Hz.
+
+    Parameters
+    ----------
+    body : ReducedBody
+
+    Returns
+    -------
+    dict
+    """
+    frames = [None if int(parent) == GROUND else body.frame_names[int(parent)] for parent in body.frame_parent]
+    carriers = [None if int(frame) == GROUND else body.frame_names[int(frame)] for frame in body.interface_frame]
+    return {
+        "name": body.name,
+        "method": chosen(body).words,
+        "methods": [variant.words for variant in offered_variants(body)],
+        "properties": body.properties,
+        "modes": [
+            {"name": name, "frequency": omega / (2 * math.pi), "damping_ratio": ratio}
+            for name, omega, ratio in zip(
+                _mode_names(body), body.angular_frequency.tolist(), body.damping_ratio.tolist(), strict=True
+            )
+        ],
+        "interfaces": [
+            {"name": name, "point": place, "frame": frame}
+            for name, place, frame in zip(body.interface_names, body.interface_point.tolist(), carriers, strict=True)
+        ],
+        "frames": [
+            {"name": name, "joint": place, "parent": parent}
+            for name, place, parent in zip(body.frame_names, body.joint_point.tolist(), frames, strict=True)
+        ],
+        "origin": body.provenance,
+    }
+
+
 def cost_table(costs: Sequence[Cost]) -> Table:
     """Table of what a step of each method costs.
 

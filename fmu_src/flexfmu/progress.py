@@ -70,11 +70,20 @@ class ConsoleReporter(Reporter):
         Default: standard error, so that results on standard output stay clean.
     clock : callable, optional
         Seconds from any start.
+    quiet : bool
+        Whether nothing is written but warnings.
     """
 
-    def __init__(self, console: Console | None = None, clock: Callable[[], float] = time.perf_counter):
+    def __init__(
+        self,
+        console: Console | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+        quiet: bool = False,
+    ):
         self._console = console or Console(stderr=True, highlight=False)
         self._clock = clock
+        self._quiet = quiet
+        self.warnings = 0
         # One display for all stages that are open at a time.
         self._lines = Progress(
             SpinnerColumn(),
@@ -83,7 +92,7 @@ class ConsoleReporter(Reporter):
             TextColumn("[dim]{task.fields[words]}[/]"),
             console=self._console,
             transient=True,
-            disable=not self._console.is_terminal,
+            disable=quiet or not self._console.is_terminal,
         )
 
     @contextmanager
@@ -104,10 +113,12 @@ class ConsoleReporter(Reporter):
 
     def note(self, text: str) -> None:
         """Print an indented line."""
-        self._console.print(f"  [dim]{escape(text)}[/]")
+        if not self._quiet:
+            self._console.print(f"  [dim]{escape(text)}[/]")
 
     def warning(self, text: str) -> None:
-        """Print a line that stands out."""
+        """Print a line that stands out, and count it."""
+        self.warnings += 1
         self._console.print(f"[yellow]! {escape(text)}[/]")
 
     @contextmanager
@@ -123,7 +134,8 @@ class ConsoleReporter(Reporter):
                 self._lines.stop()
 
     def _done(self, title: str, start: float) -> None:
-        self._console.print(f"[green]✓[/] {escape(title)} [dim]{self._clock() - start:.2f} s[/]")
+        if not self._quiet:
+            self._console.print(f"[green]✓[/] {escape(title)} [dim]{self._clock() - start:.2f} s[/]")
 
     def _show(self, line: TaskID, done: float, words: str) -> None:
         if self._console.is_terminal:

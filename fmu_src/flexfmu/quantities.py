@@ -57,6 +57,12 @@ def named(header: str) -> tuple[str, float]:
     return found["name"], factor(found["unit"], unit_of(found["name"]), header.strip())
 
 
+def with_unit(name: str) -> str:
+    """A variable's name with its unit, as `named` reads it; the name alone where it does not tell."""
+    unit = unit_of(name)
+    return name if unit is None else f"{name} [{unit}]"
+
+
 def number(text: str, name: str) -> float:
     """A number in SI units, as from "5e3", "5 kN" or "5kN", for a variable of some name.
 
@@ -94,5 +100,8 @@ def factor(unit: str, expected: str | None, where: str) -> float:
     for known in [UNITS[expected]] if expected is not None else UNITS.values():
         if plain in known:
             return known[plain]
-    offered = ", ".join(UNITS[expected] if expected is not None else [u for row in UNITS.values() for u in row])
+    if expected is None:
+        # Of a variable of others, which nothing here reads.
+        return 1.0
+    offered = ", ".join(UNITS[expected])
     raise FlexfmuError(f"{where}: the unit is {unit!r}, expected one of {offered}")

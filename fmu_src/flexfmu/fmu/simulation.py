@@ -10,10 +10,11 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
-from ..errors import INTERRUPTED, SimulationError
+from ..errors import INTERRUPTED, FlexfmuError, SimulationError
 from ..inputs import Kind, check_input
 from ..names import nearest
 from ..progress import Reporter, ends_on_interrupt
+from ..quantities import named, with_unit
 from ..targets import check_target, whole_file
 from .variables import STEP_TOLERANCE
 
@@ -46,7 +47,7 @@ class SimulationStoppedError(SimulationError):
 
 
 def read_table(path: Path) -> tuple[list[str], FloatArray]:
-    """Read a CSV of numbers whose first column is time.
+    """Read a CSV of numbers whose first column is time; units in its header are converted to SI.
 
     Parameters
     ----------
@@ -70,11 +71,15 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
             lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read ({error})") from error
-    if not lines or lines[0][1][0].strip() != "time":
+    try:
+        columns = [named(header) for header in lines[0][1]] if lines else []
+    except FlexfmuError as error:
+        raise SimulationError(f"{path}: {error}") from error
+    if not columns or columns[0][0] != "time":
         raise SimulationError(f"{path}: {_header_fault(lines[0][1] if lines else [])}")
     if len(lines) < 2:
         raise SimulationError(f"{path}: a header and nothing else, expected at least one row of numbers")
-    names = [name.strip() for name in lines[0][1][1:]]
+    names = [name for name, _ in columns[1:]]
     for name in names:
         if names.count(name) > 1 or name == "time":
             raise SimulationError(f"{path}: two columns are called {name!r}, expected each name once")
@@ -83,9 +88,9 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
         if len(row) != values.shape[1]:
             raise SimulationError(f"{path}, line {number}: {len(row)} columns, the header has {values.shape[1]}")
         try:
-            values[k] = [float(cell) for cell in row]
+            values[k] = [factor * float(cell) for cell, (_, factor) in zip(row, columns, strict=True)]
         except ValueError as error:
-            raise SimulationError(f"{path}, line {number}: {error}; expected numbers, without units") from error
+            raise SimulationError(f"{path}, line {number}: {error}; expected numbers, units in the header") from error
         if not np.all(np.isfinite(values[k])):
             raise SimulationError(f"{path}, line {number}: a value is not finite")
         if k and values[k, 0] < values[k - 1, 0]:
@@ -102,10 +107,10 @@ def _header_fault(cells: Sequence[str]) -> str:
             fault = f"its columns are separated by {name}"
     if _number(first) is not None:
         fault = "the first line is numbers"
-    return f'{fault}; expected a header "time,NAME,…" (commas), without units, then rows of numbers (decimal points)'
+    return f'{fault}; expected a header "time,NAME,…" (commas), then rows of numbers (decimal points)'
 
 
-def write_table(path: Path, names: Sequence[str], values: FloatArray) -> None:
+def write_table(path: Path, names: Sequence[str], values: FloatArray, units: bool = False) -> None:
     """Write a CSV whose first column is time; the file appears whole or not at all.
 
     Parameters
@@ -114,6 +119,8 @@ def write_table(path: Path, names: Sequence[str], values: FloatArray) -> None:
     names : sequence of str
         Of the columns after time.
     values : (rows, 1 + len(names)) float
+    units : bool
+        Whether the header tells them, as in "tip.displacement.x [m]".
 
     Raises
     ------
@@ -122,7 +129,7 @@ def write_table(path: Path, names: Sequence[str], values: FloatArray) -> None:
     """
     with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["time", *names])
+        writer.writerow([with_unit(name) if units else name for name in ("time", *names)])
         writer.writerows([f"{x:.12g}" for x in row] for row in values)
 
 
@@ -325,10 +332,7 @@ def _known(description: ModelDescription, causality: str, names: Iterable[str], 
     for name in names:
         if name in every and every[name].causality == causality:
             continue
-        plain = name.partition("[")[0].strip()
-        if plain != name and plain in every:
-            help_ = f"names stand without units: {plain!r}, in {every[plain].unit}"
-        elif name in every:
+        if name in every:
             help_ = f"it is of causality {every[name].causality}; {nearest('', [v.name for v in there])}"
         else:
             help_ = nearest(name, [v.name for v in there])
@@ -374,7 +378,8 @@ def simulate_csv(
     stop: float | None,
     parameters: Mapping[str, object],
     report: Reporter,
-) -> None:
+    units: bool = False,
+) -> tuple[list[str], FloatArray]:
     """Drive an FMU by a CSV of loads and write a CSV of its motion, of a run that stops early as NAME.partial.csv.
 
     Parameters
@@ -384,6 +389,13 @@ def simulate_csv(
         s.
     parameters : mapping of str to float or str
     report : Reporter
+    units : bool
+        Whether the header of the results tells units.
+
+    Returns
+    -------
+    outputs, result
+        As of `simulate`.
 
     Raises
     ------
@@ -396,8 +408,9 @@ def simulate_csv(
         outputs, result = simulate(fmu, names, values, step=step, stop=stop, parameters=parameters, report=report)
     except SimulationStoppedError as stopped:
         partial = output.with_suffix(f".partial{output.suffix}")
-        write_table(partial, stopped.outputs, stopped.result)
+        write_table(partial, stopped.outputs, stopped.result, units)
         words = f"{stopped}\nWhat came out until then is in {partial}"
         interrupted = stopped.exit_code == INTERRUPTED
         raise SimulationStoppedError(words, stopped.outputs, stopped.result, interrupted) from stopped
-    write_table(output, outputs, result)
+    write_table(output, outputs, result, units)
+    return outputs, result

@@ -1,0 +1,5 @@
+"""`python -m flexfmu`: the same as `flexfmu`."""
+
+from .cli import main
+
+main()
