@@ -366,7 +366,7 @@ class _Picture:
         ]
         if any(row.share > 1.0 for row in rows):
             handles.append(dot("pale: misses the scene's tolerance", alpha=0.35))
-        words = {"flexfmu": "finite elements (flexfmu)", "calculix": "CalculiX", "results": "results brought"}
+        words = {"flexfmu": "finite elements (flexfmu)", "calculix": "CalculiX", "results": "your results"}
         for solver in dict.fromkeys(row.solver for row in self._whole):
             red = {"markerfacecolor": "tab:red", "markeredgecolor": "tab:red", "markersize": 7}
             handles.append(dot(words.get(solver, solver), marker=_STARS.get(solver, "*"), **red))

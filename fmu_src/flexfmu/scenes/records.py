@@ -124,7 +124,7 @@ class Record:
     def label(self) -> str:
         """A few words for a chart."""
         if self.solver != REDUCED:
-            who = {"results": "results brought", "calculix": "CalculiX"}.get(self.solver, self.solver)
+            who = {"results": "your results", "calculix": "CalculiX"}.get(self.solver, self.solver)
             return f"finite elements ({who}), {self.case}"
         basis = {"normal": "normal", "residual": "normal + residual", "craig_bampton": "Craig-Bampton"}
         modes = f"{basis.get(self.basis, self.basis)} {self.modes}"
