@@ -11,9 +11,11 @@ if TYPE_CHECKING:
     from .api import Body, BuiltBody, SimulationResult, load
     from .choices import Interface, Support
     from .config import Basis
+    from .given import GivenModes, read_given
     from .mesh.formats import read_mesh
     from .mesh.model import Mesh
     from .mesh.units import UnitSystem
+    from .packing import pack
 
 __version__ = version("flexfmu")
 __all__ = [
@@ -21,6 +23,7 @@ __all__ = [
     "Body",
     "BuiltBody",
     "FlexibleBody",
+    "GivenModes",
     "Interface",
     "Mass",
     "Mesh",
@@ -33,16 +36,21 @@ __all__ = [
     "UnitSystem",
     "__version__",
     "load",
+    "pack",
+    "read_given",
     "read_mesh",
 ]
 
 # Imported when first asked for: the build side takes a second to load, and a running body does without it.
 _MODULES = {
     "Basis": ".config",
+    "GivenModes": ".given",
     "Interface": ".choices",
-    "Support": ".choices",
     "Mesh": ".mesh.model",
+    "Support": ".choices",
     "UnitSystem": ".mesh.units",
+    "pack": ".packing",
+    "read_given": ".given",
     "read_mesh": ".mesh.formats",
 }
 

@@ -1,4 +1,4 @@
-"""The `flexfmu` command: build, info, simulate, view, couple, chart and fit."""
+"""The `flexfmu` command: build, pack, info, simulate, view, couple, chart and fit."""
 
 from collections.abc import Callable
 from contextvars import ContextVar
@@ -116,6 +116,28 @@ def build(
         store = Store(None if fresh else default_folder())
         names = [name.strip() for name in platforms.split(",") if name.strip()]
         build_fmu(body, target, modal_file, _reporter(), store, runtime, names)
+        typer.echo(f"{target} ({target.stat().st_size / 1024:.0f} KiB)")
+
+    _run(job)
+
+
+@app.command()
+def pack(
+    file: Annotated[Path, typer.Argument(help="Modes of another program (.npz, .h5), or a modal file (.h5).")],
+    interface: Annotated[list[str] | None, typer.Option(help="NAME=SET; may be repeated.")] = None,
+    support: Annotated[list[str] | None, typer.Option(help="SET where frames hang if no node is held.")] = None,
+    frames: Annotated[int | None, typer.Option(help="Frames; default: 1.")] = None,
+    method: Annotated[str | None, typer.Option(help="Method; default: frames.")] = None,
+    damping: Annotated[float, typer.Option(help="Modal damping ratio; default: that of the modes.")] = 0.0,
+    name: Annotated[str | None, typer.Option(help="Name of the body; default: that of the modes.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="FMU to write; default: NAME.fmu here.")] = None,
+) -> None:
+    """Make an FMU of modes that another program found (docs/given-modes.md), or of a modal file."""
+    from .packing import pack_file
+
+    def job() -> None:
+        body = pack_file(file, interface or [], support or [], frames, method, damping, name, ConsoleReporter())
+        target = body.fmu(output or Path(f"{body.model.name}.fmu"))
         typer.echo(f"{target} ({target.stat().st_size / 1024:.0f} KiB)")
 
     _run(job)

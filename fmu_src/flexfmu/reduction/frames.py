@@ -6,7 +6,7 @@ import numpy as np
 
 from ..config import Basis, BodySpec, BranchTable
 from ..fe.faces import FaceBlock
-from ..mesh.model import FloatArray, IntArray
+from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND, WholeFrame
 from .division import Branch, divide, divide_branches, open_loops
 from .model import Model, node_set
@@ -67,6 +67,14 @@ def body_subdomains(
             return top, ()
         division = divide(mesh, volumes, faces, anchored, levels)
         return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
+    requests = frame_requests(config, mesh)
+    subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
+    warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
+    return top + on_floating_frame(subdomains, len(top)), warnings
+
+
+def frame_requests(config: BodySpec, mesh: Mesh) -> list[FrameRequest]:
+    """Frames by hand, with the nodes of their sets."""
     requests = []
     for table in config.frame:
         joint: IntArray | FloatArray | None = None
@@ -78,9 +86,7 @@ def body_subdomains(
         key = f"frame {table.name!r}, rotation_points"
         points = tuple(node_set(mesh, name, key) for name in table.rotation_points or ())
         requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
-    subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
-    warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
-    return top + on_floating_frame(subdomains, len(top)), warnings
+    return requests
 
 
 def is_free(model: Model) -> bool:

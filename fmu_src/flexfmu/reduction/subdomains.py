@@ -193,8 +193,8 @@ def elements_within(mesh: Mesh, nodes: IntArray) -> IntArray:
     """Elements (k,) all of whose nodes are among `nodes`, counted over all blocks."""
     member = np.zeros(len(mesh.points), dtype=bool)
     member[nodes] = True
-    inside: IntArray = np.flatnonzero(np.concatenate([np.all(member[b.connectivity], axis=1) for b in mesh.blocks]))
-    return inside
+    parts = [np.all(member[block.connectivity], axis=1) for block in mesh.blocks]
+    return np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *parts]))
 
 
 @dataclass(frozen=True, slots=True)
