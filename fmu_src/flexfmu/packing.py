@@ -11,7 +11,8 @@ import numpy as np
 
 from . import __version__
 from .api import BuiltBody, ScriptReporter, load
-from .choices import Interface, NodeChoices, Nodes, checked_spec, interface_table, support_table
+from .choices import Interface as Choice
+from .choices import NodeChoices, Nodes, checked_spec, interface_table, support_table
 from .choices import plain as plain_value
 from .config import BodySpec
 from .errors import BodyFileError
@@ -25,10 +26,10 @@ from .mesh.model import FloatArray, IntArray, Material, Mesh
 from .mesh.units import UnitSystem
 from .methods import Method, Variant, needs
 from .model.errors import OptionError
-from .model.reduced_body import GROUND, Masses, ReducedBody
+from .model.reduced_body import GROUND, Masses, ReducedBody, Surface
 from .progress import Reporter
 from .reduction.frames import body_subdomains, frame_requests, several, whole_frame
-from .reduction.interfaces import fit_interface
+from .reduction.interfaces import Interface, fit_interface
 from .reduction.model import Model, node_set
 from .reduction.rigid_fit import by_node
 from .reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
@@ -38,7 +39,7 @@ from .summary import first_frequency
 
 def pack(
     modes: GivenModes | str | Path,
-    interfaces: Mapping[str, Interface | Nodes],
+    interfaces: Mapping[str, Choice | Nodes],
     supports: Sequence[Nodes] = (),
     *,
     method: Method | str | None = None,
@@ -47,7 +48,7 @@ def pack(
     name: str | None = None,
     acceleration: bool = False,
     velocities: bool = False,
-    surface: bool = False,
+    surface: bool = True,
     report: Reporter | None = None,
 ) -> BuiltBody:
     """Make a body of modes that another program found.
@@ -212,7 +213,7 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         frame_rotation=frames.frame_rotation,
         whole=whole_frame(model, volumes, faces, shapes, spec) if several(subdomains) and mesh.blocks else None,
         masses=_masses(given, subdomains, shapes, mesh, rows) if spec.input.acceleration else None,
-        surface=body_surface(mesh, shapes, faces, subdomains) if spec.output.surface and mesh.blocks else None,
+        surface=_surface(mesh, shapes, faces, subdomains, interfaces, model) if spec.output.surface else None,
         compliance_interfaces=tuple(table.name for table in spec.interface if table.compliance),
         method=variant.method,
         mass=variant.mass,
@@ -319,6 +320,21 @@ def _subdomains(
         return floating
     joint = by_node(np.flatnonzero(model.fixed.any(axis=1)))
     return [Subdomain("body", GROUND, none, whole, fitted_rotation(points, whole), joint, joint.centre(points))]
+
+
+def _surface(
+    mesh: Mesh,
+    shapes: FloatArray,
+    faces: tuple[FaceBlock, ...],
+    subdomains: list[Subdomain],
+    interfaces: list[Interface],
+    model: Model,
+) -> Surface | None:
+    """Outer faces for viewing; None without cells."""
+    if not mesh.blocks:
+        return None
+    held = np.flatnonzero(model.fixed.any(axis=1))
+    return body_surface(mesh, shapes, faces, subdomains, [interface.nodes for interface in interfaces], held)
 
 
 def _masses(given: GivenModes, subdomains: list[Subdomain], shapes: FloatArray, mesh: Mesh, rows: IntArray) -> Masses:
