@@ -282,3 +282,16 @@ def test_prose_uses_plain_words():
         if page != "CHANGELOG.md":
             prose = re.sub(r"`[^`]*`", "", BLOCK.sub("", text))
             assert not AVOIDED.findall(prose), page
+
+
+# Pages of measured results, and those that mostly come from the code.
+BENCHMARKS = {"accuracy.md", "benchmarks.md", "charts.md", "cost.md", "rear_axle.md"}
+GENERATED = {"api.md", "commands.md", "python.md"}
+
+
+def test_pages_for_users_hold_at_most_14000_words():
+    words = 0
+    for page in PAGES.keys() - BENCHMARKS - GENERATED:
+        prose = BLOCK.sub("", PAGES[page])
+        words += sum(bool(re.search("[A-Za-z]{2}", word)) for word in prose.split())
+    assert 5000 < words <= 14000
