@@ -198,6 +198,8 @@ def test_the_site_lists_every_dataset_and_every_option():
         assert f"`flexfmu {name}`" in commands_page
         for option in (option for parameter in command.params for option in parameter.opts):
             assert option.strip("-") in commands_page, option
+    # Brackets of units are not taken for markup.
+    assert "time [s]" in commands_page
 
 
 def test_the_site_describes_all_that_the_package_exports():

@@ -183,7 +183,7 @@ def simulate(
     parameter: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter, NAME=VALUE; may be repeated.")
     ] = None,
-    units: Annotated[bool, typer.Option("--units", help="Write units into the header: time [s].")] = False,
+    units: Annotated[bool, typer.Option("--units", help=r"Write units into the header: time \[s].")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")] = None,
     shape: Annotated[
         Path | None, typer.Option("--view", help="Show the body as it moves (.html, .pvd, .png; see `flexfmu view`).")
