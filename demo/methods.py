@@ -56,6 +56,7 @@ CASES = (
     Case("l_frame", "static_x", "L-frame, in plane", {"tip": X}, "force_N"),
     Case("clamped_clamped", "static_y", "beam clamped at both ends", {"middle": Y}, "force_N"),
     Case("shallow_arch", "static_y", "shallow arch", {"crown": -Y}, "force_N"),
+    Case("shallow_roof", "static_z", "shallow roof", {"crown": -Z}, "force_N"),
     Case(
         "plate", "static_bend", "plate, bent", {"corner_left": Z, "corner_right": Z}, "corner_left_fz_N", prefixed=True
     ),
@@ -79,16 +80,26 @@ METHODS: dict[Method, tuple[int, ...]] = {
 }
 
 
-def label(frames: int, method: Method) -> str:
+# Rows that come with residual flexibility, too.
+WITH_RESIDUAL = {Method.SECOND_ORDER: (1, 2)}
+
+
+def label(frames: int, method: Method, residual: bool) -> str:
     """Name of a row of the table."""
+    if residual:
+        return f"{label(frames, method, False)}, and residual flexibility"
     if not has_frames(method) or method is Method.FLOATING_FRAME:
         return f"`{method.value}`"
     return f"`{method.value}`, {frames} frame{'' if frames == 1 else 's'}"
 
 
-def reduced(config: BodyFile, frames: int) -> ReducedBody:
+def reduced(config: BodyFile, frames: int, residual: bool) -> ReducedBody:
     """A body with a number of frames and the data of every method."""
-    stored = {"geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
+    stored = {
+        "geometric_stiffness": ["by_load", "by_mode"],
+        "second_order": True,
+        "residual_flexibility": residual,
+    }
     reduction = config.reduction.model_copy(update=stored)
     return reduce_body(config.model_copy(update={"frames": frames, "reduction": reduction}), Reporter())
 
@@ -96,13 +107,16 @@ def reduced(config: BodyFile, frames: int) -> ReducedBody:
 def measure() -> list[dict[str, object]]:
     """One record for each method, case and load."""
     records: list[dict[str, object]] = []
-    known: dict[tuple[str, int], ReducedBody] = {}
+    known: dict[tuple[str, int, bool], ReducedBody] = {}
+    rows = [(n, method, False) for method, numbers in METHODS.items() for n in numbers]
+    rows += [(n, method, True) for method, numbers in WITH_RESIDUAL.items() for n in numbers]
     for case in CASES:
         config = read_body_file(HERE / case.folder / "body.toml")
-        for frames, method in ((n, method) for method, numbers in METHODS.items() for n in numbers):
-            if (case.folder, frames) not in known:
-                known[case.folder, frames] = reduced(config, frames)
-            body = FlexibleBody(known[case.folder, frames], method)
+        for frames, method, residual in rows:
+            key = case.folder, frames, residual
+            if key not in known:
+                known[key] = reduced(config, frames, residual)
+            body = FlexibleBody(known[key], method)
             for load, loads, expected in case.rows():
                 # Where there is no stable equilibrium the record says so by leaving the error out.
                 error: float | None = None
@@ -119,7 +133,7 @@ def measure() -> list[dict[str, object]]:
                         "load_N": load,
                         "frames": body.model.frame_count,
                         "modes": body.model.mode_count,
-                        "method": label(frames, method),
+                        "method": label(frames, method, residual),
                         "relative_error": "" if error is None else f"{error:.6g}",
                     }
                 )

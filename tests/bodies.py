@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from flexfmu.methods import Method
 from flexfmu.model.inertia import LumpedMass
+from flexfmu.model.membrane import Membrane
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, Ties, WholeFrame
 
 FloatArray = NDArray[np.float64]
@@ -63,6 +64,16 @@ def with_second_order(body: ReducedBody, size: float = 1.0) -> ReducedBody:
     displacement, rotation = size * rng.standard_normal((2, count, 3, modes, modes))
     parts = displacement + displacement.swapaxes(2, 3), rotation + rotation.swapaxes(2, 3)
     return replace(body, second=SecondOrder(*parts))
+
+
+def with_membrane(body: ReducedBody, size: float = 1.0) -> ReducedBody:
+    """The body with five stretches of any form, two of them with a linear part."""
+    modes, elastic = body.mode_count, body.angular_frequency > 0.0
+    rng = np.random.default_rng(1001)
+    quadratic = size * rng.standard_normal((5, modes, modes)) * np.outer(elastic, elastic)
+    linear = 30.0 * rng.standard_normal((5, modes)) * elastic
+    linear[:3] = 0.0
+    return replace(body, membrane=Membrane(quadratic + quadratic.swapaxes(1, 2), linear))
 
 
 def turning_body(axis: FloatArray, pivot: FloatArray) -> ReducedBody:
@@ -258,7 +269,7 @@ def body_of_everything(
             floating=True,
             frame_parent=np.maximum(body.frame_parent, np.minimum(np.arange(frames) - 1, 0)),
         )
-    return with_second_order(body, 0.1)
+    return with_membrane(with_second_order(body, 0.1), 3.0)
 
 
 def random_ties(body: ReducedBody, seed: int, count: int = 2) -> ReducedBody:

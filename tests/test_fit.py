@@ -218,11 +218,29 @@ def test_a_small_load_is_left_linear(tmp_path, store):
     assert "Linear is enough" in target.read_text(encoding="utf-8")
 
 
-def test_what_is_out_of_reach_is_said_with_what_limits_it(tmp_path, store):
+def clamped_at_both_ends(folder, changes=()):
+    """The beam clamped at both ends under a load that moves its middle by more than its height."""
     body = DEMO / "clamped_clamped" / "body.toml"
-    results = calculix_results(tmp_path, body.parent / "calculix" / "static_y.csv", 200e3, (0.5, 1.0), "middle")
+    results = calculix_results(folder, body.parent / "calculix" / "static_y.csv", 200e3, (0.5, 1.0), "middle")
     case = BEND.replace("tip", "middle").replace("10e3", "200e3").replace("0.3", "0.5") + results
-    scene = scene_of(tmp_path, case + FIT.replace("[8]", "[3]"), body)
+    return scene_of(folder, case + FIT.replace("[8]", "[3]"), body, changes)
+
+
+def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store):
+    found = fit(clamped_at_both_ends(tmp_path), tmp_path / "fitted.toml", Reporter(), store)
+    assert found.met
+    assert found.variant.method is Method.SECOND_ORDER
+    assert found.frame_count == 1
+    # Today's default has ten.
+    assert found.mode_count < 10
+    body = FlexibleBody(reduce_body(read_body_file(tmp_path / "fitted.toml"), Reporter()))
+    table = calculix(DEMO / "clamped_clamped" / "calculix" / "static_y.csv")[-1]
+    moved = body.response(body.static({"middle": [0.0, 200e3, 0.0]})).displacement[0, 1]
+    assert moved == pytest.approx(table["uy_m"], rel=0.005)
+
+
+def test_what_is_out_of_reach_is_said_with_what_limits_it(tmp_path, store):
+    scene = clamped_at_both_ends(tmp_path, [("modes = 10", "modes = 10\nmembrane = false")])
     found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
     assert not found.met
     assert "Neither more modes nor more frames help" in found.limit

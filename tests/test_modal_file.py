@@ -294,7 +294,7 @@ def with_parts():
         "k": 3,
         "Q": 5,
     }
-    sizes |= {"n": 5, "f": 2, "r": 4}
+    sizes |= {"n": 5, "f": 2, "r": 4, "R": 3}
 
     def made(entry):
         shape = [int(token) if token.isdigit() else sizes[token] for token in entry.shape.split()]

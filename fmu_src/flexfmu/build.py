@@ -26,6 +26,7 @@ from .reduction.inertia import element_lumps, lumped_mass
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.joining import Weld, joined
 from .reduction.masses import body_properties, mass_shares, sub_masses
+from .reduction.membrane import Stretching, membrane_energy
 from .reduction.model import Model, assemble_model, element_set, elements_without_material, node_set
 from .reduction.modes import Modes
 from .reduction.rigid_fit import by_node, modal_fit
@@ -134,6 +135,8 @@ def _reduced(
     store: Store,
     springs: Sequence[Spring] = (),
     warping: FloatArray | None = None,
+    *,
+    cut: bool = False,
 ) -> tuple[ReducedBody, FloatArray]:
     """Reduce a model in one piece, or a part of a cut one; damping and names are left to be set.
 
@@ -205,6 +208,12 @@ def _reduced(
         rigid = modes.angular_frequency == 0.0
         if fields is not None and rigid.any() and not subdomains[0].floating:
             surface = replace(surface, turn=frames.frame_rotation[0] * rigid, pivot=subdomains[0].joint_point)
+    membrane = None
+    # Parts of a cut body hardly stretch, and its steps would take several times as long.
+    wanted = config.reduction.membrane
+    if second is not None and (wanted is True or (wanted == "auto" and not cut)):
+        stretching = Stretching(matrices, modes, loads, report)
+        membrane = membrane_energy(stretching, key, wanted is True, not cut, store)
 
     body = ReducedBody(
         name=config.name,
@@ -232,6 +241,7 @@ def _reduced(
         surface=surface,
         ties=_springs(springs, mesh, modes.shapes, subdomains, frames.frame_rotation),
         second=second,
+        membrane=membrane,
     )
     return body, warping.T @ modes.shapes
 
@@ -255,7 +265,7 @@ def _cut_body(config: BodySpec, model: Model, report: Reporter, store: Store) ->
         )
         sides = [(warping[name], side_set(name, side)) for name in names for side in SIDES]
         forces = [on_section(part, side, shapes) for shapes, side in sides if side in part.sections]
-        body, work = _reduced(own, part.model, report, store, part.springs, np.hstack(forces))
+        body, work = _reduced(own, part.model, report, store, part.springs, np.hstack(forces), cut=True)
         widths = np.cumsum([force.shape[1] for force in forces])[:-1]
         works.append(
             dict(zip((side for _, side in sides if side in part.sections), np.split(work, widths), strict=True))

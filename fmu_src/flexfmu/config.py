@@ -152,6 +152,7 @@ class ReductionTable(_Table):
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
     inertia: bool | None = None
     second_order: bool | None = None
+    membrane: bool | Literal["auto"] = "auto"
 
     @field_validator("modes")
     @classmethod

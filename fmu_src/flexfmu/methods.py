@@ -355,5 +355,8 @@ def offered_variants(body: "ReducedBody") -> tuple[Variant, ...]:
 
 def lean(body: "ReducedBody", variant: Variant) -> "ReducedBody":
     """The body for a method alone, without data that only others need."""
-    unneeded: dict[str, Any] = {data.value: None for data in set(Data) - needs(variant.method, variant.mass)}
+    needed = needs(variant.method, variant.mass)
+    unneeded: dict[str, Any] = {data.value: None for data in set(Data) - needed}
+    if Data.SECOND_ORDER not in needed:
+        unneeded["membrane"] = None
     return replace(body, method=variant.method, mass=variant.mass, **unneeded)

@@ -81,11 +81,18 @@ def _from_ground(body: "FlexibleBody", q: FloatArray) -> FloatArray:
     if surface.second is None or surface.form is None:
         return np.zeros_like(surface.points)
     half: FloatArray = surface.second @ (0.5 * np.einsum("rab,a,b->r", surface.form, q, q))
+    half += surface.modes @ _taken(body, q)
     if surface.turn is None or surface.pivot is None:
         return half
     turn, arm = surface.turn @ q, surface.points - surface.pivot
     change = surface.modes @ q - cross(turn, arm)
     return half + cross(turn, change + 0.5 * cross(turn, arm))
+
+
+def _taken(body: "FlexibleBody", q: FloatArray) -> FloatArray:
+    """Modal coordinates (m,) of the part of w that coordinates hold already (section 4c)."""
+    model = body.model
+    return np.zeros_like(q) if model.membrane is None else model.membrane.taken(model.angular_frequency**2, q)
 
 
 def _second_order(
@@ -95,9 +102,10 @@ def _second_order(
     model = body.model
     if model.second is None:
         return np.zeros_like(arm)
+    taken = _taken(body, q)
+    parts = (model.second.displacement, model.joint_displacement), (model.second.rotation, model.frame_rotation)
     parent, turned = (
-        0.5 * np.einsum("kiab,a,b->ki", part[: model.frame_count], q, q)
-        for part in (model.second.displacement, model.second.rotation)
+        0.5 * np.einsum("kiab,a,b->ki", part[: model.frame_count], q, q) + linear @ taken for part, linear in parts
     )
     turn = (model.frame_rotation @ q)[s]
     if model.floating:

@@ -40,6 +40,7 @@ class Reference:
         self.body, self.method, self.mass_kind = body, method, mass
         self.stiffness = body.angular_frequency**2
         self.modes = body.mode_count
+        self.membrane = body.membrane if method is Method.SECOND_ORDER and body.frame_count else None
         # A body of one frame has that one, whatever it carries.
         self.one = method is Method.FLOATING_FRAME and body.frame_count - body.floating > 1
         self.nodes = [] if method is Method.LINEAR or "stiffness_by" in method.value else self._frames()
@@ -131,9 +132,13 @@ class Reference:
         else:
             row = number if lump < 0 else number - self.lumps.stop + self.lumps.start
             w, z = ((given[row] @ q) @ q for given in (second.displacement, second.rotation))
+        shift = self._shift(q)
+        w = w + 2.0 * node.displacement @ shift
+        z = None if z is None else z + 2.0 * node.rotation @ shift
         if parent is None:
             return 0.5 * w, 0.5 * z
         base, carrier = ((given[node.on] @ q) @ q for given in (second.displacement, second.rotation))
+        base, carrier = base + 2.0 * parent.displacement @ shift, carrier + 2.0 * parent.rotation @ shift
         # Seen from the floating frame, which is the first.
         seen = self.nodes[0].rotation @ q if self.body.floating else np.zeros(3)
         theta, arm = parent.rotation @ q, node.point - parent.point
@@ -142,6 +147,22 @@ class Reference:
         bent = 0.5 * (w - base) - 0.5 * np.cross(carrier, arm) - np.cross(theta, change)
         bent = bent - 0.5 * np.cross(theta, np.cross(theta, arm))
         return bent, np.zeros(3) if z is None else 0.5 * (z - carrier) - 0.5 * np.cross(theta, turn)
+
+    def _shift(self, q):
+        """Modal coordinates of the part of w that coordinates hold (section 4c): Σ t_r η_r, q + t η is free of it."""
+        shift = np.zeros_like(q)
+        for s, line in zip(*self._stretches(), strict=True):
+            shape = np.divide(np.sqrt(2.0) * line, self.stiffness, out=np.zeros(self.modes), where=self.stiffness > 0.0)
+            shift = shift + np.sqrt(2.0) * (q @ s @ q) * shape
+        return shift
+
+    def _stretches(self):
+        return ((), ()) if self.membrane is None else (self.membrane.quadratic, self.membrane.linear)
+
+    def stretched(self, q):
+        """V of section 4c."""
+        pairs = [(q @ s @ q, line @ q) for s, line in zip(*self._stretches(), strict=True)]
+        return sum((bent + line) ** 2 - line**2 for bent, line in pairs) if pairs else 0.0 * q[0]
 
     def _linear(self, inputs):
         """Modal force of loads on the undeformed body."""
@@ -224,16 +245,20 @@ class Reference:
 
     def force(self, inputs, q):
         """Q(q), (m,)."""
-        return self._moved(inputs, q) - self._geometric(inputs, q) - self._by_mode(q)
+        return self._moved(inputs, q) - self._geometric(inputs, q) - self._by_mode(q) - slopes(self.stretched, q)
 
     def tangent(self, inputs, q, way):
         """Λ − ∂Q/∂q times a direction, (m,)."""
-        slope = difference(lambda at: self._moved(inputs, at) - self._by_mode(at), q, way)
+
+        def force(at):
+            return self._moved(inputs, at) - self._by_mode(at) - slopes(self.stretched, at)
+
+        slope = difference(force, q, way)
         return self.stiffness * way - slope + self._geometric(inputs, way)
 
     def strain(self, q):
         """Strain energy, J."""
-        energy = 0.5 * q @ (self.stiffness * q)
+        energy = 0.5 * q @ (self.stiffness * q) + self.stretched(q)
         return energy if self.ties is None else energy + self.held(q) - 0.5 * q @ self.joined() @ q
 
     def mass(self, q):

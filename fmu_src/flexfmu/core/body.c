@@ -408,6 +408,12 @@ void body_energies(Body *body, const double *q, const double *v, double *strain,
     *strain = 0.0;
     for (int64_t j = 0; j < m; j++) *strain += 0.5 * body->stiffness[j] * q[j] * q[j];
     *kinetic = 0.5 * dot(v, v, m);
+    if (p->stretches) {
+        Stretch stretch;
+        take_stretch(body, &arena, &stretch);
+        stretch_at(body, q, &stretch);
+        *strain += stretch_energy(body, &stretch);
+    }
     if (!p->tied && !p->inertial) return;
     configure(body, q, &at);
     if (p->tied) {
@@ -451,6 +457,11 @@ void body_forces(Body *body, const double *inputs, const double *q, double *forc
     if (force) {
         modal_force(body, &loads, 1, &at, 0, scratch, force);
         for (int64_t j = 0; p->tied && j < m; j++) force[j] += dot(p->tie_initial + j * m, q, m);
+        Arena spare = {rest, 0};
+        Stretch stretch;
+        take_stretch(body, &spare, &stretch);
+        stretch_at(body, q, &stretch);
+        subtract_stretch_force(body, &stretch, &stretch, force);
     }
     if (tangent) tangent_stiffness(body, &loads, 1, &at, 0, rest, tangent);
 }

@@ -58,7 +58,7 @@ void spread(const Body *body, const double *inputs, Loads *loads) {
         for (int64_t i = 0; i < p->loads; i++)
             if (i >= 6 * count || i % 6 < 3) add_rows(inputs + i, p->by_load + i * m * m, loads->f_geometric, 1, m * m);
     }
-    loads->active = p->by_mode_given || p->ties || (nonlinear(p) && (any || loads->has_moments));
+    loads->active = p->by_mode_given || p->ties || p->stretches || (nonlinear(p) && (any || loads->has_moments));
 }
 
 /* Levers R l_c of a tie's end at a node, c by c. */
@@ -252,7 +252,7 @@ int64_t tangent_size(const Body *body) {
     const Program *p = &body->p;
     const int64_t m = p->modes, n = p->nodes;
     return 12 * n * m + 6 * n + 12 * p->ties + gap_derivative_size(body) + 3 * m +
-           larger(load_stiffness_size(body), m * m);
+           larger(larger(load_stiffness_size(body), m * m), stretch_size(body));
 }
 
 void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
@@ -301,6 +301,13 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
         }
         for (int64_t j = 0; j < m * m; j++) out[j] -= p->tie_initial[j];
         subtract_moment_stiffness(body, at, pull, spin, row, out);
+    }
+    if (p->stretches) {
+        Arena arena = {rest, 0};
+        Stretch stretch;
+        take_stretch(body, &arena, &stretch);
+        stretch_at(body, at->q, &stretch);
+        add_stretch_stiffness(body, &stretch, out);
     }
     if (p->by_load_given) {
         const double *geometric = with_moments ? loads->geometric : loads->f_geometric;

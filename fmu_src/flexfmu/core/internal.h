@@ -77,6 +77,19 @@ void gap_derivative(const Body *body, const Configuration *at, const double *tra
 int64_t foreseen_tension_size(const Body *body);
 void foreseen_tension(const Body *body, const Configuration *at, const double *change, double *scratch, double *tense);
 
+/* membrane.c */
+typedef struct {
+    double *slope;        /* (R, m): S_r q */
+    double *bent, *whole; /* (R): q.S_r q; sigma_r */
+} Stretch;
+int64_t stretch_size(const Body *body);
+void take_stretch(const Body *body, Arena *arena, Stretch *at);
+void stretch_at(const Body *body, const double *q, Stretch *at);
+double stretch_energy(const Body *body, const Stretch *at);
+/* out -= the discrete gradient of the energy between two places; its derivative where they are one and the same. */
+void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out);
+void add_stretch_stiffness(const Body *body, const Stretch *at, double *out);
+
 /* propagation.c */
 const Rule *rule_of(Body *body, double step);
 int64_t rule_size(const Body *body);

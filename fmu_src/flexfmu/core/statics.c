@@ -20,7 +20,8 @@ static const double STEPS_PER_ROUND = 20.0;
 typedef struct {
     Configuration at;
     Loads loads;
-    double *inputs, *trial, *residual, *change, *tangent, *factor, *tense, *scratch, *rest, *foreseen;
+    Stretch stretch;
+    double *inputs, *trial, *residual, *change, *tangent, *factor, *tense, *scratch, *rest, *foreseen, *start, *between;
 } Room;
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
@@ -28,8 +29,11 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     const int64_t m = p->modes;
     take_configuration(body, arena, &room->at);
     take_loads(body, arena, &room->loads);
+    take_stretch(body, arena, &room->stretch);
     room->inputs = take(arena, p->loads);
+    room->between = take(arena, p->loads);
     room->trial = take(arena, m);
+    room->start = take(arena, m);
     room->residual = take(arena, m);
     room->change = take(arena, m);
     room->tangent = take(arena, m * m);
@@ -77,6 +81,8 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
         ++*rounds;
         configure(body, room->trial, &room->at);
         modal_force(body, &room->loads, 1, &room->at, 0, room->scratch, room->residual);
+        stretch_at(body, room->trial, &room->stretch);
+        subtract_stretch_force(body, &room->stretch, &room->stretch, room->residual);
         /* With the tension that the last round foresaw: that of stiff springs which do not quite fit yet leads astray. */
         tangent_stiffness(body, &room->loads, 1, &room->at, foreseen ? room->tense : 0, room->rest, room->tangent);
         /* Scaled by Omega the tangent is one and something small, and errors are measured in energy. */
@@ -109,6 +115,28 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
     return 0;
 }
 
+/* Places between two equilibria of a body that stretches at which it must be stable: else one has snapped to the other. */
+enum { BETWEEN = 3 };
+
+/* Whether an equilibrium under room->inputs follows stably from room->start, one under a smaller part of the loads. */
+static int follows(Body *body, Room *room, const double *q, double earlier) {
+    const int64_t m = body->p.modes;
+    /* Between equilibria of a cut body its stiff springs do not fit, and their tension tells nothing. */
+    if (!body->p.stretches || body->p.ties) return 1;
+    for (int k = 1; k <= BETWEEN; k++) {
+        const double part = (double)k / (BETWEEN + 1), less = earlier + part * (1.0 - earlier);
+        for (int64_t j = 0; j < m; j++) room->trial[j] = room->start[j] + part * (q[j] - room->start[j]);
+        for (int64_t i = 0; i < body->p.loads; i++) room->between[i] = less * room->inputs[i];
+        spread(body, room->between, &room->loads);
+        configure(body, room->trial, &room->at);
+        tangent_stiffness(body, &room->loads, 1, &room->at, 0, room->rest, room->tangent);
+        for (int64_t i = 0; i < m; i++)
+            for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= body->p.omega[i] * body->p.omega[j];
+        if (!stable(room->tangent, room->factor, m)) return 0;
+    }
+    return 1;
+}
+
 int body_static(Body *body, const double *inputs, double *q, double *share, int64_t *rounds) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
@@ -128,7 +156,13 @@ int body_static(Body *body, const double *inputs, double *q, double *share, int6
             return FLEX_TOO_MUCH_WORK;
         }
         for (int64_t i = 0; i < p->loads; i++) room.inputs[i] = target * inputs[i];
-        if (newton(body, &room, q, rounds)) {
+        memcpy(room.start, q, (size_t)m * sizeof(double));
+        int found = newton(body, &room, q, rounds);
+        if (found && !follows(body, &room, q, reached / target)) {
+            memcpy(q, room.start, (size_t)m * sizeof(double));
+            found = 0;
+        }
+        if (found) {
             reached = target;
             increment *= 2.0;
         } else {

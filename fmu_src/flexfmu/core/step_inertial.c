@@ -23,6 +23,7 @@ typedef struct {
     double *half, *change, *between, *mass, *chord, *seen, *size, *scratch;
     Flow flow;
     Ends ends;
+    Stretch stretched, stretch; /* at a step's start, and at its end */
 } Room;
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
@@ -38,6 +39,8 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->scratch = take(arena, modal_force_size(body));
     take_flow(body, arena, &room->flow);
     take_ends(body, arena, &room->ends);
+    take_stretch(body, arena, &room->stretched);
+    take_stretch(body, arena, &room->stretch);
 }
 
 int64_t inertial_size(const Body *body) {
@@ -53,6 +56,8 @@ static void end_force(Body *body, const Loads *loads, const Configuration *at, c
     const int64_t m = body->p.modes, r = body->p.inertial_modes;
     double *pulled = room->bare, *convective = room->change;
     modal_force(body, loads, 1, at, 0, room->scratch, force);
+    stretch_at(body, at->q, &room->stretch);
+    subtract_stretch_force(body, &room->stretch, &room->stretch, force);
     convective_force(body, at, v, &room->flow, convective);
     for (int64_t j = 0; j < m; j++) {
         pulled[j] = body->stiffness[j] * at->q[j] + body->rate[j] * v[j];
@@ -128,6 +133,7 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
         if (d->inputs_end) spread_middle(body, d, number, room.between, loads);
         if (d->inputs_end || number == 0) end_force(body, loads, here, v0, &room, start);
+        stretch_at(body, here->q, &room.stretched);
         const double start_work = force_work(body, loads, here), start_energy = dot(v0, momentum, r);
         const double load_size = work_reach(body, loads->force, p->nodes) + fabs(start_work);
         /* Of M v^2, not of what it has beyond that of the undeformed body: the lumps' share is a difference. */
@@ -180,6 +186,8 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
             const double correction = square > 0.0 && fabs(bracket) > round_off ? bracket / square : 0.0;
             uncertain = correction != 0.0 ? NOISE * round_off / square : 0.0;
             for (int64_t j = 0; j < m; j++) force[j] += room.gradient[j] + correction * way[j] - impulse[j] / h;
+            stretch_at(body, q1, &room.stretch);
+            subtract_stretch_force(body, &room.stretched, &room.stretch, force);
             for (int64_t j = 0; j < m; j++) change[j] = mean[j] - force[j];
             if (round == 1) {
                 /* The mass where the step is foreseen to end. */

@@ -18,7 +18,7 @@ enum { MOST_ROUNDS = 16 };
 
 int64_t plain_size(const Body *body) {
     const int64_t m = body->p.modes;
-    return ends_size(body) + 11 * m + body->p.loads + modal_force_size(body);
+    return ends_size(body) + 2 * stretch_size(body) + 11 * m + body->p.loads + modal_force_size(body);
 }
 
 int plain_steps(Body *body, Division *d, double *q, double *v) {
@@ -30,6 +30,9 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
     take_ends(body, &arena, &ends);
     Configuration *here = &ends.first, *there = &ends.second, *middle = &ends.middle;
     Loads *loads = &ends.loads;
+    Stretch first, last, *stretched = &first, *stretch = &last;
+    take_stretch(body, &arena, stretched);
+    take_stretch(body, &arena, stretch);
     double *v0 = take(&arena, m), *q1 = take(&arena, m), *free = take(&arena, m), *start = take(&arena, m);
     double *end = take(&arena, m), *force = take(&arena, m), *mean = take(&arena, m), *way = take(&arena, m);
     double *bare = take(&arena, m), *growth = take(&arena, m), *change = take(&arena, m);
@@ -47,11 +50,13 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
         configure_linear(body, need, q, here);
         configure_places(body, need, here);
     }
+    stretch_at(body, q, stretched);
     for (int64_t number = 0; number < d->count; number++) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
         if (d->inputs_end) spread_middle(body, d, number, between, loads);
         if (d->inputs_end || number == 0) {
             modal_force(body, loads, 1, here, 0, scratch, start);
+            subtract_stretch_force(body, stretched, stretched, start);
             start_work = force_work(body, loads, here);
         }
         const double reach = work_reach(body, loads->force, p->nodes) + fabs(start_work), speed = norm(v0, m);
@@ -86,8 +91,10 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
                 correction = fabs(bracket) > round_off ? bracket / square : 0.0;
                 uncertain = correction != 0.0 ? NOISE * round_off / square : 0.0;
             }
+            for (int64_t j = 0; j < m; j++) mean[j] = force[j] + correction * way[j];
+            stretch_at(body, q1, stretch);
+            subtract_stretch_force(body, stretched, stretch, mean);
             for (int64_t j = 0; j < m; j++) {
-                mean[j] = force[j] + correction * way[j];
                 change[j] = q1[j] - free[j] - rule->gq[j] * mean[j];
             }
             double moved = 0.0, sized = 0.0, blurred = 0.0;
@@ -115,6 +122,8 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
         configure_linear(body, need, q1, there);
         configure_places(body, need, there);
         modal_force(body, loads, 1, there, 0, scratch, end);
+        stretch_at(body, q1, stretch);
+        subtract_stretch_force(body, stretch, stretch, end);
         end_work = force_work(body, loads, there);
         /* What the force's change over the step would do beyond its mean is the leading error. */
         double error = 0.0, energy = 0.0;
@@ -133,6 +142,9 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
         Configuration *passed = here;
         here = there;
         there = passed;
+        Stretch *left = stretched;
+        stretched = stretch;
+        stretch = left;
     }
     remember(body, need, here);
     memcpy(q, here->q, (size_t)m * sizeof(double));

@@ -17,7 +17,7 @@ enum { MOST_ROUNDS = 16 };
 
 int64_t tied_size(const Body *body) {
     const int64_t m = body->p.modes;
-    return ends_size(body) + pull_size(body) + 14 * m + body->p.loads + 12 * body->p.ties + modal_force_size(body) +
+    return ends_size(body) + 2 * stretch_size(body) + pull_size(body) + 14 * m + body->p.loads + 12 * body->p.ties + modal_force_size(body) +
            6 * body->p.nodes + pass_back_size(body);
 }
 
@@ -39,6 +39,9 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
     Configuration *here = &ends.first, *there = &ends.second, *middle = &ends.middle;
     Loads *loads = &ends.loads;
     take_pull(body, &arena, &pull);
+    Stretch first, last, *stretched = &first, *stretch = &last;
+    take_stretch(body, &arena, stretched);
+    take_stretch(body, &arena, stretch);
     double *v0 = take(&arena, m), *q1 = take(&arena, m), *free = take(&arena, m), *force = take(&arena, m);
     double *bare = take(&arena, m), *mean = take(&arena, m), *way = take(&arena, m), *speed = take(&arena, m);
     double *off = take(&arena, m), *change = take(&arena, m), *linear = take(&arena, m), *end_linear = take(&arena, m);
@@ -55,7 +58,9 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
     if (!recall(body, body->need, q, here)) configure(body, q, here);
     spread(body, d->inputs, loads);
     rows_times(p->tie_initial, q, linear, m, m);
-    double start_energy = strain_of(body, q, tie_tension(body, here, tense), linear) + dot(v0, v0, m);
+    stretch_at(body, q, stretched);
+    double start_energy = strain_of(body, q, tie_tension(body, here, tense), linear) + dot(v0, v0, m) +
+                          2.0 * stretch_energy(body, stretched);
     for (int64_t number = 0; number < d->count; number++) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
         if (d->inputs_end) spread_middle(body, d, number, between, loads);
@@ -98,9 +103,12 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
                     blur = NOISE * round_off / square;
                 }
             }
-            for (int64_t j = 0; j < m; j++) {
+            for (int64_t j = 0; j < m; j++)
                 mean[j] = force[j] + correction * way[j] + dot(p->tie_initial + j * m, middle->q, m) -
                           dot(body->coupled + j * m, speed, m);
+            stretch_at(body, q1, stretch);
+            subtract_stretch_force(body, stretched, stretch, mean);
+            for (int64_t j = 0; j < m; j++) {
                 off[j] = q1[j] - free[j] - rule->gq[j] * mean[j];
                 blurred += rule->gq[j] * way[j] * rule->gq[j] * way[j];
             }
@@ -121,6 +129,9 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
         tie_tension(body, middle, tense);
         modal_force(body, loads, 1, there, tense, scratch, force);
         modal_force(body, loads, 1, here, tense, scratch, bare);
+        stretch_at(body, q1, stretch);
+        subtract_stretch_force(body, stretch, stretch, force);
+        subtract_stretch_force(body, stretched, stretched, bare);
         for (int64_t j = 0; j < m; j++) {
             way[j] = q1[j] - here->q[j];
             v0[j] = rule->p21[j] * here->q[j] + rule->p22[j] * v0[j] + rule->gv[j] * mean[j];
@@ -152,7 +163,8 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
         }
         /* Energy that neither was there at the start nor came from the loads is error as well, and what blows up may not be
          * measured by itself. */
-        const double energy = strain_of(body, q1, tie_tension(body, there, tense), end_linear) + dot(v0, v0, m);
+        const double energy = strain_of(body, q1, tie_tension(body, there, tense), end_linear) + dot(v0, v0, m) +
+                              2.0 * stretch_energy(body, stretch);
         const double bound = start_energy + 2.0 * fabs(work) + quiet * quiet + 2.0 * ROUND_OFF * (reach + energy);
         error = sqrt(error) + (!(energy <= bound) ? sqrt(energy) - sqrt(bound) : 0.0);
         error = !(error <= quiet) ? error / sqrt(fmin(energy, bound)) : 0.0;
@@ -163,6 +175,9 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
         Configuration *passed = here;
         here = there;
         there = passed;
+        Stretch *left = stretched;
+        stretched = stretch;
+        stretch = left;
     }
     remember(body, body->need, here);
     memcpy(q, here->q, (size_t)m * sizeof(double));

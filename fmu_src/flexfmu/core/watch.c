@@ -10,7 +10,7 @@ typedef struct {
     Configuration at;
     Loads loads;
     double *tangent, *unloaded, *scaled, *lower, *shapes, *values, *rest, *operator_, *translation, *spin, *gaps, *row;
-    double *motion, *change, *scratch, *unit, *force, *tense;
+    double *motion, *change, *scratch, *unit, *force, *tense, *none;
     Pull pull;
     Rates rates;
 } Room;
@@ -38,6 +38,7 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->unit = take(arena, 6 * n + pass_back_size(body));
     room->force = take(arena, 2 * m);
     room->tense = take(arena, 12 * p->ties);
+    room->none = take(arena, p->loads);
     take_pull(body, arena, &room->pull);
     take_rates(body, arena, &room->rates);
 }
@@ -126,12 +127,17 @@ double body_softening(Body *body, const double *inputs, const double *q, const d
     Arena arena = work_arena(body);
     Room room;
     take_room(body, &arena, &room);
-    const int64_t e = scaled_tangent(body, inputs, q, &room);
     double whole = 0.0, left = 0.0;
-    for (int64_t i = 0; i < e; i++) {
-        whole += shape[first + i] * shape[first + i];
-        left += shape[first + i] * dot(room.scaled + i * e, shape + first, e);
+    if (body->p.stretches) {
+        /* What the stretch stiffens or softens is there without the loads, too. */
+        memset(room.none, 0, (size_t)body->p.loads * sizeof(double));
+        const int64_t e = scaled_tangent(body, room.none, q, &room);
+        for (int64_t i = 0; i < e; i++) whole += shape[first + i] * dot(room.scaled + i * e, shape + first, e);
+    } else {
+        whole = dot(shape, shape, body->p.modes);
     }
+    const int64_t e = scaled_tangent(body, inputs, q, &room);
+    for (int64_t i = 0; i < e; i++) left += shape[first + i] * dot(room.scaled + i * e, shape + first, e);
     return whole - left;
 }
 

@@ -112,6 +112,10 @@ SECOND = (
     Entry("displacement", "second/displacement", "K 3 m m", "kg^-1 m^-1", "second derivative of displacements"),
     Entry("rotation", "second/rotation", "K 3 m m", "rad/(kg m^2)", "second derivative of rotation vectors"),
 )
+MEMBRANE = (
+    Entry("quadratic", "membrane/quadratic", "R m m", "J^0.5/(kg m^2)", "stretches, quadratic in the modes"),
+    Entry("linear", "membrane/linear", "R m", "J^0.5/(kg^0.5 m)", "what of them is linear beside it"),
+)
 SURFACE = (
     Entry("points", "surface/points", "n 3", "m", "undeformed corner nodes of the outer faces", single=True),
     Entry("faces", "surface/faces", "f 4", "1", "rows of points; a triangle repeats its last corner", int),

@@ -70,4 +70,5 @@ def _as_one(body: ReducedBody) -> ReducedBody:
         surface=surface,
         inertia=None,
         second=None,
+        membrane=None,
     )

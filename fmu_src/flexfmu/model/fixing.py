@@ -89,6 +89,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
         second, curvature = _second_order_fixed(body, body.second, turn)
         if inertia is not None and curvature is not None and body.inertia is not None:
             inertia = replace(inertia, curvature=curvature[body.inertia.frame >= gone])
+    membrane = None if body.membrane is None else body.membrane.turned(turn, squares)
     return replace(
         body,
         angular_frequency=np.sqrt(squares),
@@ -109,6 +110,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
         surface=surface,
         inertia=inertia,
         second=second,
+        membrane=membrane,
         root_interface=GROUND,
         floating=False,
     )

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..methods import DEFAULT, Mass, Method, masses_of
-from .arrays import BODY, INERTIA, MASSES, PROPERTIES, SECOND, STRESS, SURFACE, TIES, WHOLE, Entry, settle
+from .arrays import BODY, INERTIA, MASSES, MEMBRANE, PROPERTIES, SECOND, STRESS, SURFACE, TIES, WHOLE, Entry, settle
 from .errors import ModalFileError
 from .inertia import LumpedMass
+from .membrane import Membrane
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -270,6 +271,8 @@ class ReducedBody:
         What joins the parts of a body that was cut.
     second : SecondOrder or None
         What method "second_order" needs.
+    membrane : Membrane or None
+        What it has beside it of bodies that stretch when they bend.
     properties : Properties or None
         Mass, size and materials, for people; files from before it was kept do not have it.
     """
@@ -304,6 +307,7 @@ class ReducedBody:
     inertia: LumpedMass | None = None
     ties: Ties | None = None
     second: SecondOrder | None = None
+    membrane: Membrane | None = None
     properties: Properties | None = None
 
     def __post_init__(self) -> None:
@@ -421,6 +425,7 @@ PARTS = (
     Part("inertia", LumpedMass, INERTIA),
     Part("ties", Ties, TIES),
     Part("second", SecondOrder, SECOND),
+    Part("membrane", Membrane, MEMBRANE),
     Part("properties", Properties, PROPERTIES),
     Part("surface", Surface, SURFACE),
 )

@@ -1,6 +1,6 @@
 """A reduced body under one method as a program: all that does not depend on inputs, found once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -166,6 +166,10 @@ def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -
         draft.sizes["basis_numbers"] = bent.basis.size
         draft.arrays |= {"curvature": bent.numbers, "basis": bent.basis, "part": bent.part}
         draft.arrays |= {"core_start": bent.start, "extent": bent.extent}
+    if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
+        draft.sizes["stretches"] = len(body.membrane.linear)
+        draft.arrays["stretch"] = np.moveaxis(body.membrane.quadratic, 0, 1)
+        draft.arrays["stretch_linear"] = body.membrane.linear
     if body.ties is not None and tree.frames:
         _ties(draft, body, tree)
     if lumped is not None:
@@ -352,7 +356,9 @@ def _judge(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
     depth = _depth(body)
     if body.second is not None and body.frame_count:
         better = recipe_of(Method.SECOND_ORDER)
-        source, change = _BY_SECOND_ORDER, _unit_load_tangents(_kinematics(body, better), body)
+        # Without membrane energy, whose coordinates are others: what loads do at first order is the same.
+        plain = _kinematics(replace(body, membrane=None), better)
+        source, change = _BY_SECOND_ORDER, _unit_load_tangents(plain, body)
     elif body.stiffness_by_load is not None:
         source = _BY_LOAD
         change = _in_load_order(np.asarray(body.stiffness_by_load), body.interface_count)

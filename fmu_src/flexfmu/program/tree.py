@@ -126,7 +126,7 @@ def build_tree(body: ReducedBody, kinematics: Kinematics, inertia: LumpedMass | 
         c[hung] -= theta[p]
     curvature = None
     if kinematics is Kinematics.SECOND_ORDER and frames:
-        curvature = _curvature(body, inertia, on, offset, d, theta)
+        curvature = _curvature(body, inertia, on, offset, d, u, theta)
         curvature.reshape(2, len(on), 3, *curvature.shape[1:])[1, lumps] = 0.0
     return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature, lumps)
 
@@ -137,6 +137,7 @@ def _curvature(
     parent: IntArray,
     offset: FloatArray,
     change: FloatArray,
+    moved: FloatArray,
     rotation: FloatArray,
 ) -> FloatArray:
     """Second derivatives (6K, m, m) of offsets and relative rotations, (19) and (20).
@@ -149,8 +150,8 @@ def _curvature(
     offset : (K, 3) float
     change : (K, 3, m) float
         D_k.
-    rotation : (K, 3, m) float
-        Linear rotations of the nodes.
+    displacement, rotation : (K, 3, m) float
+        Linear displacements and rotations of the nodes.
     """
     data = body.second
     if data is None:
@@ -171,6 +172,11 @@ def _curvature(
         before = len(displacement) - (0 if body.ties is None else 2 * len(body.ties.stiffness))
         displacement = np.insert(displacement, [before], inertia.curvature, axis=0)
         turned = np.insert(turned, [before], np.zeros_like(inertia.curvature), axis=0)
+    if body.membrane is not None and np.any(body.membrane.linear):
+        # Of w only what is no coordinate is left (section 4c).
+        shift = body.membrane.shift(body.angular_frequency**2)
+        displacement = displacement + np.tensordot(moved, shift, axes=1)
+        turned = turned + np.tensordot(rotation, shift, axes=1)
     d, c = displacement.copy(), turned.copy()
     hung = np.flatnonzero(parent >= 0)
     p = parent[hung]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..mesh.model import FloatArray, IntArray
+from ..model.membrane import Membrane
 from ..model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
 from ..rotations import skew
 
@@ -169,6 +170,7 @@ def joined(
         surface=_surface(parts, stack, on, modes, interfaces),
         ties=ties,
         second=_second_order(parts, welds, places, stack, modes),
+        membrane=_membrane(parts, stack, modes),
     )
     return body, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
 
@@ -249,6 +251,19 @@ def _second_order(
         return np.array([turned[p][k] for p, k in rows])
 
     return SecondOrder(of_whole("displacement"), of_whole("rotation"))
+
+
+def _membrane(parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray) -> Membrane | None:
+    """Stretches of all parts, which have no shapes of their own."""
+    found = []
+    for p, part in enumerate(parts):
+        if part.membrane is not None:
+            own = modes[stack.first[p] : stack.first[p] + part.mode_count]
+            found.append(own.T @ part.membrane.quadratic @ own)
+    if not found:
+        return None
+    quadratic = np.concatenate(found)
+    return Membrane(quadratic, np.zeros(quadratic.shape[:2]))
 
 
 def _masses(

@@ -59,6 +59,8 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
     }
     if reduction.residual_flexibility:
         chosen["reduction"]["residual_flexibility"] = reduction.residual_flexibility
+    if reduction.membrane != "auto":
+        chosen["reduction"]["membrane"] = reduction.membrane
     for title, table in chosen.items():
         lines += ["", f"[{title}]"]
         for name, one in table.items():

@@ -196,6 +196,9 @@ def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
         chosen = kept[:, None], kept
         displacement, rotation = second.displacement[:, :, *chosen], second.rotation[:, :, *chosen]
         second = SecondOrder(displacement, rotation)
+    membrane = body.membrane
+    if membrane is not None:
+        membrane = membrane.turned(np.eye(body.mode_count)[:, kept], body.angular_frequency[kept] ** 2)
     if whole is not None:
         names = ("joint_displacement", "joint_rotation", "frame_rotation")
         whole = replace(whole, **{name: getattr(whole, name)[..., kept] for name in names})
@@ -227,6 +230,7 @@ def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
         inertia=inertia,
         ties=ties,
         second=second,
+        membrane=membrane,
         stress_sets=tuple(replace(part, stress=part.stress[..., kept]) for part in body.stress_sets),
         stiffness_by_load=None if by_load is None else by_load[:, kept][:, :, kept],
         stiffness_by_mode=None if by_mode is None else by_mode[np.ix_(kept, kept, kept)],

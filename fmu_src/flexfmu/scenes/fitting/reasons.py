@@ -237,7 +237,8 @@ def limit(search: Search, one: Tried, frames: int | Joints, plenty: int) -> str:
     if best is None or after[best] > (1.0 - HELPS) * here:
         return (
             f"{begin} Neither more modes nor more frames help ({shown}): it is the method, or a reference that it does "
-            "not know, such as membrane action or a closed loop; docs/methods.md says for which bodies."
+            "not know, such as a loop whose parts turn far, or stretch without membrane energy; docs/methods.md says "
+            "for which bodies."
         )
     return f"{begin} What limits it, error over tolerance with more: {shown}. Most is to be had from {best}."
 

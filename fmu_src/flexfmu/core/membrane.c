@@ -1,0 +1,55 @@
+/* Energy of strain of second order that no displacement takes away: docs/theory.md section 4c.
+ *
+ * V = sum of sigma_r^2 - (l_r.q)^2 with sigma_r = l_r.q + k_r, k_r = q.S_r q. The change of a square is twice its mean times
+ * its change, and the change of k_r is 2 S_r mean(q) . dq: so the mean force below is an exact discrete gradient of V. */
+#include <string.h>
+
+#include "internal.h"
+
+void take_stretch(const Body *body, Arena *arena, Stretch *at) {
+    const int64_t count = body->p.stretches;
+    at->slope = take(arena, count * body->p.modes);
+    at->bent = take(arena, count);
+    at->whole = take(arena, count);
+}
+
+int64_t stretch_size(const Body *body) { return body->p.stretches * (body->p.modes + 2); }
+
+void stretch_at(const Body *body, const double *q, Stretch *at) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    memset(at->slope, 0, (size_t)(p->stretches * m) * sizeof(double));
+    add_rows(q, p->stretch, at->slope, m, p->stretches * m);
+    for (int64_t r = 0; r < p->stretches; r++) {
+        at->bent[r] = dot(at->slope + r * m, q, m);
+        at->whole[r] = at->bent[r] + dot(p->stretch_linear + r * m, q, m);
+    }
+}
+
+double stretch_energy(const Body *body, const Stretch *at) {
+    double energy = 0.0;
+    for (int64_t r = 0; r < body->p.stretches; r++) energy += at->bent[r] * (2.0 * at->whole[r] - at->bent[r]);
+    return energy;
+}
+
+void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    for (int64_t r = 0; r < p->stretches; r++) {
+        const double bent = a->bent[r] + b->bent[r], whole = a->whole[r] + b->whole[r];
+        const double *linear = p->stretch_linear + r * m, *first = a->slope + r * m, *last = b->slope + r * m;
+        for (int64_t j = 0; j < m; j++) out[j] -= bent * linear[j] + whole * (first[j] + last[j]);
+    }
+}
+
+void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    for (int64_t r = 0; r < p->stretches; r++) {
+        const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m, whole = 4.0 * at->whole[r];
+        for (int64_t i = 0; i < m; i++) {
+            const double *own = p->stretch + (i * p->stretches + r) * m, by_slope = 4.0 * linear[i] + 8.0 * slope[i];
+            for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + 4.0 * slope[i] * linear[j] + whole * own[j];
+        }
+    }
+}

@@ -1,0 +1,213 @@
+"""Energy of the strain of second order that no displacement takes away (docs/theory.md, section 4c).
+
+To a displacement Φq belongs the strain ½ GᵀG of second order, G = ∇(Φq). Method "second_order" moves its nodes by the
+displacement w that takes this strain away as far as any can. What is left costs energy: all of it in a beam that is
+held at both ends, hardly anything in one that is held at one.
+
+In bodies like arches w itself bends the body. It is then no small addition to Φq: the shapes in which it turns the
+material by far more than the square of its angle stay coordinates, and the energy gets a cubic part.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..fe.quadratic_strain import mean_spin, quadratic_strain
+from ..mesh.model import FloatArray, IntArray, Mesh
+from ..model.membrane import Membrane
+from ..progress import Reporter
+from ..store import Store, content_key
+from .basis import Matrices
+from .modes import Modes
+
+# Energy of fourth order over that of second in a motion that turns the material by one radian (rms), up to which it is
+# left out: it is then a fortieth at half a radian within a frame, the most that is trusted. Cantilevers and curved bars
+# have 1e-4 to 1e-3; a twisted plate has 2, arches and beams held at both ends 5 and more.
+_NOTHING = 0.1
+# Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it.
+_STIFF = 1e-2
+_LOW_MODES = 6
+# Turn by w over the square of the angle beyond which w is a motion of its own: 0.3 to 1.4 in cantilevers, curved bars
+# and flat plates, 5 in a shallow arch.
+_LARGE = 2.0
+# Relative size below which a shape of w is no other than those before.
+_SAME = 1e-2
+# Part of the largest energy of pairs of coordinates, each of unit energy, up to which a combination of them is nothing.
+TOLERANCE = 1e-3
+# Right-hand sides at a time.
+_COLUMNS = 64
+
+
+@dataclass(frozen=True)
+class Stretching:
+    """What a body's stretch at second order is found from.
+
+    Attributes
+    ----------
+    matrices : Matrices
+    modes : Modes
+        Those of frequency zero are rigid motions, which stretch nothing.
+    loads : (3n, l) float
+        Nodal forces of unit loads on the interfaces.
+    report : Reporter
+    """
+
+    matrices: Matrices
+    modes: Modes
+    loads: FloatArray
+    report: Reporter
+
+    @property
+    def _mesh(self) -> Mesh:
+        return self.matrices.model.mesh
+
+    @cached_property
+    def _elastic(self) -> IntArray:
+        return np.flatnonzero(self.modes.angular_frequency > 0.0)
+
+    @cached_property
+    def _omega(self) -> FloatArray:
+        return self.modes.angular_frequency[self._elastic]
+
+    @cached_property
+    def _spin(self) -> FloatArray:
+        """Mean of ω_a·ω_b over the volume, ω = ½ curl φ, of coordinates of unit energy."""
+        result: FloatArray = mean_spin(self._mesh, self.modes.shapes[:, self._elastic]) / np.outer(
+            self._omega, self._omega
+        )
+        return result
+
+    @cached_property
+    def motions(self) -> FloatArray:
+        """Motions (n, e) that turn the material by a root mean square of one radian, in coordinates of unit energy.
+
+        Responses to the interfaces' unit loads and the lowest modes, without those that stretch more than they turn.
+        """
+        found = np.concatenate(
+            [self.loads.T @ self.modes.shapes[:, self._elastic] / self._omega, np.eye(self._omega.size)[:_LOW_MODES]]
+        )
+        energy = (found**2).sum(axis=1)
+        found = found[energy > 0.0] / np.sqrt(energy[energy > 0.0])[:, None]
+        turned = np.einsum("ia,ab,ib->i", found, self._spin, found)
+        soft = turned > _STIFF * turned.max()
+        result: FloatArray = found[soft] / np.sqrt(turned[soft])[:, None]
+        return result
+
+    def share(self) -> float:
+        """The largest energy of fourth order over that of second, of `motions`."""
+        motions = self.motions
+        fields = self.modes.shapes[:, self._elastic] @ (motions / self._omega).T
+        each = np.arange(len(motions))
+        held = np.diag(self._energies(fields, np.stack([each, each], axis=1))[0])
+        return float(np.max(held / (0.5 * (motions**2).sum(axis=1))))
+
+    def _energies(self, fields: FloatArray, pairs: IntArray) -> tuple[FloatArray, FloatArray]:
+        """A (p, p) of pairs of displacement fields, and the nodal forces (3n, p)."""
+        model, count = self.matrices.supported, len(pairs)
+        with self.report.counted(f"Stretch of {count} pairs of motions", self._mesh.element_count, "elements") as tell:
+            forces, energies = quadratic_strain(self._mesh, fields, pairs, tell)
+        with self.report.counted(f"Static response to {count} stretches", count, "stretches") as tell:
+            free = forces[model.free]
+            for first in range(0, count, _COLUMNS):
+                part = slice(first, first + _COLUMNS)
+                energies[:, part] -= free.T @ model.static(free[:, part])
+                tell(first)
+        return 0.25 * (energies + energies.T), forces
+
+    def membrane(self, keep_shapes: bool) -> Membrane:
+        """Stretches of the whole basis.
+
+        Parameters
+        ----------
+        keep_shapes : bool
+            Whether shapes of w may stay coordinates.
+
+        Returns
+        -------
+        Membrane
+        """
+        count = self._omega.size
+        first, second = np.triu_indices(count)
+        fields = self.modes.shapes[:, self._elastic] / self._omega
+        energies, forces = self._energies(fields, np.stack([first, second], axis=1))
+        # Each pair stands for two but for those of one and the same.
+        root = np.where(first == second, 1.0, np.sqrt(2.0))
+        values, vectors = np.linalg.eigh(energies * np.outer(root, root))
+        kept = values > TOLERANCE * values[-1]
+        found = (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
+        linear = np.zeros((len(found), count))
+        if keep_shapes:
+            # w = −C(q, q), in coordinates of unit energy.
+            against = fields.T @ forces
+            shapes = self._turning_shapes(against, first, second)
+            found = np.concatenate([found, shapes.T @ against / np.sqrt(2.0)])
+            linear = np.concatenate([linear, shapes.T / np.sqrt(2.0)])
+        elastic, modes = self._elastic, self.modes.angular_frequency.size
+        quadratic, wide = np.zeros((len(found), modes, modes)), np.zeros((len(found), modes))
+        scaled = found * self._omega[first] * self._omega[second]
+        quadratic[:, elastic[first], elastic[second]] = quadratic[:, elastic[second], elastic[first]] = scaled
+        wide[:, elastic] = linear * self._omega
+        return Membrane(quadratic, wide)
+
+    def _turning_shapes(self, against: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
+        """Orthonormal shapes (e, k) of w that turn the material by more than the motions that make them do."""
+        motions, large = self.motions, []
+        for i, one in enumerate(motions):
+            for other in motions[: i + 1]:
+                pair = one[first] * other[second] + np.where(first == second, 0.0, one[second] * other[first])
+                w = against @ pair
+                if w @ self._spin @ w > _LARGE**2:
+                    large.append(w)
+        if not large:
+            return np.zeros((self._omega.size, 0))
+        shapes, sizes, _ = np.linalg.svd(np.array(large).T, full_matrices=False)
+        result: FloatArray = shapes[:, sizes > _SAME * sizes[0]]
+        return result
+
+
+def membrane_energy(
+    stretching: Stretching, modes_key: str, asked: bool, keep_shapes: bool, store: Store
+) -> Membrane | None:
+    """Stretches of a body, where it stretches when it bends or the body file asks for them.
+
+    Parameters
+    ----------
+    stretching : Stretching
+    modes_key : str
+        As of `basis.modal_basis`.
+    asked : bool
+        Whether it is to be there whatever it holds.
+    keep_shapes : bool
+        As of `Stretching.membrane`.
+    store : Store
+
+    Returns
+    -------
+    Membrane or None
+    """
+    report = stretching.report
+    key = content_key(__name__, modes_key, stretching.loads, keep_shapes)
+
+    def share() -> dict[str, FloatArray]:
+        return {"share": np.array(stretching.share())}
+
+    def make() -> dict[str, FloatArray]:
+        made = stretching.membrane(keep_shapes)
+        return {"quadratic": made.quadratic, "linear": made.linear}
+
+    if not asked:
+        found = float(store.arrays(f"{key}-share", "share of membrane energy", report, share)["share"])
+        left_out = found <= _NOTHING
+        report.note(
+            f"membrane energy: {found:.2g} of that of bending at a turn of 1 rad (rms), "
+            + ("left out" if left_out else "taken along")
+        )
+        if left_out:
+            return None
+    membrane = Membrane(**store.arrays(f"{key}-whole", "membrane energy", report, make))
+    kept = int(np.any(membrane.linear != 0.0, axis=1).sum())
+    report.note(
+        f"{len(membrane.linear)} stretches" + (f", {kept} of shapes that bend the body themselves" if kept else "")
+    )
+    return membrane
