@@ -66,7 +66,7 @@ def test_second_order_alone_knows_membrane_stiffening(table, case):
 
 def test_second_order_with_residual_flexibility_is_right_to_a_per_cent_on_every_body(table):
     cases = {case for _, case in table}
-    assert len(cases) == 7
+    assert len(cases) == 8
     for frames in ("1 frame", "2 frames"):
         assert max(table[f"`second_order`, {frames}, and residual flexibility", case] for case in cases) < 0.01
 
@@ -88,8 +88,9 @@ def test_frames_that_do_not_carry_each_other_lose_what_the_tree_gains(table):
     assert table[tree, "clamped beam"] < 0.1 * table[one, "clamped beam"]
 
 
-def test_every_method_finds_an_equilibrium_at_every_load(table):
-    assert not any(math.isnan(error) for error in table.values())
+def test_every_method_finds_an_equilibrium_at_every_load_but_for_one(table):
+    """The stress of the roof's modes takes their stiffness away."""
+    assert {key for key, error in table.items() if math.isnan(error)} == {("`stiffness_by_mode`", "shallow roof")}
 
 
 def test_picture_of_the_beam_shows_the_errors_of_its_page():

@@ -7,7 +7,8 @@ import pytest
 
 from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.build import reduce_body
-from flexfmu.methods import Method
+from flexfmu.config import OutputTable
+from flexfmu.methods import Mass, Method
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.membrane import Membrane
 from flexfmu.progress import Reporter
@@ -26,9 +27,9 @@ CORNERS = ("corner_left", "corner_right")
 def reduced(bodies):
     """A demo body with second-order data."""
 
-    def make(folder, frames=1, **changes):
+    def make(folder, frames=1, surface=False, **changes):
         reduction = bodies.config(folder).reduction.model_copy(update=LEAN | changes)
-        return bodies(folder, reduction=reduction, frames=frames, frame=[]).model
+        return bodies(folder, reduction=reduction, frames=frames, frame=[], output=OutputTable(surface=surface)).model
 
     return make
 
@@ -137,9 +138,10 @@ def test_a_body_that_snaps_is_borne_up_to_its_limit_load_and_refused_beyond(redu
 
 
 @pytest.mark.parametrize(("folder", "force"), [(CLAMPED, [0.0, 1e5, 3e4]), (ARCH, [1e3, -1e4, 1e3])])
-@pytest.mark.parametrize("step", [2e-5, 1e-3])
-def test_energy_is_kept_whatever_the_step(reduced, folder, force, step):
-    body = FlexibleBody(reduced(folder), SECOND, damping_scale=0.0)
+@pytest.mark.parametrize(("step", "mass"), [(2e-5, Mass.CONSTANT), (1e-3, Mass.CONSTANT), (2e-5, Mass.CONFIGURATION)])
+def test_energy_is_kept_whatever_the_step(reduced, folder, force, step, mass):
+    stored = {"inertia": True} if mass is Mass.CONFIGURATION else {}
+    body = FlexibleBody(reduced(folder, **stored), SECOND, mass, damping_scale=0.0)
     name = body.model.interface_names[0]
     loads, state = body.loads({name: force}), body.rest()
     energies, held = [], []
@@ -198,6 +200,17 @@ def test_a_body_that_stiffens_bears_what_would_move_it_far_linearly(reduced):
     moved = [model.response(model.static({"middle": [0.0, f, 0.0]})).displacement[0, 1] for f in (2e5, 1e6)]
     # Between a beam and a string, whose load goes with the cube of its deflection.
     assert 5.0 ** (1.0 / 3.0) < moved[1] / moved[0] < 2.2
+
+
+def test_the_surface_moves_as_the_interface_does(reduced):
+    """Both are of second order, where shapes of w are coordinates."""
+    model = FlexibleBody(reduced(ARCH, surface=True), SECOND)
+    state = model.static({"crown": [0.0, -37.5e3, 0.0]})
+    start, end = model.model.surface.points, model.surface_positions(state)
+    crown = np.isclose(start[:, 0], 0.5)
+    assert crown.sum() >= 4
+    moved = (end - start)[crown].mean(axis=0)
+    assert moved[1] == pytest.approx(model.response(state).displacement[0, 1], rel=5e-3)
 
 
 def test_limits_lie_between_bodies_that_need_it_and_those_that_do_not(reduced):
