@@ -6,11 +6,14 @@ import felupe
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from flexfmu.errors import ModelError
+from flexfmu.fe import factorisation, memory
 from flexfmu.fe.assembly import mass, stiffness, volume_matrices
 from flexfmu.fe.elements import FACES, face_rule, rule
 from flexfmu.fe.factorisation import Factorisation
+from flexfmu.fe.memory import factor_entries
 from flexfmu.mesh.model import ElementType, Material
 from meshes import EVERY_TYPE, QUADRATIC, STEEL, box, distorted
 from references import relative
@@ -227,6 +230,17 @@ def test_two_materials_in_series_stretch_as_springs_do(kind):
     assert m.sum() / 3.0 == pytest.approx(0.25 * (1.0 * 1000.0 + 2.0 * 2000.0), rel=1e-12)
 
 
+@pytest.fixture(params=["SuperLU", "PARDISO"])
+def solver(request, monkeypatch):
+    """Each solver in turn; PARDISO where pypardiso is installed."""
+    if request.param == "SuperLU":
+        monkeypatch.setattr(factorisation, "_pardiso", lambda: None)
+    elif factorisation.solver_name() != request.param:
+        pytest.skip("pypardiso is not installed")
+    return request.param
+
+
+@pytest.mark.usefixtures("solver")
 @EVERY
 def test_factorisation_solves_one_or_several_right_sides_to_round_off(kind, random):
     mesh = skewed(kind, random)
@@ -238,9 +252,48 @@ def test_factorisation_solves_one_or_several_right_sides_to_round_off(kind, rand
     assert relative(factor.solve(k @ expected[:, 0]), expected[:, 0]) < 1e-10
 
 
+@pytest.mark.usefixtures("solver")
 def test_an_exactly_singular_matrix_is_refused_with_its_cause():
     chain = sp.diags_array([[1.0, *[2.0] * 4, 1.0], [-1.0] * 5, [-1.0] * 5], offsets=[0, 1, -1]).tocsr()
     with pytest.raises(ModelError, match=r"singular.*free to move"):
         Factorisation(chain, np.arange(6))
     held = chain[1:][:, 1:].tocsr()
     np.testing.assert_allclose(Factorisation(held, np.arange(5)).solve(np.ones(5)), [5.0, 9.0, 12.0, 14.0, 15.0])
+
+
+@pytest.mark.usefixtures("solver")
+def test_a_stiffness_under_a_load_beyond_the_critical_one_is_told_to_be_indefinite():
+    chain = sp.diags_array([[2.0] * 5, [-1.0] * 4, [-1.0] * 4], offsets=[0, 1, -1]).tocsr()
+    assert Factorisation(chain, np.arange(5)).positive_definite
+    # Smallest eigenvalue of the chain: 2 − 2 cos(π/6).
+    below, above = (chain - x * sp.eye_array(5, format="csr") for x in (0.267, 0.269))
+    assert Factorisation(sp.csr_array(below), np.arange(5)).positive_definite
+    beyond = Factorisation(sp.csr_array(above), np.arange(5))
+    assert not beyond.positive_definite
+    np.testing.assert_allclose(above @ beyond.solve(np.ones(5)), np.ones(5), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [ElementType.C3D10, ElementType.C3D20R])
+def test_the_size_of_the_factor_is_known_before_it_is_made(kind):
+    mesh = box(kind, (6, 3, 2), (2.0, 1.0, 1.0))
+    free = np.flatnonzero(np.repeat(mesh.points[:, 0] > 0.0, 3))
+    k = sp.csr_array(stiffness(mesh)[free][:, free])
+    order = factorisation.dissection_order(k, free // 3)
+    # The pattern of the graph's factor: with numbers that cannot cancel.
+    full = sp.csc_matrix(abs(k) + sp.diags_array(np.asarray(abs(k).sum(axis=1)).ravel()))[order][:, order]
+    made = splu(full, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).L.nnz
+    assert factor_entries(k, free // 3, order) == pytest.approx(made, rel=0.05)
+
+
+def test_what_does_not_fit_into_memory_is_refused_with_its_size_before_it_is_begun(monkeypatch, solver):
+    mesh = box(ElementType.C3D8, (6, 6, 6), (1.0, 1.0, 1.0))
+    free = np.flatnonzero(np.repeat(mesh.points[:, 0] > 0.0, 3))
+    k = sp.csr_array(stiffness(mesh)[free][:, free])
+    monkeypatch.setattr(factorisation, "_LARGE", 100)
+    told = []
+    Factorisation(k, free // 3, tell=told.append)
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e5)
+    with pytest.raises(ModelError, match=rf"factorising {free.size} unknowns takes 0.0 GB of memory, 0.0 GB are free"):
+        Factorisation(k, free // 3)
+    if solver == "SuperLU":
+        assert 'pip install "flexfmu[fast]"' in told[0]

@@ -13,8 +13,8 @@ from pathlib import Path
 _PACKAGE = __name__.partition(".")[0]
 _CORE, _COMPILED = f"{_PACKAGE}.core.library", (".c", ".h", ".def")
 _ROOT = Path(__file__).parent.parent
-# Another version of these may give other numbers; the last one need not be there.
-_LIBRARIES = ("numpy", "scipy", "felupe", "pymetis", "scikit-sparse")
+# Another version of these may give other numbers; the last two need not be there.
+_LIBRARIES = ("numpy", "scipy", "felupe", "pymetis", "pypardiso", "mkl")
 
 
 @cache

@@ -55,7 +55,7 @@ class Matrices:
             k = stiffness(model.mesh) + sp.diags_array(model.spring.ravel())
             m = self.mass
         with self._report.stage(f"Factorise the stiffness ({solver_name()})"):
-            return supported(k, m, model.free, model.rigid)
+            return supported(k, m, model.free, model.rigid, self._report.note)
 
 
 def modal_basis(

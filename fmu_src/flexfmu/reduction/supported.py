@@ -6,6 +6,7 @@ freedom as it has rigid motions, the body bears balanced loads without reactions
 Source: R. R. Craig, A. J. Kurdila, Fundamentals of Structural Dynamics, 2nd ed., section 17.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,7 +66,13 @@ class Supported:
         return result
 
 
-def supported(stiffness: sp.csr_array, mass: sp.csr_array, free: IntArray, motions: FloatArray) -> Supported:
+def supported(
+    stiffness: sp.csr_array,
+    mass: sp.csr_array,
+    free: IntArray,
+    motions: FloatArray,
+    tell: Callable[[str], None] | None = None,
+) -> Supported:
     """Take out the supports and factorise.
 
     Parameters
@@ -75,6 +82,8 @@ def supported(stiffness: sp.csr_array, mass: sp.csr_array, free: IntArray, motio
         Degrees of freedom that no support holds.
     motions : (3n, r) float
         Rigid motions that no support resists.
+    tell : callable, optional
+        As of `Factorisation`.
 
     Returns
     -------
@@ -94,5 +103,5 @@ def supported(stiffness: sp.csr_array, mass: sp.csr_array, free: IntArray, motio
     if rigid.shape[1]:
         _, pivots = scipy.linalg.qr(rigid.T, mode="r", pivoting=True)
         kept = np.delete(kept, pivots[: rigid.shape[1]])
-    factor = Factorisation(k[kept][:, kept], free[kept] // 3)
+    factor = Factorisation(k[kept][:, kept], free[kept] // 3, tell=tell)
     return Supported(k, m, factor, free, stiffness.shape[0], np.ascontiguousarray(rigid), kept)
