@@ -1,7 +1,8 @@
 """What a step of a native FMU costs from a C program, against an empty native FMU and the empty pythonfmu one.
 
 Run from the repository's root: python -m benchmarks.core_step [--output FILE.csv]. Set inputs, step, get outputs:
-24 inputs and 48 outputs (four interfaces with velocities), 20 modes; and one interface. Needs a C compiler and Linux.
+24 inputs and 48 outputs (four interfaces with velocities), 20 modes; and one interface. A build of the core with
+FLEX_COUNT counts the floating-point operations of products and rotations. Needs a C compiler and Linux.
 Prints a table and writes the records that it is made of.
 """
 
@@ -22,6 +23,7 @@ import fmpy
 
 from flexfmu.build import reduce_body
 from flexfmu.config import DampingTable, FormulationTable, InterfaceTable, OutputTable, read_body_file
+from flexfmu.core import building
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.methods import Mass, Method
@@ -51,6 +53,8 @@ class Record:
         s per step, of blocks of steps.
     iterations : float
         Rounds of the implicit iteration in a step.
+    operations : float
+        Floating-point operations of a step; zero where nobody counts.
     """
 
     what: str
@@ -59,6 +63,12 @@ class Record:
     median: float
     fastest: float
     iterations: float
+    operations: float
+
+    @property
+    def rate(self) -> float:
+        """Operations a second of the fastest block."""
+        return self.operations / self.fastest
 
 
 def compiled(folder: Path, source: str, name: str, *flags: str) -> Path:
@@ -96,6 +106,8 @@ class Driver:
     def __init__(self, folder: Path):
         self._folder = folder
         self._program = compiled(folder, "drive.c", "drive", "-ldl")
+        self._counting = folder / "counting.so"
+        subprocess.run(building.command(["cc"], self._counting, extra=["-DFLEX_COUNT"]), check=True)
 
     def time(self, fmu: Path, what: str, method: str = "", force: float = FORCE) -> Record:
         """Time one FMU with one of its methods."""
@@ -109,17 +121,19 @@ class Driver:
         library = place / "binaries" / "linux64" / f"{description.coSimulation.modelIdentifier}.so"
         choice = f"{variables['method']}={method}" if method else ""
         rounds = variables.get("diagnostics.iterations", 0)
-        words = [library, description.guid, f"file://{place}/resources", choice, *counts, STEP, force, rounds]
-        environment = (
-            {"LD_PRELOAD": _libpython()} if "slavemodule.txt" in {p.name for p in place.rglob("*.txt")} else None
-        )
-        done = subprocess.run(
-            [str(self._program), *map(str, words)], capture_output=True, text=True, env=environment, check=False
-        )
+        words = [description.guid, f"file://{place}/resources", choice, *counts, STEP, force, rounds]
+        python = (place / "resources" / "slavemodule.txt").exists()
+        median, fastest, iterations, _ = self._run(what, library, words, python)
+        operations = 0.0 if python or not method else self._run(what, self._counting, words, python)[3]
+        return Record(what, *counts, median, fastest, iterations, operations)
+
+    def _run(self, what: str, library: Path, words: list[object], python: bool) -> list[float]:
+        environment = {"LD_PRELOAD": _libpython()} if python else None
+        command = list(map(str, [self._program, library, *words]))
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
         if done.returncode:
             raise SystemExit(f"{what} does not run: {done.stderr}")
-        median, fastest, iterations = map(float, done.stdout.split())
-        return Record(what, *counts, median, fastest, iterations)
+        return [float(word) for word in done.stdout.split()]
 
 
 def _libpython() -> str:
@@ -163,14 +177,14 @@ def measure(output: Path) -> None:
         axle = folder / "axle.fmu"
         config = read_body_file(ROOT / "demo" / "rear_axle" / "body.toml")
         package_fmu(reduce_body(config, Reporter(), Store()), axle)
-        cases.append(("rear axle, cut, second_order, 86 coordinates", axle, ""))
+        cases.append(("rear axle, cut, second_order, 86 coordinates", axle, "second_order"))
         lean = config.reduction.model_copy(update={"modes": 2})
         few = folder / "axle_few.fmu"
         package_fmu(
             reduce_body(config.model_copy(update={"reduction": lean, "frame": [], "frames": 1}), Reporter(), Store()),
             few,
         )
-        cases.append(("rear axle, cut, second_order, one frame a part", few, ""))
+        cases.append(("rear axle, cut, second_order, one frame a part", few, "second_order"))
 
         nothing = empty_native(folder, cases[0][1])
         records = [driver.time(nothing, "empty native FMU")]
@@ -182,16 +196,18 @@ def measure(output: Path) -> None:
             package_fmu(beam(INTERFACES, 8), python, Runtime.PYTHON)
             records.append(driver.time(python, "frames, 8 frames, 4 interfaces, --runtime python", "frames"))
         records += [driver.time(fmu, what, method) for what, fmu, method in cases]
-    print("| | inputs, outputs | µs, median | µs, least | rounds |")
-    print("|---|---|---|---|---|")
+    print("| | inputs, outputs | µs, median | µs, least | rounds | kflop | Gflop/s |")
+    print("|---|---|---|---|---|---|---|")
     for r in records:
         times = f"{1e6 * r.median:.3g} | {1e6 * r.fastest:.3g}"
-        print(f"| {r.what} | {r.inputs}, {r.outputs} | {times} | {r.iterations:.1f} |")
+        work = f"{1e-3 * r.operations:.3g} | {1e-9 * r.rate:.3g}"
+        print(f"| {r.what} | {r.inputs}, {r.outputs} | {times} | {r.iterations:.1f} | {work} |")
     with output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [*asdict(records[0]), "machine", "python"])
+        writer = csv.DictWriter(file, [*asdict(records[0]), "rate", "machine", "python"])
         writer.writeheader()
         for record in records:
-            writer.writerow(asdict(record) | {"machine": platform.machine(), "python": platform.python_version()})
+            where = {"machine": platform.machine(), "python": platform.python_version()}
+            writer.writerow(asdict(record) | {"rate": record.rate} | where)
 
 
 def main() -> None:

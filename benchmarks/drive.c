@@ -1,5 +1,6 @@
 /* Times steps of an FMU's library: set all inputs, step, get all outputs. Prints the median and the least time of a step
- * over blocks of steps, in seconds, and the rounds of the last step.
+ * over blocks of steps, in seconds, the rounds of the last step, and the floating-point operations of a step where the
+ * library counts them.
  *
  * drive LIBRARY GUID LOCATION METHOD INPUTS OUTPUTS STEP FORCE ROUNDS_REFERENCE
  * Inputs are value references 0 …, outputs follow; every second component of a force (y) grows and falls up to FORCE. */
@@ -92,7 +93,8 @@ int main(int count, char **words) {
         if (reference && !get_integer(fmu, &reference, 1, &found)) rounds += found;
     }
     qsort(times, BLOCKS, sizeof *times, ascending);
-    printf("%.9g %.9g %.3g\n", times[BLOCKS / 2], times[0], rounds / BLOCKS);
+    const long long *operations = dlsym(library, "flex_operations");
+    printf("%.9g %.9g %.3g %.6g\n", times[BLOCKS / 2], times[0], rounds / BLOCKS, operations ? (double)*operations / (double)number : 0.0);
     release(fmu);
     return 0;
 }

@@ -5,41 +5,10 @@
 
 #define EPSILON 2.220446049250313e-16
 
-/* Four sums at a time: a single one would wait for itself. */
-double dot(const double *a, const double *b, int64_t n) {
-    double sum[4] = {0.0, 0.0, 0.0, 0.0};
-    int64_t i = 0;
-    for (; i + 4 <= n; i += 4)
-        for (int k = 0; k < 4; k++) sum[k] += a[i + k] * b[i + k];
-    for (; i < n; i++) sum[0] += a[i] * b[i];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-}
-
 double norm(const double *x, int64_t n) { return sqrt(dot(x, x, n)); }
 
 void add_rows(const double *x, const double *matrix, double *out, int64_t n, int64_t m) {
     add_strided_rows(x, matrix, m, out, n, m);
-}
-
-void add_strided_rows(const double *x, const double *matrix, int64_t stride, double *restrict out, int64_t n, int64_t m) {
-    int64_t i = 0;
-    /* Four rows at a time: one pass over `out` for eight operations an element. */
-    for (; i + 4 <= n; i += 4) {
-        const double *a = matrix + i * stride, *b = a + stride, *c = b + stride, *d = c + stride;
-        const double p = x[i], q = x[i + 1], r = x[i + 2], s = x[i + 3];
-        if (p == 0.0 && q == 0.0 && r == 0.0 && s == 0.0) continue;
-        for (int64_t j = 0; j < m; j++) out[j] += (p * a[j] + q * b[j]) + (r * c[j] + s * d[j]);
-    }
-    for (; i < n; i++) {
-        const double *row = matrix + i * stride;
-        const double factor = x[i];
-        if (factor != 0.0)
-            for (int64_t j = 0; j < m; j++) out[j] += factor * row[j];
-    }
-}
-
-void rows_times(const double *matrix, const double *x, double *out, int64_t n, int64_t m) {
-    for (int64_t i = 0; i < n; i++) out[i] = dot(matrix + i * m, x, m);
 }
 
 void product(const double *a, const double *b, double *out, int64_t n, int64_t m, int64_t k) {
@@ -47,18 +16,8 @@ void product(const double *a, const double *b, double *out, int64_t n, int64_t m
     for (int64_t i = 0; i < n; i++) add_rows(a + i * m, b, out + i * k, m, k);
 }
 
-void add_transposed_product(const double *a, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k) {
-    for (int64_t i = 0; i < n; i++)
-        for (int64_t j = 0; j < m; j++) {
-            const double factor = a[i * m + j];
-            const double *row = b + i * k;
-            double *target = out + j * k;
-            if (factor != 0.0)
-                for (int64_t l = 0; l < k; l++) target[l] += factor * row[l];
-        }
-}
-
 int lu_factor(double *a, int64_t *pivot, int64_t n) {
+    COUNT(2 * n * n * n / 3);
     for (int64_t i = 0; i < n; i++) {
         int64_t best = i;
         for (int64_t k = i + 1; k < n; k++)
@@ -80,6 +39,7 @@ int lu_factor(double *a, int64_t *pivot, int64_t n) {
 }
 
 void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns) {
+    COUNT(2 * n * n * columns);
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; pivot[i] != i && j < columns; j++) {
             const double kept = b[i * columns + j];
@@ -115,6 +75,7 @@ int cholesky(double *a, int64_t n) {
 }
 
 void congruent(const double *lower, double *a, int64_t n) {
+    COUNT(2 * n * n * n);
     for (int turn = 0; turn < 2; turn++) {
         for (int64_t i = 0; i < n; i++) {
             for (int64_t k = 0; k < i; k++) {
@@ -280,20 +241,24 @@ double smallest_real_part(double *a, int64_t n) {
 }
 
 void cross(const double *a, const double *b, double *out) {
+    COUNT(9);
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
 void apply(const double *m, const double *x, double *out) {
+    COUNT(15);
     for (int i = 0; i < 3; i++) out[i] = m[3 * i] * x[0] + m[3 * i + 1] * x[1] + m[3 * i + 2] * x[2];
 }
 
 void apply_back(const double *m, const double *x, double *out) {
+    COUNT(15);
     for (int i = 0; i < 3; i++) out[i] = m[i] * x[0] + m[3 + i] * x[1] + m[6 + i] * x[2];
 }
 
 void multiply(const double *a, const double *b, double *out) {
+    COUNT(45);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
@@ -305,12 +270,14 @@ void skew(const double *v, double *out) {
 }
 
 void apply_rows(const double *m, const double *x, double *restrict out, int64_t n) {
+    COUNT(15 * n);
     for (int i = 0; i < 3; i++)
         for (int64_t j = 0; j < n; j++)
             out[i * n + j] = m[3 * i] * x[j] + m[3 * i + 1] * x[n + j] + m[3 * i + 2] * x[2 * n + j];
 }
 
 void apply_back_rows(const double *m, const double *x, double *restrict out, int64_t n) {
+    COUNT(15 * n);
     for (int i = 0; i < 3; i++)
         for (int64_t j = 0; j < n; j++) out[i * n + j] = m[i] * x[j] + m[3 + i] * x[n + j] + m[6 + i] * x[2 * n + j];
 }
@@ -334,6 +301,7 @@ static void coefficients(double square, double *beta, double *gamma, double *bet
 }
 
 void exponential(const double *phi, double *rotation, double *jacobian) {
+    COUNT(60);
     /* The closed forms lose digits of beta and gamma near zero, but there they meet phi^ and its square, as small. */
     const double square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2], angle = sqrt(square + 1e-20);
     const double twice = 2.0 * sin(0.5 * angle) / angle;

@@ -4,6 +4,14 @@
 
 #include <stdint.h>
 
+/* A build that counts the floating-point operations of these functions; what others do by the number is not counted. */
+#ifdef FLEX_COUNT
+__attribute__((visibility("default"))) extern int64_t flex_operations;
+#define COUNT(operations) (flex_operations += (operations))
+#else
+#define COUNT(operations) ((void)0)
+#endif
+
 double dot(const double *a, const double *b, int64_t n);
 double norm(const double *x, int64_t n);
 

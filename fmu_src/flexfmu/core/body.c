@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "internal.h"
+#include "vectors.h"
 
 /* Rounds of the iteration in an internal step of ordinary cost. */
 static const double ORDINARY_ROUNDS = 5.0;
@@ -43,7 +44,10 @@ static void lay_out(Body *body, Arena *arena) {
     body->operator_t = take(arena, 6 * body->p.nodes * m);
     body->rate = take(arena, m);
     body->coupled = take(arena, body->p.tied * m * m);
-    body->curvature_t = take(arena, body->p.bends);
+    int64_t packed = LANES;
+    for (int64_t i = 0; i < body->p.parts; i++) packed += (body->bends[i].count + LANES - 1) / LANES * packed_size(body->p.extent[i]);
+    body->curvature_t = take(arena, packed);
+    body->four = take(arena, LANES * m);
     take_configuration(body, arena, &body->memo);
     take_rules(body, arena);
     int64_t most = m * m;
@@ -69,22 +73,25 @@ static void gather_bends(Body *body) {
                 *row++ = i;
             }
         bend->count = row - bend->row;
-        body->bend_rows += bend->count * p->extent[part];
+        body->bend_rows += (bend->count + LANES - 1) / LANES * LANES * p->extent[part];
     }
 }
 
-/* Their curvature with the coordinate that it is multiplied by first: all rows of a part in one run. */
-static void transpose_bends(Body *body) {
+/* Their curvature, rows by the LANES. */
+static void pack_bends(Body *body) {
     const Program *p = &body->p;
     double *to = body->curvature_t;
+    /* Vectors that lie across two lines of the cache take twice as long. */
+    while ((uintptr_t)to % (LANES * sizeof(double))) to++;
     for (int64_t part = 0; part < p->parts; part++) {
         Bend *bend = body->bends + part;
-        const int64_t r = p->extent[part];
         bend->curvature = to;
-        for (int64_t k = 0; k < bend->count; k++)
-            for (int64_t a = 0; a < r; a++)
-                memcpy(to + (a * bend->count + k) * r, p->curvature + p->core_start[bend->row[k]] + a * r, (size_t)r * sizeof(double));
-        to += bend->count * r * r;
+        for (int64_t first = 0; first < bend->count; first += LANES, to += packed_size(p->extent[part])) {
+            const double *rows[LANES] = {0};
+            for (int lane = 0; lane < LANES && first + lane < bend->count; lane++)
+                rows[lane] = p->curvature + p->core_start[bend->row[first + lane]];
+            pack_symmetric(rows, to, p->extent[part]);
+        }
     }
 }
 
@@ -136,7 +143,7 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     for (int64_t j = 0; j < p->modes; j++) body->stiffness[j] = p->omega[j] * p->omega[j];
     for (int64_t i = 0; i < 6 * p->nodes; i++)
         for (int64_t j = 0; j < p->modes; j++) body->operator_t[j * 6 * p->nodes + i] = p->operator_[i * p->modes + j];
-    transpose_bends(body);
+    pack_bends(body);
     const StepLimits usual = {0.0, 1e-4, 4096.0};
     body_options(body, 1.0, &usual);
     *why = "";

@@ -54,8 +54,12 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
 
     d->worst = 0.0;
     memcpy(v0, v, (size_t)m * sizeof(double));
-    memset(body->need, 1, (size_t)p->nodes * sizeof *body->need);
-    if (!recall(body, body->need, q, here)) configure(body, q, here);
+    find_need(body, d->inputs, d->inputs_end);
+    const Need *need = body->need;
+    if (!recall(body, need, q, here)) {
+        configure_linear(body, need, q, here);
+        configure_places(body, need, here);
+    }
     spread(body, d->inputs, loads);
     rows_times(p->tie_initial, q, linear, m, m);
     stretch_at(body, q, stretched);
@@ -71,14 +75,16 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             free[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j];
             q1[j] = here->q[j] + h * v0[j];
         }
-        configure(body, q1, there);
-        configure_halfway(body, 0, here, there, middle);
+        configure_linear(body, need, q1, there);
+        configure_places(body, need, there);
+        configure_halfway(body, need, here, there, middle);
         int settled = 0, stale = 1;
         for (int round = 1; !settled; round++) {
             d->rounds++;
             if (round > 1) {
-                configure(body, q1, there);
-                configure_halfway(body, 0, here, there, middle);
+                configure_linear(body, need, q1, there);
+                configure_places(body, need, there);
+                configure_halfway(body, need, here, there, middle);
             }
             if (stale && !pull_at(body, rule, middle, unit, body->pivot, &pull)) return UNSETTLED;
             for (int64_t j = 0; j < m; j++) {
@@ -122,8 +128,9 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
             earlier = last;
             last = size;
         }
-        configure(body, q1, there);
-        configure_halfway(body, 0, here, there, middle);
+        configure_linear(body, need, q1, there);
+        configure_places(body, need, there);
+        configure_halfway(body, need, here, there, middle);
         /* Stiff springs that vibrate faster than the step can tell are strained by it at its ends as they never are in
          * truth: their tension is taken as it is in the middle, and how it changes from how the body gives way. */
         tie_tension(body, middle, tense);
@@ -179,7 +186,7 @@ int tied_steps(Body *body, Division *d, double *q, double *v) {
         stretched = stretch;
         stretch = left;
     }
-    remember(body, body->need, here);
+    remember(body, need, here);
     memcpy(q, here->q, (size_t)m * sizeof(double));
     memcpy(v, v0, (size_t)m * sizeof(double));
     return DONE;

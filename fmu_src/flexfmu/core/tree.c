@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "internal.h"
+#include "vectors.h"
 
 static const double IDENTITY[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
@@ -32,23 +33,19 @@ static int wanted(const Program *p, const Need *need, int64_t row) {
     return !need || (node < p->nodes ? need[node].offset : need[node - p->nodes].turn);
 }
 
-/* Curvature times the coordinates, of rows that are needed: runs of them at a time, since rows of a part lie together. */
+/* Curvature times the coordinates, of rows that are needed, by the LANES of them. */
 static void turn_rows(const Body *body, const Need *need, const double *bent, double *to) {
     const Program *p = &body->p;
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->bends + part;
-        const int64_t r = p->extent[part];
-        for (int64_t first = 0; first < bend->count;) {
-            if (!wanted(p, need, bend->row[first])) {
-                first++;
-                continue;
-            }
-            int64_t last = first + 1;
-            while (last < bend->count && wanted(p, need, bend->row[last])) last++;
-            double *turned = to + bend->start + first * r;
-            memset(turned, 0, (size_t)((last - first) * r) * sizeof(double));
-            add_strided_rows(bent + part * p->modes, bend->curvature + first * r, bend->count * r, turned, r, (last - first) * r);
-            first = last;
+        const int64_t r = p->extent[part], size = packed_size(r);
+        const double *curvature = bend->curvature;
+        for (int64_t first = 0; first < bend->count; first += LANES, curvature += size) {
+            int any = 0;
+            for (int64_t k = first; k < first + LANES && k < bend->count; k++) any |= wanted(p, need, bend->row[k]);
+            if (!any) continue;
+            packed_times(curvature, bent + part * p->modes, body->four, r);
+            unpack(body->four, to + bend->start + first * r, r);
         }
     }
 }
@@ -203,8 +200,13 @@ static void add_times_bent(const Body *body, const double *turned, const double 
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->bends + part;
         const int64_t r = p->extent[part];
-        for (int64_t k = 0; k < bend->count; k++)
-            add_rows(factors + bend->row[k], turned + bend->start + k * r, scratch + part * m, 1, r);
+        /* Rows that lie together by the run. Nothing is known of rows without a factor. */
+        for (int64_t k = 0, end; k < bend->count; k = end) {
+            const double *factor = factors + bend->row[k];
+            for (end = k; end < bend->count && bend->row[end] == bend->row[k] + end - k && factor[end - k] != 0.0;) end++;
+            if (end > k) add_rows(factor, turned + bend->start + k * r, scratch + part * m, end - k, r);
+            end = end > k ? end : k + 1;
+        }
     }
     const double *basis = p->basis;
     for (int64_t j = 0; !basis && j < m; j++) out[j] += scratch[j];

@@ -1,0 +1,191 @@
+/* The loops that take most of the time, in vectors of the processor at hand.
+ *
+ * Each loop is written once and compiled twice, for vectors that every processor has and for those of four numbers. No
+ * operation is fused or taken in another order in one than in the other: results are the same bits. */
+#include "vectors.h"
+
+#include <string.h>
+
+#include "algebra.h"
+
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+#include <cpuid.h>
+
+#define ALIKE static inline __attribute__((always_inline))
+#define WIDE __attribute__((target("avx")))
+
+/* The only number that is no function's own: whether the processor has vectors of four; set while the library is loaded. */
+static int wide;
+
+__attribute__((constructor)) static void look_at_processor(void) {
+    unsigned a, b, c, d, low, high;
+    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_OSXSAVE) || !(c & bit_AVX)) return;
+    /* The system has to keep these registers, too. */
+    __asm__ volatile("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
+    wide = (low & 6) == 6;
+}
+
+#define COMPILE(result, name, parameters, arguments)                                     \
+    WIDE static result name##_wide parameters { return name##_body arguments; }        \
+    result name parameters { return wide ? name##_wide arguments : name##_body arguments; }
+#else
+#define ALIKE static inline
+#define COMPILE(result, name, parameters, arguments) \
+    result name parameters { return name##_body arguments; }
+#endif
+
+/* Four sums at a time: a single one would wait for itself. */
+ALIKE double dot_body(const double *a, const double *b, int64_t n) {
+    COUNT(2 * n);
+    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int k = 0; k < 4; k++) sum[k] += a[i + k] * b[i + k];
+    for (; i < n; i++) sum[0] += a[i] * b[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+COMPILE(double, dot, (const double *a, const double *b, int64_t n), (a, b, n))
+
+ALIKE void add_strided_rows_body(const double *x, const double *matrix, int64_t stride, double *restrict out, int64_t n, int64_t m) {
+    int64_t i = 0;
+    /* Four rows at a time: one pass over `out` for eight operations an element. */
+    for (; i + 4 <= n; i += 4) {
+        const double *a = matrix + i * stride, *b = a + stride, *c = b + stride, *d = c + stride;
+        const double p = x[i], q = x[i + 1], r = x[i + 2], s = x[i + 3];
+        if (p == 0.0 && q == 0.0 && r == 0.0 && s == 0.0) continue;
+        COUNT(8 * m);
+        for (int64_t j = 0; j < m; j++) out[j] += (p * a[j] + q * b[j]) + (r * c[j] + s * d[j]);
+    }
+    for (; i < n; i++) {
+        const double *row = matrix + i * stride;
+        const double factor = x[i];
+        if (factor == 0.0) continue;
+        COUNT(2 * m);
+        for (int64_t j = 0; j < m; j++) out[j] += factor * row[j];
+    }
+}
+
+COMPILE(void, add_strided_rows, (const double *x, const double *matrix, int64_t stride, double *restrict out, int64_t n, int64_t m),
+        (x, matrix, stride, out, n, m))
+
+ALIKE void rows_times_body(const double *matrix, const double *x, double *out, int64_t n, int64_t m) {
+    for (int64_t i = 0; i < n; i++) out[i] = dot_body(matrix + i * m, x, m);
+}
+
+COMPILE(void, rows_times, (const double *matrix, const double *x, double *out, int64_t n, int64_t m), (matrix, x, out, n, m))
+
+ALIKE void add_transposed_product_body(const double *a, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k) {
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < m; j++) {
+            const double factor = a[i * m + j];
+            const double *row = b + i * k;
+            double *target = out + j * k;
+            if (factor == 0.0) continue;
+            COUNT(2 * k);
+            for (int64_t l = 0; l < k; l++) target[l] += factor * row[l];
+        }
+}
+
+COMPILE(void, add_transposed_product, (const double *a, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k),
+        (a, b, out, n, m, k))
+
+#ifdef FLEX_COUNT
+int64_t flex_operations;
+#endif
+
+/* Rows of packed matrices that go together: each number is loaded once and used twice, for its row and for its column. */
+enum { BLOCK = 4 };
+
+int64_t packed_size(int64_t r) {
+    int64_t pairs = 0;
+    for (int64_t a = 0, rows; a < r; a += rows) {
+        rows = r - a < BLOCK ? 1 : BLOCK;
+        pairs += rows * (r - a);
+    }
+    return LANES * pairs;
+}
+
+void pack_symmetric(const double *const *matrices, double *packed, int64_t r) {
+    for (int64_t a = 0, rows; a < r; a += rows) {
+        rows = r - a < BLOCK ? 1 : BLOCK;
+        for (int64_t column = a; column < r; column++)
+            for (int64_t row = a; row < a + rows; row++)
+                for (int lane = 0; lane < LANES; lane++) {
+                    const double *matrix = matrices[lane];
+                    *packed++ = matrix ? 0.5 * matrix[row * r + column] + 0.5 * matrix[column * r + row] : 0.0;
+                }
+    }
+}
+
+typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
+/* Vectors of `Vector`, `parts` of which make LANES. */
+#define DEFINE_TIMES(name, Vector, parts)                                                                \
+    static void name(const double *packed, const double *restrict x, double *restrict out, int64_t r) {  \
+        for (int part = 0; part < parts; part++) {                                                       \
+            const Vector *matrix = (const Vector *)packed + part;                                        \
+            Vector *to = (Vector *)out + part;                                                           \
+            int64_t a = 0;                                                                               \
+            for (; a + BLOCK <= r; a += BLOCK) {                                                         \
+                Vector p = to[a * parts], q = to[(a + 1) * parts];                                       \
+                Vector s = to[(a + 2) * parts], t = to[(a + 3) * parts];                                 \
+                for (int64_t b = a; b < a + BLOCK; b++, matrix += BLOCK * parts) {                       \
+                    p += matrix[0] * x[b];                                                               \
+                    q += matrix[parts] * x[b];                                                           \
+                    s += matrix[2 * parts] * x[b];                                                       \
+                    t += matrix[3 * parts] * x[b];                                                       \
+                }                                                                                        \
+                for (int64_t b = a + BLOCK; b < r; b++, matrix += BLOCK * parts) {                       \
+                    const Vector one = matrix[0], two = matrix[parts];                                   \
+                    const Vector three = matrix[2 * parts], four = matrix[3 * parts];                    \
+                    p += one * x[b];                                                                     \
+                    q += two * x[b];                                                                     \
+                    s += three * x[b];                                                                   \
+                    t += four * x[b];                                                                    \
+                    to[b * parts] += (one * x[a] + two * x[a + 1]) + (three * x[a + 2] + four * x[a + 3]); \
+                }                                                                                        \
+                to[a * parts] = p;                                                                       \
+                to[(a + 1) * parts] = q;                                                                 \
+                to[(a + 2) * parts] = s;                                                                 \
+                to[(a + 3) * parts] = t;                                                                 \
+            }                                                                                            \
+            for (; a < r; a++) {                                                                         \
+                Vector p = to[a * parts] + matrix[0] * x[a];                                             \
+                matrix += parts;                                                                         \
+                for (int64_t b = a + 1; b < r; b++, matrix += parts) {                                   \
+                    p += matrix[0] * x[b];                                                               \
+                    to[b * parts] += matrix[0] * x[a];                                                   \
+                }                                                                                        \
+                to[a * parts] = p;                                                                       \
+            }                                                                                            \
+        }                                                                                                \
+    }
+
+DEFINE_TIMES(packed_times_narrow, Two, 2)
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+WIDE DEFINE_TIMES(packed_times_wide, Four, 1)
+#endif
+
+void packed_times(const double *packed, const double *x, double *out, int64_t r) {
+    COUNT(2 * LANES * r * r);
+    memset(out, 0, (size_t)(LANES * r) * sizeof(double));
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+    if (wide) {
+        packed_times_wide(packed, x, out, r);
+        return;
+    }
+#endif
+    packed_times_narrow(packed, x, out, r);
+}
+
+ALIKE void unpack_body(const double *restrict four, double *restrict rows, int64_t r) {
+    double *restrict a = rows, *restrict b = a + r, *restrict c = b + r, *restrict d = c + r;
+    for (int64_t j = 0; j < r; j++) {
+        a[j] = four[LANES * j];
+        b[j] = four[LANES * j + 1];
+        c[j] = four[LANES * j + 2];
+        d[j] = four[LANES * j + 3];
+    }
+}
+COMPILE(void, unpack, (const double *restrict four, double *restrict rows, int64_t r), (four, rows, r))
