@@ -29,24 +29,23 @@ WORTH_NAMING = 0.1
 SAME_COST = 0.03
 _MARKERS = {"normal": "o", "residual": "s", "craig_bampton": "^"}
 _BASES = {"normal": "normal modes", "residual": "with residual flexibility", "craig_bampton": "Craig-Bampton"}
-_LINEAR = "0.55"
-# Methods with a shade for each number of frames: maps for one body after the other, and what part of them.
-_SHADES = {
-    Method.FRAMES.value: (("viridis", "cool", "autumn"), 0.92, 0.05),
-    Method.FRAMES_STIFFNESS.value: (("YlGn", "PuBu", "copper_r"), 0.5, 1.0),
-    Method.SECOND_ORDER.value: (("RdPu", "YlOrBr", "Greys"), 0.5, 1.0),
+# Colours that colour-blind readers can tell apart (Okabe and Ito), for the models on the front; all others are grey.
+_COLOURS = {
+    Method.LINEAR.value: "#000000",
+    Method.STIFFNESS_BY_LOAD.value: "#e69f00",
+    Method.FLOATING_FRAME.value: "#f0e442",
+    Method.FRAMES.value: "#56b4e9",
+    Method.FRAMES_STIFFNESS.value: "#009e73",
+    Method.SECOND_ORDER.value: "#0072b2",
 }
-# Methods on frames that are there for comparison.
-_OTHERS = {
-    Method.MODAL_ROTATION.value: "tab:red",
-    Method.HALF_ROTATION.value: "tab:pink",
-    Method.FLOATING_FRAME.value: "tab:orange",
-}
+_OTHER, _BEATEN, _TAKEN, _TOLERANCE = "#cc79a7", "0.75", "#d55e00", "#d55e00"
 _STARS = {"flexfmu": "*", "calculix": "P", "results": "X"}
 # Panels, inches: with and without the strip for the finite element model.
 _WIDTH, _STRIP, _HEIGHT = 5.6, 0.9, 3.6
 # Axes of less than so many times their start: two decades nearly, and less than one.
 _FEW, _SHORT = 60.0, 6.0
+# Room of a letter and of a line of names beside points, as parts of a panel.
+_LETTER, _LINE = 0.0115, 0.045
 # Names of the front that are longer, in characters, are set smaller.
 _LONG_LINE = 95
 QUANTITIES = {
@@ -113,12 +112,12 @@ def chart(
     whole = list({(row.solver, row.case): row for row in reversed(every) if row.solver != REDUCED}.values())[::-1]
     if not rows:
         raise SceneError(f"{', '.join(map(str, paths))}: no record with an answer, nothing to draw")
-    title = title or f"{', '.join(_bodies(rows))}: {len(rows)} models"
+    axis = cost_axis(rows)
+    title = title or f"{', '.join(_bodies(rows))}, {len(rows)} models: {finding(rows, axis)}"
     if html is not None:
         with whole_file(html) as part:
             part.write_text(page(every, title), encoding="utf-8")
     quantities = [q for q in QUANTITIES if any(getattr(row, q) > 0.0 for row in rows)]
-    axis = cost_axis(rows)
     fronts = {q: front(rows, q, axis) for q in quantities}
     if picture is not None:
         _Picture(rows, whole, axis).draw(fronts, picture, title)
@@ -152,6 +151,40 @@ def cost_axis(rows: Sequence[Record]) -> Axis:
 def front(rows: Sequence[Record], quantity: str, axis: Axis = RATIO) -> list[Record]:
     """Records that no other beats in cost and in a quantity, cheapest first, with those left out that gain little."""
     return plain_front(rows, axis.column, quantity, WORTH_NAMING, SAME_COST)
+
+
+def recommended(rows: Sequence[Record], axis: Axis) -> Record | None:
+    """The cheapest model that meets the scene's tolerance, or None."""
+    return next((row for row in front(rows, "share", axis) if row.share <= 1.0), None)
+
+
+def finding(rows: Sequence[Record], axis: Axis) -> str:
+    """What the records say, in a line."""
+    best = recommended(rows, axis)
+    several = len(_bodies(rows)) > 1
+    if best is not None:
+        return f"take {describe(best, axis, several)}"
+    nearest = min(rows, key=lambda row: row.share)
+    return f"none meets the tolerance; nearest, {_short(nearest.share)} × it: {describe(nearest, axis, several)}"
+
+
+def tolerance(rows: Sequence[Record], quantity: str) -> float | None:
+    """The scene's tolerance of a displacement, from records that it limits; None where they do not agree on one.
+
+    Parameters
+    ----------
+    rows : sequence of Record
+    quantity : str
+        One of `QUANTITIES`.
+    """
+    place = quantity.replace("displacement", "at")
+    found = [
+        getattr(row, quantity) / row.share
+        for row in rows
+        if 0.0 < row.share < math.inf and row.limited_by == f"displacement, {getattr(row, place)}"
+    ]
+    # Absolute tolerances differ from case to case.
+    return found[0] if found and max(found) < 1.01 * min(found) else None
 
 
 def describe(row: Record, axis: Axis, several: bool = False) -> str:
@@ -198,10 +231,12 @@ class _Picture:
         self._whole = whole
         self._axis = axis
         self._bodies = _bodies(rows)
-        self._colours = {row: self._colour(row) for row in rows}
+        self._best = recommended(rows, axis)
+        self._named: set[Record] = set()
 
     def draw(self, fronts: dict[str, list[Record]], picture: Path, title: str) -> None:
         """Write the picture."""
+        self._named = {row for members in fronts.values() for row in members}
         names = {quantity: self._names(members, quantity) for quantity, members in fronts.items()}
         handles = self._handles()
         width = (_WIDTH + _STRIP) * len(fronts)
@@ -232,19 +267,6 @@ class _Picture:
         finally:
             plt.close(figure)
 
-    def _colour(self, row: Record) -> str | tuple[float, ...]:
-        """Grey for linear methods, a shade for each number of frames of a body, and one each for comparison."""
-        body = self._bodies.index(row.body)
-        if not row.on_frames:
-            return _LINEAR if body == 0 else "0.78"
-        if row.method not in _SHADES:
-            return _OTHERS.get(row.method, "tab:brown")
-        counts = sorted({r.frames for r in self._rows if r.method == row.method and r.body == row.body})
-        place = counts.index(row.frames) / max(len(counts) - 1, 1)
-        maps, first, last = _SHADES[row.method]
-        shade: tuple[float, ...] = plt.get_cmap(maps[body % len(maps)])(first + (last - first) * place)
-        return shade
-
     def _finite_elements(self, quantity: str) -> list[Record]:
         return [row for row in self._whole if not math.isnan(getattr(row, quantity))]
 
@@ -270,18 +292,30 @@ class _Picture:
             value, cost = getattr(row, quantity), getattr(row, self._axis.column)
             if not (math.isfinite(value) and value > 0.0 and math.isfinite(cost)):
                 continue
-            colour = self._colours[row]
+            named = row in self._named
             axes.plot(
-                cost,
-                100.0 * value,
-                _MARKERS.get(row.basis, "D"),
-                markersize=4.0 + 1.5 * math.log10(max(row.mode_count, 1)),
-                markerfacecolor=colour,
-                markeredgecolor=colour,
-                # Strong where all that the scene accepts is met.
-                alpha=0.95 if row.share <= 1.0 else 0.35,
-                zorder=3.0 if row.share <= 1.0 else 2.0,
+                cost, 100.0 * value, zorder=3.0 if named else 2.0, **self._look(row, _colour(row) if named else _BEATEN)
             )
+            if row is self._best:
+                axes.plot(cost, 100.0 * value, "o", mfc="none", mec=_TAKEN, mew=1.6, markersize=13, zorder=4.0)
+        limit = tolerance(self._rows, quantity)
+        if limit is not None:
+            axes.axhline(100.0 * limit, color=_TOLERANCE, linewidth=1.0, linestyle=(0, (5, 3)), zorder=1.0)
+            words = axes.annotate(
+                f"tolerance {100.0 * limit:.3g} %", (1.0, 100.0 * limit), (-3, 2), ("axes fraction", "data"),
+                "offset points", ha="right", fontsize="xx-small", color=_TOLERANCE,
+            )  # fmt: skip
+            words.set_path_effects([withStroke(linewidth=2.0, foreground="w")])
+
+    def _look(self, row: Record, colour: str) -> dict[str, Any]:
+        """Form by basis, size by modes, filled for the first body."""
+        return {
+            "marker": _MARKERS.get(row.basis, "D"),
+            "markersize": 4.0 + 1.5 * math.log10(max(row.mode_count, 1)),
+            "color": "none",
+            "markerfacecolor": colour if row.body == self._bodies[0] else "w",
+            "markeredgecolor": colour,
+        }
 
     def _label(self, axes: Axes, quantity: str) -> None:
         axes.set_xlabel(self._axis.label, fontsize="small")
@@ -307,9 +341,26 @@ class _Picture:
         costs = [getattr(row, self._axis.column) for row in members]
         found = [100.0 * getattr(row, quantity) for row in members]
         axes.step(costs, found, where="post", color="k", linewidth=0.8, zorder=1.5)
-        for number, place in enumerate(zip(costs, found, strict=True), start=1):
+        taken: list[tuple[float, float, float]] = []
+        for number, (row, cost, value) in enumerate(zip(members, costs, found, strict=True), start=1):
+            # Below the front no model is: names go there, to the left where there is room, and not over each other.
+            x, y = axes.transAxes.inverted().transform(axes.transData.transform((cost, value)))
+            name = f"{number} {row.short_label}"
+            right = x < 0.45
+            start = x if right else x - _LETTER * len(name)
+            if any(abs(y - v) < _LINE and start < w and u < start + _LETTER * len(name) for u, v, w in taken):
+                name, right = str(number), False
+            else:
+                taken.append((start, y, start + _LETTER * len(name)))
             text = axes.annotate(
-                str(number), place, xytext=(-7, -9), textcoords="offset points", fontsize="x-small", zorder=5
+                name,
+                (cost, value),
+                xytext=(-2 if right else -3, -7),
+                textcoords="offset points",
+                ha="left" if right else "right",
+                va="top",
+                fontsize="x-small",
+                zorder=5,
             )
             text.set_path_effects([withStroke(linewidth=2.0, foreground="w")])
 
@@ -353,19 +404,21 @@ class _Picture:
             look |= {"markeredgecolor": "0.3", "markerfacecolor": "0.3"} | style
             return Line2D([], [], label=label, **look)
 
-        rows, several = self._rows, len(self._bodies) > 1
-        known: dict[str, str | tuple[float, ...]] = {}
         ranks = [method.value for method in Method]
-        for row in sorted(rows, key=lambda r: (self._bodies.index(r.body), ranks.index(r.method), r.frames)):
-            known.setdefault((f"{row.body}: " if several else "") + _colour_words(row), self._colours[row])
-        handles = [dot(words, markerfacecolor=c, markeredgecolor=c) for words, c in known.items()]
+        methods = sorted({row.method for row in self._named}, key=ranks.index)
+        colours = {method: _COLOURS.get(method, _OTHER) for method in methods}
+        handles = [dot(Method(m).label, markerfacecolor=c, markeredgecolor=c) for m, c in colours.items()]
+        handles += [dot("beaten in speed and accuracy", markerfacecolor=_BEATEN, markeredgecolor=_BEATEN)]
         handles += [
             dot(words, marker=_MARKERS[basis])
             for basis, words in _BASES.items()
-            if any(row.basis == basis for row in rows)
+            if any(row.basis == basis for row in self._rows)
         ]
-        if any(row.share > 1.0 for row in rows):
-            handles.append(dot("pale: misses the scene's tolerance", alpha=0.35))
+        if len(self._bodies) > 1:
+            handles += [dot(body, markerfacecolor="w" if k else "0.3") for k, body in enumerate(self._bodies)]
+        if self._best is not None:
+            ring = {"markerfacecolor": "none", "markeredgecolor": _TAKEN, "markersize": 9}
+            handles.append(dot("take this: the fastest within the tolerance", **ring))
         words = {"flexfmu": "finite elements (flexfmu)", "calculix": "CalculiX", "results": "your results"}
         for solver in dict.fromkeys(row.solver for row in self._whole):
             red = {"markerfacecolor": "tab:red", "markeredgecolor": "tab:red", "markersize": 7}
@@ -382,14 +435,8 @@ def _mark(axis: Any, low: float, high: float) -> None:
         axis.set_minor_locator(NullLocator())
 
 
-def _colour_words(row: Record) -> str:
-    """What a colour stands for."""
-    if not row.on_frames:
-        return "linear"
-    words = row.method.replace("_", " ")
-    if row.method not in _SHADES:
-        return words
-    return f"{words}, frames = {row.frames}" if row.frames >= 0 else f"{words}, the body's own frames"
+def _colour(row: Record) -> str:
+    return _COLOURS.get(row.method, _OTHER)
 
 
 def describe_time(row: Record) -> str:

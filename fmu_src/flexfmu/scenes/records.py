@@ -141,6 +141,13 @@ class Record:
         return f"{', '.join(words)}; {modes}"
 
     @property
+    def short_label(self) -> str:
+        """Method and frames, for a point of a chart."""
+        count = self.frame_count if self.frames < 0 else self.frames
+        words = f", {count} frame{'' if count == 1 else 's'}" if self.on_frames else ""
+        return Method(self.method).label + words
+
+    @property
     def on_frames(self) -> bool:
         """Whether its method moves the body by frames."""
         return bool(self.method) and has_frames(Method(self.method))
