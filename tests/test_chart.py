@@ -18,7 +18,7 @@ from flexfmu.progress import Reporter
 from flexfmu.scenes import fmu_cost
 from flexfmu.scenes.body_text import body_text
 from flexfmu.scenes.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
-from flexfmu.scenes.chart import chart
+from flexfmu.scenes.chart import RATIO, chart, finding, recommended, tolerance
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.errors import SceneError
 from flexfmu.scenes.fmu_cost import FmuTimer
@@ -322,6 +322,25 @@ def drawn(tmp_path):
     other = Records(tmp_path / "other.csv", "another scene")
     other.append(made_up(1, body="other", static_displacement=0.001, step_us=900.0, fmu_ratio=100.0, share=0.1))
     return tmp_path
+
+
+def test_the_fastest_model_within_the_tolerance_is_the_one_to_take(drawn):
+    rows = [row for row in read_records(drawn / "r.csv") if row.status == "ok" and row.solver == "reduced"]
+    assert recommended(rows, RATIO).modes == 2
+    assert finding(rows, RATIO).startswith("take ")
+    outside = [row for row in rows if row.share > 1.0]
+    assert recommended(outside, RATIO) is None
+    assert "none meets the tolerance; nearest, 2 × it" in finding(outside, RATIO)
+
+
+def test_the_tolerance_is_the_error_at_which_a_model_that_it_limits_just_meets_it():
+    limited = {"static_at": "bend × 1, tip", "limited_by": "displacement, bend × 1, tip"}
+    rows = [made_up(n, static_displacement=0.01 * n, share=2.0 * n, **limited) for n in (1, 2, 3)]
+    rows.append(made_up(4, static_displacement=0.9, share=0.1, limited_by="rotation, bend × 1, tip"))
+    assert tolerance(rows, "static_displacement") == pytest.approx(0.005)
+    # With absolute tolerances there is no single one.
+    rows.append(made_up(5, static_displacement=0.01, share=9.0, **limited))
+    assert tolerance(rows, "static_displacement") is None
 
 
 def data_of(page):

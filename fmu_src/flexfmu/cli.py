@@ -309,7 +309,7 @@ def chart(
     """Try every model of a body on a scene, draw error against cost, and name those that nothing beats."""
     from .plain_data import json_text
     from .scenes.chart import chart as draw
-    from .scenes.chart import check_targets, cost_axis, describe
+    from .scenes.chart import check_targets, cost_axis, describe, finding
     from .scenes.scene import read_scene
     from .scenes.sweep import sweep
     from .store import Store, default_folder
@@ -330,6 +330,7 @@ def chart(
         axis = cost_axis(best)
         for row in best:
             typer.echo(f"{row.share:8.2g} × tolerance  {describe(row, axis, several=len(records) > 1)}")
+        typer.echo(finding(best, axis))
 
     _run(job, f"what was tried is in {records[0]}, and the same command goes on from there")
 

@@ -95,7 +95,7 @@ def chart(
     Returns
     -------
     list of Record
-        The members of the picture's fronts.
+        The members of the picture's fronts, and what to take.
 
     Raises
     ------
@@ -121,7 +121,9 @@ def chart(
     fronts = {q: front(rows, q, axis) for q in quantities}
     if picture is not None:
         _Picture(rows, whole, axis).draw(fronts, picture, title)
-    return list(dict.fromkeys(row for members in fronts.values() for row in members))
+    taken = recommended(rows, axis)
+    named = [row for members in fronts.values() for row in members]
+    return list(dict.fromkeys([*named, *([] if taken is None else [taken])]))
 
 
 def check_targets(records: Sequence[Path], picture: Path | None, html: Path | None) -> None:
