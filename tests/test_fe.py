@@ -250,6 +250,7 @@ def test_factorisation_solves_one_or_several_right_sides_to_round_off(kind, rand
     expected = random.standard_normal((free.size, 3))
     assert relative(factor.solve(k @ expected), expected) < 1e-10
     assert relative(factor.solve(k @ expected[:, 0]), expected[:, 0]) < 1e-10
+    assert factor.solve(np.zeros((free.size, 0))).shape == (free.size, 0)
 
 
 @pytest.mark.usefixtures("solver")

@@ -201,5 +201,8 @@ class Factorisation:
         (n,) or (n, k) float
         """
         result = np.empty_like(right, dtype=np.float64)
+        if not right.size:
+            # PARDISO refuses to solve for nothing.
+            return result
         result[self._order] = self._solve(np.ascontiguousarray(right[self._order], dtype=np.float64))
         return result

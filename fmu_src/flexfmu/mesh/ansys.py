@@ -67,7 +67,19 @@ def _refuse_cut_short(text: list[str], path: Path) -> None:
         )
 
 
+def _refuse_what_is_missing(archive: Any, text: list[str], path: Path) -> None:
+    """Refuse blocks that hold fewer nodes or elements than their heads say, where they say it."""
+    for block, found in (("NBLOCK", len(archive.nnum)), ("EBLOCK", len(archive.enum))):
+        heads = [line.split(",") for line in text if line.strip().upper().startswith(f"{block},")]
+        told = [int(head[-1]) for head in heads if len(head) > 4 and head[-1].strip().isdigit()]
+        if len(told) == len(heads) and told and sum(told) != found:
+            raise MeshError(
+                f"{path}: {block} holds {found} entries, its head says {sum(told)}: cut short? write it again"
+            )
+
+
 def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> Contents:
+    _refuse_what_is_missing(archive, text, path)
     kind_of_type = {int(number): int(kind) for number, kind in archive.ekey}
     labels = np.asarray(archive.nnum, dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}

@@ -15,6 +15,8 @@ from flexfmu.mesh.model import ElementBlock, ElementType, FloatArray, IntArray, 
 # Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest
 # sensible element (1e-6 for one of aspect 1000 to 1000 to 1), far above round-off of coordinates (1e-13).
 DEGENERATE = 1e-10
+# Coordinates, m, beyond which volumes overflow: no body is there.
+_FARTHEST = 1e90
 
 
 def checked(mesh: Mesh) -> Mesh:
@@ -38,7 +40,7 @@ def checked(mesh: Mesh) -> Mesh:
     """
     if mesh.element_count == 0:
         raise MeshError("the mesh has no solid elements; give a file that holds the body's volume mesh")
-    wrong = ~np.isfinite(mesh.points).all(axis=1)
+    wrong = ~(np.abs(mesh.points) < _FARTHEST).all(axis=1)
     if wrong.any():
         raise MeshError(f"coordinates of nodes are not finite: {listed(mesh.labels[wrong])}; correct the mesh file")
     bad = np.concatenate([block.labels[_unsound(mesh.points, block)] for block in mesh.blocks])

@@ -88,8 +88,12 @@ def _source(path: Path) -> tuple[str | io.StringIO, bool]:
     lines = path.read_text(encoding="latin-1").splitlines(keepends=True)
     words = [line.upper().split("$")[0].split() for line in lines]
     begin = next((k for k, found in enumerate(words) if found[:2] == ["BEGIN", "BULK"]), None)
-    if begin is None or any(found[:1] == ["CEND"] for found in words[:begin]):
-        return str(path), begin is None
+    if begin is None:
+        return str(path), True
+    if not any(found[:1] == ["ENDDATA"] for found in words):
+        raise MeshError(f"{path} has BEGIN BULK and no ENDDATA: cut short? export it again")
+    if any(found[:1] == ["CEND"] for found in words[:begin]):
+        return str(path), False
     if any(found[:1] == ["INCLUDE"] for found in words):
         raise MeshError(f"{path} includes files and has BEGIN BULK without CEND: take out the line BEGIN BULK")
     return io.StringIO("".join(lines[begin + 1 :])), True
