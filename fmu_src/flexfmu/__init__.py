@@ -12,10 +12,12 @@ if TYPE_CHECKING:
     from .choices import Interface, Support
     from .config import Basis
     from .given import GivenModes, read_given
+    from .matrices import linear_body
     from .mesh.formats import read_mesh
     from .mesh.model import Mesh
     from .mesh.units import UnitSystem
     from .packing import pack
+    from .sid import read_sid, write_sid
 
 __version__ = version("flexfmu")
 __all__ = [
@@ -35,10 +37,13 @@ __all__ = [
     "Support",
     "UnitSystem",
     "__version__",
+    "linear_body",
     "load",
     "pack",
     "read_given",
     "read_mesh",
+    "read_sid",
+    "write_sid",
 ]
 
 # Imported when first asked for: the build side takes a second to load, and a running body does without it.
@@ -49,9 +54,12 @@ _MODULES = {
     "Mesh": ".mesh.model",
     "Support": ".choices",
     "UnitSystem": ".mesh.units",
+    "linear_body": ".matrices",
     "pack": ".packing",
     "read_given": ".given",
     "read_mesh": ".mesh.formats",
+    "read_sid": ".sid",
+    "write_sid": ".sid",
 }
 
 

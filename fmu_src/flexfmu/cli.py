@@ -123,7 +123,7 @@ def build(
 
 @app.command()
 def pack(
-    file: Annotated[Path, typer.Argument(help="Modes of another program (.npz, .h5), or a modal file (.h5).")],
+    file: Annotated[Path, typer.Argument(help="Modes of another program (.npz, .h5), SID_FEM, or a modal file (.h5).")],
     interface: Annotated[list[str] | None, typer.Option(help="NAME=SET; may be repeated.")] = None,
     support: Annotated[list[str] | None, typer.Option(help="SET where frames hang if no node is held.")] = None,
     frames: Annotated[int | None, typer.Option(help="Frames; default: 1.")] = None,

@@ -34,6 +34,8 @@ from .reduction.model import Model, node_set
 from .reduction.rigid_fit import by_node
 from .reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
 from .reduction.surface import body_surface
+from .sid import SUFFIX as SID
+from .sid import read_sid
 from .summary import first_frequency
 
 
@@ -129,6 +131,10 @@ def pack_file(
         if interfaces or supports or frames is not None or damping or name:
             raise BodyFileError(f"{file} is a modal file, a body as it is: only --method and --output go with it")
         return load(file, method)
+    if file.suffix.lower() == SID:
+        if interfaces or supports or frames or damping:
+            raise BodyFileError(f"{file} is SID_FEM, a linear body as it is: only --name and --output go with it")
+        return BuiltBody(read_sid(file, name), method)
     given = read_given(file)
     if not interfaces:
         there = ", ".join(given.sets) or "none"

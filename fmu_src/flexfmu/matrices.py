@@ -1,0 +1,101 @@
+"""Linear bodies of condensed matrices: six degrees of freedom an interface, and modal ones behind them."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+import scipy.linalg
+import scipy.sparse as sp
+
+from .api import BuiltBody
+from .errors import FlexfmuError
+from .mesh.model import FloatArray
+from .methods import Method
+from .model.reduced_body import GROUND, ReducedBody
+
+# Relative size of what is not symmetric, and of a smallest eigenvalue that is round-off.
+_ASYMMETRIC, _ROUND_OFF = 1e-6, 1e-10
+_EACH = 6
+
+
+class MatrixError(FlexfmuError):
+    """Matrices that are those of no held body."""
+
+
+def linear_body(
+    stiffness: Any,
+    mass: Any,
+    points: Mapping[str, Sequence[float]],
+    *,
+    damping: float = 0.0,
+    name: str = "body",
+) -> BuiltBody:
+    """Linear body of condensed matrices, in SI units.
+
+    Matrices tell no displacements inside the body, and so no frame's rotation: no other method goes with them.
+
+    Parameters
+    ----------
+    stiffness, mass : (k, k) array, sparse, or path of a Matrix Market file
+        Rows: x, y, z and rotations about x, y, z of each interface in turn (k ≥ 6 I), then modal coordinates.
+    points : mapping of str to 3 float
+        Places of the interfaces by name, in the rows' order, m.
+    damping : float
+        Modal damping ratio.
+    name : str
+
+    Returns
+    -------
+    BuiltBody
+
+    Raises
+    ------
+    MatrixError
+        Matrices that are not square, symmetric and positive, or a body that is not held.
+    """
+    k, m = _matrix(stiffness, "stiffness"), _matrix(mass, "mass")
+    if k.shape != m.shape or len(k) < _EACH * len(points) or not points:
+        raise MatrixError(
+            f"stiffness has shape {k.shape} and mass {m.shape}, expected the same of both, with at least "
+            f"{_EACH * len(points)} rows for {len(points)} interfaces"
+        )
+    try:
+        squares, shapes = scipy.linalg.eigh(k, m)
+    except np.linalg.LinAlgError as error:
+        raise MatrixError(f"mass is not positive definite ({error}): take out rows without mass") from error
+    if squares[0] <= _ROUND_OFF * squares[-1]:
+        raise MatrixError("stiffness is not positive definite: the body is free, or rows are zero; hold it")
+    rows = shapes[: _EACH * len(points)].reshape(len(points), 2, 3, -1)
+    body = ReducedBody(
+        name=name,
+        angular_frequency=np.sqrt(squares),
+        damping_ratio=np.full(squares.size, damping),
+        interface_names=tuple(points),
+        interface_point=np.array([list(point) for point in points.values()], dtype=float),
+        interface_displacement=rows[:, 0],
+        interface_rotation=rows[:, 1],
+        interface_frame=np.full(len(points), GROUND),
+        method=Method.LINEAR,
+        provenance={"matrices": f"{len(k)} rows"},
+    )
+    return BuiltBody(body)
+
+
+def _matrix(given: Any, title: str) -> FloatArray:
+    """A matrix as an array, symmetric."""
+    if isinstance(given, str | Path):
+        try:
+            given = scipy.io.mmread(given)
+        # SciPy's reader raises whatever the text leads it to.
+        except Exception as error:
+            raise MatrixError(f"{given} cannot be read as a Matrix Market file ({error})") from error
+    value = np.asarray(given.toarray() if sp.issparse(given) else given, dtype=float)
+    if value.ndim != 2 or value.shape[0] != value.shape[1] or not value.size or not np.isfinite(value).all():
+        raise MatrixError(f"{title} has shape {value.shape}, expected a square matrix of finite numbers")
+    if np.abs(value - value.T).max() > _ASYMMETRIC * np.abs(value).max():
+        raise MatrixError(
+            f"{title} is not symmetric: one triangle alone? expected both, or a symmetric Matrix Market file"
+        )
+    return np.asarray(0.5 * (value + value.T))
