@@ -17,6 +17,13 @@ def commands() -> str:
     return text.stdout.split("\n", 1)[1]
 
 
+def exports() -> str:
+    """All that the package exports, for mkdocstrings."""
+    import flexfmu
+
+    return "\n\n".join(f"::: flexfmu.{name}" for name in flexfmu.__all__ if name != "__version__")
+
+
 def modal_file() -> str:
     """Table of the datasets of a modal file."""
     from flexfmu.model import arrays
@@ -28,7 +35,7 @@ def modal_file() -> str:
     return "\n".join(["| dataset | unit | shape, meaning |", "|---|---|---|", *rows])
 
 
-PARTS_OF_PAGES = {"commands": commands, "modal file": modal_file}
+PARTS_OF_PAGES = {"commands": commands, "exports": exports, "modal file": modal_file}
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
