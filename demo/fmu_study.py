@@ -1,4 +1,4 @@
-"""What the demos share: building FMUs with different numbers of frames, driving them, comparing, drawing."""
+"""What the demos share: building FMUs of a body, driving them, comparing, drawing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
+from flexfmu.config import FormulationTable, read_body_file
 from flexfmu.fmu.package import package_fmu
 from flexfmu.methods import Method
 from flexfmu.progress import Reporter
@@ -32,6 +32,7 @@ STYLES: dict[int, dict[str, object]] = {
     8: {"color": "C2", "linestyle": "-"},
 }
 LINEAR = {"method": "linear"}
+SECOND_ORDER_FRAMES = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ def reference(path: Path) -> NDArray[np.void]:
 
 
 def build_variants(body_file: Path, folder: Path, frames: Sequence[int], report: Reporter) -> list[Variant]:
-    """FMUs of one body with different numbers of frames; the first serves for the linear one too."""
+    """FMUs of one body: `frames` with some numbers of them, the first serving for `linear` too, and `second_order`."""
     config = read_body_file(body_file)
     variants = []
     for count in frames:
@@ -59,7 +60,13 @@ def build_variants(body_file: Path, folder: Path, frames: Sequence[int], report:
         label = f"{count} frame" + ("s" if count > 1 else "")
         variants.append(Variant(label, fmu, {}, STYLES[count]))
     linear = Variant("linear modes", variants[0].fmu, LINEAR, {"color": "0.55", "linestyle": ":"})
-    return [linear, *variants]
+    second = config.model_copy(
+        update={"frames": SECOND_ORDER_FRAMES, "formulation": FormulationTable(method=Method.SECOND_ORDER)}
+    )
+    fmu = folder / f"{config.name}_second_order.fmu"
+    package_fmu(reduce_body(second, report), fmu)
+    label = f"{SECOND_ORDER_FRAMES} frames, second order"
+    return [linear, *variants, Variant(label, fmu, {}, {"color": "C3", "linestyle": "--"})]
 
 
 def static_tip(variant: Variant, forces: FloatArray) -> FloatArray:
@@ -102,14 +109,14 @@ def relative_error(found: FloatArray, expected: FloatArray) -> FloatArray:
 def print_table(title: str, forces: FloatArray, expected: FloatArray, found: dict[str, FloatArray]) -> None:
     """Tip displacement and its error against CalculiX under a few forces (N)."""
     print(f"\n{title}\nerror = |tip displacement − CalculiX| / |CalculiX|\n")
-    print(f"{'force':>8} {'model':<14} {'x / m':>11} {'y / m':>11} {'z / m':>11} {'error':>9}")
+    print(f"{'force':>8} {'model':<23} {'x / m':>11} {'y / m':>11} {'z / m':>11} {'error':>9}")
     for k, force in enumerate(forces):
-        print(f"{force / 1e3:5.1f} kN {'CalculiX':<14} " + " ".join(f"{u + 0.0:11.5f}" for u in expected[k]))
+        print(f"{force / 1e3:5.1f} kN {'CalculiX':<23} " + " ".join(f"{u + 0.0:11.5f}" for u in expected[k]))
         for label, motion in found.items():
             error = relative_error(motion[k : k + 1, :3], expected[k : k + 1])[0]
             # Round-off of a component that is zero by symmetry is not worth a minus sign.
             numbers = " ".join(f"{round(float(u), 9) + 0.0:11.5f}" for u in motion[k, :3])
-            print(f"{'':>8} {label:<14} {numbers} {100 * error:7.3f} %")
+            print(f"{'':>8} {label:<23} {numbers} {100 * error:7.3f} %")
 
 
 def draw_against_load(

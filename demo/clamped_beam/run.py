@@ -88,7 +88,7 @@ def dynamics(folder: Path, variants: list[Variant], report: Reporter) -> None:
         columns = [1 + names.index(f"tip.displacement.{axis}") for axis in "xy"]
         found: FloatArray = np.stack([np.interp(table["time_s"], result[:, 0], result[:, c]) for c in columns], axis=1)
         error = np.linalg.norm(found - expected) / np.linalg.norm(expected)
-        print(f"{variant.label:<14} {100 * error:6.2f} %")
+        print(f"{variant.label:<23} {100 * error:6.2f} %")
         for panel, column in zip(axes, columns, strict=True):
             panel.plot(1e3 * result[:, 0], 1e3 * result[:, column], label=variant.label, **variant.style)
     for panel, axis, values in zip(axes, "XY", expected.T, strict=True):
@@ -96,7 +96,7 @@ def dynamics(folder: Path, variants: list[Variant], report: Reporter) -> None:
         panel.set_ylabel(f"tip displacement in {axis} / mm")
         panel.grid(alpha=0.25)
     axes[1].set_xlabel("time / ms")
-    axes[0].legend(frameon=False, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize="small")
+    axes[0].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize="small")
     figure.savefig(folder / "sudden_load.png", dpi=160)
     plt.close(figure)
 
