@@ -19,12 +19,11 @@ from flexfmu.config import read_body_file
 from flexfmu.errors import OutputError
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.info import describe
-from flexfmu.loads import Loads
 from flexfmu.mesh.model import ElementType
 from flexfmu.methods import Mass, Method, Variant
 from flexfmu.progress import Reporter
 from flexfmu.scenes.body_text import body_text
-from flexfmu.scenes.candidates import Reduction, reduction_config, with_modes
+from flexfmu.scenes.candidates import Reduction, reduction_config
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.fit import fit
 from flexfmu.scenes.fitting import delivery
@@ -52,32 +51,6 @@ def store(tmp_path_factory):
 def brought(tmp_path):
     """The bent beam, its results brought, and few combinations."""
     return with_results(tmp_path, SMALL_SWEEP)
-
-
-def test_a_body_with_some_of_its_modes_is_the_one_that_is_reduced_to_them(bodies):
-    every = {"geometric_stiffness": ["by_load", "by_mode"], "inertia": True, "second_order": True}
-    config = bodies.config(BEAM)
-    many, few = (
-        reduce_body(
-            config.model_copy(
-                update={"frames": 2, "reduction": config.reduction.model_copy(update={"modes": n, **every})}
-            ),
-            Reporter(),
-        )
-        for n in (8, 4)
-    )
-    kept = with_modes(many, np.arange(4))
-    load = Loads(np.array([[500.0, 3e3, 1e3]]), np.zeros((1, 3)))
-    for variant in (
-        Variant(Method.FRAMES_STIFFNESS),
-        Variant(Method.STIFFNESS_BY_MODE),
-        Variant(Method.FRAMES, Mass.CONFIGURATION),
-        Variant(Method.SECOND_ORDER),
-    ):
-        models = [FlexibleBody(body, variant.method, variant.mass) for body in (kept, few)]
-        states = [model.step(model.static(load), load.scaled(0.5), 1e-3) for model in models]
-        motions = [model.motion(state) for model, state in zip(models, states, strict=True)]
-        np.testing.assert_allclose(*motions, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize(

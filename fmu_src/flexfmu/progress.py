@@ -209,7 +209,7 @@ def tell_nobody(_done: float) -> None:
 
 
 @contextmanager
-def ends_on_interrupt(report: Reporter, after: str = "the step under way") -> Iterator[Callable[[], bool]]:
+def ends_on_interrupt(report: Reporter) -> Iterator[Callable[[], bool]]:
     """Let Ctrl-C end a job at a place of its own choice, with its results so far, instead of anywhere.
 
     A KeyboardInterrupt may otherwise rise inside an FMU's Python code, which makes an error of it. A second Ctrl-C does
@@ -218,8 +218,6 @@ def ends_on_interrupt(report: Reporter, after: str = "the step under way") -> It
     Parameters
     ----------
     report : Reporter
-    after : str
-        What is still finished, for the message.
 
     Yields
     ------
@@ -237,7 +235,7 @@ def ends_on_interrupt(report: Reporter, after: str = "the step under way") -> It
         signal.signal(signal.SIGINT, before)
         # The signal may come amid another line.
         with suppress(RuntimeError):
-            report.note(f"Ctrl-C: ends after {after}; press it again to end at once")
+            report.note("Ctrl-C: ends after the step under way; press it again to end at once")
 
     signal.signal(signal.SIGINT, note)
     try:

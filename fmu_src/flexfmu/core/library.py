@@ -342,7 +342,8 @@ class Core:
 
     def may_miss(self, inputs: FloatArray, limit: float) -> bool:
         """Whether that error may exceed a limit; faster than finding it."""
-        return bool(self._library.body_may_miss(self._body, _place(_given(inputs)), limit))
+        loads = _given(inputs)
+        return bool(self._library.body_may_miss(self._body, _place(loads), limit))
 
     def judged_margin(self, inputs: FloatArray) -> float:
         """Smallest eigenvalue of the undeformed body's tangent by the second opinion, over the unloaded one."""

@@ -3,16 +3,14 @@
 import felupe
 import numpy as np
 
-from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from ..mesh.model import ElementBlock, FloatArray, Mesh
 from .elements import rule
 
 # Elements at a time: mode gradients of this many take some 100 MB with 20 modes.
 _CHUNK = 4096
 
 
-def geometric_stiffness(
-    mesh: Mesh, fields: FloatArray, shapes: FloatArray, elements: IntArray | None = None
-) -> FloatArray:
+def geometric_stiffness(mesh: Mesh, fields: FloatArray, shapes: FloatArray) -> FloatArray:
     """Geometric stiffness matrices of several displacement fields in the modes, docs/theory.md equation (11).
 
     The full matrices are never assembled: stress and mode gradients are contracted at the integration points.
@@ -25,8 +23,6 @@ def geometric_stiffness(
         Displacements, m per unit of whatever they belong to.
     shapes : (3n, m) float
         Mode shapes, kg^-1/2.
-    elements : (e,) int, optional
-        Counted over all blocks: the part of the body that counts; by default all of it.
 
     Returns
     -------
@@ -36,15 +32,9 @@ def geometric_stiffness(
     count = len(mesh.points)
     u, phi = fields.reshape(count, 3, -1), shapes.reshape(count, 3, -1)
     result = np.zeros((u.shape[2], phi.shape[2], phi.shape[2]))
-    counted = np.ones(mesh.element_count, dtype=bool)
-    if elements is not None:
-        counted = np.isin(np.arange(mesh.element_count), elements)
-    begin = 0
     for block in mesh.blocks:
-        inside = np.flatnonzero(counted[begin : begin + len(block.labels)])
-        begin += len(block.labels)
-        for first in range(0, inside.size, _CHUNK):
-            chosen = inside[first : first + _CHUNK]
+        for first in range(0, len(block.labels), _CHUNK):
+            chosen = slice(first, first + _CHUNK)
             part = ElementBlock(block.type, block.labels[chosen], block.connectivity[chosen], block.material[chosen])
             result += _block(mesh, part, u, phi)
     return 0.5 * (result + result.transpose(0, 2, 1))

@@ -9,9 +9,6 @@ import numpy as np
 from ..mesh.model import ElementType, FloatArray, IntArray, Mesh
 from .elements import rule
 
-# Order of the components.
-COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
-
 
 def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Linear elastic stress at the stiffness integration points, where the elements know it best.

@@ -218,21 +218,7 @@ def simulate(
     inputs = [v.name for v in _known(description, "input", names, fmu)]
     settings = _typed(_known(description, "parameter", parameters or {}, fmu), parameters or {})
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
-    start = float(loads[0, 0])
-    end = float(loads[-1, 0]) if stop is None else stop
-    interval = float(description.defaultExperiment.stepSize) if step is None else step
-    if stop is None and end == start:
-        raise SimulationError(f"the table has rows at one time only, {start:g} s: add a later row, or give --stop")
-    if not (math.isfinite(interval) and interval > 0.0 and math.isfinite(end) and end > start):
-        raise SimulationError(
-            f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0 "
-            "(--stop, --step; without them the table's last time and the FMU's own step)"
-        )
-    if step is not None and interval > end - start:
-        raise SimulationError(
-            f"--step is {step:g} s, longer than the run from {start:g} s to {end:g} s: expected a shorter step; "
-            f"the FMU's own is {float(description.defaultExperiment.stepSize):g} s"
-        )
+    start, end, interval = _span(description, loads, step, stop)
     _tell_doubts(names, loads, end, settings, report)
     _check_size(start, end, interval, 1 + len(outputs))
     signals = _signals(inputs, names, loads)
@@ -288,6 +274,28 @@ def simulate(
     for text in messages:
         report.warning(text)
     return outputs, _columns(result, outputs)
+
+
+def _span(
+    description: ModelDescription, loads: FloatArray, step: float | None, stop: float | None
+) -> tuple[float, float, float]:
+    """Start, end and communication step of a run, s, by the table, the FMU's own step and what was asked for."""
+    start = float(loads[0, 0])
+    end = float(loads[-1, 0]) if stop is None else stop
+    interval = float(description.defaultExperiment.stepSize) if step is None else step
+    if stop is None and end == start:
+        raise SimulationError(f"the table has rows at one time only, {start:g} s: add a later row, or give --stop")
+    if not (math.isfinite(interval) and interval > 0.0 and math.isfinite(end) and end > start):
+        raise SimulationError(
+            f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0 "
+            "(--stop, --step; without them the table's last time and the FMU's own step)"
+        )
+    if step is not None and interval > end - start:
+        raise SimulationError(
+            f"--step is {step:g} s, longer than the run from {start:g} s to {end:g} s: expected a shorter step; "
+            f"the FMU's own is {float(description.defaultExperiment.stepSize):g} s"
+        )
+    return start, end, interval
 
 
 def _tell_doubts(

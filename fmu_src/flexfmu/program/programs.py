@@ -20,29 +20,6 @@ DESCRIPTION = "body.prog"
 _MOST_FIXED = 5
 
 
-def program_of(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT, fixed: tuple[str, ...] = ()) -> bytes:
-    """Program of a body under a method, some of its interfaces fixed.
-
-    Parameters
-    ----------
-    body : ReducedBody
-    method : Method
-    mass : Mass
-    fixed : tuple of str
-
-    Returns
-    -------
-    bytes
-
-    Raises
-    ------
-    OptionError
-        The method needs data that the body was built without, or interfaces cannot be fixed.
-    """
-    held = with_fixed_interfaces(body, fixed, method)
-    return compile_draft(divided(held, method), method, mass).image()
-
-
 def programs(body: ReducedBody) -> dict[str, Draft]:
     """Every program of a body's FMU by its file name, without the guid.
 

@@ -2,16 +2,12 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
-
-import numpy as np
 
 from ..body import StepLimits
 from ..config import Basis, BodyFile, FormulationTable
-from ..mesh.model import IntArray
 from ..methods import Data, Method, Variant, conflict, has_frames, masses_of, needs
-from ..model.reduced_body import ReducedBody, SecondOrder
 from .config import BasisChoice
 from .records import REDUCED
 from .scene import Scene
@@ -175,67 +171,6 @@ def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Vari
     own = reduction.frames == GIVEN
     frames = {"frames": None if own else reduction.frames, "frame": config.frame if own else []}
     return config.model_copy(update={**frames, "reduction": table, "formulation": start})
-
-
-def with_modes(body: ReducedBody, kept: IntArray) -> ReducedBody:
-    """The body with some of its modes only.
-
-    Parameters
-    ----------
-    body : ReducedBody
-    kept : (k,) int
-        Ascending.
-
-    Returns
-    -------
-    ReducedBody
-    """
-    whole, masses, surface, inertia, ties = body.whole, body.masses, body.surface, body.inertia, body.ties
-    second = body.second
-    if second is not None:
-        chosen = kept[:, None], kept
-        displacement, rotation = second.displacement[:, :, *chosen], second.rotation[:, :, *chosen]
-        second = SecondOrder(displacement, rotation)
-    membrane = body.membrane
-    if membrane is not None:
-        membrane = membrane.turned(np.eye(body.mode_count)[:, kept], body.angular_frequency[kept] ** 2)
-    if whole is not None:
-        names = ("joint_displacement", "joint_rotation", "frame_rotation")
-        whole = replace(whole, **{name: getattr(whole, name)[..., kept] for name in names})
-    if masses is not None:
-        masses = replace(masses, displacement=masses.displacement[..., kept])
-    if surface is not None:
-        surface = surface.in_coordinates(np.eye(body.mode_count)[:, kept])
-    if ties is not None:
-        ties = replace(ties, displacement=ties.displacement[..., kept], rotation=ties.rotation[..., kept])
-    if inertia is not None:
-        curvature = None if inertia.curvature is None else inertia.curvature[:, :, kept[:, None], kept]
-        displacement, sweep = inertia.displacement[..., kept], inertia.sweep[..., kept]
-        inertia = replace(inertia, displacement=displacement, sweep=sweep, curvature=curvature)
-    by_load, by_mode = body.stiffness_by_load, body.stiffness_by_mode
-    linear = (
-        "interface_displacement",
-        "interface_rotation",
-        "joint_displacement",
-        "joint_rotation",
-        "frame_rotation",
-    )
-    return replace(
-        body,
-        angular_frequency=body.angular_frequency[kept],
-        damping_ratio=body.damping_ratio[kept],
-        whole=whole,
-        masses=masses,
-        surface=surface,
-        inertia=inertia,
-        ties=ties,
-        second=second,
-        membrane=membrane,
-        stress_sets=tuple(replace(part, stress=part.stress[..., kept]) for part in body.stress_sets),
-        stiffness_by_load=None if by_load is None else by_load[:, kept][:, :, kept],
-        stiffness_by_mode=None if by_mode is None else by_mode[np.ix_(kept, kept, kept)],
-        **{name: getattr(body, name)[..., kept] for name in linear},
-    )
 
 
 def grouped(found: list[Candidate]) -> Iterator[tuple[Reduction, list[Candidate]]]:
