@@ -1,6 +1,7 @@
 """Bodies that turn as a whole: what constant mass leaves out is told before it shows, and nothing where it does not."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -78,6 +79,25 @@ def test_it_is_told_before_the_direction_is_off_by_ten_degrees(tmp_path, block):
     assert np.degrees(np.arccos(direction @ impulse / np.linalg.norm(impulse))) < 10.0
 
 
+def test_spin_about_changing_axes_is_the_rate_of_the_turn_not_of_its_vector(tmp_path, block):
+    """Set going about y when it has half turned about z: there 2/π of the rotation vector's rate across it is turn."""
+    driven, step, first = Driven(block, tmp_path), 0.01, block.angular_frequency[block.rigid_count]
+    impulses = {0: [0.0, 0.0, 2.0 * np.pi * INERTIA[2, 2]], 50: [0.0, 4.0 * np.pi * INERTIA[0, 0], 0.0]}
+    turns, spins = [], []
+    for k in range(100):
+        half = 0.5 * np.array(impulses.get(k, np.zeros(3))) / step
+        driven.set(**{f"{name}.moment.{axis}": half[i] for name in ("root", "tip") for i, axis in enumerate("xyz")})
+        assert driven.taken(step)
+        turns.append(exponential(np.array(driven.get(*MOTION[:3]))))
+        spins.append(first * driven.get(SPIN)[0])
+    # The angle from the end of the step before to the end of the next one.
+    angles = [np.arccos(0.5 * np.trace(after @ before.T) - 0.5) for before, after in zip(turns, turns[2:], strict=False)]
+    steady = np.array([k not in (0, 1, 49, 50, 51) for k in range(1, 99)])
+    np.testing.assert_allclose(np.array(spins[1:-1])[steady], (np.array(angles) / (2.0 * step))[steady], rtol=1e-3)
+    # Where nothing acts any more the vector's rate is steady, the spin is not.
+    assert spins[-1] > 1.1 * spins[51]
+
+
 @pytest.mark.parametrize("moment", [[0.1, 0.0, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 2.0]])
 @pytest.mark.parametrize("step", [0.01, 0.1])
 def test_turns_about_one_principal_axis_are_right_and_nothing_is_said(tmp_path, block, moment, step):
@@ -85,6 +105,21 @@ def test_turns_about_one_principal_axis_are_right_and_nothing_is_said(tmp_path, 
     assert np.max(told) < 1e-9
     np.testing.assert_allclose(momenta[-1], 0.2 * np.array(moment), rtol=0.02, atol=1e-6)
     assert driven.log == []
+
+
+def test_the_impulse_of_moments_is_told_to_second_order_of_the_step(tmp_path, block):
+    """Of a constant moment the impulse is moment times time, and nothing is told but the angular momentum's own error."""
+    moment, end, step = np.array([0.1, 0.15, 0.3]), 0.8, 0.04
+    wrong = []
+    for parts in (1, 2, 4):
+        _, told, momenta = turned(tmp_path, block, moment, end, end, step / parts)
+        impulses = moment * step / parts * np.arange(1, len(told) + 1)[:, None]
+        largest = np.maximum.accumulate(np.maximum(*(np.linalg.norm(x, axis=1) for x in (momenta, impulses))))
+        wrong.append((told - np.linalg.norm(momenta - impulses, axis=1) / largest)[parts - 1 :: parts])
+    # What is left at small steps is the inertia of the block as its elements have it, and its bending.
+    first, second = (np.linalg.norm(coarse - fine) for coarse, fine in pairwise(wrong))
+    assert np.max(np.abs(wrong[0])) < 4e-3
+    assert np.log2(first / second) == pytest.approx(2.0, abs=0.2)
 
 
 def test_small_turns_about_any_axes_say_nothing(tmp_path, block):
