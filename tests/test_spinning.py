@@ -91,7 +91,8 @@ def test_spin_about_changing_axes_is_the_rate_of_the_turn_not_of_its_vector(tmp_
         turns.append(exponential(np.array(driven.get(*MOTION[:3]))))
         spins.append(first * driven.get(SPIN)[0])
     # The angle from the end of the step before to the end of the next one.
-    angles = [np.arccos(0.5 * np.trace(after @ before.T) - 0.5) for before, after in zip(turns, turns[2:], strict=False)]
+    pairs = zip(turns, turns[2:], strict=False)
+    angles = [np.arccos(0.5 * np.trace(after @ before.T) - 0.5) for before, after in pairs]
     steady = np.array([k not in (0, 1, 49, 50, 51) for k in range(1, 99)])
     np.testing.assert_allclose(np.array(spins[1:-1])[steady], (np.array(angles) / (2.0 * step))[steady], rtol=1e-3)
     # Where nothing acts any more the vector's rate is steady, the spin is not.
@@ -108,7 +109,7 @@ def test_turns_about_one_principal_axis_are_right_and_nothing_is_said(tmp_path, 
 
 
 def test_the_impulse_of_moments_is_told_to_second_order_of_the_step(tmp_path, block):
-    """Of a constant moment the impulse is moment times time, and nothing is told but the angular momentum's own error."""
+    """A constant moment's impulse is moment times time: nothing is told but the angular momentum's own error."""
     moment, end, step = np.array([0.1, 0.15, 0.3]), 0.8, 0.04
     wrong = []
     for parts in (1, 2, 4):
