@@ -1,12 +1,15 @@
 """The core on other platforms: what its libraries need, that they run, and what is said where there is none."""
 
+import ctypes
 import os
+import runpy
 import shutil
 import subprocess
 import sys
 import zipfile
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,6 +23,7 @@ from flexfmu.cli import app
 from flexfmu.core import binaries
 from flexfmu.core.binaries import core_binaries
 from flexfmu.core.building import (
+    FOLDER,
     PLATFORMS,
     compile_core,
     fat_file,
@@ -321,6 +325,46 @@ def test_a_core_that_is_older_than_its_sources_is_not_called(monkeypatch):
     monkeypatch.setattr(library, "source_hash", lambda: "0" * 64)
     with pytest.raises(OptionError, match=r"compiled from other C files .* install again \(pip install -e \."):
         library.library()
+
+
+# Without a compiler.
+
+
+def test_pip_is_asked_for_a_compiler_only_where_there_is_none(monkeypatch, tmp_path):
+    plain = ModuleType("setuptools.build_meta")
+    plain.get_requires_for_build_wheel = plain.get_requires_for_build_editable = lambda _settings: []
+    monkeypatch.setitem(sys.modules, "setuptools.build_meta", plain)
+    hooks = runpy.run_path(str(ROOT / "tools" / "build_backend.py"))
+    asked = [hooks[f"get_requires_for_build_{kind}"] for kind in ("wheel", "editable")]
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.delenv("FLEXFMU_PLATFORMS", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert all(any(name.startswith("ziglang") for name in ask()) for ask in asked)
+    (tmp_path / "gcc").write_text("")
+    (tmp_path / "gcc").chmod(0o755)
+    assert not any(name.startswith("ziglang") for ask in asked for name in ask())
+    monkeypatch.setenv("FLEXFMU_PLATFORMS", "all")
+    assert any(name.startswith("ziglang") for name in asked[0]())
+
+
+@pytest.mark.slow
+@needs_zig
+def test_where_there_is_no_compiler_zig_makes_this_machines_core(tmp_path):
+    path = tmp_path / f"core{PLATFORMS[this_platform()].ending}"
+    words = (
+        "import sys; from pathlib import Path; import building\n"
+        "assert building.system_compiler() is None; building.compile_for_this_machine(Path(sys.argv[1]))"
+    )
+    (tmp_path / "empty").mkdir()
+    environment = {key: value for key, value in os.environ.items() if key != "CC"}
+    environment |= {"PATH": str(tmp_path / "empty"), "PYTHONPATH": str(FOLDER)}
+    done = subprocess.run(
+        [sys.executable, "-c", words, path], capture_output=True, text=True, check=False, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    core = ctypes.CDLL(str(path))
+    core.core_sources.restype = ctypes.c_char_p
+    assert core.core_sources().decode() == source_hash()
 
 
 # Sources.
