@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 from demo.fmu_study import reference
+from demo.outlines import outline_file
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
@@ -84,6 +86,10 @@ SCENES = (
         (0.9, -0.45, 0.0), (0.2, 0.4, 1.0), frames=1, prefixed=True,
     ),
     Scene(
+        "arc", "Arc of 45°, 25 kN across its plane", "curved", "arc_45", {"tip": (0.0, 0.0, 25e3)},
+        (0.75, 0.66, 0.0), (-0.3, 0.4, 1.0),
+    ),
+    Scene(
         "axle", "Twist-beam axle, wheels ± 2.4 kN", "rear_axle", "opposite",
         {"wheel_left": (0.0, 0.0, 2.4e3), "wheel_right": (0.0, 0.0, -2.4e3)},
         (0.5, 1.0, 0.0), (-0.75, 0.3, 1.0), files=("body.toml", "body_whole.toml"), prefixed=True,
@@ -110,31 +116,32 @@ def models(scene: Scene) -> tuple[FlexibleBody, FlexibleBody]:
 
 def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     """Draw a scene with its errors of the loaded interfaces' displacement, linear and flexfmu, in %."""
-    bent, linear = models(scene)
     loads = {name: list(force) for name, force in scene.forces.items()}
     camera, expected = Camera.along(scene.right, scene.up), scene.expected()
-    errors = {}
-    for body, colour, order in ((linear, LINEAR, 2.0), (bent, FLEXFMU, 3.0)):
+    errors, places, faces, tints, count = [], [], [], [], 0
+    bent, linear = models(scene)
+    for body, colour in ((bent, FLEXFMU), (linear, LINEAR)):
         state, surface = body.static(loads), surface_of(body)
-        faces, rest = surface.faces, surface.points
-        moved, corners = surface_places(body, state.q), corner_edges(rest, faces)
-        if body is linear:
-            draw_outline(panel, rest, corners, camera, GHOST)
-        tint = np.tile(to_rgb(colour), (len(faces), 1))
-        draw_surface(panel, moved, faces, camera, tint, edges=False, order=order)
+        places.append(surface_places(body, state.q))
+        faces.append(surface.faces + count)
+        tints.append(np.tile(to_rgb(colour), (len(surface.faces), 1)))
+        count += len(surface.points)
         index = [body.model.interface_names.index(name) for name in loads]
         found = body.response(state).displacement[index]
-        errors[colour] = float(100.0 * np.linalg.norm(found - expected) / np.linalg.norm(expected))
-        places = (body.model.interface_point[index] + expected) @ camera.axes.T
-    panel.plot(places[:, 0], places[:, 1], "o", mfc="none", mec=CALCULIX, mew=1.8, ms=9, zorder=9)
+        errors.append(float(100.0 * np.linalg.norm(found - expected) / np.linalg.norm(expected)))
+    rest, own = surface_of(linear), corner_edges(surface_of(linear).points, surface_of(linear).faces)
+    draw_outline(panel, rest.points, own, camera, GHOST)
+    # Of both bodies together, so that each hides what of the other lies behind it.
+    draw_surface(panel, np.concatenate(places), np.concatenate(faces), camera, np.concatenate(tints), edges=False)
+    table = np.genfromtxt(outline_file(f"{scene.folder}/{scene.table}"), delimiter=",", skip_header=1)
+    row = cKDTree(table[:, :3]).query(rest.points)[1]
+    draw_outline(panel, table[:, :3][row] + table[:, 3:][row], own, camera, CALCULIX, width=0.9, order=4.0)
     panel.set_aspect("equal")
     panel.set_axis_off()
     panel.margins(0.04)
     panel.autoscale_view()
-    panel.set_title(
-        f"{scene.title}\nerror: linear {errors[LINEAR]:.2g} %, flexfmu {errors[FLEXFMU]:.2g} %", fontsize=12
-    )
-    return errors[LINEAR], errors[FLEXFMU]
+    panel.set_title(f"{scene.title}\nerror: linear {errors[1]:.2g} %, flexfmu {errors[0]:.2g} %", fontsize=12)
+    return errors[1], errors[0]
 
 
 def legend(figure: Figure, columns: int) -> None:
@@ -144,7 +151,7 @@ def legend(figure: Figure, columns: int) -> None:
         axes.plot([], [], "-", color=GHOST, lw=1.0, label="undeformed")[0],
         axes.plot([], [], "s", color=LINEAR, ms=9, label="linear modes")[0],
         axes.plot([], [], "s", color=FLEXFMU, ms=9, label="flexfmu")[0],
-        axes.plot([], [], "o", mfc="none", mec=CALCULIX, mew=1.8, ms=8, label="CalculiX: loaded interface")[0],
+        axes.plot([], [], "-", color=CALCULIX, lw=1.6, label="CalculiX: edges")[0],
     ]
     figure.legend(handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=12)
 
@@ -152,7 +159,7 @@ def legend(figure: Figure, columns: int) -> None:
 def main(folder: Path) -> None:
     """Draw all scenes: one picture of three bodies, and one for each."""
     folder.mkdir(parents=True, exist_ok=True)
-    shown = [scene for scene in SCENES if scene.name != "l_frame"]
+    shown = [scene for scene in SCENES if scene.name in ("beam", "plate", "axle")]
     figure = Figure(figsize=(11.0, 4.6))
     for k, scene in enumerate(shown):
         draw(scene, figure.add_axes((0.01 + 0.33 * k, 0.1, 0.31, 0.74)))

@@ -13,7 +13,7 @@ from flexfmu.progress import Reporter
 from flexfmu.recovery import surface_places, surface_von_mises
 from flexfmu.rotations import exponential
 from meshes import EVERY_TYPE, arc, body_file, box
-from references import relative
+from references import BEAM, relative
 
 # Every node of these bricks is on a corner, so that the surface holds all nodes of an interface on it.
 BRICK = ElementType.C3D8
@@ -148,3 +148,21 @@ def test_a_body_without_the_stress_of_its_surface_says_how_to_store_it(bent):
     body = FlexibleBody(bent(1))
     with pytest.raises(OptionError, match="stress = true"):
         surface_von_mises(body, body.rest().q)
+
+
+def test_all_of_the_surface_is_where_calculix_has_it(bodies):
+    # 20 kN at the beam's tip, which moves by 42 % of the length: nodes on all edges, not the tip alone.
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"residual_flexibility": True, "second_order": True})
+    model = bodies.beam(frames=2, reduction=reduction).model
+    table = np.genfromtxt(BEAM / "calculix" / "static_y_outline.csv", delimiter=",", skip_header=1)
+    rest, moved = table[:, :3], table[:, 3:]
+    apart = np.linalg.norm(model.surface.points[:, None] - rest, axis=2)
+    assert apart.min(axis=0).max() < 1e-6
+    errors = {}
+    for method in (Method.LINEAR, Method.FRAMES, Method.SECOND_ORDER):
+        body = FlexibleBody(model, method)
+        found = body.surface_positions(body.static({"tip": [0.0, 20e3, 0.0]})) - model.surface.points
+        errors[method] = np.linalg.norm(found[apart.argmin(axis=0)] - moved, axis=1).max() / np.abs(moved).max()
+    assert errors[Method.LINEAR] > 0.3
+    assert errors[Method.FRAMES] > 0.01
+    assert errors[Method.SECOND_ORDER] < 2e-3

@@ -20,17 +20,16 @@ _SMALL = 1e-3
 
 def surface_nodes(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> tuple[IntArray, IntArray]:
     """Corner nodes of the outer faces, rows of the mesh's points, and the faces (f, 4), outward, in them."""
-    cells = [cell for block in mesh.blocks for cell in block.connectivity]
+    centres = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
     corners = []
     for block in faces:
         outer = block.nodes[block.outer, : block.corner_count]
         if not len(outer):
             continue
         # Seen from outside, corners go round against the clock.
-        inside = np.array([mesh.points[cells[e]].mean(axis=0) for e in block.element[block.outer]])
         ring = mesh.points[outer]
         normal = np.cross(ring[:, 1] - ring[:, 0], ring[:, 2] - ring[:, 0])
-        inward = np.einsum("fi,fi->f", normal, ring.mean(axis=1) - inside) < 0.0
+        inward = np.einsum("fi,fi->f", normal, ring.mean(axis=1) - centres[block.element[block.outer]]) < 0.0
         outer = np.where(inward[:, None], outer[:, ::-1], outer)
         corners.append(outer if block.corner_count == 4 else outer[:, [0, 1, 2, 2]])
     nodes, index = np.unique(np.concatenate(corners), return_inverse=True)
