@@ -259,3 +259,42 @@ def test_a_shape_is_found_from_the_motion_of_interfaces_alone(folder, fmu, bent)
     view(fmu, folder / "coupled.csv", "-o", folder / "coupled.vtu")
     found = meshio.read(folder / "coupled.vtu").point_data["displacement"]
     assert np.abs(found - (bent[0] - bent[2])).max() < 1e-3 * np.abs(bent[0] - bent[2]).max()
+
+
+# Every control of the page, as a user would touch it; what goes wrong in it ends up in the console.
+TOUCH = """<script>
+{
+  const all = (id, act) => [...$(id).options].forEach(o => act($(id), o.value));
+  const change = (select, value) => { select.value = value; select.onchange({ target: select }); render(); };
+  const first = () => { if (DATA.cases.length) change($("case"), "0"); };
+  all("case", change); first(); all("colour", change); all("set", change);
+  for (const b of document.querySelectorAll("button")) { b.click(); render(); }
+  for (const r of document.querySelectorAll("input[type=range]")) { r.value = 0.5; r.oninput({ target: r }); render(); }
+  const at = (type, id, x) => area.dispatchEvent(new PointerEvent(type, { pointerId: id, clientX: x, clientY: 300 }));
+  area.setPointerCapture = () => {};
+  const seen = JSON.stringify(turn);
+  at("pointerdown", 1, 300); at("pointermove", 1, 340);
+  if (JSON.stringify(turn) === seen) console.error("one finger does not turn the body");
+  const near = zoom;
+  at("pointerdown", 2, 200); at("pointermove", 2, 100);
+  if (!(zoom > near)) console.error("two fingers do not zoom");
+  at("pointerup", 1, 0); at("pointerup", 2, 0);
+  area.dispatchEvent(new WheelEvent("wheel", { deltaY: -100, cancelable: true })); render();
+  if (DATA.cases.length) {
+    first(); stop();
+    const from = position;
+    $("play").click(); tick(1000); tick(1500);
+    if (position === from) console.error("nothing plays");
+  }
+  if (gl.getError()) console.error("WebGL complains");
+}
+</script></body>"""
+
+
+@pytest.mark.parametrize("name", ["modes", "mesh"])
+def test_every_control_of_a_page_works(folder, name):
+    view(*{"modes": (folder / "bar.h5", "-m", 2), "mesh": (folder / "bar.toml",)}[name], "-o", folder / "touched.html")
+    text = (folder / "touched.html").read_text()
+    (folder / "touched.html").write_text(text.replace("</body>", TOUCH))
+    _, said = look(folder / "touched.html", folder / "touched.png", 600)
+    assert said == []
