@@ -118,21 +118,18 @@ def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     """Draw a scene with its errors of the loaded interfaces' displacement, linear and flexfmu, in %."""
     loads = {name: list(force) for name, force in scene.forces.items()}
     camera, expected = Camera.along(scene.right, scene.up), scene.expected()
-    errors, places, faces, tints, count = [], [], [], [], 0
+    errors = []
     bent, linear = models(scene)
-    for body, colour in ((bent, FLEXFMU), (linear, LINEAR)):
-        state, surface = body.static(loads), surface_of(body)
-        places.append(surface_places(body, state.q))
-        faces.append(surface.faces + count)
-        tints.append(np.tile(to_rgb(colour), (len(surface.faces), 1)))
-        count += len(surface.points)
+    rest = surface_of(linear)
+    own = corner_edges(rest.points, rest.faces)
+    draw_outline(panel, rest.points, own, camera, GHOST)
+    for body, colour, order in ((linear, LINEAR, 2.0), (bent, FLEXFMU, 3.0)):
+        state, faces = body.static(loads), surface_of(body).faces
+        tint = np.tile(to_rgb(colour), (len(faces), 1))
+        draw_surface(panel, surface_places(body, state.q), faces, camera, tint, edges=False, order=order)
         index = [body.model.interface_names.index(name) for name in loads]
         found = body.response(state).displacement[index]
         errors.append(float(100.0 * np.linalg.norm(found - expected) / np.linalg.norm(expected)))
-    rest, own = surface_of(linear), corner_edges(surface_of(linear).points, surface_of(linear).faces)
-    draw_outline(panel, rest.points, own, camera, GHOST)
-    # Of both bodies together, so that each hides what of the other lies behind it.
-    draw_surface(panel, np.concatenate(places), np.concatenate(faces), camera, np.concatenate(tints), edges=False)
     table = np.genfromtxt(outline_file(f"{scene.folder}/{scene.table}"), delimiter=",", skip_header=1)
     row = cKDTree(table[:, :3]).query(rest.points)[1]
     draw_outline(panel, table[:, :3][row] + table[:, 3:][row], own, camera, CALCULIX, width=0.9, order=4.0)
@@ -140,8 +137,8 @@ def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     panel.set_axis_off()
     panel.margins(0.04)
     panel.autoscale_view()
-    panel.set_title(f"{scene.title}\nerror: linear {errors[1]:.2g} %, flexfmu {errors[0]:.2g} %", fontsize=12)
-    return errors[1], errors[0]
+    panel.set_title(f"{scene.title}\nerror: linear {errors[0]:.2g} %, flexfmu {errors[1]:.2g} %", fontsize=12)
+    return errors[0], errors[1]
 
 
 def legend(figure: Figure, columns: int) -> None:
