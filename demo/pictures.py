@@ -23,9 +23,10 @@ from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import BodyFile, read_body_file
 from flexfmu.methods import Method
+from flexfmu.model.reduced_body import IntArray
 from flexfmu.progress import Reporter
 from flexfmu.recovery import surface_of, surface_places
-from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface
+from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface, face_normals
 
 HERE = Path(__file__).parent
 FloatArray = NDArray[np.float64]
@@ -126,19 +127,30 @@ def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     for body, colour, order in ((linear, LINEAR, 2.0), (bent, FLEXFMU, 3.0)):
         state, faces = body.static(loads), surface_of(body).faces
         tint = np.tile(to_rgb(colour), (len(faces), 1))
-        draw_surface(panel, surface_places(body, state.q), faces, camera, tint, edges=False, order=order)
+        moved = surface_places(body, state.q)
+        if body is linear:
+            own = _in_front(moved, faces, own, camera)
+        draw_surface(panel, moved, faces, camera, tint, edges=False, order=order)
         index = [body.model.interface_names.index(name) for name in loads]
         found = body.response(state).displacement[index]
         errors.append(float(100.0 * np.linalg.norm(found - expected) / np.linalg.norm(expected)))
     table = np.genfromtxt(outline_file(f"{scene.folder}/{scene.table}"), delimiter=",", skip_header=1)
     row = cKDTree(table[:, :3]).query(rest.points)[1]
-    draw_outline(panel, table[:, :3][row] + table[:, 3:][row], own, camera, CALCULIX, width=0.9, order=4.0)
+    solved = table[:, :3][row] + table[:, 3:][row]
+    draw_outline(panel, solved, own, camera, CALCULIX, width=0.8, order=4.0)
     panel.set_aspect("equal")
     panel.set_axis_off()
     panel.margins(0.04)
     panel.autoscale_view()
     panel.set_title(f"{scene.title}\nerror: linear {errors[0]:.2g} %, flexfmu {errors[1]:.2g} %", fontsize=12)
     return errors[0], errors[1]
+
+
+def _in_front(points: FloatArray, faces: IntArray, edges: IntArray, camera: Camera) -> IntArray:
+    """Edges (e, 2) of those faces that look at the eye."""
+    near = faces[face_normals(points, faces) @ camera.axes[2] > 0.0]
+    sides = np.sort(np.stack([near, np.roll(near, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    return edges[(edges[:, None] == sides).all(axis=2).any(axis=1)]
 
 
 def legend(figure: Figure, columns: int) -> None:

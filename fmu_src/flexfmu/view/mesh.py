@@ -3,20 +3,22 @@
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..build import _check_sets
-from ..config import BodyFile
+from ..config import BodyFile, BodySpec
 from ..fe.assembly import volume_matrices
 from ..fe.faces import element_faces
 from ..mesh.checks import checked
 from ..mesh.formats import read_mesh
 from ..mesh.model import Mesh
 from ..mesh.units import UnitSystem
-from ..model.reduced_body import FloatArray
+from ..model.reduced_body import GROUND, FloatArray, IntArray
 from ..progress import Reporter
+from ..reduction.cut import cut_parts, part_configs
 from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface
-from ..reduction.model import assemble_model, node_set
+from ..reduction.model import Model, assemble_model, node_set
 from ..reduction.subdomains import Subdomain
 from ..reduction.surface import carrying_frames, set_numbers, surface_nodes
 from .model import Mark, MarkKind, Region, View
@@ -55,16 +57,11 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
     faces = element_faces(mesh)
     numbered = []
     marks, places = [], []
-    subdomains: list[Subdomain] = []
-    if not config.cut:
-        with report.stage("Divide into frames"):
-            subdomains, warnings = body_subdomains(config, model, volume_matrices(mesh), faces)
-        for text in warnings:
-            report.warning(text)
-        if subdomains:
-            names = tuple(domain.name for domain in subdomains)
-            numbered.append(Region(FRAMES, names, carrying_frames(count, subdomains)))
-    interfaces = [fit_interface(table, mesh, faces, subdomains) for table in config.interface]
+    with report.stage("Divide into frames"):
+        subdomains, names, frame = _frames(config, model, report)
+    if subdomains:
+        numbered.append(Region(FRAMES, names, frame))
+    interfaces = [fit_interface(table, mesh, faces, ()) for table in config.interface]
     held = np.flatnonzero((model.fixed | (model.spring > 0.0)).any(axis=1))
     sets = [*(interface.nodes for interface in interfaces), held]
     titles = (*(interface.name for interface in interfaces), "supports")
@@ -72,14 +69,39 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
     for interface in interfaces:
         marks.append(Mark(MarkKind.INTERFACE, interface.name))
         places.append(interface.point)
-    for domain in subdomains:
+    for name, domain in zip(names, subdomains, strict=True):
         if not domain.floating:
-            marks.append(Mark(MarkKind.JOINT, domain.name))
+            marks.append(Mark(MarkKind.JOINT, name))
             places.append(domain.joint_point)
     for cut in config.cut:
         marks.append(Mark(MarkKind.CUT, cut.nodes))
         places.append(mesh.points[node_set(mesh, cut.nodes, "[[cut]] nodes")].mean(axis=0))
     return _view(mesh, config.name, numbered, tuple(marks), np.array(places))
+
+
+def _frames(config: BodyFile, model: Model, report: Reporter) -> tuple[list[Subdomain], tuple[str, ...], IntArray]:
+    """Frames of the body, or of the parts of a cut one, their names, and which of them carries each node."""
+    points = model.mesh.points
+    pieces: list[tuple[BodySpec, Model]] = [(config, model)]
+    if config.cut:
+        opened, parts = cut_parts(model, [cut.nodes for cut in config.cut], config.support)
+        pieces = list(zip(part_configs(config, opened, parts), (part.model for part in parts), strict=True))
+    every: list[Subdomain] = []
+    names: list[str] = []
+    number = np.full(len(points), GROUND)
+    for k, (own, piece) in enumerate(pieces, start=1):
+        mesh = piece.mesh
+        found, warnings = body_subdomains(own, piece, volume_matrices(mesh), element_faces(mesh))
+        for text in warnings:
+            report.warning(text)
+        carried = carrying_frames(len(mesh.points), found)
+        # A part's mesh holds copies of the body's nodes.
+        nodes = np.arange(len(points)) if len(pieces) == 1 else cKDTree(points).query(mesh.points)[1]
+        number[nodes[carried >= 0]] = carried[carried >= 0] + len(every)
+        prefix = f"part_{k}_" if len(pieces) > 1 and not own.frame else ""
+        names += [prefix + domain.name for domain in found]
+        every += found
+    return every, tuple(names), number
 
 
 def _view(
