@@ -59,7 +59,6 @@ def test_a_sweep_takes_each_meaningful_combination_once(tmp_path):
 modes = [4]
 frames = [1, 3]
 methods = METHODS
-mass = ["constant", "configuration"]
 internal_step = ["single", 1e-4, 1e-6]
 """.replace("METHODS", json.dumps([method.value for method in Method]))
     found = candidates(scene_of(tmp_path, BEND + SUDDEN + sweep_all))
@@ -67,13 +66,15 @@ internal_step = ["single", 1e-4, 1e-6]
     for candidate in found:
         method = candidate.variant.method
         assert (candidate.reduction.frames == 0) == (not has_frames(method))
-        assert candidate.variant.mass is Mass.CONSTANT or method is Method.FRAMES
+        assert candidate.variant.mass is Mass.CONSTANT or method in (Method.FRAMES, Method.SECOND_ORDER)
         assert (candidate.internal_step == EXACT) == (method is Method.LINEAR)
         if method is Method.FLOATING_FRAME:
             assert candidate.reduction.frames == 1
     assert {c.internal_step for c in found} == {EXACT, SINGLE, 1e-4, 1e-6}
     assert {c.variant.method for c in found} == set(Method)
     assert {c.variant.mass for c in found} == set(Mass)
+    still = candidates(scene_of(tmp_path, BEND + sweep_all))
+    assert {c.variant.mass for c in still} == {Mass.CONSTANT}
 
 
 def test_a_sweep_leaves_out_what_the_body_file_would_refuse(tmp_path):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
+from flexfmu.body import FlexibleBody, State
+from flexfmu.config import InterfaceTable
 from flexfmu.methods import Method
 from references import BEAM, calculix, displacement, relative
 
@@ -21,6 +22,18 @@ def test_the_floating_frame_of_any_body_is_the_tree_of_one_frame(bodies):
     found = motion(chosen, Method.FLOATING_FRAME)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     assert relative(motion(chosen, Method.FRAMES), expected) > 1e-2
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_free_body_moves_on_its_floating_frame_alone_whatever_frames_hang_on_it(bodies, frames, random):
+    ends = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
+    model = bodies.beam(free=True, support=[], interface=ends, frames=frames).model
+    bare = FlexibleBody(bodies.beam(free=True, support=[], interface=ends, frames=0).model, Method.FRAMES)
+    body = FlexibleBody(model, Method.FLOATING_FRAME)
+    q = 0.5 * random.standard_normal(model.mode_count)
+    found, expected = (one.response(State(q, q)).displacement for one in (body, bare))
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert relative(FlexibleBody(model, Method.FRAMES).response(State(q, q)).displacement, expected) > 1e-3
 
 
 @pytest.mark.parametrize("method", [Method.MODAL_ROTATION, Method.HALF_ROTATION])

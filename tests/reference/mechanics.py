@@ -42,7 +42,7 @@ class Reference:
         self.modes = body.mode_count
         self.membrane = body.membrane if method is Method.SECOND_ORDER and body.frame_count else None
         # A body of one frame has that one, whatever it carries.
-        self.one = method is Method.FLOATING_FRAME and body.frame_count - body.floating > 1
+        self.one = method is Method.FLOATING_FRAME and body.frame_count > 1
         self.nodes = [] if method is Method.LINEAR or "stiffness_by" in method.value else self._frames()
         self.frames = len(self.nodes)
         still = np.zeros((3, self.modes))

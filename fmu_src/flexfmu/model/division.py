@@ -31,7 +31,8 @@ def divided(body: ReducedBody, method: Method) -> ReducedBody:
         The body does not hold the frame of the whole.
     """
     division = recipe_of(method).division
-    if division is Division.TREE or body.frame_count - int(body.floating) < 2:
+    # A floating frame counts: the method has it alone.
+    if division is Division.TREE or body.frame_count < 2:
         return body
     if division is Division.SEPARATE:
         # Of a free body all frames hang on the floating one.

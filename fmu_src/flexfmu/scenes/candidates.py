@@ -7,7 +7,7 @@ from itertools import product
 
 from ..body import StepLimits
 from ..config import Basis, BodyFile, FormulationTable
-from ..methods import Data, Method, Variant, conflict, has_frames, masses_of, needs
+from ..methods import Data, Mass, Method, Variant, conflict, has_frames, masses_of, needs
 from .config import BasisChoice
 from .records import REDUCED
 from .scene import Scene
@@ -93,7 +93,8 @@ def candidates(scene: Scene) -> list[Candidate]:
     bases = [_known_basis(config, basis) for basis in sweep.basis]
     found: dict[Candidate, None] = {}
     for method, mass in product(sweep.methods, sweep.mass):
-        if mass not in masses_of(method):
+        # Without motion no mass is felt.
+        if mass not in (masses_of(method) if scene.transient else (Mass.CONSTANT,)):
             continue
         variant = Variant(method, mass)
         frames = _frame_counts(config, method, sweep.frames)

@@ -107,7 +107,8 @@ def _variants(scene: Scene) -> list[Variant]:
     sweep = scene.file.sweep
     found = [Variant(method) for method in _WORTH_TRYING if method in (*_ALWAYS, *sweep.methods)]
     if scene.transient and Mass.CONFIGURATION in sweep.mass:
-        found.append(Variant(Method.FRAMES, Mass.CONFIGURATION))
+        best = Method.SECOND_ORDER if Method.SECOND_ORDER in sweep.methods else Method.FRAMES
+        found.append(Variant(best, Mass.CONFIGURATION))
     flat = linear_frames(scene.config)
     smallest = [Reduction(BasisChoice.NORMAL, 1, 1 if has_frames(v.method) else flat) for v in found]
     return [v for v, r in zip(found, smallest, strict=True) if has_meaning(scene.config, Candidate(r, v))]

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...body import FlexibleBody
 from ...errors import AccuracyError
-from ...methods import Data, Mass, Method, Variant, has_frames, lean, needs
+from ...methods import Data, Mass, Method, Variant, has_frames, lean, masses_of, needs
 from ...model.errors import RuntimeBodyError
 from ..candidates import GIVEN, Candidate, Reduction, has_meaning
 from ..config import BasisChoice
@@ -262,5 +262,6 @@ def _more(
     if Data.BY_LOAD not in needs(variant.method):
         found[f'method = "{Method.FRAMES_STIFFNESS.value}"'] = (at, Variant(Method.FRAMES_STIFFNESS))
     if scene.transient and variant.mass is Mass.CONSTANT:
-        found['mass = "configuration"'] = (at, Variant(Method.FRAMES, Mass.CONFIGURATION))
+        method = variant.method if Mass.CONFIGURATION in masses_of(variant.method) else Method.SECOND_ORDER
+        found['mass = "configuration"'] = (at, Variant(method, Mass.CONFIGURATION))
     return found
