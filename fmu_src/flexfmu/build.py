@@ -16,8 +16,9 @@ from .mesh.checks import checked
 from .mesh.formats import file_origin, read_mesh
 from .mesh.model import FloatArray, Mesh
 from .mesh.plausibility import implausible
-from .methods import Data
+from .methods import Data, Mass, has_frames
 from .model.reduced_body import GROUND, Properties, ReducedBody, SecondOrder, StressSet, Surface, Ties
+from .program.missed_inertia import missed_inertia
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
 from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
@@ -161,6 +162,7 @@ def _reduced(
     nodal = [interface.nodal_loads(len(mesh.points)) for interface in interfaces]
     # Forces of all interfaces, then moments.
     loads = np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
+    one_piece = warping is None
     warping = np.zeros((len(loads), 0)) if warping is None else warping
     every = np.hstack([loads, warping])
     residual = every if config.reduction.residual_flexibility is True else loads[:, config.residual_columns()]
@@ -175,9 +177,10 @@ def _reduced(
     if Data.BY_MODE in stored:
         by_mode = stiffness_by_mode(matrices, modes, key, store, report)
 
+    # Parts of a cut body have constant mass.
+    lumps = element_lumps(mesh, volumes, subdomains) if one_piece and subdomains else []
     inertia, lump_shares = None, np.zeros((0, len(mesh.points)))
-    if Data.INERTIA in stored and subdomains:
-        lumps = element_lumps(mesh, volumes, subdomains)
+    if lumps and Data.INERTIA in stored:
         inertia, lump_shares = lumped_mass(mesh, volumes, modes.shapes, lumps, frames)
     second = None
     if Data.SECOND_ORDER in stored and subdomains:
@@ -243,6 +246,9 @@ def _reduced(
         second=second,
         membrane=membrane,
     )
+    if lumps and not body.rigid_count and config.variant.mass is Mass.CONSTANT and has_frames(config.variant.method):
+        known = inertia or lumped_mass(mesh, volumes, modes.shapes, lumps, frames)[0]
+        body = replace(body, missed_inertia=missed_inertia(replace(body, inertia=known)))
     return body, warping.T @ modes.shapes
 
 

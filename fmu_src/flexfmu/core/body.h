@@ -161,6 +161,11 @@ typedef struct {
     double impulse[3], angle[3], rate[3], largest, drift;
 } Momentum;
 FLEX_EXPORT void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
+/* The largest of twice the kinetic energy so far, and of what constant mass leaves out of it. */
+typedef struct {
+    double kinetic, missed;
+} MissedInertia;
+FLEX_EXPORT void body_missed_inertia(Body *body, const double *q, const double *v, MissedInertia *so_far);
 /* Derivative (6n, 6n) of n interfaces' motion at a step's end by loads on them held over the step, in load order. */
 FLEX_EXPORT void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
                      int64_t n, double *out);

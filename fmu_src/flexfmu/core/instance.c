@@ -37,7 +37,7 @@ struct Instance {
 /* Single numbers of the state. */
 enum {
     S_LAST_STEP, S_TIME, S_KNOWN, S_RUNNING, S_STATUS, S_HINT, S_MODES, S_SUBSTEPS, S_ITERATIONS, S_ERROR, S_LARGEST,
-    S_WARNED, S_MOMENTUM = S_WARNED + WATCHES, S_COUNT = S_MOMENTUM + sizeof(Momentum) / sizeof(double)
+    S_WARNED, S_MOMENTUM = S_WARNED + WATCHES, S_KINETIC = S_MOMENTUM + sizeof(Momentum) / sizeof(double), S_INERTIA, S_COUNT
 };
 
 static const Program *description(const Instance *x) { return &x->described->p; }
@@ -342,6 +342,8 @@ static void watches(const Instance *x, Watch *watch) {
     watch[WATCH_SPIN].action = (OnLimit)x->parameter[P_ON_SPIN];
     watch[WATCH_MOMENTUM].limit = x->parameter[P_MOMENTUM_LIMIT];
     watch[WATCH_MOMENTUM].action = (OnLimit)x->parameter[P_ON_MOMENTUM];
+    watch[WATCH_INERTIA].limit = x->parameter[P_INERTIA_LIMIT];
+    watch[WATCH_INERTIA].action = (OnLimit)x->parameter[P_ON_INERTIA];
 }
 
 /* Look at a place under loads; ANSWER_OK where only warnings were found, which are told. */
@@ -356,9 +358,13 @@ static Answer inspect(Instance *x, const double *q, const double *v, int stepped
     x->memory.largest = x->single[S_LARGEST];
     memcpy(x->memory.warned, x->single + S_WARNED, sizeof x->memory.warned);
     memcpy(&x->memory.momentum, x->single + S_MOMENTUM, sizeof x->memory.momentum);
+    x->memory.inertia.kinetic = x->single[S_KINETIC];
+    x->memory.inertia.missed = x->single[S_INERTIA];
     look(x->body, watch, q, v, stepped, inputs, &x->memory, x->room, x->shape, &found);
     x->single[S_LARGEST] = x->memory.largest;
     memcpy(x->single + S_MOMENTUM, &x->memory.momentum, sizeof x->memory.momentum);
+    x->single[S_KINETIC] = x->memory.inertia.kinetic;
+    x->single[S_INERTIA] = x->memory.inertia.missed;
     memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);
     for (int i = 0; i < found.count; i++) {
         if (found.action[i] == ON_WARN) continue;
@@ -484,6 +490,7 @@ static double diagnostic(Instance *x, int64_t index) {
     case D_MISSED: return body_missed(x->body, x->previous, 0);
     case D_SPIN: return body_spin(x->body, x->q, x->v);
     case D_MOMENTUM: return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1];
+    case D_INERTIA: return x->single[S_KINETIC] > 0.0 ? x->single[S_INERTIA] / x->single[S_KINETIC] : 0.0;
     case D_STEP_ERROR: return x->single[S_ERROR];
     case D_ITERATIONS: return x->single[S_ITERATIONS];
     case D_SUBSTEPS: return x->single[S_SUBSTEPS];

@@ -125,6 +125,18 @@ static void momentum(Body *body, const Watch *watch, const double *q, const doub
              100.0 * memory->momentum.drift, 100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
 }
 
+static void inertia(Body *body, const Watch *watch, const double *q, const double *v, Memory *memory, Findings *found) {
+    body_missed_inertia(body, q, v, &memory->inertia);
+    const double share = memory->inertia.kinetic > 0.0 ? memory->inertia.missed / memory->inertia.kinetic : 0.0;
+    if (!(watch->limit > 0.0) || !(share > watch->limit)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_INERTIA]);
+    if (!text) return;
+    snprintf(text, FINDING_TEXT,
+             "constant mass leaves out %.3g %% of the kinetic energy (limit %.3g %%): the body has turned so far that vibrations "
+             "run early or late; build it with mass = \"configuration\" in [formulation]",
+             100.0 * share, 100.0 * watch->limit);
+}
+
 void look(Body *body, const Watch *watch, const double *q, const double *v, int stepped, const double *inputs, Memory *memory, double *inputs_room,
           double *shape_room, Findings *found) {
     const int64_t loads = body->p.loads;
@@ -137,6 +149,7 @@ void look(Body *body, const Watch *watch, const double *q, const double *v, int 
         spinning(body, watch + WATCH_SPIN, q, v, memory, found);
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
+    if (stepped && body->p.missed_modes) inertia(body, watch + WATCH_INERTIA, q, v, memory, found);
     if (!(watch[WATCH_STABILITY].limit > 0.0 || watch[WATCH_MISSED].limit > 0.0)) return;
     double change = 0.0;
     for (int64_t i = 0; i < loads; i++) change += (inputs[i] - memory->inputs[i]) * (inputs[i] - memory->inputs[i]);

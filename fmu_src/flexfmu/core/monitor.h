@@ -5,7 +5,7 @@
 #include "body.h"
 
 typedef enum { ON_WARN, ON_DISCARD, ON_TERMINATE } OnLimit;
-enum { WATCH_ROTATION, WATCH_STABILITY, WATCH_MISSED, WATCH_SPIN, WATCH_MOMENTUM, WATCHES };
+enum { WATCH_ROTATION, WATCH_STABILITY, WATCH_MISSED, WATCH_SPIN, WATCH_MOMENTUM, WATCH_INERTIA, WATCHES };
 
 typedef struct {
     double limit;
@@ -17,6 +17,7 @@ typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
     double largest;          /* square of the largest loads so far */
     Momentum momentum;
+    MissedInertia inertia;
     double warned[WATCHES];  /* once a run, since a body that swings would be told of twice a period */
 } Memory;
 

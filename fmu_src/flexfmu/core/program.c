@@ -121,6 +121,7 @@ static const char *inconsistent(const Program *p) {
         if (p->stress_start[i + 1] < p->stress_start[i]) return "stress points are out of order";
     if (p->inertial ? !p->lumps || !s || p->tied || p->inertial_modes < 1 || p->inertial_modes > m : p->lumps || p->inertial_modes)
         return "the deformed body's mass has no lumps";
+    if (p->missed_modes > m || 2 * p->missed_pairs != p->missed_modes * (p->missed_modes + 1)) return "pairs of coordinates are missing";
     if (!positive(p->lump_mass, p->lumps, 1)) return "a lump's mass is negative";
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";
     if (!within(p->compliance_interface, p->compliances, 0, p->interfaces - 1)) return "a compliance is of no interface";

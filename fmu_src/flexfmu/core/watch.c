@@ -269,6 +269,23 @@ double body_spin(Body *body, const double *q, const double *v) {
     return norm(spin, 3) / body->p.omega[body->p.rigid];
 }
 
+void body_missed_inertia(Body *body, const double *q, const double *v, MissedInertia *so_far) {
+    const Program *p = &body->p;
+    const int64_t r = p->missed_modes, columns = r + p->missed_pairs;
+    const double *row = p->missed_inertia;
+    double missed = 0.0;
+    if (!r) return;
+    for (int64_t a = 0; a < r; a++)
+        for (int64_t b = a; b < r; b++, row += columns) {
+            const double *square = row + r;
+            double sum = dot(row, q, r);
+            for (int64_t c = 0; c < r; square += r - c++) sum += q[c] * dot(square, q + c, r - c);
+            missed += v[a] * v[b] * sum;
+        }
+    so_far->kinetic = fmax(so_far->kinetic, dot(v, v, p->modes));
+    so_far->missed = fmax(so_far->missed, fabs(missed));
+}
+
 /* Share of a moment below which the model hardly feels it, near full turns: what it is cannot be told from the motion. */
 static const double UNFELT = 0.05;
 

@@ -12,7 +12,7 @@ from enum import Enum
 import numpy as np
 
 from ..core import StepLimits
-from ..methods import chosen, offered
+from ..methods import Mass, chosen, offered
 from ..model.reduced_body import GROUND, ReducedBody
 
 AXES = ("x", "y", "z")
@@ -130,6 +130,8 @@ SPIN_LIMIT = "watch.spin.limit"
 ON_SPIN = "watch.spin.on_limit"
 MOMENTUM_LIMIT = "watch.angular_momentum.limit"
 ON_MOMENTUM = "watch.angular_momentum.on_limit"
+INERTIA_LIMIT = "watch.inertia_missed.limit"
+ON_INERTIA = "watch.inertia_missed.on_limit"
 STABILITY_LIMIT = "watch.stability.limit"
 ON_STABILITY = "watch.stability.on_limit"
 ON_STEP = "watch.step.on_limit"
@@ -138,6 +140,7 @@ STABILITY = "diagnostics.stability"
 MISSED = "diagnostics.stiffness_missed"
 SPIN = "diagnostics.spin"
 MOMENTUM = "diagnostics.angular_momentum"
+INERTIA = "diagnostics.inertia_missed"
 STEP_ERROR = "diagnostics.step_error"
 STRAIN_ENERGY = "diagnostics.strain_energy"
 KINETIC_ENERGY = "diagnostics.kinetic_energy"
@@ -166,6 +169,8 @@ CORE_PARAMETERS = (
     ON_SPIN,
     MOMENTUM_LIMIT,
     ON_MOMENTUM,
+    INERTIA_LIMIT,
+    ON_INERTIA,
 )
 """Parameters by the core's numbers (core/instance.h); those that fix interfaces follow."""
 CORE_DIAGNOSTICS = (
@@ -174,6 +179,7 @@ CORE_DIAGNOSTICS = (
     MISSED,
     SPIN,
     MOMENTUM,
+    INERTIA,
     STEP_ERROR,
     STRAIN_ENERGY,
     KINETIC_ENERGY,
@@ -382,6 +388,14 @@ def _parameters(body: ReducedBody) -> list[Variable]:
             else ()
         ),
         *(
+            (
+                number(INERTIA_LIMIT, 0.01, None, f"largest {INERTIA}; 0 for no limit"),
+                choice(ON_INERTIA, OnLimit.WARN, OnLimit, "what happens beyond it"),
+            )
+            if watches_inertia(body)
+            else ()
+        ),
+        *(
             Variable(
                 f"{interface}{FIXED}",
                 "Boolean",
@@ -396,6 +410,11 @@ def _parameters(body: ReducedBody) -> list[Variable]:
             for interface in fixable
         ),
     ]
+
+
+def watches_inertia(body: ReducedBody) -> bool:
+    """Whether it is told what constant mass leaves out."""
+    return body.missed_inertia is not None and body.mass is Mass.CONSTANT
 
 
 def _diagnostics(body: ReducedBody) -> list[Variable]:
@@ -421,6 +440,11 @@ def _diagnostics(body: ReducedBody) -> list[Variable]:
                 ),
             )
             if body.rigid_count
+            else ()
+        ),
+        *(
+            (local(INERTIA, "Real", None, "share of the kinetic energy so far that constant mass leaves out"),)
+            if watches_inertia(body)
             else ()
         ),
         local(STEP_ERROR, "Real", None, f"estimated error of the last step, as {STEP_TOLERANCE} bounds it"),

@@ -74,6 +74,10 @@ BODY = (
         "per unit load: forces, moments (/(N m)), accelerations (/(m/s^2))", optional=True,
     ),
     Entry(
+        "missed_inertia", "missed_inertia", "p t", "kg^-0.5 m^-1, kg^-1 m^-2",
+        "coefficients of v (M(q) - 1) v: pairs of slow rates by slow coordinates, then by pairs of them", optional=True,
+    ),
+    Entry(
         "stiffness_by_mode", "stiffness/by_mode", "m m m", "s^-2/(kg^0.5 m)", "per unit modal coordinate", optional=True
     ),
 )  # fmt: skip

@@ -249,6 +249,8 @@ class ReducedBody:
         masses, accelerations of the supports; 1/(s² N), 1/(s² N m), 1/m.
     stiffness_by_mode : (m, m, m) float or None
         Reduced geometric stiffness of each unit modal coordinate, 1/(s² kg^1/2 m).
+    missed_inertia : (p, r + p) float or None
+        From `program.missed_inertia`: what constant mass leaves out, for the watch.
     method : Method
         The one that the body file asks for; another may be chosen when the body is used.
     mass : Mass
@@ -296,6 +298,7 @@ class ReducedBody:
     stress_sets: tuple[StressSet, ...] = ()
     stiffness_by_load: FloatArray | None = None
     stiffness_by_mode: FloatArray | None = None
+    missed_inertia: FloatArray | None = None
     method: Method = DEFAULT
     mass: Mass = Mass.CONSTANT
     velocity_outputs: bool = False
@@ -349,6 +352,11 @@ class ReducedBody:
             raise ModalFileError("the body has rigid motions only, expected at least one elastic mode")
         if self.mass not in masses_of(self.method):
             raise ModalFileError(f'mass is "{self.mass.value}", which method "{self.method.value}" does not know')
+        if self.missed_inertia is not None:
+            pairs, columns = self.missed_inertia.shape
+            slow = columns - pairs
+            if not 1 <= slow <= self.mode_count or 2 * pairs != slow * (slow + 1) or self.rigid_count:
+                raise ModalFileError("missed_inertia is not that of a held body's pairs of coordinates")
         if not set(self.compliance_interfaces) <= set(self.interface_names):
             raise ModalFileError(
                 f"compliance_interfaces are {self.compliance_interfaces}, expected names of interfaces"

@@ -24,6 +24,7 @@ _UNBENDING = 1e8
 _ROUND_OFF = 64.0 * np.finfo(np.float64).eps
 # Percent of the limit of rotation that holds where displacements are wrong by the angle, not by its square.
 _FIRST_ORDER = 40
+_TREES = (Kinematics.COROTATED, Kinematics.SECOND_ORDER)
 _WRONG_AT_FIRST_ORDER = (Kinematics.LINEAR, Kinematics.LITERAL)
 # Times 1/n²: what n frames in a chain overestimate a cantilever's critical load by (section 4b: 0.223, 0.056, 0.016 for
 # 1, 2, 4).
@@ -103,7 +104,7 @@ def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -
     m, interfaces = body.mode_count, body.interface_count
     lumped = _lumped(body, mass)
     tree = build_tree(body, recipe.kinematics, lumped)
-    kept = 0 if lumped is None else _inertial_modes(body)
+    kept = 0 if lumped is None else inertial_modes(body)
     placement = recipe.loads
     loaded = tree.frames + interfaces + (0 if body.masses is None else body.masses.mass.size)
     if placement is LoadPlacement.DEFORMED and not np.any(tree.parent[tree.frames : loaded] >= 0):
@@ -179,6 +180,10 @@ def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -
         draft.arrays["turning_sweep"] = lumped.sweep[:, :, :kept]
     elif rigid and tree.frames:
         _spin(draft, body)
+    elif body.missed_inertia is not None and recipe.kinematics in _TREES:
+        pairs, columns = body.missed_inertia.shape
+        draft.sizes |= {"missed_modes": columns - pairs, "missed_pairs": pairs}
+        draft.arrays["missed_inertia"] = body.missed_inertia
     return draft
 
 
@@ -273,7 +278,7 @@ def _lumped(body: ReducedBody, mass: Mass) -> LumpedMass | None:
     return body.inertia if body.inertia.mass.size else None
 
 
-def _inertial_modes(body: ReducedBody) -> int:
+def inertial_modes(body: ReducedBody) -> int:
     """How many of the first coordinates the mass of the deformed body knows of."""
     omega, rigid = body.angular_frequency, body.rigid_count
     slow = int(np.searchsorted(omega, _SLOW * omega[rigid], side="right"))

@@ -125,6 +125,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
         second=second,
         membrane=body.membrane and body.membrane.turned(turn, angular_frequency**2),
         stress_sets=tuple(replace(part, **turned(part, "stress")) for part in body.stress_sets),
+        missed_inertia=None,
         stiffness_by_load=None if by_load is None else turn.T @ by_load @ turn,
         stiffness_by_mode=by_mode,
         **turned(body, "interface_displacement", "interface_rotation", *frames),
