@@ -165,6 +165,7 @@ def test_lumps_in_another_basis_are_those_of_the_turned_modes(whole, random):
         inertia=without_frames(model.inertia, turn, 0),
         whole=None,
         surface=None,
+        missed_inertia=None,
         **{
             name: getattr(model, name) @ turn
             for name in (

@@ -12,14 +12,15 @@
 
 /* What may be left of the error of Omega q and its rate, relative to their size. */
 static const double TOLERANCE = 1e-12;
-/* Change below which the gradient of M is left as it is: energy does not depend on it, and the rest far below the error. */
+/* Change below which what acts in the middle is left as it is: energy does not depend on it, and the rest far below the
+ * error. */
 static const double SETTLED = 1e-6;
 enum { MOST_ROUNDS = 16 };
 /* Part of a difference of two rounds' errors that has to be new, for it to tell anything. */
 static const double NEW = 1e-6;
 
 typedef struct {
-    double *v0, *q1, *v1, *free_q, *free_v, *start, *end, *mean, *force, *growth, *way, *bare, *momentum, *impulse, *gradient;
+    double *v0, *q1, *v1, *free_q, *free_v, *start, *end, *mean, *force, *growth, *way, *pushed, *bare, *momentum, *impulse, *gradient;
     double *half, *change, *between, *mass, *chord, *seen, *size, *scratch;
     Flow flow;
     Ends ends;
@@ -29,7 +30,7 @@ typedef struct {
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const int64_t m = body->p.modes, r = body->p.inertial_modes;
     double **each[] = {&room->v0, &room->q1, &room->v1, &room->free_q, &room->free_v, &room->start, &room->end, &room->mean,
-                       &room->force, &room->growth, &room->way, &room->bare, &room->momentum, &room->impulse, &room->gradient,
+                       &room->force, &room->growth, &room->way, &room->pushed, &room->bare, &room->momentum, &room->impulse, &room->gradient,
                        &room->half, &room->change, &room->size};
     for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, m);
     room->between = take(arena, body->p.loads);
@@ -158,13 +159,14 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
             d->rounds++;
             configure_linear(body, need, q1, there);
             configure_places(body, need, there);
-            configure_halfway(body, need, here, there, middle);
-            for (int64_t j = 0; j < m; j++) {
-                way[j] = q1[j] - here->q[j];
-                room.half[j] = 0.5 * (v0[j] + v1[j]);
+            for (int64_t j = 0; j < m; j++) way[j] = q1[j] - here->q[j];
+            if (size > SETTLED) {
+                for (int64_t j = 0; j < m; j++) room.half[j] = 0.5 * (v0[j] + v1[j]);
+                configure_halfway(body, need, here, there, middle);
+                kinetic_gradient(body, middle, room.half, &room.flow, room.gradient);
+                modal_force(body, loads, 1, middle, 0, room.scratch, room.pushed);
+                if (potential && loads->has_moments) modal_force(body, loads, 0, middle, 0, room.scratch, room.bare);
             }
-            if (size > SETTLED) kinetic_gradient(body, middle, room.half, &room.flow, room.gradient);
-            modal_force(body, loads, 1, middle, 0, room.scratch, force);
             excess_momentum(body, there, v1, &room.flow, impulse);
             for (int64_t j = 0; j < m; j++) impulse[j] -= momentum[j];
             /* The factor c of (15), which makes the work of the mean that of loads less what kinetic energy gains. */
@@ -173,19 +175,15 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
             double bracket = dot(impulse, way, r) / h - dot(room.gradient, way, m) - 0.5 * kinetic;
             double reach = start_size + dot(v1, v1, r) + fabs(start_energy);
             if (potential) {
-                const double *conservative = force;
+                const double *conservative = loads->has_moments ? room.bare : room.pushed;
                 const double work = force_work(body, loads, there);
-                if (loads->has_moments) {
-                    modal_force(body, loads, 0, middle, 0, room.scratch, room.bare);
-                    conservative = room.bare;
-                }
                 bracket += work - start_work - dot(conservative, way, m);
                 reach += load_size + fabs(work);
             }
             const double square = dot(way, way, m), round_off = ROUND_OFF * reach;
             const double correction = square > 0.0 && fabs(bracket) > round_off ? bracket / square : 0.0;
             uncertain = correction != 0.0 ? NOISE * round_off / square : 0.0;
-            for (int64_t j = 0; j < m; j++) force[j] += room.gradient[j] + correction * way[j] - impulse[j] / h;
+            for (int64_t j = 0; j < m; j++) force[j] = room.pushed[j] + room.gradient[j] + correction * way[j] - impulse[j] / h;
             stretch_at(body, q1, &room.stretch);
             subtract_stretch_force(body, &room.stretched, &room.stretch, force);
             for (int64_t j = 0; j < m; j++) change[j] = mean[j] - force[j];

@@ -19,12 +19,26 @@ void take_configuration(const Body *body, Arena *arena, Configuration *at) {
     at->jacobian = take(arena, 9 * p->nodes);
 }
 
+/* Rows that move: seen from its frame no lump turns, and those rows come last. */
+static int64_t moving_rows(const Program *p) { return 6 * p->nodes - 3 * p->lumps; }
+
+/* Basis (r, m) of the coordinates that bend a part; null where q itself does: without any, or where there are m of them. */
+static const double *part_basis(const Program *p, int64_t part) {
+    const double *basis = p->basis;
+    if (!basis || p->extent[part] == p->modes) return 0;
+    for (int64_t i = 0; i < part; i++) basis += p->extent[i] * p->modes;
+    return basis;
+}
+
 /* Coordinates that bend each part at q, (parts, m) with r of them in each row. */
 static void part_coordinates(const Program *p, const double *q, double *x) {
-    const double *basis = p->basis;
-    if (!basis) memcpy(x, q, (size_t)p->modes * sizeof(double));
-    for (int64_t i = 0; basis && i < p->parts; basis += p->extent[i++] * p->modes)
-        rows_times(basis, q, x + i * p->modes, p->extent[i], p->modes);
+    for (int64_t i = 0; i < p->parts; i++) {
+        const double *basis = part_basis(p, i);
+        if (basis)
+            rows_times(basis, q, x + i * p->modes, p->extent[i], p->modes);
+        else
+            memcpy(x + i * p->modes, q, (size_t)p->modes * sizeof(double));
+    }
 }
 
 /* Whether a row of the operator is needed. */
@@ -92,7 +106,7 @@ void configure_linear(const Body *body, const Need *need, const double *q, Confi
     const Program *p = &body->p;
     if (at->q != q) memcpy(at->q, q, (size_t)p->modes * sizeof(double));
     memset(at->straight, 0, (size_t)(6 * p->nodes) * sizeof(double));
-    add_rows(q, body->operator_t, at->straight, p->modes, 6 * p->nodes);
+    add_strided_rows(q, body->operator_t, 6 * p->nodes, at->straight, p->modes, moving_rows(p));
     if (!p->curved) return;
     part_coordinates(p, q, at->bent);
     turn_rows(body, need, at->bent, at->turned);
@@ -208,16 +222,19 @@ static void add_times_bent(const Body *body, const double *turned, const double 
             end = end > k ? end : k + 1;
         }
     }
-    const double *basis = p->basis;
-    for (int64_t j = 0; !basis && j < m; j++) out[j] += scratch[j];
-    for (int64_t i = 0; basis && i < p->parts; basis += p->extent[i++] * m)
-        add_rows(scratch + i * m, basis, out, p->extent[i], m);
+    for (int64_t part = 0; part < p->parts; part++) {
+        const double *basis = part_basis(p, part), *own = scratch + part * m;
+        if (basis)
+            add_rows(own, basis, out, p->extent[part], m);
+        else
+            for (int64_t j = 0; j < m; j++) out[j] += own[j];
+    }
 }
 
 /* out (m) += factors (6K) times the derivatives of b and phi; `scratch` holds (parts, m). */
 static void add_times_derivative(const Body *body, const Configuration *at, const double *factors, double *scratch,
                                  double *out) {
-    add_rows(factors, body->p.operator_, out, 6 * body->p.nodes, body->p.modes);
+    add_rows(factors, body->p.operator_, out, moving_rows(&body->p), body->p.modes);
     add_times_bent(body, at->turned, factors, scratch, out);
 }
 
@@ -270,9 +287,9 @@ void full_operator(const Body *body, const Configuration *at, double *out) {
     const int64_t m = p->modes;
     memcpy(out, p->operator_, (size_t)(6 * p->nodes * m) * sizeof(double));
     if (!p->curved) return;
-    const double *basis = p->basis;
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->bends + part;
+        const double *basis = part_basis(p, part);
         const int64_t r = p->extent[part];
         for (int64_t k = 0; k < bend->count; k++) {
             const double *turned = at->turned + bend->start + k * r;
@@ -282,7 +299,6 @@ void full_operator(const Body *body, const Configuration *at, double *out) {
             else
                 for (int64_t j = 0; j < m; j++) row[j] += turned[j];
         }
-        if (basis) basis += r * m;
     }
 }
 
@@ -362,9 +378,9 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
         add_transposed_product(c, one, out, 3, m, m);
     }
     if (!p->curved) return;
-    const double *basis = p->basis;
     for (int64_t part = 0; part < p->parts; part++) {
         const int64_t r = p->extent[part];
+        const double *basis = part_basis(p, part);
         memset(square, 0, (size_t)(r * r) * sizeof(double));
         for (int64_t i = 0; i < 6 * n; i++)
             if (p->part[i] == part) add_rows(rows + i, p->curvature + p->core_start[i], square, 1, r * r);
@@ -378,7 +394,6 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
             add_rows(square + i * r, basis, one, r, m);
             add_transposed_product(basis + i * m, one, out, 1, m, m);
         }
-        basis += r * m;
     }
 }
 
@@ -396,7 +411,7 @@ void node_rates(const Body *body, const Need *need, const Configuration *at, con
     const int64_t n = p->nodes;
     double *local = rates->local, *velocity = rates->velocity, *spin = rates->spin;
     memset(local, 0, (size_t)(6 * n) * sizeof(double));
-    add_rows(v, body->operator_t, local, p->modes, 6 * n);
+    add_strided_rows(v, body->operator_t, 6 * n, local, p->modes, moving_rows(p));
     if (p->curved) {
         part_coordinates(p, v, rates->bent);
         for (int64_t part = 0; part < p->parts; part++) {
@@ -534,8 +549,7 @@ void row_derivative(const Body *body, const Configuration *at, int64_t row, int6
     const int64_t m = p->modes;
     memcpy(out, p->operator_ + row * m, (size_t)count * sizeof(double));
     if (!p->curved || p->part[row] < 0) return;
-    const double *basis = p->basis, *turned = at->turned + body->turned_start[row];
-    for (int64_t i = 0; basis && i < p->part[row]; i++) basis += p->extent[i] * m;
+    const double *basis = part_basis(p, p->part[row]), *turned = at->turned + body->turned_start[row];
     if (basis)
         add_strided_rows(turned, basis, m, out, p->extent[p->part[row]], count);
     else
