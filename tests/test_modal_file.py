@@ -284,7 +284,9 @@ def with_parts():
     m, i, s = body.mode_count, body.interface_count, body.frame_count
     sizes = {
         "m": m,
-        "m+": m + 1,
+        # Pairs of two slow coordinates, and these as well.
+        "p": 3,
+        "t": 5,
         "I": i,
         "S": s,
         "L": 6 * i + 3,
