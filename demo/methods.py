@@ -57,6 +57,7 @@ CASES = (
     Case("clamped_clamped", "static_y", "beam clamped at both ends", {"middle": Y}, "force_N"),
     Case("shallow_arch", "static_y", "shallow arch", {"crown": -Y}, "force_N"),
     Case("shallow_roof", "static_z", "shallow roof", {"crown": -Z}, "force_N"),
+    Case("thin_tube", "static_y", "thin tube", {"tip": Y}, "force_N"),
     Case(
         "plate", "static_bend", "plate, bent", {"corner_left": Z, "corner_right": Z}, "corner_left_fz_N", prefixed=True
     ),

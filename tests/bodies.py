@@ -73,7 +73,8 @@ def with_membrane(body: ReducedBody, size: float = 1.0) -> ReducedBody:
     quadratic = size * rng.standard_normal((5, modes, modes)) * np.outer(elastic, elastic)
     linear = 30.0 * rng.standard_normal((5, modes)) * elastic
     linear[:3] = 0.0
-    return replace(body, membrane=Membrane(quadratic + quadratic.swapaxes(1, 2), linear))
+    sign = np.array([1.0, 1.0, -1.0, 1.0, 1.0])
+    return replace(body, membrane=Membrane(quadratic + quadratic.swapaxes(1, 2), linear, sign))
 
 
 def turning_body(axis: FloatArray, pivot: FloatArray) -> ReducedBody:

@@ -69,7 +69,7 @@ def test_second_order_alone_knows_membrane_stiffening(table, case):
 
 def test_second_order_with_residual_flexibility_is_right_to_a_per_cent_on_every_body(table):
     cases = {case for _, case in table}
-    assert len(cases) == 8
+    assert len(cases) == 9
     for frames in ("1 frame", "2 frames"):
         assert max(table[f"`second_order`, {frames}, and residual flexibility", case] for case in cases) < 0.01
 

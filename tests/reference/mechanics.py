@@ -151,18 +151,19 @@ class Reference:
     def _shift(self, q):
         """Modal coordinates of the part of w that coordinates hold (section 4c): Σ t_r η_r, q + t η is free of it."""
         shift = np.zeros_like(q)
-        for s, line in zip(*self._stretches(), strict=True):
+        for s, line, _ in zip(*self._stretches(), strict=True):
             shape = np.divide(np.sqrt(2.0) * line, self.stiffness, out=np.zeros(self.modes), where=self.stiffness > 0.0)
             shift = shift + np.sqrt(2.0) * (q @ s @ q) * shape
         return shift
 
     def _stretches(self):
-        return ((), ()) if self.membrane is None else (self.membrane.quadratic, self.membrane.linear)
+        membrane = self.membrane
+        return ((), (), ()) if membrane is None else (membrane.quadratic, membrane.linear, membrane.sign)
 
     def stretched(self, q):
         """V of section 4c."""
-        pairs = [(q @ s @ q, line @ q) for s, line in zip(*self._stretches(), strict=True)]
-        return sum((bent + line) ** 2 - line**2 for bent, line in pairs) if pairs else 0.0 * q[0]
+        found = [(q @ s @ q, line @ q, sign) for s, line, sign in zip(*self._stretches(), strict=True)]
+        return sum(sign * ((bent + line) ** 2 - line**2) for bent, line, sign in found) if found else 0.0 * q[0]
 
     def _linear(self, inputs):
         """Modal force of loads on the undeformed body."""

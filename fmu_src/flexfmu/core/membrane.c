@@ -1,6 +1,6 @@
 /* Energy of strain of second order that no displacement takes away: docs/theory.md section 4c.
  *
- * V = sum of sigma_r^2 - (l_r.q)^2 with sigma_r = l_r.q + k_r, k_r = q.S_r q. The change of a square is twice its mean times
+ * V = sum of s_r (sigma_r^2 - (l_r.q)^2) with sigma_r = l_r.q + k_r, k_r = q.S_r q. The change of a square is twice its mean times
  * its change, and the change of k_r is 2 S_r mean(q) . dq: so the mean force below is an exact discrete gradient of V. */
 #include <string.h>
 
@@ -28,7 +28,8 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
 
 double stretch_energy(const Body *body, const Stretch *at) {
     double energy = 0.0;
-    for (int64_t r = 0; r < body->p.stretches; r++) energy += at->bent[r] * (2.0 * at->whole[r] - at->bent[r]);
+    for (int64_t r = 0; r < body->p.stretches; r++)
+        energy += body->p.stretch_sign[r] * at->bent[r] * (2.0 * at->whole[r] - at->bent[r]);
     return energy;
 }
 
@@ -36,7 +37,8 @@ void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b
     const Program *p = &body->p;
     const int64_t m = p->modes;
     for (int64_t r = 0; r < p->stretches; r++) {
-        const double bent = a->bent[r] + b->bent[r], whole = a->whole[r] + b->whole[r];
+        const double sign = p->stretch_sign[r];
+        const double bent = sign * (a->bent[r] + b->bent[r]), whole = sign * (a->whole[r] + b->whole[r]);
         const double *linear = p->stretch_linear + r * m, *first = a->slope + r * m, *last = b->slope + r * m;
         for (int64_t j = 0; j < m; j++) out[j] -= bent * linear[j] + whole * (first[j] + last[j]);
     }
@@ -46,10 +48,11 @@ void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
     for (int64_t r = 0; r < p->stretches; r++) {
-        const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m, whole = 4.0 * at->whole[r];
+        const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m;
+        const double four = 4.0 * p->stretch_sign[r], whole = four * at->whole[r];
         for (int64_t i = 0; i < m; i++) {
-            const double *own = p->stretch + (i * p->stretches + r) * m, by_slope = 4.0 * linear[i] + 8.0 * slope[i];
-            for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + 4.0 * slope[i] * linear[j] + whole * own[j];
+            const double *own = p->stretch + (i * p->stretches + r) * m, by_slope = four * (linear[i] + 2.0 * slope[i]);
+            for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + four * slope[i] * linear[j] + whole * own[j];
         }
     }
 }

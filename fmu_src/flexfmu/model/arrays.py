@@ -119,6 +119,7 @@ SECOND = (
 MEMBRANE = (
     Entry("quadratic", "membrane/quadratic", "R m m", "J^0.5/(kg m^2)", "stretches, quadratic in the modes"),
     Entry("linear", "membrane/linear", "R m", "J^0.5/(kg^0.5 m)", "what of them is linear beside it"),
+    Entry("sign", "membrane/sign", "R", "1", "1, or -1 of sections that flatten"),
 )
 SURFACE = (
     Entry("points", "surface/points", "n 3", "m", "undeformed corner nodes of the outer faces", single=True),

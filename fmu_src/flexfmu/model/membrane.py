@@ -13,7 +13,7 @@ _GONE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Membrane:
-    """Stretches σ_r = l_r·q + qᵀS_r q; the strain energy is ½ qᵀΛq + Σ (σ_r² − (l_r·q)²).
+    """Stretches σ_r = l_r·q + qᵀS_r q; the strain energy is ½ qᵀΛq + Σ s_r (σ_r² − (l_r·q)²).
 
     Attributes
     ----------
@@ -21,10 +21,13 @@ class Membrane:
         S_r, J^½/(kg m²); symmetric.
     linear : (R, m) float
         l_r, J^½/(kg^½ m). Where it is not zero, √2 Λ⁻¹ l_r is a shape of unit energy, orthogonal to the others.
+    sign : (R,) float
+        s_r: 1, or −1 of sections that flatten as they bend.
     """
 
     quadratic: FloatArray
     linear: FloatArray
+    sign: FloatArray
 
     def shift(self, stiffness: FloatArray) -> FloatArray:
         """Second derivatives (m, m, m) of the modal coordinates that the shapes take of the second-order displacement.
@@ -65,4 +68,5 @@ class Membrane:
         return Membrane(
             np.concatenate([quadratic[~own], root[:, :, None] * np.tensordot(axes.T, quadratic[own], axes=1)]),
             np.concatenate([linear[~own], axes.T @ linear[own] / root]),
+            np.concatenate([self.sign[~own], np.ones(len(root))]),
         )

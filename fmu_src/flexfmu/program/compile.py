@@ -171,6 +171,7 @@ def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -
         draft.sizes["stretches"] = len(body.membrane.linear)
         draft.arrays["stretch"] = np.moveaxis(body.membrane.quadratic, 0, 1)
         draft.arrays["stretch_linear"] = body.membrane.linear
+        draft.arrays["stretch_sign"] = body.membrane.sign
     if body.ties is not None and tree.frames:
         _ties(draft, body, tree)
     if lumped is not None:

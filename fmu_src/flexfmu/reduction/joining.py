@@ -259,11 +259,11 @@ def _membrane(parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray) ->
     for p, part in enumerate(parts):
         if part.membrane is not None:
             own = modes[stack.first[p] : stack.first[p] + part.mode_count]
-            found.append(own.T @ part.membrane.quadratic @ own)
+            found.append((own.T @ part.membrane.quadratic @ own, part.membrane.sign))
     if not found:
         return None
-    quadratic = np.concatenate(found)
-    return Membrane(quadratic, np.zeros(quadratic.shape[:2]))
+    quadratic, sign = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    return Membrane(quadratic, np.zeros(quadratic.shape[:2]), sign)
 
 
 def _masses(

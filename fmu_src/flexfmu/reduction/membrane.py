@@ -4,6 +4,8 @@ To a displacement Φq belongs the strain ½ GᵀG of second order, G = ∇(Φq).
 displacement w that takes this strain away as far as any can. What is left costs energy: all of it in a beam that is
 held at both ends, hardly anything in one that is held at one.
 
+Stress that turns with its material presses towards the inside of a bend: a thin tube flattens, and gives way by more.
+
 In bodies like arches w itself bends the body. It is then no small addition to Φq: the shapes in which it turns the
 material by far more than the square of its angle stay coordinates, and the energy gets a cubic part.
 """
@@ -12,8 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..fe.quadratic_strain import mean_spin, quadratic_strain
+from ..fe.turned_stress import turned_stress
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.membrane import Membrane
 from ..progress import Reporter
@@ -25,6 +29,9 @@ from .modes import Modes
 # left out: it is then a fortieth at half a radian within a frame, the most that is trusted. Cantilevers and curved bars
 # have 1e-4 to 1e-3; a twisted plate has 2, arches and beams held at both ends 5 and more.
 _NOTHING = 0.1
+# The same of flattening: 0.006 to 0.03 in solid bars and plates, 0.3 to 5 in arches and roofs, 0.45 in tubes with a wall
+# of a tenth of their diameter.
+_FLAT = 0.05
 # Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it.
 _STIFF = 1e-2
 _LOW_MODES = 6
@@ -34,7 +41,7 @@ _LARGE = 2.0
 # Relative size below which a shape of w is no other than those before.
 _SAME = 1e-2
 # Part of the largest energy of pairs of coordinates, each of unit energy, up to which a combination of them is nothing.
-TOLERANCE = 1e-3
+TOLERANCE = 1e-2
 # Right-hand sides at a time.
 _COLUMNS = 64
 
@@ -94,32 +101,53 @@ class Stretching:
         result: FloatArray = found[soft] / np.sqrt(turned[soft])[:, None]
         return result
 
-    def share(self) -> float:
-        """The largest energy of fourth order over that of second, of `motions`."""
+    def shares(self) -> tuple[float, float]:
+        """The largest energy of fourth order over that of second, of `motions`: of stretching, and of flattening."""
         motions = self.motions
         fields = self.modes.shapes[:, self._elastic] @ (motions / self._omega).T
         each = np.arange(len(motions))
-        held = np.diag(self._energies(fields, np.stack([each, each], axis=1))[0])
-        return float(np.max(held / (0.5 * (motions**2).sum(axis=1))))
+        pairs = np.stack([each, each], axis=1)
+        linear = 0.5 * (motions**2).sum(axis=1)
+        stretched, flattened = self._energies(fields, pairs)[0], self._flattening(fields, pairs)
+        return float(np.max(np.diag(stretched) / linear)), float(np.max(np.diag(flattened) / linear))
+
+    def _flattening(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
+        """Energy (p, p) that stress which turns with its material sets free outside the basis."""
+        model, count = self.matrices.supported, len(pairs)
+        applied = model.whole(model.stiffness @ fields[model.free])
+        with self.report.counted(
+            f"Flattening of {count} pairs of motions", self._mesh.element_count, "elements"
+        ) as tell:
+            forces = turned_stress(self._mesh, fields, applied, pairs, tell)[model.free]
+        held = self.modes.shapes[:, self._elastic][model.free].T @ forces / self._omega[:, None]
+        return 0.5 * (self._released(forces, f"Static response to {count} flattenings") - held.T @ held)
+
+    def _released(self, forces: FloatArray, title: str) -> FloatArray:
+        """Work (p, p) of nodal forces on free degrees of freedom over the displacements that they make."""
+        model, count = self.matrices.supported, forces.shape[1]
+        result = np.empty((count, count))
+        with self.report.counted(title, count, "solutions") as tell:
+            for first in range(0, count, _COLUMNS):
+                part = slice(first, first + _COLUMNS)
+                result[:, part] = forces.T @ model.static(forces[:, part])
+                tell(first)
+        return 0.5 * (result + result.T)
 
     def _energies(self, fields: FloatArray, pairs: IntArray) -> tuple[FloatArray, FloatArray]:
         """A (p, p) of pairs of displacement fields, and the nodal forces (3n, p)."""
-        model, count = self.matrices.supported, len(pairs)
+        count = len(pairs)
         with self.report.counted(f"Stretch of {count} pairs of motions", self._mesh.element_count, "elements") as tell:
             forces, energies = quadratic_strain(self._mesh, fields, pairs, tell)
-        with self.report.counted(f"Static response to {count} stretches", count, "stretches") as tell:
-            free = forces[model.free]
-            for first in range(0, count, _COLUMNS):
-                part = slice(first, first + _COLUMNS)
-                energies[:, part] -= free.T @ model.static(free[:, part])
-                tell(first)
-        return 0.25 * (energies + energies.T), forces
+        free = forces[self.matrices.supported.free]
+        return 0.5 * (energies - self._released(free, f"Static response to {count} stretches")), forces
 
-    def membrane(self, keep_shapes: bool) -> Membrane:
+    def membrane(self, stretching: bool, flattening: bool, keep_shapes: bool) -> Membrane:
         """Stretches of the whole basis.
 
         Parameters
         ----------
+        stretching, flattening : bool
+            Which of both energies.
         keep_shapes : bool
             Whether shapes of w may stay coordinates.
 
@@ -129,26 +157,31 @@ class Stretching:
         """
         count = self._omega.size
         first, second = np.triu_indices(count)
-        fields = self.modes.shapes[:, self._elastic] / self._omega
-        energies, forces = self._energies(fields, np.stack([first, second], axis=1))
-        # Each pair stands for two but for those of one and the same.
-        root = np.where(first == second, 1.0, np.sqrt(2.0))
-        values, vectors = np.linalg.eigh(energies * np.outer(root, root))
-        kept = values > TOLERANCE * values[-1]
-        found = (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
-        linear = np.zeros((len(found), count))
-        if keep_shapes:
-            # w = −C(q, q), in coordinates of unit energy.
-            against = fields.T @ forces
-            shapes = self._turning_shapes(against, first, second)
-            found = np.concatenate([found, shapes.T @ against / np.sqrt(2.0)])
-            linear = np.concatenate([linear, shapes.T / np.sqrt(2.0)])
-        elastic, modes = self._elastic, self.modes.angular_frequency.size
-        quadratic, wide = np.zeros((len(found), modes, modes)), np.zeros((len(found), modes))
+        fields, pairs = self.modes.shapes[:, self._elastic] / self._omega, np.stack([first, second], axis=1)
+        # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
+        forms, linear, signs = [], [], []
+        if stretching:
+            energies, forces = self._energies(fields, pairs)
+            forms.append(_forms(energies, first == second))
+            if keep_shapes:
+                # w = −C(q, q).
+                against = fields.T @ forces
+                shapes = self._turning_shapes(against, first, second)
+                forms.append(shapes.T @ against / np.sqrt(2.0))
+                linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
+            signs = [np.ones(len(rows)) for rows in forms]
+        if flattening:
+            forms.append(_forms(self._flattening(fields, pairs), first == second))
+            signs.append(-np.ones(len(forms[-1])))
+        linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
+        found, wide = np.concatenate(forms), np.concatenate(linear) * self._omega
         scaled = found * self._omega[first] * self._omega[second]
-        quadratic[:, elastic[first], elastic[second]] = quadratic[:, elastic[second], elastic[first]] = scaled
-        wide[:, elastic] = linear * self._omega
-        return Membrane(quadratic, wide)
+        modes, elastic = self.modes.angular_frequency.size, self._elastic
+        result = Membrane(np.zeros((len(found), modes, modes)), np.zeros((len(found), modes)), np.concatenate(signs))
+        result.quadratic[:, elastic[first], elastic[second]] = scaled
+        result.quadratic[:, elastic[second], elastic[first]] = scaled
+        result.linear[:, elastic] = wide
+        return result
 
     def _turning_shapes(self, against: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
         """Orthonormal shapes (e, k) of w that turn the material by more than the motions that make them do."""
@@ -164,6 +197,16 @@ class Stretching:
         shapes, sizes, _ = np.linalg.svd(np.array(large).T, full_matrices=False)
         result: FloatArray = shapes[:, sizes > _SAME * sizes[0]]
         return result
+
+
+def _forms(energies: FloatArray, alike: NDArray[np.bool_]) -> FloatArray:
+    """Forms (r, p) whose squares add up to an energy (p, p) of pairs; `alike` where a pair is one motion twice."""
+    # All others stand for two.
+    root = np.where(alike, 1.0, np.sqrt(2.0))
+    values, vectors = np.linalg.eigh(energies * np.outer(root, root))
+    kept = values > TOLERANCE * values[-1]
+    result: FloatArray = (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
+    return result
 
 
 def membrane_energy(
@@ -189,25 +232,32 @@ def membrane_energy(
     report = stretching.report
     key = content_key(__name__, modes_key, stretching.loads, keep_shapes)
 
-    def share() -> dict[str, FloatArray]:
-        return {"share": np.array(stretching.share())}
+    def shares() -> dict[str, FloatArray]:
+        return {"shares": np.array(stretching.shares())}
+
+    stretched = flattened = asked
+    if not asked:
+        held, freed = store.arrays(f"{key}-shares", "shares of membrane energy", report, shares)["shares"]
+        stretched, flattened = bool(held > _NOTHING), bool(freed > _FLAT)
+        report.note(
+            "membrane energy over that of bending at a turn of 1 rad (rms): "
+            f"{held:.2g} of stretching, {_taken(stretched)}; {freed:.2g} of flattening, {_taken(flattened)}"
+        )
+        if not stretched and not flattened:
+            return None
 
     def make() -> dict[str, FloatArray]:
-        made = stretching.membrane(keep_shapes)
-        return {"quadratic": made.quadratic, "linear": made.linear}
+        made = stretching.membrane(stretched, flattened, keep_shapes)
+        return {"quadratic": made.quadratic, "linear": made.linear, "sign": made.sign}
 
-    if not asked:
-        found = float(store.arrays(f"{key}-share", "share of membrane energy", report, share)["share"])
-        left_out = found <= _NOTHING
-        report.note(
-            f"membrane energy: {found:.2g} of that of bending at a turn of 1 rad (rms), "
-            + ("left out" if left_out else "taken along")
-        )
-        if left_out:
-            return None
-    membrane = Membrane(**store.arrays(f"{key}-whole", "membrane energy", report, make))
+    membrane = Membrane(**store.arrays(f"{key}-{stretched}-{flattened}", "membrane energy", report, make))
     kept = int(np.any(membrane.linear != 0.0, axis=1).sum())
-    report.note(
-        f"{len(membrane.linear)} stretches" + (f", {kept} of shapes that bend the body themselves" if kept else "")
-    )
+    flat = int((membrane.sign < 0.0).sum())
+    words = [f"{len(membrane.linear) - flat} stretches"] * stretched
+    words += [f"{kept} of shapes that bend the body themselves"] * bool(kept) + [f"{flat} flattenings"] * flattened
+    report.note(", ".join(words))
     return membrane
+
+
+def _taken(along: bool) -> str:
+    return "taken along" if along else "left out"
