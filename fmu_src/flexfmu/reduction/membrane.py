@@ -29,8 +29,8 @@ from .modes import Modes
 # left out: it is then a fortieth at half a radian within a frame, the most that is trusted. Cantilevers and curved bars
 # have 1e-4 to 1e-3; a twisted plate has 2, arches and beams held at both ends 5 and more.
 _NOTHING = 0.1
-# The same of flattening: 0.006 to 0.03 in solid bars and plates, 0.3 to 5 in arches and roofs, 0.45 in tubes with a wall
-# of a tenth of their diameter.
+# The same of flattening: 0.006 to 0.03 in solid bars and plates, 0.3 to 5 in arches and roofs, 0.45 in tubes with a
+# wall of a tenth of their diameter.
 _FLAT = 0.05
 # Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it.
 _STIFF = 1e-2
