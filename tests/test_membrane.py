@@ -8,10 +8,12 @@ import pytest
 from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.build import reduce_body
 from flexfmu.config import OutputTable
+from flexfmu.errors import ModelError
 from flexfmu.methods import Mass, Method
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.membrane import Membrane
 from flexfmu.progress import Reporter
+from flexfmu.reduction import membrane
 from flexfmu.reduction.membrane import _LARGE, _NOTHING
 from references import BEAM, DEMO, L_FRAME, calculix, relative
 
@@ -235,6 +237,14 @@ def test_the_surface_moves_as_the_interface_does(reduced):
     assert crown.sum() >= 4
     moved = (end - start)[crown].mean(axis=0)
     assert moved[1] == pytest.approx(model.response(state).displacement[0, 1], rel=5e-3)
+
+
+def test_what_does_not_fit_into_memory_is_refused_before_it_is_begun(bodies, monkeypatch):
+    monkeypatch.setattr(membrane, "free_memory", lambda: 1e6)
+    config = bodies.config(CLAMPED)
+    table = config.reduction.model_copy(update=LEAN)
+    with pytest.raises(ModelError, match=r"136 pairs of modes takes 0.0 GB .* membrane = false"):
+        reduce_body(config.model_copy(update={"reduction": table}), Reporter())
 
 
 def test_limits_lie_between_bodies_that_need_it_and_those_that_do_not(reduced):

@@ -16,6 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ModelError
+from ..fe.memory import GIGA, free_memory
 from ..fe.quadratic_strain import mean_spin, quadratic_strain
 from ..fe.turned_stress import turned_stress
 from ..mesh.model import FloatArray, IntArray, Mesh
@@ -157,6 +159,7 @@ class Stretching:
         """
         count = self._omega.size
         first, second = np.triu_indices(count)
+        self._refuse_what_does_not_fit(len(first))
         fields, pairs = self.modes.shapes[:, self._elastic] / self._omega, np.stack([first, second], axis=1)
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
@@ -182,6 +185,16 @@ class Stretching:
         result.quadratic[:, elastic[second], elastic[first]] = scaled
         result.linear[:, elastic] = wide
         return result
+
+    def _refuse_what_does_not_fit(self, pairs: int) -> None:
+        """Refuse more pairs than the memory holds, before any is begun."""
+        # Forces, those of the free degrees of freedom, energies and their eigenvectors.
+        needed, free = 8.0 * pairs * (2.0 * len(self.modes.shapes) + 4.0 * pairs), free_memory()
+        if free is not None and needed > free:
+            raise ModelError(
+                f"membrane energy of {pairs} pairs of modes takes {needed / GIGA:.1f} GB of memory, "
+                f"{free / GIGA:.1f} GB are free: take fewer modes, end other programs, or set membrane = false in [reduction]"
+            )
 
     def _turning_shapes(self, against: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
         """Orthonormal shapes (e, k) of w that turn the material by more than the motions that make them do."""
