@@ -193,7 +193,8 @@ class Stretching:
         if free is not None and needed > free:
             raise ModelError(
                 f"membrane energy of {pairs} pairs of modes takes {needed / GIGA:.1f} GB of memory, "
-                f"{free / GIGA:.1f} GB are free: take fewer modes, end other programs, or set membrane = false in [reduction]"
+                f"{free / GIGA:.1f} GB are free: take fewer modes, end other programs, or set membrane = false in "
+                "[reduction]"
             )
 
     def _turning_shapes(self, against: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
