@@ -309,6 +309,11 @@ def test_the_data_or_the_description_of_another_body_with_the_same_variables_is_
 # The order of calls, and what pythonfmu's library makes of it: the sentences of docs/masters.md.
 
 
+def test_a_state_with_a_number_that_cannot_be_used_answers_alike_in_every_instance(folder, runtime):
+    """Whatever the instance held before: no number of steps, set before the run, is refused by reading and stays so."""
+    assert master("unusable_start", str(folder / "body.fmu")) == 3 * [REFUSED[runtime]]
+
+
 def test_the_order_of_calls_is_that_of_the_standard(folder, runtime):
     refused = REFUSED[runtime]
     native = runtime is Runtime.NATIVE

@@ -210,6 +210,25 @@ def discarded(path):
     return {"status": status, "last": last, "answers": answers, "calls": one.unsupported()}
 
 
+def unusable_start(path):
+    """What a number that cannot be used does to the reading of outputs, where it was set and where its state is set."""
+    fmu = Fmu(path)
+    outputs, fewest = fmu.references("Real", "output"), [fmu.reference["internal_step.fewest"]]
+    one, opened, ran = (fmu.instantiate(name) for name in ("one", "opened", "ran"))
+    for instance in (one, opened):
+        instance.setup()
+        instance.enter()
+    ran.start()
+    opened.get_real(outputs)
+    one.set_real(fewest, [-1.0])
+    block = one.bytes()
+    found = [one.get_real(outputs)[0]]
+    for other in (opened, ran):
+        other.set_bytes(block)
+        found.append(other.get_real(outputs)[0])
+    return found
+
+
 def log_lines(path):
     """Log lines after switching categories."""
     fmu = Fmu(path)

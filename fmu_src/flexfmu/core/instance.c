@@ -613,8 +613,11 @@ const char *instance_restore(Instance *x, const void *block, int64_t size) {
     if (head.count != x->number_count || size != instance_state_size(x)) return "the FMU state is damaged: its size is wrong";
     memcpy(x->kept, (const char *)block + sizeof head, (size_t)x->number_count * sizeof(double));
     if (head.checksum != checksum(x->kept, x->number_count) || !sensible(x, x->kept)) return "the FMU state is damaged";
-    int same = 1;
-    for (int64_t i = 0; i < x->parameters; i++) same &= parameter_is_tunable(i) || x->kept[i] == x->parameter[i];
+    /* Before a run a tunable parameter is looked at when the body is chosen, in a run by each step. */
+    const int running = x->kept[x->single - x->numbers + S_RUNNING] != 0.0;
+    int same = running || !runs(x);
+    for (int64_t i = 0; i < x->parameters; i++)
+        same &= (running && parameter_is_tunable(i)) || x->kept[i] == x->parameter[i];
     memcpy(x->numbers, x->kept, (size_t)x->number_count * sizeof(double));
     if (!same) {
         if (x->body != x->described) body_close(x->body);
