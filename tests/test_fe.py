@@ -263,6 +263,16 @@ def test_an_exactly_singular_matrix_is_refused_with_its_cause():
 
 
 @pytest.mark.usefixtures("solver")
+def test_the_same_matrix_gets_the_same_bits_each_time():
+    mesh = box(ElementType.C3D10, (10, 4, 4), (1.0, 0.3, 0.3))
+    free = np.flatnonzero(np.repeat(mesh.points[:, 0] > 0.0, 3))
+    k = sp.csr_array(stiffness(mesh)[free][:, free])
+    found = [Factorisation(k, free // 3).solve(np.ones((free.size, 4))) for _ in range(3)]
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+
+
+@pytest.mark.usefixtures("solver")
 def test_a_stiffness_under_a_load_beyond_the_critical_one_is_told_to_be_indefinite():
     chain = sp.diags_array([[2.0] * 5, [-1.0] * 4, [-1.0] * 4], offsets=[0, 1, -1]).tocsr()
     assert Factorisation(chain, np.arange(5)).positive_definite

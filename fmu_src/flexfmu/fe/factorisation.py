@@ -55,8 +55,9 @@ def _pardiso() -> ModuleType | None:
     try:
         from pypardiso import pardiso_wrapper
 
-        pardiso_wrapper.PyPardisoSolver()
-    except (ImportError, OSError):
+        # On several threads the machine's load decides the order of its sums: the same body would get other bits.
+        pardiso_wrapper.PyPardisoSolver().libmkl.MKL_Set_Num_Threads(1)
+    except (ImportError, OSError, AttributeError):
         return None
     module: ModuleType = pardiso_wrapper
     return module
