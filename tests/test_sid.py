@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import flexfmu
+from flexfmu.cli import app
 from flexfmu.given_checks import checked_modes
 from flexfmu.sid import SidError, mass_integrals
 from test_given_modes import LENGTH, SIDE, clamped, motion  # noqa: F401
@@ -112,3 +114,12 @@ def test_a_file_that_is_no_body_is_refused(text, message, tmp_path):
     (tmp_path / "bad.sid_fem").write_text(text)
     with pytest.raises(SidError, match=message):
         flexfmu.read_sid(tmp_path / "bad.sid_fem")
+
+
+def test_the_command_packs_a_file_as_an_fmu(clamped, tmp_path):  # noqa: F811
+    path = flexfmu.write_sid(clamped, {"tip": "TIP"}, tmp_path / "bar.SID_FEM")
+    run = CliRunner().invoke(app, ["pack", str(path), "-o", str(tmp_path / "bar.fmu")])
+    assert run.exit_code == 0, run.output
+    assert flexfmu.load(tmp_path / "bar.fmu").model.interface_names == ("node_1",)
+    run = CliRunner().invoke(app, ["pack", str(path), "--frames=4"])
+    assert "a linear body as it is" in run.output
