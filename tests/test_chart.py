@@ -59,6 +59,7 @@ def test_a_sweep_takes_each_meaningful_combination_once(tmp_path):
 modes = [4]
 frames = [1, 3]
 methods = METHODS
+mass = ["constant", "configuration"]
 internal_step = ["single", 1e-4, 1e-6]
 """.replace("METHODS", json.dumps([method.value for method in Method]))
     found = candidates(scene_of(tmp_path, BEND + SUDDEN + sweep_all))

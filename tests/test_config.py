@@ -57,9 +57,13 @@ def test_defaults_are_those_of_the_documentation(tmp_path):
     assert (body.output.velocities, body.output.surface, body.input.acceleration) == (False, True, False)
 
 
-@pytest.mark.parametrize("rest", ['[formulation]\nmass = "configuration"', "[reduction]\nsecond_order = false"])
-def test_the_method_is_frames_where_second_order_does_not_go(tmp_path, rest):
-    assert read(tmp_path, content(rest=rest)).variant.method is Method.FRAMES
+def test_the_method_is_frames_where_second_order_is_ruled_out(tmp_path):
+    assert read(tmp_path, content(rest="[reduction]\nsecond_order = false")).variant.method is Method.FRAMES
+
+
+def test_the_method_is_second_order_with_the_deformed_body_s_mass_too(tmp_path):
+    found = read(tmp_path, content(rest='[formulation]\nmass = "configuration"')).variant
+    assert found == Variant(Method.SECOND_ORDER, Mass.CONFIGURATION)
 
 
 def test_everything_given_is_taken(tmp_path):

@@ -184,7 +184,7 @@ class SweepTable(_Table):
         ],
         min_length=1,
     )
-    mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=list(Mass), min_length=1)
+    mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=[Mass.CONSTANT], min_length=1)
     internal_step: list[Literal["single"] | Annotated[float, Field(gt=0.0, lt=1.0)]] = Field(
         default=["single", 1e-4], min_length=1
     )

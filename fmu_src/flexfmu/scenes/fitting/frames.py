@@ -106,7 +106,8 @@ def _variants(scene: Scene) -> list[Variant]:
     """What may do, roughly by cost: linear, frames, and what `[sweep]` lists of the others."""
     sweep = scene.file.sweep
     found = [Variant(method) for method in _WORTH_TRYING if method in (*_ALWAYS, *sweep.methods)]
-    if scene.transient and Mass.CONFIGURATION in sweep.mass:
+    # Tried last, and where it is not ruled out by name.
+    if scene.transient and (Mass.CONFIGURATION in sweep.mass or "mass" not in sweep.model_fields_set):
         best = Method.SECOND_ORDER if Method.SECOND_ORDER in sweep.methods else Method.FRAMES
         found.append(Variant(best, Mass.CONFIGURATION))
     flat = linear_frames(scene.config)
