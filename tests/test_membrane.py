@@ -1,14 +1,18 @@
 """Bodies that stretch when they bend: energy of fourth order, and shapes that stay coordinates."""
 
+import io
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.build import reduce_body
 from flexfmu.config import OutputTable
 from flexfmu.errors import ModelError
+from flexfmu.info import describe
 from flexfmu.methods import Mass, Method
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.membrane import Membrane
@@ -132,6 +136,14 @@ def test_what_is_taken_along_and_why_is_said_in_a_line(bodies):
     assert len(found[BEAM]) == 1
     assert "of stretching, taken along" in found[ARCH][0]
     assert "2 of shapes that bend the body" in found[ARCH][1]
+
+
+def test_info_says_what_there_is(reduced):
+    stream = io.StringIO()
+    Console(file=stream, width=200).print(*describe(reduced(ARCH)))
+    assert re.search(
+        r"membrane energy\W+\d+ stretches, 2 of shapes that bend the body themselves, \d+ flat", stream.getvalue()
+    )
 
 
 def test_a_beam_held_at_both_ends_is_a_string_at_fourth_order(reduced):

@@ -94,6 +94,8 @@ def _properties(body: ReducedBody) -> Table:
     for label, value in () if body.properties is None else summary(body.properties):
         table.add_row(escape(label), value)
     table.add_row("first frequency", first_frequency(body.angular_frequency))
+    if body.membrane is not None:
+        table.add_row("membrane energy", body.membrane.words)
     return table
 
 

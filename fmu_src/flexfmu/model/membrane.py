@@ -29,6 +29,15 @@ class Membrane:
     linear: FloatArray
     sign: FloatArray
 
+    @property
+    def words(self) -> str:
+        """What there is, for people."""
+        flat = int((self.sign < 0.0).sum())
+        shapes = int(np.any(self.linear != 0.0, axis=1).sum())
+        found = [f"{len(self.sign) - flat} stretches"] * (len(self.sign) > flat)
+        found += [f"{shapes} of shapes that bend the body themselves"] * (shapes > 0)
+        return ", ".join(found + [f"{flat} flattenings"] * (flat > 0))
+
     def shift(self, stiffness: FloatArray) -> FloatArray:
         """Second derivatives (m, m, m) of the modal coordinates that the shapes take of the second-order displacement.
 

@@ -265,11 +265,7 @@ def membrane_energy(
         return {"quadratic": made.quadratic, "linear": made.linear, "sign": made.sign}
 
     membrane = Membrane(**store.arrays(f"{key}-{stretched}-{flattened}", "membrane energy", report, make))
-    kept = int(np.any(membrane.linear != 0.0, axis=1).sum())
-    flat = int((membrane.sign < 0.0).sum())
-    words = [f"{len(membrane.linear) - flat} stretches"] * stretched
-    words += [f"{kept} of shapes that bend the body themselves"] * bool(kept) + [f"{flat} flattenings"] * flattened
-    report.note(", ".join(words))
+    report.note(membrane.words)
     return membrane
 
 
