@@ -261,16 +261,60 @@ def body_of_everything(
         whole=whole,
     )
     if free:
-        # The first frame floats: elastic modes neither move nor turn it.
-        omega = np.array(body.angular_frequency)
-        omega[:2] = 0.0
-        body = replace(
-            body,
-            angular_frequency=omega,
-            floating=True,
-            frame_parent=np.maximum(body.frame_parent, np.minimum(np.arange(frames) - 1, 0)),
-        )
-    return with_membrane(with_second_order(body, 0.1), 3.0)
+        body = _floating(body)
+    body = with_second_order(body, 0.1)
+    if free and body.second is not None:
+        elastic = (np.arange(body.mode_count) >= body.rigid_count).astype(float)
+        still = [part * np.outer(elastic, elastic) for part in (body.second.displacement, body.second.rotation)]
+        still = [np.concatenate([0.0 * part[:1], part[1:]]) for part in still]
+        body = replace(body, second=SecondOrder(*still))
+    body = with_membrane(body, 3.0)
+    return body
+
+
+def _floating(body: ReducedBody) -> ReducedBody:
+    """The body with six rigid motions, which alone move and turn its first frame."""
+    rigid, start, turn = 6, np.array(body.joint_displacement[0, :, :6]), np.array(body.frame_rotation[0, :, :6])
+    omega = np.array(body.angular_frequency)
+    omega[:rigid] = 0.0
+
+    def moved(operator: FloatArray, point: FloatArray, frames: bool = False) -> FloatArray:
+        result = np.array(operator)
+        arm = point - body.joint_point[0]
+        result[:, :, :rigid] = start + np.cross(turn[None], arm[:, :, None], axis=1)
+        result[: int(frames), :, rigid:] = 0.0
+        return result
+
+    def turned(operator: FloatArray, frames: bool = False) -> FloatArray:
+        result = np.array(operator)
+        result[:, :, :rigid] = turn
+        result[: int(frames), :, rigid:] = 0.0
+        return result
+
+    assert body.masses is not None and body.inertia is not None
+    elastic = (np.arange(body.mode_count) >= rigid).astype(float)
+    inertia = replace(
+        body.inertia,
+        displacement=moved(body.inertia.displacement, body.inertia.point),
+        sweep=body.inertia.sweep * elastic,
+        curvature=body.inertia.curvature * np.outer(elastic, elastic),
+    )
+    return replace(
+        body,
+        angular_frequency=omega,
+        floating=True,
+        frame_parent=np.maximum(body.frame_parent, np.minimum(np.arange(body.frame_count) - 1, 0)),
+        interface_frame=np.maximum(body.interface_frame, 0),
+        joint_displacement=moved(body.joint_displacement, body.joint_point, True),
+        joint_rotation=turned(body.joint_rotation),
+        frame_rotation=turned(body.frame_rotation, True),
+        interface_displacement=moved(body.interface_displacement, body.interface_point),
+        interface_rotation=turned(body.interface_rotation),
+        masses=replace(body.masses, displacement=moved(body.masses.displacement, body.masses.point)),
+        inertia=inertia,
+        # What balances a load is not known before.
+        stiffness_by_load=None,
+    )
 
 
 def random_ties(body: ReducedBody, seed: int, count: int = 2) -> ReducedBody:

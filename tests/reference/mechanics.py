@@ -1,5 +1,7 @@
 """Places, energies and forces of a reduced body under a method; sections and equations are those of docs/theory.md."""
 
+from copy import copy
+
 import numpy as np
 
 from flexfmu.methods import Mass, Method
@@ -38,6 +40,8 @@ class Reference:
 
     def __init__(self, body, method, mass=Mass.CONSTANT):
         self.body, self.method, self.mass_kind = body, method, mass
+        # Turns of a floating frame are about its own axes: what it has turned so far, and the coordinates that do so.
+        self.turned, self.rigid = np.eye(3), body.rigid_count if body.floating and method in FRAMED else 0
         self.stiffness = body.angular_frequency**2
         self.modes = body.mode_count
         self.membrane = body.membrane if method is Method.SECOND_ORDER and body.frame_count else None
@@ -119,7 +123,7 @@ class Reference:
                 if parent is not None:
                     base, offset = base - parent.point + node.point, u - parent.displacement @ q
             position.append(base + carrier @ offset)
-            rotation.append(carrier @ exponential(relative))
+            rotation.append((self.turned if number == 0 else carrier) @ exponential(relative))
         return np.array(position), np.array(rotation)
 
     def _second_order(self, number, q, parent):
@@ -244,17 +248,32 @@ class Reference:
             return np.zeros(self.modes)
         return np.tensordot(q, self.body.stiffness_by_mode, axes=1) @ q
 
+    def at(self, q):
+        """The same body with its floating frame turned as q says, and coordinates that turn it no further."""
+        if not self.rigid:
+            return self, q
+        now, motion = copy(self), np.concatenate([self.nodes[0].displacement, self.nodes[0].rotation])[:, : self.rigid]
+        placed = motion @ q[: self.rigid]
+        now.turned, placed[3:] = self.turned @ exponential(placed[3:]), 0.0
+        return now, np.concatenate([np.linalg.solve(motion, placed), q[self.rigid :]])
+
     def force(self, inputs, q):
         """Q(q), (m,)."""
+        now, q = self.at(q)
+        return now._force(inputs, q)
+
+    def _force(self, inputs, q):
         return self._moved(inputs, q) - self._geometric(inputs, q) - self._by_mode(q) - slopes(self.stretched, q)
 
     def tangent(self, inputs, q, way):
         """Λ − ∂Q/∂q times a direction, (m,)."""
+        now, q = self.at(q)
 
-        def force(at):
-            return self._moved(inputs, at) - self._by_mode(at) - slopes(self.stretched, at)
+        def moved(at):
+            further, at = now.at(at)
+            return further._moved(inputs, at) - further._by_mode(at) - slopes(further.stretched, at)
 
-        slope = difference(force, q, way)
+        slope = difference(moved, q, way)
         return self.stiffness * way - slope + self._geometric(inputs, way)
 
     def strain(self, q):
@@ -266,7 +285,8 @@ class Reference:
         """M(q) of (12) and (13), from the lumps that the frames carry."""
         if not self.heavy:
             return np.eye(self.modes)
-        change, slow = self._lumped(q) - self._lumped(np.zeros_like(q)), np.arange(self.modes) < self.slow
+        now, place = self.at(q)
+        change, slow = now._lumped(place) - self._lumped(np.zeros_like(q)), np.arange(self.modes) < self.slow
         return np.eye(self.modes) + change * np.outer(slow, slow)
 
     def _lumped(self, q):

@@ -52,6 +52,7 @@ static void lay_out(Body *body, Arena *arena) {
     take_rules(body, arena);
     int64_t most = m * m;
     const int64_t sizes[] = {plain_size(body), body->p.tied ? tied_size(body) : 0, body->p.inertial ? inertial_size(body) : 0,
+                             body->p.turns ? free_size(body) : 0,
                              statics_size(body), watch_size(body)};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
         if (sizes[i] > most) most = sizes[i];
@@ -205,7 +206,7 @@ static int exact_step(Body *body, const double *inputs, const double *inputs_end
     Loads loads;
     take_loads(body, &arena, &loads);
     double *growth = take(&arena, m), *mean = take(&arena, m);
-    if (body->p.inertial) return 0;
+    if (body->p.inertial || body->p.turns) return 0;
     spread(body, inputs, &loads);
     if (loads.active) return 0;
     memcpy(mean, loads.constant, (size_t)m * sizeof(double));
@@ -338,7 +339,10 @@ int body_step(Body *body, const double *inputs, const double *inputs_end, double
             d.step = step / (double)d.count;
             memcpy(q1, q, (size_t)m * sizeof(double));
             memcpy(v1, v, (size_t)m * sizeof(double));
-            answer = p->tied ? tied_steps(body, &d, q1, v1) : p->inertial ? inertial_steps(body, &d, q1, v1) : plain_steps(body, &d, q1, v1);
+            answer = p->tied      ? tied_steps(body, &d, q1, v1)
+                     : p->turns    ? free_steps(body, &d, q1, v1)
+                     : p->inertial ? inertial_steps(body, &d, q1, v1)
+                                   : plain_steps(body, &d, q1, v1);
             work->iterations = d.rounds;
             work->substeps = d.count;
             work->error = answer == INACCURATE ? d.worst : HUGE_VAL;

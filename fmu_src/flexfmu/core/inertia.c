@@ -103,6 +103,18 @@ void convective_force(const Body *body, const Configuration *at, const double *v
     memset(out + r, 0, (size_t)(m - r) * sizeof(double));
 }
 
+void mass_centre(const Body *body, const Configuration *at, double *out) {
+    const Program *p = &body->p;
+    const int64_t first = first_lump(p);
+    double whole = 0.0;
+    memset(out, 0, 3 * sizeof(double));
+    for (int64_t i = 0; i < p->lumps; i++) {
+        for (int c = 0; c < 3; c++) out[c] += p->lump_mass[i] * (at->position[3 * (first + i) + c] - p->point[c]);
+        whole += p->lump_mass[i];
+    }
+    for (int c = 0; c < 3; c++) out[c] /= whole;
+}
+
 void excess_mass(const Body *body, const Configuration *at, Flow *flow, double *out) {
     const Program *p = &body->p;
     const int64_t r = p->inertial_modes, n = p->nodes, size = 3 * r, first = first_lump(p);

@@ -130,6 +130,8 @@ int64_t tied_size(const Body *body);
 int tied_steps(Body *body, Division *d, double *q, double *v);
 int64_t inertial_size(const Body *body);
 int inertial_steps(Body *body, Division *d, double *q, double *v);
+int64_t free_size(const Body *body);
+int free_steps(Body *body, Division *d, double *q, double *v);
 
 /* inertia.c */
 typedef struct {
@@ -143,6 +145,8 @@ void excess_momentum(const Body *body, const Configuration *at, const double *v,
 void kinetic_gradient(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out);
 /* d(M v)/dt - d(v M v / 2)/dq - M dv/dt: centrifugal and Coriolis forces with their sign reversed. */
 void convective_force(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out);
+/* Centre of mass less the first frame's undeformed place. */
+void mass_centre(const Body *body, const Configuration *at, double *out);
 /* M - 1 of the first coordinates, (r, r). */
 void excess_mass(const Body *body, const Configuration *at, Flow *flow, double *out);
 

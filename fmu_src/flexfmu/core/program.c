@@ -88,6 +88,10 @@ static const char *inconsistent(const Program *p) {
         !is_flag(p->by_load_given) || !is_flag(p->by_mode_given) || !is_flag(p->judged) || !is_flag(p->inertial) ||
         !is_flag(p->spins) || p->spins > p->rigid || !is_flag(p->spin_inertia_given) || p->spin_inertia_given > p->spins)
         return "an option is out of range";
+    if (!is_flag(p->turns) || !is_flag(p->turn_slides) || p->turn_axes != (p->turns ? (p->turn_axes == 1 ? 1 : 3) : 0) ||
+        (p->turns && (!s || p->tied || p->by_load_given || p->by_mode_given || p->parent[0] != -1 || p->placement != PLACE_DEFORMED ||
+                      p->rigid != p->turn_axes + 3 * p->turn_slides)))
+        return "a body that turns freely is none";
     if (p->rigid >= m || p->elastic_first + p->elastic_count > m || p->turning_limit > 100) return "modes are out of range";
     if (!positive(p->omega, p->rigid, 1) || !positive(p->omega + p->rigid, m - p->rigid, 0)) return "frequencies are not positive";
     for (int64_t j = 0; j < p->rigid; j++)

@@ -87,6 +87,8 @@ static void place(const Program *p, const Need *need, Configuration *at) {
         if (!need || need[k].turn) {
             exponential(at->local + 3 * (p->nodes + k), relative, at->jacobian + 9 * k);
             multiply(parent, relative, at->rotation + 9 * k);
+            /* Rates of a body that turns as a whole are its spin in its own axes. */
+            if (p->turns && k == 0) memcpy(at->jacobian, relative, sizeof relative);
         }
         if (need && !need[k].offset) {
             memcpy(at->position + 3 * k, p->point + 3 * k, 3 * sizeof(double));
@@ -372,7 +374,12 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
         apply_back_rows(parent, one, other, m);
         apply_back_rows(at->jacobian + 9 * k, other, one, m);
         apply_back(parent, about + 3 * k, local);
-        transposed_jacobian_derivative(at->local + 3 * (n + k), local, slope);
+        if (p->turns && k == 0) {
+            apply_back(at->jacobian, about, local);
+            skew(local, slope);
+        } else {
+            transposed_jacobian_derivative(at->local + 3 * (n + k), local, slope);
+        }
         apply_rows(slope, c, other, m);
         for (int64_t j = 0; j < size; j++) one[j] += other[j];
         add_transposed_product(c, one, out, 3, m, m);

@@ -265,7 +265,7 @@ double body_spin(Body *body, const double *q, const double *v) {
     double angle[3], rate[3], rotation[9], jacobian[9], spin[3];
     if (!body->p.spins) return 0.0;
     whole_turn(&body->p, q, v, angle, rate, rotation, jacobian);
-    apply(jacobian, rate, spin);
+    apply(body->p.turns ? rotation : jacobian, rate, spin);
     return norm(spin, 3) / body->p.omega[body->p.rigid];
 }
 

@@ -39,6 +39,8 @@ _BY_LOAD, _BY_SECOND_ORDER = "geometric stiffness by load", "the frames to secon
 _SLOW, _SLOW_MODES = 20.0, 6
 # Smallest over largest eigenvalue of the inverse inertia below which an axis is held.
 _HELD = 1e-9
+# Motion of the root frame by elastic modes, over that by rigid ones, that is round-off.
+_STILL = 1e-6
 
 
 def names_of_inputs(body: ReducedBody) -> list[str]:
@@ -185,6 +187,8 @@ def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -
         pairs, columns = body.missed_inertia.shape
         draft.sizes |= {"missed_modes": columns - pairs, "missed_pairs": pairs}
         draft.arrays["missed_inertia"] = body.missed_inertia
+    if body.floating and placement is LoadPlacement.DEFORMED and recipe.stiffness is Stiffness.CONSTANT:
+        _turns(draft, body)
     return draft
 
 
@@ -302,6 +306,29 @@ def _spin(draft: Draft, body: ReducedBody) -> None:
         draft.arrays["spin_inertia"] = np.linalg.inv(inverse)
 
 
+def _turns(draft: Draft, body: ReducedBody) -> None:
+    """Rigid motions of a body whose root frame makes them, and they alone: it turns in its own axes (section 9)."""
+    rigid = body.rigid_count
+    motion = np.concatenate([body.joint_displacement[0], body.frame_rotation[0]])
+    turning, sliding = motion[3:, :rigid], motion[:3, :rigid]
+    axes, values, _ = np.linalg.svd(turning, full_matrices=False)
+    axis = axes.T[values > _HELD * values.max(initial=0.0)]
+    if len(axis) == 3:  # noqa: PLR2004
+        axis = np.eye(3)
+    slides = rigid == len(axis) + 3
+    elastic, own = np.abs(motion[:, rigid:]).max(), np.abs(motion[:, :rigid]).max(initial=0.0)
+    if len(axis) not in (1, 3) or not (slides or rigid == len(axis)) or elastic > _STILL * own:
+        return
+    if not slides and np.abs(sliding).max() > _STILL * own:
+        return
+    draft.sizes |= {"turns": 1, "turn_axes": len(axis), "turn_slides": int(slides), "spin_inertia_given": 0}
+    draft.arrays |= {"turn_axis": axis, "turn_coordinates": np.linalg.pinv(motion[:, :rigid])}
+    draft.arrays.pop("spin_inertia", None)
+    operator = np.array(draft.arrays["operator_"])
+    operator[:, 0, :, rigid:] = 0.0
+    draft.arrays["operator_"] = operator
+
+
 def _interface_loads(draft: Draft, body: ReducedBody, elastic: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Modal forces (L, e) of unit loads and motions (I, 6, e) of interfaces over ω, and what makes loads comparable."""
     omega, interfaces = body.angular_frequency[elastic], body.interface_count
@@ -351,7 +378,7 @@ def _against_spin(body: ReducedBody, recipe: Recipe) -> str:
         words += ' with method = "frames"'
     if body.inertia is None:
         words = f"build with inertia = true in [reduction], and {words}"
-    return f"{words}, which holds for less than one turn about changing axes"
+    return words
 
 
 def _judge(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:

@@ -178,6 +178,9 @@ def _curvature(
         displacement = displacement + np.tensordot(moved, shift, axes=1)
         turned = turned + np.tensordot(rotation, shift, axes=1)
     d, c = displacement.copy(), turned.copy()
+    if body.floating:
+        # Elastic modes do not move it.
+        d[0], c[0] = 0.0, 0.0
     hung = np.flatnonzero(parent >= 0)
     p = parent[hung]
     d[hung], c[hung] = relative_curvature(

@@ -16,6 +16,7 @@ from .subdomains import (
     division_warnings,
     floating_frame,
     frame_operators,
+    hinge_frame,
     mean_rotation,
     on_floating_frame,
     requested_subdomains,
@@ -50,10 +51,9 @@ def body_subdomains(
         Frames that the body cannot be divided into.
     """
     mesh = model.mesh
-    floats = is_free(model)
     anchored = hanging(model, config)
-    held = anchored if floats else model.held
-    top = [floating_frame(mesh, volumes)] if floats else []
+    held = anchored if is_free(model) else model.held
+    top = root_frame(model, volumes)
     if config.branch:
         branches = [
             Branch(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), tuple(b.joints))
@@ -92,6 +92,14 @@ def frame_requests(config: BodySpec, mesh: Mesh) -> list[FrameRequest]:
 def is_free(model: Model) -> bool:
     """Whether nothing holds the body, so that its frames hang on a floating one."""
     return bool(model.rigid.shape[1] == _RIGID_MOTIONS)
+
+
+def root_frame(model: Model, volumes: tuple[FloatArray, ...]) -> list[Subdomain]:
+    """The frame that turns with a body that is free to turn; none for others."""
+    if is_free(model):
+        return [floating_frame(model.mesh, volumes)]
+    found = hinge_frame(model.mesh, volumes, model.rigid) if model.rigid.shape[1] else None
+    return [] if found is None else [found]
 
 
 def _end(config: BodySpec, branch: BranchTable) -> str:

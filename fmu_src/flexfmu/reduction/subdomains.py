@@ -19,6 +19,8 @@ _FLAT_TETRAHEDRON = 1e-4
 
 # A joint given by coordinates may lie this many times the section's reach from its centre.
 _JOINT_REACH = 1.5
+# Rigid motion of a node over the largest one that is none.
+_STILL = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,14 +158,51 @@ def floating_frame(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Subdomain:
     Subdomain
         Without elements: what lies on no other frame hangs on it.
     """
+    whole = _by_mass(mesh, volumes)
+    none = np.zeros(0, dtype=np.int64)
+    turn = fitted_rotation(mesh.points, whole)
+    return Subdomain("floating", GROUND, none, whole, turn, whole, whole.centre(mesh.points), floating=True)
+
+
+def hinge_frame(mesh: Mesh, volumes: tuple[FloatArray, ...], rigid: FloatArray) -> Subdomain | None:
+    """Frame of a body on a hinge or a ball joint: it turns with the rigid motions, elastic modes do not move it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    volumes : tuple of (n_elements, node_count, node_count) float
+    rigid : (3n, r) float
+        Rigid motions that no support resists.
+
+    Returns
+    -------
+    Subdomain or None
+        None unless these are turns about one axis or all, through nodes of the mesh that stay where they are.
+    """
+    motions = rigid.reshape(len(mesh.points), 3, -1)
+    size = np.linalg.norm(motions, axis=(1, 2))
+    still = np.flatnonzero(size <= _STILL * size.max())
+    if motions.shape[2] not in (1, 3) or not still.size:
+        return None
+    whole = _by_mass(mesh, volumes)
+    arm = mesh.points - mesh.points[still[0]]
+    fitted = fitted_rotation(mesh.points, whole).of(rigid)
+    if np.abs(np.cross(fitted[None], arm[:, :, None], axis=1) - motions).max() > _STILL * size.max():
+        return None
+    # Momenta of the rigid motions tell how much there is of each; their turns, by how much the body turns.
+    own = motions[whole.nodes].reshape(whole.nodes.size, -1)
+    momenta, own = (part.reshape(-1, motions.shape[2]) for part in (whole.weight @ own, own))
+    turn = Turn(whole.nodes, fitted @ np.linalg.solve(own.T @ momenta, momenta.T))
+    none = np.zeros(0, dtype=np.int64)
+    return Subdomain("hinge", GROUND, none, whole, turn, by_node(still), mesh.points[still[0]], floating=True)
+
+
+def _by_mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Weighted:
     density = np.array([material.density for material in mesh.materials])
     masses = tuple(
         density[block.material][:, None, None] * matrices for block, matrices in zip(mesh.blocks, volumes, strict=True)
     )
-    whole = volume_weighted(mesh, masses, np.arange(mesh.element_count))
-    none = np.zeros(0, dtype=np.int64)
-    turn = fitted_rotation(mesh.points, whole)
-    return Subdomain("floating", GROUND, none, whole, turn, whole, whole.centre(mesh.points), floating=True)
+    return volume_weighted(mesh, masses, np.arange(mesh.element_count))
 
 
 def on_floating_frame(subdomains: Sequence[Subdomain], floating: int) -> list[Subdomain]:

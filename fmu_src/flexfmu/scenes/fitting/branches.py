@@ -19,7 +19,7 @@ from ...mesh.model import FloatArray
 from ...model.reduced_body import GROUND, ReducedBody
 from ...reduction.cut import SIDES, cut_parts, part_configs, side_set
 from ...reduction.division import distance_along, divide
-from ...reduction.frames import hanging, is_free
+from ...reduction.frames import hanging, root_frame
 from ...reduction.model import Model, assemble_model, node_set
 from ...reduction.subdomains import carrying_frame
 from .trial import Joints
@@ -68,7 +68,7 @@ def find_branches(config: BodyFile) -> list[Branch]:
     """
     model = assemble_model(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
     if not config.cut:
-        return _branches(model, config, 0, int(is_free(model)))[0]
+        return _branches(model, config, 0, len(root_frame(model, volume_matrices(model.mesh))))[0]
     opened, parts = cut_parts(model, [table.nodes for table in config.cut], config.support)
     found: list[Branch] = []
     count = 0
