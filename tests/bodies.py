@@ -291,7 +291,8 @@ def _floating(body: ReducedBody) -> ReducedBody:
         result[: int(frames), :, rigid:] = 0.0
         return result
 
-    assert body.masses is not None and body.inertia is not None
+    assert body.masses is not None
+    assert body.inertia is not None
     elastic = (np.arange(body.mode_count) >= rigid).astype(float)
     inertia = replace(
         body.inertia,

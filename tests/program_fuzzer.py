@@ -55,7 +55,10 @@ WHOLES = [
 def small_programs(seed=1):
     """Programs of every method and kind of body, as (name, image)."""
     small = {"modes": 3, "frames": 2, "interfaces": 2}
-    models = {"held": body_of_everything(seed, **small), "free": body_of_everything(seed, **small | {"modes": 8}, free=True)}
+    models = {
+        "held": body_of_everything(seed, **small),
+        "free": body_of_everything(seed, **small | {"modes": 8}, free=True),
+    }
     models["cut"] = random_ties(models["held"], seed)
     for name, model in models.items():
         for method in Method:

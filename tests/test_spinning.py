@@ -1,7 +1,6 @@
 """Bodies that turn as a whole: what constant mass leaves out is told before it shows, and nothing where it does not."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest

@@ -121,6 +121,7 @@ def reduce_mesh(
         body,
         damping_ratio=damping_ratio,
         compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
+        following_interfaces=tuple(table.name for table in config.interface if table.follows),
         method=config.variant.method,
         mass=config.variant.mass,
         velocity_outputs=config.output.velocities,

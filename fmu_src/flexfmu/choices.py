@@ -49,12 +49,15 @@ class Interface:
         "area", "node" or "auto".
     compliance : bool
         Whether the FMU offers the interface's compliance over a step.
+    follows : bool
+        Whether force and moment turn with the interface.
     """
 
     nodes: Nodes
     point: Sequence[float] | None = None
     weights: str = "auto"
     compliance: bool = False
+    follows: bool = False
 
 
 class NodeChoices:
@@ -113,6 +116,7 @@ def interface_table(sets: NodeChoices, name: str, given: Interface | Nodes) -> d
         "nodes": sets.name(interface.nodes, f"interface {name}"),
         "weights": interface.weights,
         "compliance": interface.compliance,
+        "follows": interface.follows,
         **({} if interface.point is None else {"point": plain(interface.point)}),
     }
 

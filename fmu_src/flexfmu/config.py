@@ -85,6 +85,7 @@ class InterfaceTable(_Table):
     point: Vector | None = Field(default=None, examples=[[0.0, 0.0, 0.0]])
     weights: Literal["auto", "area", "node"] = "auto"
     compliance: bool = False
+    follows: bool = False
 
 
 class FrameTable(_Table):

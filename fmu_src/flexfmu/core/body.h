@@ -43,10 +43,12 @@ typedef struct {
 
 /* Loads on the nodes, with what follows from them alone; `f_`: without moments, which have no potential. */
 typedef struct {
-    double *force, *moment;           /* (K, 3) */
+    double *force, *moment;           /* (K, 3), fixed in direction */
+    double *follow;                   /* (I, 6): force and moment in the axes of an interface that they turn with */
     double *constant, *f_constant;    /* (m): modal force on the undeformed body */
     double *geometric, *f_geometric;  /* (m, m): geometric stiffness */
-    int active, has_moments;          /* whether the modal force depends on q; whether there are moments */
+    int active, has_moments;          /* whether the modal force depends on q; whether loads have no potential */
+    int following;                    /* whether any load turns with its interface */
 } Loads;
 
 /* What all internal steps of one length have in common: the exact propagation of the modes, docs/theory.md section 6. */

@@ -10,6 +10,7 @@ void take_loads(const Body *body, Arena *arena, Loads *loads) {
     const int64_t m = body->p.modes, n = body->p.nodes, square = body->p.by_load_given * m * m;
     loads->force = take(arena, 3 * n);
     loads->moment = take(arena, 3 * n);
+    loads->follow = take(arena, body->p.followers ? 6 * body->p.interfaces : 0);
     loads->constant = take(arena, m);
     loads->f_constant = take(arena, m);
     loads->geometric = take(arena, square);
@@ -28,7 +29,8 @@ void spread(const Body *body, const double *inputs, Loads *loads) {
     static const double none[3] = {0.0, 0.0, 0.0};
     const double *acceleration = p->masses ? inputs + 6 * count : none;
     int any = 0;
-    loads->has_moments = 0;
+    loads->has_moments = loads->following = 0;
+    memset(loads->follow, 0, (size_t)(p->followers ? 6 * count : 0) * sizeof(double));
     memset(loads->force, 0, (size_t)(3 * p->nodes) * sizeof(double));
     memset(loads->moment, 0, (size_t)(3 * p->nodes) * sizeof(double));
     memset(loads->f_constant, 0, (size_t)m * sizeof(double));
@@ -39,6 +41,15 @@ void spread(const Body *body, const double *inputs, Loads *loads) {
             any |= inputs[6 * i + c] != 0.0;
             loads->has_moments |= inputs[6 * i + 3 + c] != 0.0;
         }
+    for (int64_t i = 0; i < p->followers; i++) {
+        const int64_t one = p->follower[i], k = first + one;
+        for (int c = 0; c < 6; c++) loads->following |= inputs[6 * one + c] != 0.0;
+        memcpy(loads->follow + 6 * one, inputs + 6 * one, 6 * sizeof(double));
+        memset(loads->force + 3 * k, 0, 3 * sizeof(double));
+        memset(loads->moment + 3 * k, 0, 3 * sizeof(double));
+    }
+    /* They have no potential, as moments have none. */
+    loads->has_moments |= loads->following;
     /* d'Alembert: in the supports' frame each mass feels the acceleration as a force against it. */
     for (int64_t i = 0; i < p->masses; i++)
         for (int c = 0; c < 3; c++) {
@@ -51,6 +62,11 @@ void spread(const Body *body, const double *inputs, Loads *loads) {
     memcpy(loads->constant, loads->f_constant, (size_t)m * sizeof(double));
     if (loads->has_moments)
         add_rows(loads->moment + 3 * first, p->load_operator + 3 * count * m, loads->constant, 3 * count, m);
+    for (int64_t i = 0; loads->following && i < p->followers; i++) {
+        const int64_t one = p->follower[i];
+        add_rows(inputs + 6 * one, p->load_operator + 3 * one * m, loads->constant, 3, m);
+        add_rows(inputs + 6 * one + 3, p->load_operator + 3 * (count + one) * m, loads->constant, 3, m);
+    }
     if (p->by_load_given) {
         memset(loads->geometric, 0, (size_t)(m * m) * sizeof(double));
         memset(loads->f_geometric, 0, (size_t)(m * m) * sizeof(double));
@@ -106,6 +122,19 @@ static void add_tie_loads(const Body *body, const Configuration *at, const doubl
         }
 }
 
+void add_followers(const Body *body, const Loads *loads, const Configuration *at, double *force, double *moment) {
+    const Program *p = &body->p;
+    for (int64_t i = 0; loads->following && i < p->followers; i++) {
+        const int64_t k = p->frames + p->follower[i];
+        double turned[3];
+        for (int end = 0; end < 2; end++) {
+            double *to = (end ? moment : force) + 3 * k;
+            apply(at->rotation + 9 * k, loads->follow + 6 * p->follower[i] + 3 * end, turned);
+            for (int c = 0; c < 3; c++) to[c] += turned[c];
+        }
+    }
+}
+
 int64_t modal_force_size(const Body *body) {
     const Program *p = &body->p;
     return larger(12 * p->ties + 6 * p->nodes + pass_back_size(body), p->by_mode_given * p->modes * p->modes);
@@ -123,6 +152,7 @@ void modal_force(const Body *body, const Loads *loads, int with_moments, const C
         memset(force, 0, (size_t)(6 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
+        if (with_moments) add_followers(body, loads, at, force, moment);
         if (!tense) tie_tension(body, at, own);
         add_tie_loads(body, at, tense ? tense : own, force, moment);
         pass_back(body, at, force, moment, moment + 3 * n, out);
@@ -274,6 +304,21 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
         memset(force, 0, (size_t)(6 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
+        if (with_moments && loads->following) {
+            /* What turns with an interface changes by its spin. */
+            double *turned = rest, hat[9];
+            memset(turned, 0, (size_t)(6 * n) * sizeof(double));
+            add_followers(body, loads, at, turned, turned + 3 * n);
+            for (int64_t i = 0; i < 6 * n; i++) force[i] += turned[i];
+            for (int64_t i = 0; i < p->followers; i++)
+                for (int end = 0; end < 2; end++) {
+                    const int64_t k = p->frames + p->follower[i];
+                    skew(turned + 3 * n * end + 3 * k, hat);
+                    for (int c = 0; c < 9; c++) hat[c] = -hat[c];
+                    apply_rows(hat, spin + 3 * k * m, row, m);
+                    add_transposed_product((end ? spin : translation) + 3 * k * m, row, out, 3, m, m);
+                }
+        }
         if (p->ties) {
             if (!tense) tie_tension(body, at, own);
             add_tie_loads(body, at, tense ? tense : own, force, moment);

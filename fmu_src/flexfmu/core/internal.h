@@ -58,6 +58,8 @@ void row_derivative(const Body *body, const Configuration *at, int64_t row, int6
 
 /* forces.c */
 void spread(const Body *body, const double *inputs, Loads *loads);
+/* Add loads that turn with their interfaces to (K, 3) each. */
+void add_followers(const Body *body, const Loads *loads, const Configuration *at, double *force, double *moment);
 int64_t modal_force_size(const Body *body);
 void modal_force(const Body *body, const Loads *loads, int with_moments, const Configuration *at, const double *tense,
                  double *scratch, double *out);

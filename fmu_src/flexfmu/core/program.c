@@ -128,6 +128,8 @@ static const char *inconsistent(const Program *p) {
     if (p->missed_modes > m || 2 * p->missed_pairs != p->missed_modes * (p->missed_modes + 1)) return "pairs of coordinates are missing";
     if (!positive(p->lump_mass, p->lumps, 1)) return "a lump's mass is negative";
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";
+    if (!within(p->follower, p->followers, 0, p->interfaces - 1) || (p->followers && p->placement != PLACE_DEFORMED))
+        return "a load follows no interface";
     if (!within(p->compliance_interface, p->compliances, 0, p->interfaces - 1)) return "a compliance is of no interface";
     if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < 4)
         return "names are missing";

@@ -33,8 +33,9 @@ typedef struct {
 } End;
 
 typedef struct {
-    double *modal, *scratch, *matrix, *turned, *force, *bare, *inputs, *rates;
+    double *modal, *scratch, *matrix, *followers, *turned, *force, *bare, *inputs, *rates;
     Flow flow;
+    Stretch from, to; /* membrane energy at both ends of a step */
     Loads *loads;
 } Room;
 
@@ -61,9 +62,12 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     if (body->p.inertial) take_flow(body, arena, &room->flow);
     room->turned = take(arena, m);
     room->force = take(arena, m);
+    room->followers = take(arena, body->p.followers ? 6 * body->p.nodes : 0);
     room->bare = take(arena, m);
     room->rates = take(arena, m);
     room->inputs = take(arena, body->p.loads);
+    take_stretch(body, arena, &room->from);
+    take_stretch(body, arena, &room->to);
 }
 
 int64_t free_size(const Body *body) {
@@ -148,6 +152,9 @@ static void spread_turned(const Body *body, const double *inputs, const double *
     const Program *p = &body->p;
     for (int64_t i = 0; i < p->loads / 3; i++)
         apply_back(i % 2 && i < 2 * p->interfaces ? moments : forces, inputs + 3 * i, room->inputs + 3 * i);
+    /* What turns with its interface is in the body's own axes already. */
+    for (int64_t i = 0; i < p->followers; i++)
+        memcpy(room->inputs + 6 * p->follower[i], inputs + 6 * p->follower[i], 6 * sizeof(double));
     spread(body, room->inputs, room->loads);
 }
 
@@ -157,11 +164,13 @@ static void sum_loads(const Program *p, const double *loads, double *sum) {
         for (int i = 0; i < 3; i++) sum[i] += loads[3 * k + i];
 }
 
-/* All forces of some inputs, global axes. */
+/* All forces of fixed direction, global axes. */
 static void total_force(const Program *p, const double *inputs, double *sum) {
     memset(sum, 0, 3 * sizeof(double));
     for (int64_t k = 0; k < p->interfaces; k++)
         for (int i = 0; i < 3; i++) sum[i] += inputs[6 * k + i];
+    for (int64_t k = 0; k < p->followers; k++)
+        for (int i = 0; i < 3; i++) sum[i] -= inputs[6 * p->follower[k] + i];
     for (int64_t k = 0; k < p->masses; k++)
         for (int i = 0; i < 3; i++) sum[i] -= p->mass[k] * inputs[6 * p->interfaces + i];
 }
@@ -180,6 +189,33 @@ static void end_momentum(const Program *p, const double *turned, const double *s
         for (int i = 0; i < 3; i++) now[i] = turning[i] + h * moment[i];
     }
     for (int64_t a = 0; a < p->turn_axes; a++) z[a] = dot(p->turn_axis + 3 * a, now, 3);
+}
+
+/* Take off what membrane energy resists between two places, of elastic forces (m - r). */
+static void resist(const Body *body, const Stretch *from, const Stretch *to, Room *room, double *out) {
+    const Program *p = &body->p;
+    if (!p->stretches) return;
+    memset(room->turned, 0, (size_t)p->modes * sizeof(double));
+    subtract_stretch_force(body, from, to, room->turned);
+    for (int64_t j = 0; j < p->modes - p->rigid; j++) out[j] += room->turned[p->rigid + j];
+}
+
+/* Add the force and the moment about the centre of mass of loads that turn with their interfaces, in the root's axes. */
+static void push_of_followers(const Body *body, const Loads *loads, const Configuration *at, const double *centre, Room *room,
+                              double *total, double *about) {
+    const Program *p = &body->p;
+    if (!loads->following) return;
+    double *force = room->followers, *moment = force + 3 * p->nodes, lever[3], turned[3];
+    memset(force, 0, (size_t)(6 * p->nodes) * sizeof(double));
+    add_followers(body, loads, at, force, moment);
+    for (int64_t k = p->frames; k < p->frames + p->interfaces; k++) {
+        for (int i = 0; i < 3; i++) lever[i] = at->position[3 * k + i] - p->point[i] - centre[i];
+        cross(lever, force + 3 * k, turned);
+        for (int i = 0; i < 3; i++) {
+            total[i] += force[3 * k + i];
+            about[i] += moment[3 * k + i] + turned[i];
+        }
+    }
 }
 
 /* Elastic forces (m - r) of the loads about the centre of mass. */
@@ -207,12 +243,15 @@ static void accelerations(Body *body, const double *inputs, const End *end, Room
     const Loads *loads = room->loads;
     sum_loads(p, loads->force, total);
     sum_loads(p, loads->moment, moment);
+    push_of_followers(body, loads, end->at, end->mass.centre, room, total, moment);
     for (int64_t k = 0; k < p->nodes; k++) {
         for (int i = 0; i < 3; i++) lever[i] = end->at->position[3 * k + i] - p->point[i] - end->mass.centre[i];
         cross(lever, loads->force + 3 * k, about);
         for (int i = 0; i < 3; i++) moment[i] += about[i];
     }
     elastic_force(body, loads, 1, end->at, end->mass.shift, total, room, out + t);
+    stretch_at(body, end->at->q, &room->to);
+    resist(body, &room->to, &room->to, room, out + t);
     for (int64_t a = 0; a < t; a++) out[a] = dot(p->turn_axis + 3 * a, moment, 3);
     along_axes(p, end->z, spin);
     if (p->inertial) {
@@ -289,9 +328,11 @@ static void leave(Body *body, const End *end, double *q, double *v) {
     modal_rates(p, end->z, rate, v);
 }
 
-/* The mean R of the rotations at both ends of a turn by h `spin`, the inverse of its transpose, and the stretch of w. */
-static double mean_rotation(const double *start, const double *spin, double h, double *end, double *mean, double *inverse) {
-    double turn[3], half[3], jacobian[9], step[9], middle[9], stretch[9] = {0};
+/* The mean R of the rotations at both ends of a turn by h `spin`, the inverse of its transpose, the rotation halfway, and the
+ * stretch of w. */
+static double mean_rotation(const double *start, const double *spin, double h, double *end, double *mean, double *inverse,
+                            double *middle) {
+    double turn[3], half[3], jacobian[9], step[9], stretch[9] = {0};
     for (int i = 0; i < 3; i++) {
         turn[i] = h * spin[i];
         half[i] = 0.5 * turn[i];
@@ -337,7 +378,7 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
     memset(gradient, 0, (size_t)m * sizeof(double));
     for (int64_t number = 0; number < d->count; number++) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
-        double turning[3], spin[3], total[3], growth[3] = {0}, moment[3], mean[9], inverse[9];
+        double turning[3], spin[3], total[3], followed[3] = {0}, everything[3], centre[3], growth[3] = {0}, moment[3], mean[9], inverse[9], middle[9];
         for (int64_t j = 0; j < e; j++) {
             const double at = start->at->q[r + j], rate = start->z[t + j];
             free_q[j] = rule->p11[r + j] * at + rule->p12[r + j] * rate;
@@ -358,6 +399,7 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
             inputs = between;
         }
         if (d->inputs_end || number == 0) accelerations(body, inputs, start, &room, before);
+        stretch_at(body, start->at->q, &room.from);
         momentum_of(p, &start->mass, start->z, 1, momentum);
         along_axes(p, momentum, turning);
         for (int64_t a = 0; a < t; a++) end->z[a] = start->z[a] + h * before[a];
@@ -372,7 +414,7 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
         for (int round = 1;; round++) {
             if (round > MOST_ROUNDS || !(norm(spin, 3) * h <= LONGEST_TURN)) return UNSETTLED;
             d->rounds++;
-            const double stretch = mean_rotation(start->rotation, spin, h, end->rotation, mean, inverse);
+            const double stretch = mean_rotation(start->rotation, spin, h, end->rotation, mean, inverse, middle);
             configure(body, q1, end->at);
             configure_halfway(body, 0, start->at, end->at, &ends.middle);
             if (p->inertial) inertia_at(body, end->at, &room, &end->mass);
@@ -392,9 +434,15 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
                 cross(lever, force, about);
                 for (int i = 0; i < 3; i++) moment[i] += stretch * about[i];
             }
-            for (int i = 0; i < 3; i++) work -= total[i] * (end->mass.centre[i] - start->mass.centre[i]);
+            for (int i = 0; i < 3; i++) {
+                work -= total[i] * (end->mass.centre[i] - start->mass.centre[i]);
+                centre[i] = 0.5 * (start->mass.centre[i] + end->mass.centre[i]);
+                followed[i] = 0.0;
+            }
+            push_of_followers(body, loads, &ends.middle, centre, &room, followed, moment);
+            for (int i = 0; i < 3; i++) everything[i] = total[i] + followed[i];
             for (int64_t i = 0; i < 3 * n; i++) shift[i] = 0.5 * (start->mass.shift[i] + end->mass.shift[i]);
-            elastic_force(body, loads, 1, &ends.middle, shift, total, &room, push);
+            elastic_force(body, loads, 1, &ends.middle, shift, everything, &room, push);
             const double *conservative = push;
             if (loads->has_moments) {
                 elastic_force(body, loads, 0, &ends.middle, shift, total, &room, room.bare);
@@ -419,6 +467,8 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
             const double square = dot(way, way, e);
             const double factor = square > 0.0 && fabs(bracket) > ROUND_OFF * reach ? bracket / square : 0.0;
             for (int64_t j = 0; j < e; j++) push[j] += gradient[r + j] + factor * way[j];
+            stretch_at(body, q1, &room.to);
+            resist(body, &room.from, &room.to, &room, push);
             /* Spin and elastic rates at the end from the momenta there. */
             for (int64_t i = 0; i < solved; i++)
                 for (int64_t j = 0; j < solved; j++) {
@@ -429,7 +479,7 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
             double off = HUGE_VAL;
             for (int turn = 0; turn < MOST_TURNS && off > SAME_TURN; turn++) {
                 double now[3];
-                if (turn) mean_rotation(start->rotation, spin, h, end->rotation, mean, inverse);
+                if (turn) mean_rotation(start->rotation, spin, h, end->rotation, mean, inverse, middle);
                 end_momentum(p, end->rotation, start->rotation, mean, turning, moment, h, z);
                 for (int64_t j = 0; j < e; j++) z[t + j] = free_v[j] + gv[j] * (push[j] + momentum[t + j] / h);
                 lu_solve(room.matrix, body->pivot, z, solved, 1);
@@ -464,7 +514,7 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
             if (round > 1 && size * fmin(1.0, size / before_size) <= TOLERANCE) break;
             before_size = size;
         }
-        mean_rotation(start->rotation, spin, h, end->rotation, mean, inverse);
+        mean_rotation(start->rotation, spin, h, end->rotation, mean, inverse, middle);
         configure(body, q1, end->at);
         if (p->inertial) inertia_at(body, end->at, &room, &end->mass);
         /* Whatever is left of the iteration's error, momentum is what it ought to be. */
@@ -476,8 +526,9 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
         if (!lu_factor(room.matrix, body->pivot, t)) return UNSETTLED;
         lu_solve(room.matrix, body->pivot, end->z, t, 1);
         total_force(p, inputs, total);
+        apply(middle, followed, everything);
         for (int i = 0; i < 3; i++) {
-            const double pushed = p->turn_slides ? h * total[i] / mass : 0.0;
+            const double pushed = p->turn_slides ? h * (total[i] + everything[i]) / mass : 0.0;
             end->angle[i] = start->angle[i] + h * spin[i];
             end->velocity[i] = start->velocity[i] + pushed;
             end->place[i] = start->place[i] + h * (start->velocity[i] + 0.5 * pushed);

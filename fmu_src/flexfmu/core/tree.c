@@ -169,6 +169,10 @@ void find_need(Body *body, const double *inputs, const double *inputs_end) {
             if (k < masses) body->need[k].turn |= !(own[3] == 0.0 && own[4] == 0.0 && own[5] == 0.0);
         }
     }
+    for (int64_t i = 0; i < p->followers; i++) {
+        Need *own = body->need + first + p->follower[i];
+        own->offset = own->turn = own->offset || own->turn;
+    }
 }
 
 /* Keep the configuration of a q, of which what `need` says is known. */

@@ -5,11 +5,15 @@
 
 #include "internal.h"
 
+/* Growth of vibrations over the lowest frequency that is none but round-off. */
+static const double FLUTTER = 1e-6;
+
 /* Tangent of the elastic coordinates over the unloaded one, and workspaces. */
 typedef struct {
     Configuration at;
     Loads loads;
     double *tangent, *unloaded, *scaled, *lower, *shapes, *values, *rest, *operator_, *translation, *spin, *gaps, *row;
+    double *state; /* (2e, 2e) with loads that turn with the body */
     double *motion, *change, *scratch, *unit, *force, *tense, *none;
     Pull pull;
     Rates rates;
@@ -39,6 +43,7 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->force = take(arena, 2 * m);
     room->tense = take(arena, 12 * p->ties);
     room->none = take(arena, p->loads);
+    room->state = take(arena, p->followers ? 4 * p->elastic_count * p->elastic_count : 0);
     take_pull(body, arena, &room->pull);
     take_rates(body, arena, &room->rates);
 }
@@ -97,6 +102,28 @@ static int64_t scaled_tangent(Body *body, const double *inputs, const double *q,
     return m;
 }
 
+/* With loads that turn with the body the tangent is not symmetric. The smallest real part of the eigenvalues of the scaled
+ * tangent tells divergence; where vibrations grow, how fast, over the lowest frequency, with its sign reversed: flutter. */
+static double follower_stability(const Body *body, Room *room) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first, n = 2 * e;
+    double *state = room->state;
+    memset(state, 0, (size_t)(n * n) * sizeof(double));
+    for (int64_t i = 0; i < e; i++) {
+        const int64_t a = first + i;
+        /* Coordinates by their frequency, which balances the matrix: y = omega q, v. */
+        state[i * n + e + i] = -p->omega[a];
+        state[(e + i) * n + e + i] = body->rate[a];
+        for (int64_t j = 0; j < e; j++) {
+            const double of = room->tangent[a * m + first + j];
+            state[(e + i) * n + j] = of / p->omega[first + j];
+            room->scaled[i * e + j] = of / (p->omega[a] * p->omega[first + j]);
+        }
+    }
+    const double growth = -smallest_real_part(state, n) / p->omega[first];
+    return growth > FLUTTER ? -growth : smallest_real_part(room->scaled, e);
+}
+
 double body_stability(Body *body, const double *inputs, const double *q, double *shape) {
     const int64_t first = body->p.tied ? 0 : body->p.elastic_first;
     Arena arena = work_arena(body);
@@ -106,6 +133,7 @@ double body_stability(Body *body, const double *inputs, const double *q, double 
     for (int64_t i = 0; i < e * e; i++)
         if (!isfinite(room.scaled[i])) return NAN;
     symmetric_eigen(room.scaled, room.values, room.shapes, e);
+    if (room.loads.following && !body->p.tied) room.values[0] = follower_stability(body, &room);
     if (shape) {
         memset(shape, 0, (size_t)body->p.modes * sizeof(double));
         for (int64_t i = 0; i < e; i++) shape[first + i] = room.shapes[i * e];
@@ -118,6 +146,7 @@ int body_is_stable(Body *body, const double *inputs, const double *q, double mar
     Room room;
     take_room(body, &arena, &room);
     const int64_t e = scaled_tangent(body, inputs, q, &room);
+    if (room.loads.following && !body->p.tied) return follower_stability(body, &room) > margin;
     for (int64_t i = 0; i < e; i++) room.scaled[i * e + i] -= margin;
     return cholesky(room.scaled, e);
 }
@@ -367,7 +396,12 @@ static void force_by_load(const Body *body, const Configuration *at, int64_t int
     const Program *p = &body->p;
     const int64_t m = p->modes, k = p->frames + interface, load = 6 * interface + c;
     const double *moved = p->load_operator + 3 * interface * m, *turned = p->load_operator + 3 * (p->interfaces + interface) * m;
-    if (p->placement == PLACE_DEFORMED) {
+    int follows = 0;
+    for (int64_t i = 0; i < p->followers; i++) follows |= p->follower[i] == interface;
+    if (follows) {
+        memset(out, 0, (size_t)m * sizeof(double));
+        for (int i = 0; i < 3; i++) add_rows(at->rotation + 9 * k + 3 * i + c % 3, motion + (3 * (c / 3) + i) * m, out, 1, m);
+    } else if (p->placement == PLACE_DEFORMED) {
         memcpy(out, motion + c * m, (size_t)m * sizeof(double));
     } else {
         memcpy(out, c < 3 ? moved + c * m : turned + (c - 3) * m, (size_t)m * sizeof(double));
@@ -425,6 +459,7 @@ void body_derivative(Body *body, const double *inputs, double step, const double
     memset(room.loads.force, 0, (size_t)(3 * p->nodes) * sizeof(double));
     memset(room.loads.moment, 0, (size_t)(3 * p->nodes) * sizeof(double));
     memset(room.loads.constant, 0, (size_t)m * sizeof(double));
+    room.loads.following = 0;
     memset(room.loads.geometric, 0, (size_t)(p->by_load_given * m * m) * sizeof(double));
     modal_force(body, &room.loads, 1, &room.at, 0, room.scratch, without);
     for (int64_t j = 0; j < m; j++) room.row[j] = rule->gq[j] * (with[j] - without[j]);

@@ -200,6 +200,7 @@ _LOADS = (
     ("force", "N", "force at the reference point, fixed in direction"),
     ("moment", "N.m", "moment about the moving reference point, fixed in direction"),
 )
+_FOLLOWING = {"force": "force at the reference point", "moment": "moment about the reference point"}
 # Rows and columns of an interface's compliance, and the unit of each pair of their first letters.
 _COMPLIANCE_ROWS = {f"u{axis}": f"displacement along {axis}" for axis in AXES}
 _COMPLIANCE_ROWS |= {f"r{axis}": f"rotation about {axis}" for axis in AXES}
@@ -258,7 +259,9 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
                 None if group is Group.INPUT else "calculated",
                 0.0 if group is Group.INPUT else None,
                 unit,
-                f"{interface}: {words}, along the global {axis} axis",
+                f"{interface}: {words}, along the global {axis} axis"
+                if group is not Group.INPUT or interface not in body.following_interfaces
+                else f"{interface}: {_FOLLOWING[quantity]}, along the interface's own {axis} axis, which turns with it",
                 nominal=nominal[quantity],
             )
             for interface in body.interface_names

@@ -42,6 +42,7 @@ def _attributes(body: ReducedBody) -> dict[str, Any]:
         "mass": body.mass.value,
         "velocity_outputs": body.velocity_outputs,
         "compliance_interfaces": ",".join(body.compliance_interfaces),
+        "following_interfaces": ",".join(body.following_interfaces),
         "root_interface": body.root_interface,
         "floating": body.floating,
     }
@@ -148,6 +149,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         mass=Mass(file.attrs["mass"]),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),
+        following_interfaces=tuple(filter(None, str(file.attrs.get("following_interfaces", "")).split(","))),
         root_interface=int(file.attrs["root_interface"]),
         floating=bool(file.attrs["floating"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},

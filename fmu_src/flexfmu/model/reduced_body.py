@@ -259,6 +259,8 @@ class ReducedBody:
         Whether the FMU offers velocities and angular velocities.
     compliance_interfaces : tuple of str
         Interfaces whose compliance the FMU offers.
+    following_interfaces : tuple of str
+        Interfaces whose forces and moments turn with them: given on the axes of the undeformed body, carried along.
     root_interface : int
         Of a free body whose basis holds the constraint modes of its interfaces: the one that the tree of frames hangs
         on when it is fixed. Else `GROUND`.
@@ -303,6 +305,7 @@ class ReducedBody:
     mass: Mass = Mass.CONSTANT
     velocity_outputs: bool = False
     compliance_interfaces: tuple[str, ...] = ()
+    following_interfaces: tuple[str, ...] = ()
     root_interface: int = GROUND
     floating: bool = False
     provenance: dict[str, str] = field(default_factory=dict)
@@ -361,6 +364,8 @@ class ReducedBody:
             raise ModalFileError(
                 f"compliance_interfaces are {self.compliance_interfaces}, expected names of interfaces"
             )
+        if not set(self.following_interfaces) <= set(self.interface_names):
+            raise ModalFileError(f"following_interfaces are {self.following_interfaces}, expected names of interfaces")
         if not GROUND <= self.root_interface < self.interface_count:
             raise ModalFileError("root_interface must name an interface, or be -1")
         if self.floating and not self.frame_count:

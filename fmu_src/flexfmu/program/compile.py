@@ -93,6 +93,11 @@ def compile_draft(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT)
         draft.arrays["by_load"] = by_load
     elif body.ties is None and recipe.kinematics is not Kinematics.SECOND_ORDER:
         _judge(draft, body, recipe)
+    if recipe.loads is LoadPlacement.DEFORMED and body.following_interfaces:
+        # Only now: what has been found above is of loads of fixed direction.
+        following = [body.interface_names.index(name) for name in body.following_interfaces]
+        draft.sizes |= {"followers": len(following), "placement": _PLACEMENT[LoadPlacement.DEFORMED]}
+        draft.arrays["follower"] = np.array(following, dtype=np.int64)
     return draft
 
 
@@ -313,7 +318,7 @@ def _turns(draft: Draft, body: ReducedBody) -> None:
     turning, sliding = motion[3:, :rigid], motion[:3, :rigid]
     axes, values, _ = np.linalg.svd(turning, full_matrices=False)
     axis = axes.T[values > _HELD * values.max(initial=0.0)]
-    if len(axis) == 3:  # noqa: PLR2004
+    if len(axis) == 3:
         axis = np.eye(3)
     slides = rigid == len(axis) + 3
     elastic, own = np.abs(motion[:, rigid:]).max(), np.abs(motion[:, :rigid]).max(initial=0.0)
@@ -374,8 +379,8 @@ def _against_missed(body: ReducedBody, recipe: Recipe, source: str) -> str:
 def _against_spin(body: ReducedBody, recipe: Recipe) -> str:
     """What to do about inertia that constant mass does not know."""
     words = 'take mass = "configuration"'
-    if recipe.kinematics is not Kinematics.COROTATED:
-        words += ' with method = "frames"'
+    if recipe.kinematics is not Kinematics.SECOND_ORDER:
+        words += ' with method = "second_order"'
     if body.inertia is None:
         words = f"build with inertia = true in [reduction], and {words}"
     return words
