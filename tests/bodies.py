@@ -268,8 +268,7 @@ def body_of_everything(
         still = [part * np.outer(elastic, elastic) for part in (body.second.displacement, body.second.rotation)]
         still = [np.concatenate([0.0 * part[:1], part[1:]]) for part in still]
         body = replace(body, second=SecondOrder(*still))
-    body = with_membrane(body, 3.0)
-    return body
+    return with_membrane(body, 3.0)
 
 
 def _floating(body: ReducedBody) -> ReducedBody:

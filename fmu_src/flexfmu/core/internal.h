@@ -132,6 +132,12 @@ int64_t tied_size(const Body *body);
 int tied_steps(Body *body, Division *d, double *q, double *v);
 int64_t inertial_size(const Body *body);
 int inertial_steps(Body *body, Division *d, double *q, double *v);
+/* Take what earlier rounds have shown of how errors follow from changes out of the error at hand: `change` (m), an error of
+ * the mean, becomes the change to be subtracted. `seen`, 2 (LEARNT_ROUNDS + 1) m numbers, holds pairs: of errors, orthonormal
+ * as `size` weighs them, and of the means that made them; the pair in the making comes last, with the error and the mean of
+ * the round before. */
+enum { LEARNT_ROUNDS = 16 };
+void learn(const double *size, const double *mean, int64_t m, int round, int *pairs, double *seen, double *change);
 int64_t free_size(const Body *body);
 int free_steps(Body *body, Division *d, double *q, double *v);
 

@@ -10,12 +10,12 @@
 
 #include "internal.h"
 
-static const double TOLERANCE = 1e-13;
+static const double TOLERANCE = 1e-12;
 /* Turn of the root frame in one internal step, rad, beyond which it is divided. */
 static const double LONGEST_TURN = 1.0;
 /* Change of that turn which is round-off. */
 static const double SAME_TURN = 2e-16;
-enum { MOST_ROUNDS = 30, MOST_TURNS = 60 };
+enum { MOST_ROUNDS = LEARNT_ROUNDS, MOST_TURNS = 60 };
 
 /* Mass of turn and elastic coordinates about the centre of mass, and what moves that centre. */
 typedef struct {
@@ -77,7 +77,7 @@ int64_t free_size(const Body *body) {
     take_room(body, &count, &room);
     take_end(body, &count, &end);
     take_end(body, &count, &end);
-    return count.used + ends_size(body) + 15 * body->p.modes + body->p.loads;
+    return count.used + ends_size(body) + 18 * body->p.modes + 2 * (MOST_ROUNDS + 1) * body->p.modes + body->p.loads;
 }
 
 /* Modal rates (m) of a body that turns and bends by z and whose root moves by `velocity`, in the root's axes. */
@@ -370,10 +370,15 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
     double *before = take(&arena, m), *after = take(&arena, m), *free_q = take(&arena, m), *free_v = take(&arena, m);
     double *q1 = take(&arena, m), *way = take(&arena, m), *momentum = take(&arena, m), *reached = take(&arena, m);
     double *gradient = take(&arena, m), *half = take(&arena, m), *z = take(&arena, m), *push = take(&arena, m);
-    double *shift = take(&arena, 3 * m), *between = take(&arena, p->loads);
+    double *shift = take(&arena, 3 * m), *between = take(&arena, p->loads), *sizes = take(&arena, m), *mean_force = take(&arena, m);
+    double *changed = take(&arena, m), *seen = take(&arena, 2 * (MOST_ROUNDS + 1) * m);
 
     d->worst = 0.0;
     enter(body, q, v, start, &room);
+    for (int64_t j = 0; j < e; j++) {
+        const double reached_by = p->weight[r + j] * gq[j];
+        sizes[j] = reached_by * reached_by + gv[j] * gv[j];
+    }
     memset(q1, 0, (size_t)r * sizeof(double));
     memset(gradient, 0, (size_t)m * sizeof(double));
     for (int64_t number = 0; number < d->count; number++) {
@@ -404,13 +409,15 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
         along_axes(p, momentum, turning);
         for (int64_t a = 0; a < t; a++) end->z[a] = start->z[a] + h * before[a];
         for (int64_t j = 0; j < e; j++) {
+            mean_force[j] = before[t + j];
             q1[r + j] = free_q[j] + gq[j] * before[t + j];
             end->z[t + j] = free_v[j] + gv[j] * before[t + j];
         }
         for (int64_t i = 0; i < n; i++) half[i] = 0.5 * (start->z[i] + end->z[i]);
         along_axes(p, half, spin);
         if (!p->inertial) end->mass = start->mass;
-        double size = HUGE_VAL, before_size = HUGE_VAL;
+        double size, before_size = 0.0;
+        int pairs = 0;
         for (int round = 1;; round++) {
             if (round > MOST_ROUNDS || !(norm(spin, 3) * h <= LONGEST_TURN)) return UNSETTLED;
             d->rounds++;
@@ -466,6 +473,7 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
             }
             const double square = dot(way, way, e);
             const double factor = square > 0.0 && fabs(bracket) > ROUND_OFF * reach ? bracket / square : 0.0;
+            const double uncertain = factor != 0.0 ? NOISE * ROUND_OFF * reach / square : 0.0;
             for (int64_t j = 0; j < e; j++) push[j] += gradient[r + j] + factor * way[j];
             stretch_at(body, q1, &room.to);
             resist(body, &room.from, &room.to, &room, push);
@@ -476,7 +484,7 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
                     room.matrix[i * solved + j] = i < t ? of : one + gv[i - t] / h * (of - one);
                 }
             if (!lu_factor(room.matrix, body->pivot, solved)) return UNSETTLED;
-            double off = HUGE_VAL;
+            double off = HUGE_VAL, turn_by[3] = {0};
             for (int turn = 0; turn < MOST_TURNS && off > SAME_TURN; turn++) {
                 double now[3];
                 if (turn) mean_rotation(start->rotation, spin, h, end->rotation, mean, inverse, middle);
@@ -494,24 +502,36 @@ int free_steps(Body *body, Division *d, double *q, double *v) {
                 if (t == 1) break;
             }
             momentum_of(p, &end->mass, z, 1, reached);
-            double change = 0.0, sized = 0.0;
+            for (int64_t j = 0; j < e; j++) changed[j] = mean_force[j] - push[j] + (reached[t + j] - momentum[t + j]) / h;
+            learn(sizes, mean_force, e, round, &pairs, seen, changed);
+            double moved = 0.0, sized = 0.0, blurred = 0.0;
             for (int64_t j = 0; j < e; j++) {
-                const double to = free_q[j] + gq[j] * (push[j] - (reached[t + j] - momentum[t + j]) / h);
-                const double by = p->weight[r + j] * (to - q1[r + j]), far = p->weight[r + j] * to;
-                change += by * by;
-                sized += far * far;
-                q1[r + j] = to;
+                const double blur = uncertain * way[j];
+                mean_force[j] -= changed[j];
+                q1[r + j] = free_q[j] + gq[j] * mean_force[j];
+                const double rate = free_v[j] + gv[j] * mean_force[j], far = p->weight[r + j] * q1[r + j];
+                /* What turns with it by the momentum that it leaves. */
+                for (int64_t a = 0; p->inertial && a < t; a++) turn_by[a] += end->mass.whole[a * n + t + j] * (z[t + j] - rate);
+                end->z[t + j] = rate;
+                moved += sizes[j] * changed[j] * changed[j];
+                sized += far * far + rate * rate;
+                blurred += sizes[j] * blur * blur;
             }
-            for (int64_t i = 0; i < n; i++) {
-                const double unit = i < t ? end->mass.whole[i * n + i] : 1.0;
-                change += unit * (z[i] - end->z[i]) * (z[i] - end->z[i]);
-                sized += unit * z[i] * z[i];
-                end->z[i] = z[i];
+            for (int64_t i = 0; i < t; i++) memcpy(room.matrix + i * t, end->mass.whole + i * n, (size_t)t * sizeof(double));
+            if (!lu_factor(room.matrix, body->pivot, t)) return UNSETTLED;
+            lu_solve(room.matrix, body->pivot, turn_by, t, 1);
+            for (int64_t a = 0; a < t; a++) {
+                const double unit = end->mass.whole[a * n + a], now = z[a] + turn_by[a], by = now - end->z[a];
+                moved += unit * by * by;
+                sized += unit * now * now;
+                end->z[a] = now;
             }
-            size = sized > 0.0 ? sqrt(change / sized) : 0.0;
+            const double scale = sqrt(sized);
+            size = scale > 0.0 ? sqrt(moved) / scale : 0.0;
             if (!isfinite(size)) return UNSETTLED;
             /* What is left is the change times the rate at which changes fall. */
-            if (round > 1 && size * fmin(1.0, size / before_size) <= TOLERANCE) break;
+            const double rate = size < before_size ? size / before_size : 1.0;
+            if (size * rate * scale <= fmax(TOLERANCE * scale, sqrt(blurred))) break;
             before_size = size;
         }
         mean_rotation(start->rotation, spin, h, end->rotation, mean, inverse, middle);

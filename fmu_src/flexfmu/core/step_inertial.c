@@ -15,7 +15,7 @@ static const double TOLERANCE = 1e-12;
 /* Change below which what acts in the middle is left as it is: energy does not depend on it, and the rest far below the
  * error. */
 static const double SETTLED = 1e-6;
-enum { MOST_ROUNDS = 16 };
+enum { MOST_ROUNDS = LEARNT_ROUNDS };
 /* Part of a difference of two rounds' errors that has to be new, for it to tell anything. */
 static const double NEW = 1e-6;
 
@@ -70,10 +70,7 @@ static void end_force(Body *body, const Loads *loads, const Configuration *at, c
     for (int64_t j = 0; j < m; j++) force[j] += pulled[j];
 }
 
-/* Take what earlier rounds have shown of how errors follow from changes out of the error at hand: `change`, an error of the
- * mean, becomes the change to be subtracted. `seen` holds pairs: of errors, orthonormal as `size` weighs them, and of the
- * means that made them; the pair in the making comes last, with the error and the mean of the round before. */
-static void learn(const double *size, const double *mean, int64_t m, int round, int *pairs, double *seen, double *change) {
+void learn(const double *size, const double *mean, int64_t m, int round, int *pairs, double *seen, double *change) {
     double *error = seen + 2 * MOST_ROUNDS * m, *place = error + m;
     double *y = seen + 2 * *pairs * m, *x = y + m;
     if (round > 1) {
