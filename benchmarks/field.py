@@ -126,8 +126,8 @@ def rotating_beam(cells: int = 16, modes: int = 24) -> ReducedBody:
     """The beam of Simo and Vu-Quoc on a hinge: EA 2.8e7 N, EI 1.4e4 N m², GA 1e7 N, ρA 1.2 kg/m, ρI 6e-4 kg m, 10 m.
 
     A square section has EI/EA = ρI/ρA = b²/12, which gives b, Young's modulus and density; 5/6 GA asks for
-    Poisson's ratio 1/6. The hinge lies in the root's section. Behind it stands a stiff hub of 2000 times the beam's inertia, so
-    that a moment turns the root as prescribed.
+    Poisson's ratio 1/6. The hinge lies in the root's section. Behind it stands a stiff hub of 2000 times the beam's
+    inertia, so that a moment turns the root as prescribed.
     """
     side = float(np.sqrt(12.0 * 1.4e4 / 2.8e7))
     area = side * side
