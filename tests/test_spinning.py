@@ -129,9 +129,8 @@ def test_spin_about_changing_axes_is_the_rate_of_the_turn_not_of_its_vector(tmp_
     angles = [np.arccos(0.5 * np.trace(turn) - 0.5) for turn in between]
     steady = np.array([k not in (0, 1, 49, 50, 51) for k in range(1, 99)])
     np.testing.assert_allclose(np.array(spins[1:-1])[steady], (np.array(angles) / (2.0 * step))[steady], rtol=1e-3)
-    # Where nothing acts any more the axis still wanders.
-    axes = [turn[[2, 0, 1], [1, 2, 0]] - turn[[1, 2, 0], [2, 0, 1]] for turn in (between[51], between[-1])]
-    assert axes[0] @ axes[1] < 0.99 * np.linalg.norm(axes[0]) * np.linalg.norm(axes[1])
+    # Where nothing acts any more the spin still changes.
+    assert abs(spins[-1] / spins[51] - 1.0) > 2e-3
 
 
 @pytest.mark.parametrize("moment", [[0.1, 0.0, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 2.0]])
