@@ -37,7 +37,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 MODES = 20
 STEP = 1e-3
-PASSES = 5
+PASSES = 3
 # N along y at every interface, growing and falling: bends the beam by some 5 % of its length.
 FORCE = 500.0
 
