@@ -1,45 +1,22 @@
 """Reader of Abaqus and CalculiX decks: a body's mesh, sets, materials and supports from the model part."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from flexfmu.errors import DeckError, MeshError
+from flexfmu.mesh.deck_assembly import Assembly
 from flexfmu.mesh.deck_boundary import hold
 from flexfmu.mesh.deck_cards import Card, read_cards
 from flexfmu.mesh.deck_geometry import ElementTable, NodeTable
-from flexfmu.mesh.deck_materials import MaterialTable
+from flexfmu.mesh.deck_keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
+from flexfmu.mesh.deck_materials import Assigned, MaterialTable
 from flexfmu.mesh.deck_sets import SetTable
 from flexfmu.mesh.deck_surfaces import surface_nodes
-from flexfmu.mesh.model import ElementBlock, IntArray, Mesh
+from flexfmu.mesh.model import ElementBlock, FloatArray, IntArray, Mesh
 from flexfmu.mesh.units import UnitSystem
-
-# Keywords that are honoured and their parameters; others might change what the card means.
-HONOURED: dict[str, tuple[str, ...]] = {
-    "NODE": ("NSET",),
-    "ELEMENT": ("TYPE", "ELSET"),
-    "NSET": ("NSET", "GENERATE", "ELSET", "UNSORTED", "INTERNAL"),
-    "ELSET": ("ELSET", "GENERATE", "UNSORTED", "INTERNAL"),
-    "SURFACE": ("NAME", "TYPE", "INTERNAL"),
-    "MATERIAL": ("NAME",),
-    "ELASTIC": ("TYPE",),
-    "DENSITY": (),
-    "SOLID SECTION": ("ELSET", "MATERIAL"),
-    "BOUNDARY": ("AMPLITUDE",),
-}
-PARAMETERS = {keyword.replace(" ", ""): names for keyword, names in HONOURED.items()}
-
-# Say nothing of the body: passed over in silence.
-HARMLESS = frozenset({"HEADING", "PREPRINT", "NODEPRINT", "NODEFILE", "NODEOUTPUT", "ELPRINT", "ELFILE",
-                      "ELEMENTOUTPUT", "OUTPUT"})  # fmt: skip
-
-# Do not bear on stiffness or mass at rest: passed over with a note.
-UNUSED = frozenset({"AMPLITUDE", "CONDUCTIVITY", "DAMPING", "EXPANSION", "PHYSICALCONSTANTS", "SPECIFICHEAT",
-                    "TIMEPOINTS"})  # fmt: skip
-
-ASSEMBLY_KEYWORDS = frozenset({"PART", "ENDPART", "ASSEMBLY", "ENDASSEMBLY", "INSTANCE", "ENDINSTANCE"})
 
 
 def read_deck(path: Path, units: UnitSystem) -> Mesh:
@@ -48,14 +25,15 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     Parameters
     ----------
     path : Path
-        A flat deck (without parts and instances), with included files relative to the including one.
+        A deck, flat or of parts and instances, with included files relative to the including one.
     units : UnitSystem
         What the deck's numbers are in.
 
     Returns
     -------
     Mesh
-        SI units. Elements are in one block for each type. Surfaces are node sets.
+        SI units. Elements are in one block for each type. Surfaces are node sets. Sets of instances are called
+        ``instance.set``. Constants of materials that the deck does not tell are NaN.
 
     Raises
     ------
@@ -65,27 +43,37 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
         A line cannot be honoured.
     """
     content = _Content(MaterialTable(units))
-    content.sort(read_cards(path))
+    content.sort(content.assembly.flat(read_cards(path)))
     blocks = content.elements.blocks(content.nodes)
     if not content.nodes.rows or not blocks:
-        missing = "elements (*ELEMENT)" if content.nodes.rows else "nodes (*NODE)"
+        missing = "solid elements (*ELEMENT)" if content.nodes.rows else "nodes (*NODE)"
         raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
     node_sets, element_sets = _resolved_sets(content, blocks)
+    _refuse_structures(content, element_sets)
     surfaces = _resolved_surfaces(content, node_sets, element_sets, blocks)
     fixed = np.zeros((len(content.nodes.rows), 3), dtype=bool)
     for card in content.boundaries:
         hold(card, node_sets, fixed)
     labels = np.concatenate([block.labels for block in blocks])
-    materials, material_rows, unused = content.materials.assigned(element_sets, labels)
+    points = content.nodes.points()
+    made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
+    faces = _sets_of_faces(content, node_sets, element_sets)
     return Mesh(
-        points=content.nodes.points() * units.length,
+        points=points * units.length,
         labels=content.nodes.labels(),
-        blocks=_with_materials(blocks, material_rows),
-        node_sets=node_sets.arrays() | surfaces,
-        element_sets=element_sets.arrays(),
-        materials=materials,
+        blocks=_with_materials(blocks, made),
+        node_sets=node_sets.arrays() | surfaces | faces,
+        element_sets=_solids(element_sets, len(labels)),
+        materials=made.materials,
         fixed=fixed,
-        notes=(*content.notes, *node_sets.notes, *element_sets.notes, *unused),
+        notes=(
+            *content.assembly.notes,
+            *content.elements.notes,
+            *content.notes,
+            *node_sets.notes,
+            *element_sets.notes,
+            *made.notes,
+        ),
     )
 
 
@@ -94,23 +82,31 @@ class _Content:
     """A deck's cards, sorted by what they define; sets wait until all nodes and elements are known."""
 
     materials: MaterialTable
+    assembly: Assembly = field(default_factory=Assembly)
     nodes: NodeTable = field(default_factory=NodeTable)
     elements: ElementTable = field(default_factory=ElementTable)
     sets: list[tuple[Card, list[int]]] = field(default_factory=list)
     surfaces: list[Card] = field(default_factory=list)
     boundaries: list[Card] = field(default_factory=list)
+    structures: list[Card] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def sort(self, cards: Iterator[Card]) -> None:
         """Take all cards."""
+        told: set[str] = set()
         for card in cards:
             if card.key == "STEP":
                 self.notes.append(_skipped_step(card, cards))
             elif card.key in PARAMETERS:
                 card.allow(PARAMETERS[card.key])
                 self._take(card)
+            elif card.key in SECTIONS:
+                self.structures.append(card)
             elif card.key in UNUSED:
-                self.notes.append(f"{card.line.file}, line {card.line.number}: *{card.keyword} is left unused")
+                # A card of a part stands once for each of its instances.
+                note = f"{card.line.place}: {unused(card.keyword, card.key)}"
+                self.notes.extend([note] * (note not in told))
+                told.add(note)
             elif card.key not in HARMLESS:
                 raise _unsupported(card)
 
@@ -132,17 +128,18 @@ class _Content:
                 self.materials.density(card)
             case "SOLIDSECTION":
                 self.materials.section(card)
+            case "ORIENTATION":
+                self.materials.oriented(card)
             case "BOUNDARY":
                 self.boundaries.append(card)
 
 
 def _unsupported(card: Card) -> DeckError:
-    if card.key in ASSEMBLY_KEYWORDS:
-        advice = "write a flat deck (in Abaqus/CAE: 'Do not use parts and assemblies in input files')"
-    else:
-        advice = "take it out if the body does without it, or put it into a *STEP if it belongs to an analysis"
     supported = ", ".join(f"*{name}" for name in HONOURED)
-    return card.line.error(f"*{card.keyword} is not supported (supported: {supported}, *INCLUDE); {advice}")
+    return card.line.error(
+        f"*{card.keyword} is not supported, and may belong to the body (supported: {supported}, *INCLUDE, *PART, "
+        "*INSTANCE, *ASSEMBLY); say the same with these, or take it out if the body is the same without it"
+    )
 
 
 def _skipped_step(step: Card, cards: Iterator[Card]) -> str:
@@ -161,32 +158,56 @@ def _skipped_step(step: Card, cards: Iterator[Card]) -> str:
 
 
 def _resolved_sets(content: _Content, blocks: tuple[ElementBlock, ...]) -> tuple[SetTable, SetTable]:
-    nodes = SetTable("node", content.nodes.rows)
-    elements = SetTable("element", content.elements.positions())
+    offsets = content.assembly.offsets
+    nodes = SetTable("node", content.nodes.rows, offsets)
+    elements = SetTable("element", content.elements.positions(), offsets)
     for card, labels in content.sets:
         if card.key in ("NODE", "ELEMENT"):
             table, parameter = (nodes, "NSET") if card.key == "NODE" else (elements, "ELSET")
             if parameter in card.parameters:
-                table.extend_by_labels(card.required(parameter), labels)
+                table.extend_by_labels(card.scope.qualified(card.required(parameter)), labels)
         elif card.key == "ELSET":
             elements.add(card, card.required("ELSET"))
         elif "ELSET" in card.parameters:
             # *NSET, ELSET=...: the nodes of these elements.
-            members = elements.find(card.parameters["ELSET"], card.line)
-            nodes.extend(card.required("NSET"), _nodes_of(members, blocks))
+            members = elements.find(card.parameters["ELSET"], card.line, nodes.inside(card))
+            nodes.extend(card.scope.qualified(card.required("NSET")), _nodes_of(members, blocks, content))
         else:
             nodes.add(card, card.required("NSET"))
     return nodes, elements
 
 
-def _nodes_of(positions: set[int], blocks: tuple[ElementBlock, ...]) -> list[int]:
+def _nodes_of(positions: Iterable[int], blocks: tuple[ElementBlock, ...], content: _Content) -> list[int]:
     rows: list[int] = []
     start = 0
     for block in blocks:
         inside = [place - start for place in positions if start <= place < start + len(block.labels)]
         rows += np.unique(block.connectivity[inside]).tolist()
         start += len(block.labels)
-    return rows
+    others = list(content.elements.others.values())
+    return rows + [
+        row for place in positions if place >= start for row in content.nodes.rows_of(others[place - start])
+    ]
+
+
+def _refuse_structures(content: _Content, element_sets: SetTable) -> None:
+    """Refuse sections that make shells, membranes or beams of what would otherwise serve sets."""
+    for card in content.structures:
+        if "ELSET" in card.parameters and element_sets.find(card.parameters["ELSET"], card.line, card.scope):
+            raise card.line.error(
+                f"*{card.keyword} makes a shell, membrane or beam of elements of set '{card.parameters['ELSET']}': "
+                "only solid elements are supported; mesh this part of the body with solids"
+            )
+    for section in content.materials.sections:
+        members = element_sets.find(section.element_set, section.line, section.scope)
+        others = list(content.elements.others.values())
+        bars = [other for place in members if place >= content.elements.solid_count
+                for other in [others[place - content.elements.solid_count]] if other.dimension == 1]  # fmt: skip
+        if bars:
+            raise section.line.error(
+                f"*SOLID SECTION makes bars of {len(bars)} elements of type {bars[0].name}: only solid elements are "
+                "supported; mesh this part of the body with solids"
+            )
 
 
 def _resolved_surfaces(
@@ -194,17 +215,47 @@ def _resolved_surfaces(
 ) -> dict[str, IntArray]:
     surfaces: dict[str, IntArray] = {}
     for card in content.surfaces:
-        name = card.required("NAME")
-        rows = surface_nodes(card, node_sets, element_sets, blocks)
+        name = card.scope.qualified(card.required("NAME"))
+        rows = surface_nodes(card, node_sets, element_sets, blocks, lambda place: _nodes_of([place], blocks, content))
         if name.upper() in node_sets.members:
-            where = f"{card.line.file}, line {card.line.number}"
-            content.notes.append(f"{where}: surface '{name}' is left unused: a node set has its name")
+            content.notes.append(f"{card.line.place}: surface '{name}' is left unused: a node set has its name")
         else:
             surfaces[name] = rows
     return surfaces
 
 
-def _with_materials(blocks: tuple[ElementBlock, ...], rows: IntArray) -> tuple[ElementBlock, ...]:
-    ends = np.cumsum([len(block.labels) for block in blocks])
-    parts = np.split(rows, ends[:-1])
-    return tuple(replace(block, material=part) for block, part in zip(blocks, parts, strict=True))
+def _sets_of_faces(content: _Content, node_sets: SetTable, element_sets: SetTable) -> dict[str, IntArray]:
+    """Node sets of the element sets that hold faces or edges, which are no part of the body by themselves."""
+    others = list(content.elements.others.values())
+    if not others:
+        return {}
+    start = content.elements.solid_count
+    kinds = ", ".join(dict.fromkeys(other.name for other in others))
+    content.notes.append(f"{len(others)} elements of type {kinds} without a section are no solids: they serve sets")
+    found = {}
+    for name, members in element_sets.members.items():
+        chosen = [others[place - start] for place in members if place >= start]
+        if chosen and name not in node_sets.members:
+            rows = {row for other in chosen for row in content.nodes.rows_of(other)}
+            found[element_sets.spelling[name]] = np.array(sorted(rows), dtype=np.int64)
+    return found
+
+
+def _solids(element_sets: SetTable, count: int) -> dict[str, IntArray]:
+    """Element sets without what is no solid; those of nothing else are left out."""
+    found = element_sets.arrays()
+    return {name: rows[rows < count] for name, rows in found.items() if not rows.size or rows[0] < count}
+
+
+def _centres(points: FloatArray, blocks: tuple[ElementBlock, ...]) -> FloatArray:
+    return np.concatenate([points[block.connectivity].mean(axis=1) for block in blocks])
+
+
+def _with_materials(blocks: tuple[ElementBlock, ...], made: Assigned) -> tuple[ElementBlock, ...]:
+    first, found = 0, []
+    for block in blocks:
+        chosen = slice(first, first + len(block.labels))
+        first += len(block.labels)
+        axes = None if made.axes is None else made.axes[chosen]
+        found.append(replace(block, material=made.rows[chosen], axes=axes))
+    return tuple(found)

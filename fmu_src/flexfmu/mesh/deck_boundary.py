@@ -37,7 +37,7 @@ def hold(card: Card, node_sets: SetTable, fixed: NDArray[np.bool_]) -> None:
     """
     for line in card.data:
         entry, *rest = fields(line)
-        rows = list(node_sets.find(entry, line))
+        rows = list(node_sets.find(entry, line, card.scope))
         for dof in _dofs(rest, line):
             fixed[rows, dof - 1] = True
 
@@ -57,7 +57,7 @@ def _dofs(texts: list[str], line: Line) -> tuple[int, ...]:
     value = number(texts[2], line, "the displacement") if texts[2:] and texts[2] else 0.0
     if value != 0.0:
         raise line.error(
-            f"a displacement of {value:g} is prescribed, only zero is supported in the body; "
-            f"move it into a *STEP or take it out"
+            f"a displacement of {value:g} is prescribed, only zero can be held: move the interface in the simulation "
+            "instead, or leave the deck's *BOUNDARY out with boundary = false in [mesh]"
         )
     return tuple(dof for dof in range(first, last + 1) if dof <= TRANSLATIONS)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flexfmu.errors import DeckError, MeshError
+from flexfmu.mesh.model import FloatArray
 
 
 class Line(NamedTuple):
@@ -26,6 +27,11 @@ class Line(NamedTuple):
     file: str
     number: int
 
+    @property
+    def place(self) -> str:
+        """File and number, for notes."""
+        return f"{self.file}, line {self.number}"
+
     def error(self, message: str) -> DeckError:
         """Return the error that names this line.
 
@@ -38,6 +44,43 @@ class Line(NamedTuple):
         DeckError
         """
         return DeckError(message, self.file, self.number)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scope:
+    """Whose numbers and names a card speaks of: a flat deck's, an instance's or an assembly's.
+
+    Attributes
+    ----------
+    name : str
+        Of the instance; empty elsewhere.
+    offset : int
+        What is added to numbers of nodes and elements.
+    rotation : (3, 3) float or None
+    shift : (3,) float or None
+        Placement of the instance, x ↦ rotation x + shift, in the deck's units; None where it stays.
+    """
+
+    name: str = ""
+    offset: int = 0
+    rotation: FloatArray | None = None
+    shift: FloatArray | None = None
+
+    def qualified(self, name: str) -> str:
+        """Return a name of this scope as the whole deck knows it, ``instance.name``.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        str
+        """
+        return f"{self.name}.{name}" if self.name else name
+
+
+FLAT = Scope()
 
 
 @dataclass(slots=True)
@@ -53,12 +96,14 @@ class Card:
     line : Line
         The keyword line.
     data : list of Line
+    scope : Scope
     """
 
     keyword: str
     parameters: Mapping[str, str]
     line: Line
     data: list[Line] = field(default_factory=list)
+    scope: Scope = FLAT
 
     @property
     def key(self) -> str:
@@ -104,7 +149,7 @@ class Card:
                 supported = ", ".join(names) or "none"
                 raise self.line.error(
                     f"parameter {name} of *{self.keyword} is not supported (supported: {supported}); "
-                    f"rewrite the card without it"
+                    f"say the same without it, if it matters to the body at all"
                 )
 
 

@@ -7,13 +7,14 @@ import numpy as np
 
 from flexfmu.errors import DeckError
 from flexfmu.mesh.deck_cards import Card, Line, fields, integer, number
+from flexfmu.mesh.deck_types import SUPPORTED, reading
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray
 
 # CalculiX and Abaqus end a data line here at the latest, so that a shorter row is one line.
 FIELDS_PER_LINE = 16
-
-SUPPORTED_TYPES = tuple(kind.value for kind in ElementType)
+# Far beyond any mesh, and within 64 bits also where instances add to numbers.
+HIGHEST_LABEL = 10**12
 
 
 @dataclass(slots=True)
@@ -49,8 +50,13 @@ class NodeTable:
             A number is malformed, or a label comes twice with different coordinates.
         """
         labels = []
+        scope = card.scope
         for line in card.data:
             label, point = _node(line)
+            if scope.rotation is not None and scope.shift is not None:
+                x, y, z = (scope.rotation @ point + scope.shift).tolist()
+                point = (x, y, z)
+            label += scope.offset
             row = self.rows.setdefault(label, len(self.coordinates))
             if row == len(self.coordinates):
                 self.coordinates.append(point)
@@ -61,6 +67,27 @@ class NodeTable:
             labels.append(label)
         return labels
 
+    def rows_of(self, other: "Other") -> list[int]:
+        """Return the rows of the nodes of an element that is no solid.
+
+        Parameters
+        ----------
+        other : Other
+
+        Returns
+        -------
+        list of int
+
+        Raises
+        ------
+        DeckError
+            A node is not defined.
+        """
+        missing = [label for label in other.nodes if label not in self.rows]
+        if missing:
+            raise other.line.error(f"an element names nodes that are not defined: {listed(missing)}; add them")
+        return [self.rows[label] for label in other.nodes]
+
     def points(self) -> FloatArray:
         """Coordinates, (n, 3), in the deck's units."""
         return np.array(self.coordinates, dtype=float).reshape(-1, 3)
@@ -70,6 +97,27 @@ class NodeTable:
         return np.fromiter(self.rows, dtype=np.int64, count=len(self.rows))
 
 
+@dataclass(frozen=True, slots=True)
+class Other:
+    """An element that is no solid: a face, an edge or a point, whose nodes serve sets.
+
+    Attributes
+    ----------
+    name : str
+        Its type.
+    nodes : list of int
+        Labels.
+    dimension : int
+        2, 1 or 0.
+    line : Line
+    """
+
+    name: str
+    nodes: list[int]
+    dimension: int
+    line: Line
+
+
 @dataclass(slots=True)
 class ElementTable:
     """The elements read so far.
@@ -77,15 +125,21 @@ class ElementTable:
     Attributes
     ----------
     labels, nodes, lines : dict of ElementType to list
-        Label, node labels and first line of each element, in order of appearance.
+        Label, node labels and first line of each solid element, in order of appearance.
     types : dict of int to tuple of ElementType and int
-        Type of each element label, and its place among the elements of that type.
+        Type of each solid element's label, and its place among the elements of that type.
+    others : dict of int to Other
+        By label.
+    notes : dict of str to None
+        What types were read as others; each once.
     """
 
     labels: dict[ElementType, list[int]] = field(default_factory=dict)
     nodes: dict[ElementType, list[list[int]]] = field(default_factory=dict)
     lines: dict[ElementType, list[Line]] = field(default_factory=dict)
     types: dict[int, tuple[ElementType, int]] = field(default_factory=dict)
+    others: dict[int, Other] = field(default_factory=dict)
+    notes: dict[str, None] = field(default_factory=dict)
 
     def add(self, card: Card) -> list[int]:
         """Take an *ELEMENT card's elements.
@@ -106,23 +160,29 @@ class ElementTable:
             comes twice with different nodes.
         """
         name = card.required("TYPE").upper()
-        if name not in SUPPORTED_TYPES:
+        kind = reading(name)
+        if kind is None:
             raise card.line.error(
-                f"element type {name} is not supported (supported: {', '.join(SUPPORTED_TYPES)}); "
-                f"mesh the body with these solid elements, or take these elements out"
+                f"element type {name} is not supported (supported: {SUPPORTED}; faces and edges without a section "
+                "serve sets); mesh what it stands for with solid elements"
             )
-        kind = ElementType(name)
-        for table in (self.labels, self.nodes, self.lines):
-            table.setdefault(kind, [])
         labels = []
-        for line, row in _element_rows(card, kind):
-            self._store(kind, row, line)
+        for line, row in _element_rows(card, name, kind.node_count):
+            self._store(name, kind.solid, kind.dimension, row, line)
             labels.append(row[0])
+        if kind.note and labels:
+            self.notes.setdefault(f"elements of type {name} are read as {kind.solid.value}: {kind.note}")
         return labels
 
+    @property
+    def solid_count(self) -> int:
+        """Number of solid elements."""
+        return len(self.types)
+
     def positions(self) -> dict[int, int]:
-        """Position of each label in the blocks laid end to end."""
+        """Position of each label in the blocks laid end to end; what is no solid comes after them."""
         labels = [label for block in self.labels.values() for label in block]
+        labels += self.others
         return dict(zip(labels, range(len(labels)), strict=True))
 
     def blocks(self, nodes: NodeTable) -> tuple[ElementBlock, ...]:
@@ -149,21 +209,36 @@ class ElementTable:
                 blocks.append(ElementBlock(kind, np.array(labels, dtype=np.int64), connectivity, material))
         return tuple(blocks)
 
-    def _store(self, kind: ElementType, row: list[int], line: Line) -> None:
+    def _store(self, name: str, kind: ElementType | None, dimension: int, row: list[int], line: Line) -> None:
         label, nodes = row[0], row[1:]
-        if label <= 0:
-            raise line.error(f"element numbers should be positive, found {label}")
-        known = self.types.setdefault(label, (kind, len(self.labels[kind])))
-        if known == (kind, len(self.labels[kind])):
+        if not 0 < label <= HIGHEST_LABEL:
+            raise line.error(f"element numbers should be positive, at most 1e12, found {label}")
+        if max(nodes) > HIGHEST_LABEL:
+            raise line.error(f"node numbers should be at most 1e12, found {max(nodes)} in element {label}")
+        before = self._known(label)
+        if before is None and kind is not None:
+            for table in (self.labels, self.nodes, self.lines):
+                table.setdefault(kind, [])
+            self.types[label] = (kind, len(self.labels[kind]))
             self.labels[kind].append(label)
             self.nodes[kind].append(nodes)
             self.lines[kind].append(line)
-        elif known[0] is not kind or self.nodes[kind][known[1]] != nodes:
-            before = self.lines[known[0]][known[1]]
+        elif before is None:
+            self.others[label] = Other(name, nodes, dimension, line)
+        elif before[0] != (kind or name) or before[1] != nodes:
             raise line.error(
-                f"element {label} is defined again, differently from {before.file}, line {before.number}; "
-                f"renumber one of them"
+                f"element {label} is defined again, differently from {before[2].place}; renumber one of them"
             )
+
+    def _known(self, label: int) -> tuple[ElementType | str, list[int], Line] | None:
+        """Type, nodes and line of an element that is there already."""
+        if label in self.types:
+            kind, place = self.types[label]
+            return kind, self.nodes[kind][place], self.lines[kind][place]
+        if label in self.others:
+            other = self.others[label]
+            return other.name, other.nodes, other.line
+        return None
 
     def _connectivity(self, kind: ElementType, nodes: NodeTable) -> IntArray:
         wanted = np.array(self.nodes[kind], dtype=np.int64)
@@ -186,7 +261,7 @@ def _node(line: Line) -> tuple[int, tuple[float, float, float]]:
     try:
         # The regular row, four times as fast as the careful way below.
         label, x, y, z = int(parts[0]), float(parts[1]), float(parts[2]), float(parts[3])
-        regular = len(parts) == 4 and label > 0 and math.isfinite(x + y + z)
+        regular = len(parts) == 4 and 0 < label <= HIGHEST_LABEL and math.isfinite(x + y + z)
     except (ValueError, IndexError):
         regular = False
     return (label, (x, y, z)) if regular else _irregular_node(line)
@@ -196,8 +271,8 @@ def _irregular_node(line: Line) -> tuple[int, tuple[float, float, float]]:
     """Read a node row with missing coordinates (zero, as the solvers have it) or an error."""
     parts = fields(line)
     label = integer(parts[0], line, "the node number")
-    if label <= 0:
-        raise line.error(f"node numbers should be positive, found {label}")
+    if not 0 < label <= HIGHEST_LABEL:
+        raise line.error(f"node numbers should be positive, at most 1e12, found {label}")
     if any(parts[4:]):
         raise line.error(f"node {label} has {len(parts) - 1} coordinates, expected 3; keep x, y and z")
     x, y, z = (
@@ -207,10 +282,11 @@ def _irregular_node(line: Line) -> tuple[int, tuple[float, float, float]]:
     return label, (x, y, z)
 
 
-def _element_rows(card: Card, kind: ElementType) -> list[tuple[Line, list[int]]]:
+def _element_rows(card: Card, name: str, node_count: int) -> list[tuple[Line, list[int]]]:
     """Return label and node labels of each element with its first line; rows go on until they are full."""
     rows: list[tuple[Line, list[int]]] = []
-    length = kind.node_count + 1
+    length = node_count + 1
+    offset = card.scope.offset
     row: list[int] = []
     first = card.line
     for line in card.data:
@@ -219,12 +295,12 @@ def _element_rows(card: Card, kind: ElementType) -> list[tuple[Line, list[int]]]
         row += _integers(line)
         may_go_on = line.text.endswith(",") or length > FIELDS_PER_LINE
         if len(row) == length:
-            rows.append((first, row))
+            rows.append((first, [label + offset for label in row] if offset else row))
             row = []
         elif len(row) > length or not may_go_on:
-            raise _miscounted(first, row, kind)
+            raise _miscounted(first, row, name, node_count)
     if row:
-        raise _miscounted(first, row, kind)
+        raise _miscounted(first, row, name, node_count)
     return rows
 
 
@@ -235,8 +311,8 @@ def _integers(line: Line) -> list[int]:
         return [integer(text, line, "an element's row") for text in fields(line)]
 
 
-def _miscounted(line: Line, row: list[int], kind: ElementType) -> DeckError:
+def _miscounted(line: Line, row: list[int], name: str, node_count: int) -> DeckError:
     return line.error(
-        f"element {row[0]} has {len(row) - 1} nodes, expected {kind.node_count} for {kind.value}; "
+        f"element {row[0]} has {len(row) - 1} nodes, expected {node_count} for {name}; "
         f"correct the row or the element type (rows that go on in the next line end with a comma)"
     )

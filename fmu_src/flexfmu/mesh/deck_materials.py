@@ -5,14 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfmu.mesh.deck_cards import Card, Line, fields, number
+from flexfmu.mesh.deck_cards import Card, Line, Scope, fields, number
+from flexfmu.mesh.deck_elasticity import elastic_constants, isotropic_average
+from flexfmu.mesh.deck_orientation import Orientation, orientation
 from flexfmu.mesh.deck_sets import SetTable
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, IntArray, Material
+from flexfmu.mesh.model import NO_MATERIAL, FloatArray, IntArray, Material
 from flexfmu.mesh.units import UnitSystem
 
 # Hardly any solid lies outside, kg/m³; a deck whose units are not the declared ones misses by 1e6 and more.
 DENSITY_RANGE = (1e-4, 1e5)
+_UNTOLD = float("nan")
 
 
 @dataclass(slots=True)
@@ -23,9 +26,11 @@ class MaterialCard:
     ----------
     name : str
     line : Line
-        The *MATERIAL line.
+        The *MATERIAL line, or the section's where there is none.
     elastic : tuple of float or None
         Young's modulus, N/m², and Poisson's ratio.
+    constants : tuple of float or None
+        As of `Material.constants`.
     density : float or None
         kg/m³.
     """
@@ -33,6 +38,7 @@ class MaterialCard:
     name: str
     line: Line
     elastic: tuple[float, float] | None = None
+    constants: tuple[float, ...] | None = None
     density: float | None = None
 
 
@@ -41,7 +47,28 @@ class Section(NamedTuple):
 
     element_set: str
     material: str
+    orientation: str
     line: Line
+    scope: Scope
+
+
+class Assigned(NamedTuple):
+    """What the elements are made of.
+
+    Attributes
+    ----------
+    materials : tuple of Material
+    rows : (n_elements,) int
+        Rows of `materials`, or `NO_MATERIAL`.
+    axes : (n_elements, 3, 3) float or None
+        None where no material has a direction.
+    notes : tuple of str
+    """
+
+    materials: tuple[Material, ...]
+    rows: IntArray
+    axes: FloatArray | None
+    notes: tuple[str, ...]
 
 
 @dataclass(slots=True)
@@ -54,11 +81,16 @@ class MaterialTable:
     cards : dict of str to MaterialCard
         By name in capitals.
     sections : list of Section
+    orientations : dict of str to Orientation
+        By qualified name in capitals.
+    notes : list of str
     """
 
     units: UnitSystem
     cards: dict[str, MaterialCard] = field(default_factory=dict)
     sections: list[Section] = field(default_factory=list)
+    orientations: dict[str, Orientation] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     def begin(self, card: Card) -> None:
         """Take a *MATERIAL card, to which the following cards belong.
@@ -87,18 +119,11 @@ class MaterialTable:
         Raises
         ------
         DeckError
-            It is not isotropic, not one row, or not physical.
+            Its type is not supported, constants are missing, or it is not physical.
         """
-        kind = card.parameters.get("TYPE", "ISO").upper()
-        if kind not in ("ISO", "ISOTROPIC"):
-            raise card.line.error(f"*ELASTIC, TYPE={kind} is not supported; give isotropic constants (TYPE=ISO)")
-        line, values = self._row(card, "Young's modulus, Poisson's ratio", 2)
-        youngs, poisson = values[0] * self.units.stress, values[1]
-        if youngs <= 0.0:
-            raise line.error(f"Young's modulus should be positive, found {values[0]:g}")
-        if not -1.0 < poisson < 0.5:
-            raise line.error(f"Poisson's ratio should lie between -1 and 0.5 (both excluded), found {poisson:g}")
-        self._current(card).elastic = (youngs, poisson)
+        found, elasticity = elastic_constants(card, self.units), self._current(card)
+        self.notes.extend(found.notes)
+        elasticity.elastic, elasticity.constants = found.isotropic, found.constants
 
     def density(self, card: Card) -> None:
         """Take a *DENSITY card.
@@ -110,13 +135,18 @@ class MaterialTable:
         Raises
         ------
         DeckError
-            It is not one row, or not physical in the declared units.
+            It has no number, or is not physical in the declared units.
         """
-        line, values = self._row(card, "density", 1)
-        density = values[0] * self.units.density
+        if not card.data or not fields(card.data[0]):
+            raise card.line.error("*DENSITY should have the row 'density'")
+        line = card.data[0]
+        value = number(fields(line)[0], line, "the density")
+        if len(card.data) > 1:
+            self.notes.append(f"{line.place}: the density of the first row is taken, {value:g}, at all temperatures")
+        density = value * self.units.density
         if not DENSITY_RANGE[0] <= density <= DENSITY_RANGE[1]:
             raise line.error(
-                f"density {values[0]:g} means {density:g} kg/m³ in the declared units {self.units.value}, "
+                f"density {value:g} means {density:g} kg/m³ in the declared units {self.units.value}, "
                 f"expected {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}; "
                 f"correct the density or the units given for this file"
             )
@@ -134,11 +164,26 @@ class MaterialTable:
         DeckError
             Its element set or material is not given.
         """
-        self.sections.append(Section(card.required("ELSET"), card.required("MATERIAL"), card.line))
+        name = card.parameters.get("ORIENTATION", "")
+        self.sections.append(
+            Section(card.required("ELSET"), card.required("MATERIAL"), name, card.line, card.scope)
+        )
 
-    def assigned(
-        self, element_sets: SetTable, labels: IntArray
-    ) -> tuple[tuple[Material, ...], IntArray, tuple[str, ...]]:
+    def oriented(self, card: Card) -> None:
+        """Take an *ORIENTATION card.
+
+        Parameters
+        ----------
+        card : Card
+
+        Raises
+        ------
+        DeckError
+            As of `orientation`.
+        """
+        self.orientations[card.scope.qualified(card.required("NAME")).upper()] = orientation(card)
+
+    def assigned(self, element_sets: SetTable, labels: IntArray, centres: FloatArray) -> Assigned:
         """Return the materials that sections name, and which one each element has.
 
         Parameters
@@ -146,31 +191,34 @@ class MaterialTable:
         element_sets : SetTable
         labels : (n_elements,) int
             Element numbers, blocks laid end to end.
+        centres : (n_elements, 3) float
+            Where the material's axes are asked for, in the deck's units.
 
         Returns
         -------
-        materials : tuple of Material
-        rows : (n_elements,) int
-            Rows of `materials`, or `NO_MATERIAL`.
-        notes : tuple of str
-            Materials that no section names.
+        Assigned
+            Constants that the deck does not tell are NaN.
 
         Raises
         ------
         DeckError
-            A section names an unknown set or material, its material lacks a constant, or an element has two
-            materials.
+            A section names an unknown set or orientation, or an element has two materials.
         """
         used: dict[str, int] = {}
         materials: list[Material] = []
         rows = np.full(len(labels), NO_MATERIAL, dtype=np.int64)
+        axes = np.tile(np.eye(3), (len(labels), 1, 1))
+        directed = False
         for section in self.sections:
             name = section.material.upper()
             if name not in used:
                 used[name] = len(materials)
                 materials.append(self._material(section))
             row = used[name]
-            members = np.array(sorted(element_sets.find(section.element_set, section.line)), dtype=np.int64)
+            found = np.array(
+                sorted(element_sets.find(section.element_set, section.line, section.scope)), dtype=np.int64
+            )
+            members = found[found < len(labels)]
             taken = members[(rows[members] != NO_MATERIAL) & (rows[members] != row)]
             if len(taken):
                 raise section.line.error(
@@ -179,39 +227,39 @@ class MaterialTable:
                     f"give each element one section"
                 )
             rows[members] = row
-        notes = tuple(
-            f"{card.line.file}, line {card.line.number}: no *SOLID SECTION uses the material '{card.name}'"
+            if section.orientation:
+                axes[members] = self._orientation(section).axes(centres[members])
+            elif section.scope.rotation is not None:
+                axes[members] = section.scope.rotation
+            directed |= materials[row].constants is not None
+        unused = [
+            f"{card.line.place}: no *SOLID SECTION uses the material '{card.name}'"
             for key, card in self.cards.items()
             if key not in used
-        )
-        return tuple(materials), rows, notes
+        ]
+        return Assigned(tuple(materials), rows, axes if directed else None, (*self.notes, *unused))
 
     def _material(self, section: Section) -> Material:
         card = self.cards.get(section.material.upper())
         if card is None:
-            known = listed(entry.name for entry in self.cards.values())
-            raise section.line.error(
-                f"material '{section.material}' is not defined (known: {known}); define it or correct the name"
-            )
-        if card.elastic is None or card.density is None:
-            missing = "*ELASTIC" if card.elastic is None else "*DENSITY"
-            raise card.line.error(f"material '{card.name}' has no {missing}; add it below this line")
-        return Material(card.name, *card.elastic, card.density)
+            self.notes.append(f"{section.line.place}: the deck does not define the material '{section.material}'")
+            return Material(section.material, _UNTOLD, _UNTOLD, _UNTOLD)
+        density = _UNTOLD if card.density is None else card.density
+        elastic = (_UNTOLD, _UNTOLD) if card.elastic is None else card.elastic
+        if card.constants is not None:
+            elastic = isotropic_average(card.constants)
+        return Material(card.name, *elastic, density, card.constants)
+
+    def _orientation(self, section: Section) -> Orientation:
+        name = section.orientation
+        for key in (section.scope.qualified(name).upper(), name.upper()):
+            if key in self.orientations:
+                return self.orientations[key]
+        raise section.line.error(
+            f"orientation '{name}' is not defined (known: {listed(self.orientations)}); define it or correct the name"
+        )
 
     def _current(self, card: Card) -> MaterialCard:
         if not self.cards:
             raise card.line.error(f"*{card.keyword} stands before any *MATERIAL; put it below the one it belongs to")
         return list(self.cards.values())[-1]
-
-    def _row(self, card: Card, what: str, count: int) -> tuple[Line, list[float]]:
-        """Return the card's one row of constants; a temperature may follow them."""
-        if len(card.data) != 1:
-            raise card.line.error(
-                f"*{card.keyword} should have one row ({what}), found {len(card.data)}; "
-                f"constants that depend on temperature are not supported"
-            )
-        line = card.data[0]
-        texts = fields(line)
-        if not count <= len(texts) <= count + 1:
-            raise line.error(f"*{card.keyword} should have the row '{what}', found {len(texts)} numbers")
-        return line, [number(text, line, f"each of {what}") for text in texts[:count]]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flexfmu.mesh.deck_cards import Card, Line, fields, integer
+from flexfmu.mesh.deck_cards import FLAT, Card, Line, Scope, fields, integer
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import IntArray
 
@@ -20,8 +20,10 @@ class SetTable:
         ``"node"`` or ``"element"``.
     rows : mapping of int to int
         Row (of an element: position) of each label.
+    offsets : mapping of str to int
+        What instances add to their numbers, by their names in capitals.
     spelling : dict of str to str
-        Name as spelt, by the name in capitals.
+        Name as spelt, by the name in capitals; sets of an instance are called ``instance.set``.
     members : dict of str to set of int
         Rows, by the name in capitals.
     notes : list of str
@@ -29,6 +31,7 @@ class SetTable:
 
     kind: str
     rows: Mapping[int, int]
+    offsets: Mapping[str, int] = field(default_factory=dict)
     spelling: dict[str, str] = field(default_factory=dict)
     members: dict[str, set[int]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -61,7 +64,7 @@ class SetTable:
         ----------
         card : Card
         name : str
-            The set's name.
+            The set's name, in the card's scope.
 
         Raises
         ------
@@ -69,19 +72,45 @@ class SetTable:
             A member is unknown, or a range is malformed.
         """
         read = self._generated if "GENERATE" in card.parameters else self._line
+        scope = self.inside(card)
         rows: set[int] = set()
         for line in card.data:
-            rows |= read(line)
-        self.extend(name, rows)
+            rows |= read(line, scope)
+        self.extend(card.scope.qualified(name), rows)
 
-    def find(self, entry: str, line: Line) -> set[int]:
-        """Return the rows of a label or of a set.
+    def inside(self, card: Card) -> Scope:
+        """Return the scope of a card's members: its own, or that of the instance that it names.
+
+        Parameters
+        ----------
+        card : Card
+
+        Returns
+        -------
+        Scope
+
+        Raises
+        ------
+        DeckError
+            There is no such instance.
+        """
+        if "INSTANCE" not in card.parameters:
+            return card.scope
+        name = card.required("INSTANCE")
+        if name.upper() not in self.offsets:
+            raise card.line.error(f"there is no instance '{name}' (known: {listed(self.offsets)}); correct the name")
+        return Scope(name, self.offsets[name.upper()])
+
+    def find(self, entry: str, line: Line, scope: Scope = FLAT) -> set[int]:
+        """Return the rows of a label or of a set; ``instance.12`` and ``instance.set`` are understood.
 
         Parameters
         ----------
         entry : str
         line : Line
             Where the entry stands.
+        scope : Scope
+            Where numbers and names are looked up first.
 
         Returns
         -------
@@ -90,29 +119,51 @@ class SetTable:
         Raises
         ------
         DeckError
-            There is no such label or set.
+            There is no such label or set, or there are several.
         """
-        if entry.lstrip("+-").isdecimal():
-            label = int(entry)
+        text = entry.strip("\"'").strip()
+        instance, _, last = text.rpartition(".")
+        known = instance.upper() in self.offsets
+        if (known and last.isdecimal()) or text.lstrip("+-").isdecimal():
+            offset = self.offsets[instance.upper()] if known else scope.offset
+            label = integer(last if known else text, line, f"the {self.kind} number") + offset
             if label not in self.rows:
-                raise line.error(f"{self.kind} {label} is not defined; define it or take it out of this line")
+                raise line.error(f"{self.kind} {text} is not defined; define it or correct this line")
             return {self.rows[label]}
-        name = entry.strip("\"'").strip().upper()
-        if name not in self.members:
+        found = self.named(text, scope)
+        if len(found) != 1:
+            where = "is in several instances" if found else "is not defined"
+            names = (self.spelling[name] for name in found) if found else self.spelling.values()
             raise line.error(
-                f"{self.kind} set '{entry}' is not defined before this line "
-                f"(known: {listed(self.spelling.values())}); define it or correct the name"
+                f"{self.kind} set '{entry}' {where} (known: {listed(names)}); define it or correct the name"
             )
-        return self.members[name]
+        return self.members[found[0]]
+
+    def named(self, name: str, scope: Scope) -> list[str]:
+        """Return the keys of the sets that a name may mean: of the scope, of the deck, of an instance.
+
+        Parameters
+        ----------
+        name : str
+        scope : Scope
+
+        Returns
+        -------
+        list of str
+        """
+        for key in (scope.qualified(name).upper(), name.upper()):
+            if key in self.members:
+                return [key]
+        return [key for instance in self.offsets if (key := f"{instance}.{name.upper()}") in self.members]
 
     def arrays(self) -> dict[str, IntArray]:
         """Rows of each set, ascending, by the name as spelt."""
         return {self.spelling[name]: np.array(sorted(rows), dtype=np.int64) for name, rows in self.members.items()}
 
-    def _line(self, line: Line) -> set[int]:
-        return set().union(*(self.find(entry, line) for entry in fields(line) if entry))
+    def _line(self, line: Line, scope: Scope) -> set[int]:
+        return set().union(*(self.find(entry, line, scope) for entry in fields(line) if entry))
 
-    def _generated(self, line: Line) -> set[int]:
+    def _generated(self, line: Line, scope: Scope) -> set[int]:
         numbers = [integer(text, line, f"a range of {self.kind}s") for text in fields(line)]
         if not 2 <= len(numbers) <= 3:
             raise line.error(f"GENERATE takes 'first, last, increment', found {len(numbers)} numbers")
@@ -121,14 +172,17 @@ class SetTable:
             raise line.error(
                 f"cannot go from {first} to {last} in steps of {step}; give an ascending range and a positive increment"
             )
-        labels = range(first, last + 1, step)
-        found = {self.rows[label] for label in labels if label in self.rows}
+        labels = range(first + scope.offset, last + scope.offset + 1, step)
+        # The shorter of the two: a range may have been mistyped by many digits.
+        if len(labels) <= len(self.rows):
+            found = {self.rows[label] for label in labels if label in self.rows}
+        else:
+            found = {row for label, row in self.rows.items() if label in labels}
         if not found:
             raise line.error(f"there is no {self.kind} from {first} to {last}; correct the range")
         if len(found) < len(labels):
             # Both solvers pass over gaps in the numbering.
             self.notes.append(
-                f"{line.file}, line {line.number}: {len(labels) - len(found)} numbers "
-                f"from {first} to {last} belong to no {self.kind}"
+                f"{line.place}: {len(labels) - len(found)} numbers from {first} to {last} belong to no {self.kind}"
             )
         return found

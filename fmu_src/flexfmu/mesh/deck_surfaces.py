@@ -1,12 +1,12 @@
 """Surfaces of a deck, as the sets of their nodes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from flexfmu.mesh.deck_cards import Card, Line, fields
 from flexfmu.mesh.deck_sets import SetTable
-from flexfmu.mesh.model import ElementBlock, ElementType, IntArray
+from flexfmu.mesh.model import ElementBlock, IntArray
 
 # Corners and mid-sides of the faces S1, S2, ... counted from zero (CalculiX manual, *SURFACE).
 BRICK_FACES = (
@@ -25,7 +25,25 @@ TETRAHEDRON_FACES = (
 )
 
 
-def surface_nodes(card: Card, node_sets: SetTable, element_sets: SetTable, blocks: Sequence[ElementBlock]) -> IntArray:
+WEDGE_FACES = (
+    (0, 1, 2, 6, 7, 8),
+    (3, 5, 4, 11, 10, 9),
+    (0, 3, 4, 1, 12, 9, 13, 6),
+    (1, 4, 5, 2, 13, 10, 14, 7),
+    (2, 5, 3, 0, 14, 11, 12, 8),
+)
+_FACES = {4: TETRAHEDRON_FACES, 6: WEDGE_FACES, 8: BRICK_FACES}
+# Sides of a face, an edge's own surface: all its nodes.
+_SIDES = ("SPOS", "SNEG", "SP", "SN", "", "S1", "S2", "S3", "S4", "EDGE", "E1", "E2", "E3", "E4")
+
+
+def surface_nodes(
+    card: Card,
+    node_sets: SetTable,
+    element_sets: SetTable,
+    blocks: Sequence[ElementBlock],
+    other_nodes: Callable[[int], list[int]],
+) -> IntArray:
     """Return the nodes of a *SURFACE card.
 
     Parameters
@@ -34,6 +52,8 @@ def surface_nodes(card: Card, node_sets: SetTable, element_sets: SetTable, block
         TYPE=NODE, or TYPE=ELEMENT with a face S1 ... S6 on each row.
     node_sets, element_sets : SetTable
     blocks : sequence of ElementBlock
+    other_nodes : callable
+        Nodes of an element that is no solid, by its position.
 
     Returns
     -------
@@ -48,14 +68,19 @@ def surface_nodes(card: Card, node_sets: SetTable, element_sets: SetTable, block
     kind = card.parameters.get("TYPE", "ELEMENT").upper()
     rows: set[int] = set()
     if kind not in ("NODE", "ELEMENT"):
-        raise card.line.error(f"*SURFACE, TYPE={kind} is not supported (supported: NODE, ELEMENT); take it out")
+        raise card.line.error(f"*SURFACE, TYPE={kind} is not supported (supported: NODE, ELEMENT); name its nodes")
     for line in card.data:
         entry, *rest = fields(line)
         if kind == "NODE":
-            rows |= node_sets.find(entry, line)
+            rows |= node_sets.find(entry, line, node_sets.inside(card))
         else:
-            positions = np.array(sorted(element_sets.find(entry, line)), dtype=np.int64)
-            rows |= _face_nodes(positions, rest[0].upper() if rest else "", blocks, line)
+            found = element_sets.find(entry, line, element_sets.inside(card))
+            face = rest[0].upper() if rest else ""
+            positions = np.array(sorted(found), dtype=np.int64)
+            rows |= _face_nodes(positions, face, blocks, line)
+            last = sum(len(block.labels) for block in blocks)
+            if face in _SIDES:
+                rows.update(row for place in found if place >= last for row in other_nodes(place))
     return np.array(sorted(rows), dtype=np.int64)
 
 
@@ -67,8 +92,7 @@ def _face_nodes(positions: IntArray, face: str, blocks: Sequence[ElementBlock], 
         inside = positions[(positions >= start) & (positions < start + count)] - start
         start += count
         if len(inside):
-            tetrahedra = block.type in (ElementType.C3D4, ElementType.C3D10)
-            faces = TETRAHEDRON_FACES if tetrahedra else BRICK_FACES
+            faces = _FACES[block.type.corner_count]
             names = [f"S{index + 1}" for index in range(len(faces))]
             if face not in names:
                 raise line.error(

@@ -18,40 +18,63 @@ NO_MATERIAL = -1
 class ElementType(Enum):
     """The solid elements that a body may be made of, by their Abaqus and CalculiX names.
 
-    Node order is that of the decks, which is meshio's (VTK's) too for these five.
+    Node order is that of the decks, which is meshio's (VTK's) too for all of them.
     """
 
     C3D4 = "C3D4"
+    C3D6 = "C3D6"
     C3D8 = "C3D8"
+    C3D8I = "C3D8I"
     C3D10 = "C3D10"
+    C3D15 = "C3D15"
     C3D20 = "C3D20"
     C3D20R = "C3D20R"
 
     @property
     def node_count(self) -> int:
         """Nodes per element."""
-        return {"C3D4": 4, "C3D8": 8, "C3D10": 10, "C3D20": 20, "C3D20R": 20}[self.value]
+        return int("".join(filter(str.isdigit, self.value[3:])))
+
+    @property
+    def corner_count(self) -> int:
+        """Corners per element: 4 of a tetrahedron, 6 of a wedge, 8 of a brick."""
+        return {4: 4, 10: 4, 6: 6, 15: 6}.get(self.node_count, 8)
 
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Isotropic linear elasticity; the same constants serve St. Venant-Kirchhoff.
+    """Linear elasticity; the same constants serve St. Venant-Kirchhoff.
 
     Attributes
     ----------
     name : str
     youngs_modulus : float
-        N/m².
+        N/m²; NaN where the mesh file does not tell. Of an anisotropic material, that of the average over all directions.
     poissons_ratio : float
-        Between −1 and 0.5, both excluded.
+        Between −1 and 0.5, both excluded; likewise.
     density : float
-        kg/m³.
+        kg/m³; NaN where the mesh file does not tell.
+    constants : tuple of float, optional
+        Of an anisotropic material: rows of the symmetric matrix (6, 6) from strain xx, yy, zz and twice xy, yz, zx to
+        stress xx, yy, zz, xy, yz, zx, in the material's axes, N/m².
     """
 
     name: str
     youngs_modulus: float
     poissons_ratio: float
     density: float
+    constants: tuple[float, ...] | None = None
+
+    @property
+    def elasticity(self) -> FloatArray:
+        """Matrix (6, 6) from strain xx, yy, zz and twice xy, yz, zx to stress, in the material's axes, N/m²."""
+        if self.constants is not None:
+            return np.array(self.constants).reshape(6, 6)
+        shear = 0.5 * self.youngs_modulus / (1.0 + self.poissons_ratio)
+        lame = 2.0 * shear * self.poissons_ratio / (1.0 - 2.0 * self.poissons_ratio)
+        result = np.diag([2.0 * shear] * 3 + [shear] * 3)
+        result[:3, :3] += lame
+        return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +90,29 @@ class ElementBlock:
         Rows of `Mesh.points`.
     material : (n_elements,) int
         Rows of `Mesh.materials`; `NO_MATERIAL` where the file gives none.
+    axes : (n_elements, 3, 3) float, optional
+        Axes of the material as columns, global frame; by default the global axes.
     """
 
     type: ElementType
     labels: IntArray
     connectivity: IntArray
     material: IntArray
+    axes: FloatArray | None = None
+
+    def part(self, chosen: IntArray | NDArray[np.bool_]) -> "ElementBlock":
+        """Return some of the elements.
+
+        Parameters
+        ----------
+        chosen : (k,) int or (n_elements,) bool
+
+        Returns
+        -------
+        ElementBlock
+        """
+        axes = None if self.axes is None else self.axes[chosen]
+        return ElementBlock(self.type, self.labels[chosen], self.connectivity[chosen], self.material[chosen], axes)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

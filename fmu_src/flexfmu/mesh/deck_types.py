@@ -1,0 +1,98 @@
+"""Element names of Abaqus and CalculiX decks: which solid element each is read as, and which serve sets only."""
+
+import re
+from dataclasses import dataclass
+
+from flexfmu.mesh.model import ElementType
+
+# Names that stand for another element of small strains, with the reason.
+_HYBRID = "the pressure of its own matters to incompressible materials only"
+_THERMAL = "its temperature is left out"
+_MODIFIED = "its modification matters to contact and plasticity"
+READ_AS: dict[str, tuple[ElementType, str]] = {
+    "C3D8R": (
+        ElementType.C3D8I,
+        "reduced integration with enhanced hourglass control bends alike; other hourglass control is softer or stiffer",
+    ),
+}
+for _kind in ("C3D4", "C3D6", "C3D8", "C3D8I", "C3D10", "C3D15", "C3D20", "C3D20R"):
+    READ_AS[f"{_kind}H"] = (ElementType(_kind), _HYBRID)
+    READ_AS[f"{_kind}T"] = (ElementType(_kind), _THERMAL)
+READ_AS |= {
+    "C3D8RH": READ_AS["C3D8R"],
+    "C3D8RT": (ElementType.C3D8I, _THERMAL),
+    "C3D8HT": (ElementType.C3D8, _THERMAL),
+    "C3D20RT": (ElementType.C3D20R, _THERMAL),
+    "C3D20RHT": (ElementType.C3D20R, _THERMAL),
+    "C3D10HT": (ElementType.C3D10, _THERMAL),
+    "C3D10M": (ElementType.C3D10, _MODIFIED),
+    "C3D10MH": (ElementType.C3D10, _MODIFIED),
+    "C3D10MT": (ElementType.C3D10, _THERMAL),
+    "C3D10I": (ElementType.C3D10, "stress at its surface is found as inside"),
+    "C3D10HS": (ElementType.C3D10, "stress at its surface is found as inside"),
+    "C3D8S": (ElementType.C3D8, "stress at its surface is found as inside"),
+    "C3D10T": (ElementType.C3D10, _THERMAL),
+}
+
+# Nodes of faces, edges and points by the beginnings of their names; a family's nodes are the digits that follow.
+_FACE = re.compile(r"(CPS|CPEG|CPE|CAX|DC2D|DS|M3D|SFM3D|R3D|STRI|S|DC1D|T2D|T3D|B2|B3|RB3D)(\d)")
+_EDGES = {"DC1D", "T2D", "T3D", "RB3D"}
+# Beams count their order, 1 to 3, instead of their nodes.
+_BEAM = {"1": 2, "2": 3, "3": 2}
+
+SUPPORTED = ", ".join([*(kind.value for kind in ElementType), *READ_AS])
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What an element name is read as.
+
+    Attributes
+    ----------
+    solid : ElementType or None
+        None for what is no solid.
+    node_count : int
+    dimension : int
+        3 for solids, 2 for faces, 1 for edges, 0 for a mass or an inertia at a node.
+    note : str
+        What the name says beyond `solid`; empty without such.
+    """
+
+    solid: ElementType | None
+    node_count: int
+    dimension: int
+    note: str = ""
+
+
+def reading(name: str) -> Reading | None:
+    """Return what an element name is read as.
+
+    Parameters
+    ----------
+    name : str
+        In capitals.
+
+    Returns
+    -------
+    Reading or None
+        None where it is not known, or not supported.
+    """
+    if name in {kind.value for kind in ElementType}:
+        kind = ElementType(name)
+        return Reading(kind, kind.node_count, 3)
+    if name in READ_AS:
+        kind, note = READ_AS[name]
+        return Reading(kind, kind.node_count, 3, note)
+    if name in ("MASS", "ROTARYI"):
+        return Reading(None, 1, 0)
+    found = _FACE.match(name)
+    if found is None:
+        return None
+    family, digit = found.groups()
+    if name == "STRI65":
+        return Reading(None, 6, 2)
+    if family in ("B2", "B3"):
+        return Reading(None, _BEAM[digit], 1) if digit in _BEAM else None
+    if family in _EDGES:
+        return Reading(None, int(digit), 1) if digit in "23" else None
+    return Reading(None, int(digit), 2) if digit in "34689" else None
