@@ -12,18 +12,24 @@ STEEL = Material("STEEL", 2.0e11, 0.3, 7850.0)
 HEXAHEDRA = (ElementType.C3D8, ElementType.C3D20, ElementType.C3D20R)
 TETRAHEDRA = (ElementType.C3D4, ElementType.C3D10)
 EVERY_TYPE = (*HEXAHEDRA, *TETRAHEDRA)
-QUADRATIC = (ElementType.C3D20, ElementType.C3D20R, ElementType.C3D10)
+WEDGES = (ElementType.C3D6, ElementType.C3D15)
+# Of decks only; tests of what depends on elements take these too.
+DECK_TYPES = (ElementType.C3D8I, *WEDGES)
+QUADRATIC = (ElementType.C3D20, ElementType.C3D20R, ElementType.C3D10, ElementType.C3D15)
 
 # A cell is two units wide, so that mid-side nodes have whole numbers too.
 _HEX = np.array([(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)])
 _HEX_EDGES = np.array([(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)])
+_WEDGE_EDGES = np.array([(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)])
 _TET_EDGES = np.array([(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)])
 
 
 def _corners(kind):
     """Corners (elements per cell, corners, 3) of the elements that make up a cell."""
-    if kind in HEXAHEDRA:
+    if kind.corner_count == 8:
         return _HEX[None]
+    if kind in WEDGES:
+        return np.array([_HEX[[0, 1, 2, 4, 5, 6]], _HEX[[0, 2, 3, 4, 6, 7]]])
     result = []
     for order in permutations(range(3)):
         path = np.zeros((4, 3), dtype=int)
@@ -37,7 +43,7 @@ def _corners(kind):
 
 def edges(kind):
     """Corners (mid-side nodes, 2) between which an element type has its mid-side nodes."""
-    table = _HEX_EDGES if kind in HEXAHEDRA else _TET_EDGES
+    table = {8: _HEX_EDGES, 6: _WEDGE_EDGES, 4: _TET_EDGES}[kind.corner_count]
     return table if kind in QUADRATIC else table[:0]
 
 
@@ -114,7 +120,7 @@ def distorted(mesh, amount, random):
     points = mesh.points.copy()
     shift = random.uniform(-amount, amount, points.shape)
     (block,) = mesh.blocks
-    count = 8 if block.type in HEXAHEDRA else 4
+    count = block.type.corner_count
     corners = np.unique(block.connectivity[:, :count])
     points[corners] += shift[corners]
     for local, pair in enumerate(edges(block.type), start=count):

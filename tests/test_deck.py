@@ -303,10 +303,8 @@ def test_a_material_that_no_section_uses_is_left_out_with_a_note(tmp_path):
         "*EQUATION",
         "*MPC",
         "*TIE, NAME=T",
-        "*SHELL SECTION, ELSET=Eall",
         "*TRANSFORM, NSET=Nall",
-        "*ORIENTATION, NAME=O",
-        "*PLASTIC",
+        "*SUBSTRUCTURE PROPERTY",
         "*RIGID BODY, NSET=Nall",
         "*MADE UP",
     ],
@@ -318,11 +316,7 @@ def test_a_keyword_that_would_change_the_model_is_refused(tmp_path, keyword):
     )
 
 
-def test_parts_and_instances_are_refused_with_the_way_to_a_flat_deck(tmp_path):
-    refuse(tmp_path, "*PART, NAME=P\n" + BODY, "*PART", "flat deck")
-
-
-@pytest.mark.parametrize("kind", ["S4R", "C3D6", "B31", "C3D8I", "MASS"])
+@pytest.mark.parametrize("kind", ["SPRINGA", "C3D27", "COH3D8", "GK3D8", "CONN3D2", "F3D8", "X"])
 def test_other_element_types_are_refused(tmp_path, kind):
     refuse(tmp_path, BODY.replace("C3D8", kind), "*ELEMENT", f"element type {kind} is not supported", "C3D20R")
 
@@ -344,20 +338,18 @@ def test_other_element_types_are_refused(tmp_path, kind):
         ("6, 7, 8\n", "6, 7, 8, 1\n", "11, 1", "has 9 nodes, expected 8"),
         ("6, 7, 8\n", "6, 7, x\n", "11, 1", "whole number, found 'x'"),
         ("6, 7, 8\n", "6, 7, 8\n11, 2, 1, 3, 4, 5, 6, 7, 8\n", "11, 2", "element 11 is defined again"),
-        ("*ELASTIC\n", "*ELASTIC, TYPE=ORTHO\n", "*ELASTIC", "TYPE=ORTHO is not supported"),
-        ("2.1e11, 0.3\n", "2.1e11, 0.3, 20.\n2.0e11, 0.3, 99.\n", "*ELASTIC", "one row"),
+        ("*ELASTIC\n", "*ELASTIC, TYPE=LAMINA\n", "*ELASTIC", "TYPE=LAMINA is not supported"),
+        ("*ELASTIC\n", "*ELASTIC, TYPE=ORTHO\n", "2.1e11", "nine constants, found 2 numbers"),
         ("2.1e11, 0.3\n", "2.1e11\n", "2.1e11", "Poisson's ratio"),
         ("2.1e11, 0.3\n", "-2.1e11, 0.3\n", "-2.1e11", "should be positive"),
         ("2.1e11, 0.3\n", "2.1e11, 0.5\n", "2.1e11", "between -1 and 0.5"),
         ("2.1e11, 0.3\n", "2.1e11, high\n", "high", "found 'high'"),
         ("7850.", "0.0 ", "0.0 ", "density 0 means 0 kg/m³"),
-        ("*DENSITY\n7850.\n", "", "*MATERIAL", "'Steel' has no *DENSITY"),
-        ("*ELASTIC\n2.1e11, 0.3\n", "", "*MATERIAL", "'Steel' has no *ELASTIC"),
         ("*MATERIAL, NAME=Steel\n", "", "*ELASTIC", "before any *MATERIAL"),
         ("*MATERIAL, NAME=Steel", "*MATERIAL", "*MATERIAL", "needs the parameter NAME"),
         ("ELSET=Eall, MATERIAL", "ELSET=Gone, MATERIAL", "*SOLID", "element set 'Gone' is not defined"),
-        ("Eall, MATERIAL=Steel", "Eall, MATERIAL=Iron", "*SOLID", "material 'Iron' is not defined (known: Steel)"),
-        ("MATERIAL=Steel", "MATERIAL=Steel, ORIENTATION=O", "*SOLID", "parameter ORIENTATION"),
+        ("MATERIAL=Steel", "MATERIAL=Steel, ORIENTATION=O", "*SOLID", "orientation 'O' is not defined"),
+        ("MATERIAL=Steel", "MATERIAL=Steel, COMPOSITE", "*SOLID", "parameter COMPOSITE"),
         ("*NODE, NSET=Nall", "1, 2, 3\n*NODE, NSET=Nall", "1, 2, 3", "before the first keyword"),
     ],
 )

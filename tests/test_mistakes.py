@@ -118,8 +118,12 @@ MISTAKES = {
     "two stiffnesses": body(
         FIX, "stiffness = [1e6, 1e6]", "expected 3 values, there are 2", "such as stiffness = [1000000"
     ),
-    "list of sets": body(
-        TIP, 'nodes = ["TIP"]', "interface[1].nodes: found ['TIP']", "string", 'such as nodes = "FLANGE"'
+    "number of a node": body(
+        TIP, "nodes = 12", "interface[1].nodes: found 12", "string", "list", 'such as nodes = "FLANGE"'
+    ),
+    "plane without normal": body(TIP, "nodes = { plane = [1, 0, 0] }", "interface[1].nodes", "goes with normal"),
+    "a place off the body": body(
+        TIP, "nodes = { plane = [9.0, 0, 0], normal = [1, 0, 0] }", "no node lies there", "misses it by 8 m"
     ),
     "text without quotes": body(TIP, "nodes = TIP", "not valid TOML", "line 11", "texts stand in quotes"),
     "a table twice": body(

@@ -27,11 +27,14 @@ from .reduction.inertia import element_lumps, lumped_mass
 from .reduction.interfaces import Interface, fit_interface
 from .reduction.joining import Weld, joined
 from .reduction.masses import body_properties, mass_shares, sub_masses
+from .reduction.materials import needless
 from .reduction.membrane import Stretching, membrane_energy
-from .reduction.model import Model, assemble_model, element_set, elements_without_material, node_set
+from .reduction.model import Model, assemble_model
 from .reduction.modes import Modes
+from .reduction.places import by_name, node_set
 from .reduction.rigid_fit import by_node, modal_fit
 from .reduction.second_order import hourglass_warnings, node_readings, second_order
+from .reduction.sets import element_set
 from .reduction.subdomains import Subdomain, carrying_frame, frame_operators
 from .reduction.surface import body_surface, second_order_fields
 from .store import Store, content_key
@@ -92,8 +95,9 @@ def reduce_mesh(
         Anything that the specification or the mesh does not provide, with what to do.
     """
     with report.stage("Check the mesh"):
-        mesh = checked(mesh)
-        unused = config.material is not None and not elements_without_material(mesh)
+        given = config
+        mesh, config = by_name(checked(mesh), config)
+        unused = needless(mesh, config)
         model = assemble_model(mesh, config)
         mesh = model.mesh
         _check_sets(config, mesh)
@@ -125,7 +129,7 @@ def reduce_mesh(
         method=config.variant.method,
         mass=config.variant.mass,
         velocity_outputs=config.output.velocities,
-        provenance=_provenance(config, mesh, origin),
+        provenance=_provenance(given, mesh, origin),
         properties=properties,
     )
 

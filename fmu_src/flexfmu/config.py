@@ -32,9 +32,10 @@ class _Table(BaseModel):
 
 
 class MeshUnits(_Table):
-    """What the numbers of a mesh and of `[material]` are in."""
+    """What the numbers of a mesh and of `[material]` are in, and whether its own supports count."""
 
     units: UnitSystem = Field(default=UnitSystem.SI, strict=False)
+    boundary: bool = True
 
 
 class MeshTable(MeshUnits):
@@ -44,17 +45,55 @@ class MeshTable(MeshUnits):
 
 
 class MaterialTable(_Table):
-    """`[material]`: for elements to which the mesh file gives none; in the units of `[mesh]`."""
+    """`[material]`: what the mesh file does not tell, or of the material of a name; in the units of `[mesh]`."""
 
-    youngs_modulus: float = Field(gt=0.0)
-    poissons_ratio: float = Field(gt=-1.0, lt=0.5)
-    density: float = Field(gt=0.0)
+    name: str | None = Field(default=None, examples=["STEEL"])
+    youngs_modulus: float | None = Field(default=None, gt=0.0)
+    poissons_ratio: float | None = Field(default=None, gt=-1.0, lt=0.5)
+    density: float | None = Field(default=None, gt=0.0)
+
+    @model_validator(mode="after")
+    def _tells_something(self) -> "MaterialTable":
+        if self.youngs_modulus is None and self.poissons_ratio is None and self.density is None:
+            raise ValueError("tells nothing: give youngs_modulus, poissons_ratio or density, or all of them")
+        return self
+
+
+class Place(_Table):
+    """Nodes by place, m: those that meet every condition given."""
+
+    set: str | None = None
+    numbers: Annotated[list[int], Field(min_length=1)] | None = None
+    plane: Vector | None = None
+    normal: Vector | None = None
+    box: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
+    cylinder: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
+    patch: Vector | None = None
+    radius: float | None = Field(default=None, gt=0.0)
+    nearest: Vector | None = None
+    tolerance: float | None = Field(default=None, gt=0.0)
+
+    @model_validator(mode="after")
+    def _complete(self) -> "Place":
+        chosen = (self.set, self.numbers, self.plane, self.box, self.cylinder, self.patch, self.nearest)
+        if all(one is None for one in chosen):
+            raise ValueError("names no place: give set, numbers, plane, box, cylinder, patch or nearest")
+        if (self.plane is None) != (self.normal is None) or (self.normal is not None and not any(self.normal)):
+            raise ValueError("plane is a point of it and goes with normal = [x, y, z], not zero")
+        if self.radius is None and (self.cylinder is not None or self.patch is not None):
+            raise ValueError("cylinder (two points of its axis) and patch (a point) go with radius, in m")
+        if self.cylinder is not None and self.cylinder[0] == self.cylinder[1]:
+            raise ValueError("cylinder is given by two equal points of its axis, expected both its ends")
+        return self
+
+
+Nodes = str | Place | list[str | Place]
 
 
 class SupportTable(_Table):
     """`[[support]]`: translations held at zero, or springs to the ground."""
 
-    nodes: str = Field(examples=["CLAMP"])
+    nodes: Nodes = Field(examples=["CLAMP"])
     fix: list[Literal["x", "y", "z"]] = Field(default=[], examples=[["x", "y", "z"]])
     stiffness: Vector | None = Field(default=None, examples=[[1e6, 1e6, 1e6]])
 
@@ -81,7 +120,7 @@ class InterfaceTable(_Table):
     """`[[interface]]`: where loads come in and motion goes out."""
 
     name: Name = Field(examples=["tip"])
-    nodes: str = Field(examples=["FLANGE"])
+    nodes: Nodes = Field(examples=["FLANGE"])
     point: Vector | None = Field(default=None, examples=[[0.0, 0.0, 0.0]])
     weights: Literal["auto", "area", "node"] = "auto"
     compliance: bool = False
@@ -92,7 +131,7 @@ class FrameTable(_Table):
     """`[[frame]]`: a sub-domain with a frame of its own."""
 
     name: Name
-    nodes: str
+    nodes: Nodes
     joint: str | Vector | None = None
     parent: str | None = None
     rotation_points: list[str] | None = None
@@ -240,7 +279,7 @@ class BodySpec(_Table):
 
     name: Name = Field(examples=["arm"])
     mesh: MeshUnits = MeshUnits()
-    material: MaterialTable | None = None
+    material: MaterialTable | list[MaterialTable] | None = None
     free: bool = False
     root: Name | None = None
     support: list[SupportTable] = []
@@ -280,6 +319,9 @@ class BodySpec(_Table):
             for name in names:
                 if names.count(name) > 1:
                     raise ValueError(f"two [[{kind}]] tables have the name {name!r}, expected different names")
+        named = [None if table.name is None else table.name.upper() for table in self.materials]
+        if len(set(named)) < len(named):
+            raise ValueError("two [[material]] tables have the same name, or none, expected different names")
         if self.root is not None and self.root not in [i.name for i in self.interface]:
             raise ValueError(f"root is {self.root!r}, which is no [[interface]]")
         if self.root is not None and not self.free:
@@ -310,6 +352,11 @@ class BodySpec(_Table):
     def without_pictures(self) -> Self:
         """The same body without what only pictures of it need."""
         return self.model_copy(update={"output": self.output.model_copy(update={"surface": False, "stress": False})})
+
+    @property
+    def materials(self) -> list[MaterialTable]:
+        """The tables `[material]` or `[[material]]`."""
+        return self.material if isinstance(self.material, list) else [] if self.material is None else [self.material]
 
     @property
     def variant(self) -> Variant:

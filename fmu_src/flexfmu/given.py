@@ -140,16 +140,23 @@ class GivenModes:
         if lacking.size:
             raise GivenModesError(f"the modes lack nodes of the mesh: {listed(lacking)}; write results of all nodes")
         bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
+        bare = bare or any(np.isnan(material.density) for material in mesh.materials)
         if bare and density is None:
             raise GivenModesError("elements of the mesh have no material: give their density, kg/m³")
-        materials = (*mesh.materials, Material("given", 1.0, 0.0, density or 1.0))
+        told = [replace(m, density=density or 1.0) if np.isnan(m.density) else m for m in mesh.materials]
+        materials = (*told, Material("given", 1.0, 0.0, density or 1.0))
         blocks = tuple(
             replace(block, material=np.where(block.material == NO_MATERIAL, len(mesh.materials), block.material))
             for block in mesh.blocks
         )
         heavy = replace(mesh, materials=materials, blocks=blocks)
         mass = mass_matrix(heavy, volume_matrices(heavy))
-        names = {kind: name for name, kind in ELEMENT_TYPES.items()} | {ElementType.C3D20: "hexahedron20"}
+        names = {kind: name for name, kind in ELEMENT_TYPES.items()} | {
+            ElementType.C3D20: "hexahedron20",
+            ElementType.C3D8I: "hexahedron",
+            ElementType.C3D6: "wedge",
+            ElementType.C3D15: "wedge15",
+        }
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
             cells.setdefault(names[block.type], []).append(block.connectivity)

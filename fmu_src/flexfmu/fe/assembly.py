@@ -3,18 +3,17 @@
 import felupe
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from .cells import cells
 from .elements import rule
+
+# Elements at a time: the strain operators of this many take some 200 MB.
+CHUNK = 2048
 
 
 def _region(mesh: Mesh, cells: IntArray, element: object, quadrature: object) -> felupe.Region:
     return felupe.Region(felupe.Mesh(mesh.points, cells, "unused"), element, quadrature)
-
-
-def _materials(block: ElementBlock) -> list[tuple[int, NDArray[np.bool_]]]:
-    return [(int(index), block.material == index) for index in np.unique(block.material)]
 
 
 def stiffness(mesh: Mesh) -> sp.csr_array:
@@ -31,16 +30,40 @@ def stiffness(mesh: Mesh) -> sp.csr_array:
         N/m; degree of freedom 3 i + j is node i in direction j.
     """
     size = 3 * len(mesh.points)
-    total = sp.csr_array((size, size))
+    parts = [sp.csr_array((size, size))]
     for block in mesh.blocks:
-        choice = rule(block.type)
-        for index, chosen in _materials(block):
-            material = mesh.materials[index]
-            region = _region(mesh, block.connectivity[chosen], choice.element, choice.stiffness)
-            field = felupe.FieldContainer([felupe.Field(region, dim=3)])
-            law = felupe.LinearElastic(E=material.youngs_modulus, nu=material.poissons_ratio)
-            total = total + sp.csr_array(felupe.SolidBody(law, field).assemble.matrix())
-    return 0.5 * (total + total.T).tocsr()
+        for _, some in cells(mesh, block, CHUNK):
+            parts.append(assembled(some.nodes, some.eliminated(some.stiffness())[0], size))
+    total = summed(parts)
+    return sp.csr_array(0.5 * (total + total.T))
+
+
+def assembled(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
+    """Sum element matrices into one of all degrees of freedom.
+
+    Parameters
+    ----------
+    nodes : (e, a) int
+    matrices : (e, 3a, 3a) float
+    size : int
+        3n.
+
+    Returns
+    -------
+    (size, size) sparse
+    """
+    unknowns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1).astype(np.int32)
+    count = unknowns.shape[1]
+    rows, columns = np.repeat(unknowns, count, axis=1).ravel(), np.tile(unknowns, (1, count)).ravel()
+    return sp.csr_array(sp.coo_array((matrices.ravel(), (rows, columns)), shape=(size, size)))
+
+
+def summed(parts: list[sp.csr_array]) -> sp.csr_array:
+    """Sum of sparse matrices, in pairs: those of neighbouring elements overlap."""
+    while len(parts) > 1:
+        pairs = [a + b for a, b in zip(parts[::2], parts[1::2], strict=False)]
+        parts = pairs + parts[len(parts) - len(parts) % 2 :]
+    return parts[0]
 
 
 def volume_matrices(mesh: Mesh) -> tuple[FloatArray, ...]:

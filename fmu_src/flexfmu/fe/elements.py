@@ -1,12 +1,14 @@
 """Shape functions and quadrature of each element type, from felupe; the only module that chooses them."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import felupe
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mesh.model import ElementType, IntArray
+from ..mesh.wedges import QuadraticWedge, Wedge, wedge_quadrature
 
 FloatArray = NDArray[np.float64]
 
@@ -20,17 +22,21 @@ class Rule:
     element : felupe element
     stiffness : felupe quadrature
     mass : felupe quadrature
+    incompatible : bool
+        Whether three shape functions 1 − ξ² of the element's own are added, docs/theory.md section 2.
     """
 
-    element: object
-    stiffness: object
-    mass: object
+    element: Any
+    stiffness: Any
+    mass: Any
+    incompatible: bool = False
 
 
 def rule(kind: ElementType) -> Rule:
     """Shape functions and quadrature of an element type.
 
-    C3D20R takes 2 × 2 × 2 points for stiffness and mass both, as CalculiX does; all others are fully integrated.
+    C3D20R takes 2 × 2 × 2 points for stiffness and mass both, as CalculiX does; all others are fully integrated. C3D6
+    has two points, which is full for a stiffness without zero-energy modes, as both solvers have it.
 
     Parameters
     ----------
@@ -44,6 +50,12 @@ def rule(kind: ElementType) -> Rule:
     match kind:
         case ElementType.C3D8:
             return Rule(felupe.Hexahedron(), two, two)
+        case ElementType.C3D8I:
+            return Rule(felupe.Hexahedron(), two, two, incompatible=True)
+        case ElementType.C3D6:
+            return Rule(Wedge(), wedge_quadrature(1, 2), wedge_quadrature(2, 2))
+        case ElementType.C3D15:
+            return Rule(QuadraticWedge(), wedge_quadrature(2, 3), wedge_quadrature(5, 3))
         case ElementType.C3D20R:
             return Rule(felupe.QuadraticHexahedron(), two, two)
         case ElementType.C3D20:
@@ -54,7 +66,8 @@ def rule(kind: ElementType) -> Rule:
             return Rule(felupe.QuadraticTetra(), felupe.TetrahedronQuadrature(2), felupe.TetrahedronQuadrature(5))
 
 
-# Local nodes of each face, corners in order around it, then mid-side nodes in the same order.
+# Local nodes of each face, corners in order around it, then mid-side nodes in the same order; triangles and others
+# in tables of their own.
 _HEX_FACES = (
     (0, 1, 2, 3, 8, 9, 10, 11),
     (4, 5, 6, 7, 12, 13, 14, 15),
@@ -64,12 +77,17 @@ _HEX_FACES = (
     (3, 0, 4, 7, 11, 16, 15, 19),
 )
 _TET_FACES = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9))
-FACES: dict[ElementType, IntArray] = {
-    ElementType.C3D4: np.array(_TET_FACES)[:, :3],
-    ElementType.C3D10: np.array(_TET_FACES),
-    ElementType.C3D8: np.array(_HEX_FACES)[:, :4],
-    ElementType.C3D20: np.array(_HEX_FACES),
-    ElementType.C3D20R: np.array(_HEX_FACES),
+_WEDGE_TRIANGLES = ((0, 1, 2, 6, 7, 8), (3, 4, 5, 9, 10, 11))
+_WEDGE_SIDES = ((0, 1, 4, 3, 6, 13, 9, 12), (1, 2, 5, 4, 7, 14, 10, 13), (2, 0, 3, 5, 8, 12, 11, 14))
+FACES: dict[ElementType, tuple[IntArray, ...]] = {
+    ElementType.C3D4: (np.array(_TET_FACES)[:, :3],),
+    ElementType.C3D10: (np.array(_TET_FACES),),
+    ElementType.C3D6: (np.array(_WEDGE_TRIANGLES)[:, :3], np.array(_WEDGE_SIDES)[:, :4]),
+    ElementType.C3D15: (np.array(_WEDGE_TRIANGLES), np.array(_WEDGE_SIDES)),
+    ElementType.C3D8: (np.array(_HEX_FACES)[:, :4],),
+    ElementType.C3D8I: (np.array(_HEX_FACES)[:, :4],),
+    ElementType.C3D20: (np.array(_HEX_FACES),),
+    ElementType.C3D20R: (np.array(_HEX_FACES),),
 }
 
 

@@ -44,20 +44,20 @@ def element_faces(mesh: Mesh) -> tuple[FaceBlock, ...]:
     Returns
     -------
     tuple of FaceBlock
-        One per block of the mesh.
+        One per block of the mesh, two of wedges: triangles, then rectangles.
     """
     first = 0
     blocks, keys = [], []
     for block in mesh.blocks:
-        table = FACES[block.type]
-        nodes = block.connectivity[:, table].reshape(-1, table.shape[1])
-        element = first + np.repeat(np.arange(len(block.labels)), len(table))
+        for table in FACES[block.type]:
+            nodes = block.connectivity[:, table].reshape(-1, table.shape[1])
+            element = first + np.repeat(np.arange(len(block.labels)), len(table))
+            corners = 3 if table.shape[1] in (3, 6) else 4
+            key = np.full((len(nodes), 4), -1)
+            key[:, :corners] = np.sort(nodes[:, :corners], axis=1)
+            blocks.append((nodes, element))
+            keys.append(key)
         first += len(block.labels)
-        corners = 3 if table.shape[1] in (3, 6) else 4
-        key = np.full((len(nodes), 4), -1)
-        key[:, :corners] = np.sort(nodes[:, :corners], axis=1)
-        blocks.append((nodes, element))
-        keys.append(key)
     _, inverse, count = np.unique(np.concatenate(keys), axis=0, return_inverse=True, return_counts=True)
     outer = (count == 1)[inverse.ravel()]
     ends = np.cumsum([len(key) for key in keys])

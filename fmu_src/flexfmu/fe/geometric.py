@@ -1,10 +1,9 @@
 """Reduced geometric stiffness: how the linear stress of a displacement field stiffens or softens the modes."""
 
-import felupe
 import numpy as np
 
-from ..mesh.model import ElementBlock, FloatArray, Mesh
-from .elements import rule
+from ..mesh.model import FloatArray, Mesh
+from .cells import Cells, cells
 
 # Elements at a time: mode gradients of this many take some 100 MB with 20 modes.
 _CHUNK = 4096
@@ -33,34 +32,20 @@ def geometric_stiffness(mesh: Mesh, fields: FloatArray, shapes: FloatArray) -> F
     u, phi = fields.reshape(count, 3, -1), shapes.reshape(count, 3, -1)
     result = np.zeros((u.shape[2], phi.shape[2], phi.shape[2]))
     for block in mesh.blocks:
-        for first in range(0, len(block.labels), _CHUNK):
-            chosen = slice(first, first + _CHUNK)
-            part = ElementBlock(block.type, block.labels[chosen], block.connectivity[chosen], block.material[chosen])
-            result += _block(mesh, part, u, phi)
+        for _, some in cells(mesh, block, _CHUNK):
+            result += _part(some, u, phi)
     return 0.5 * (result + result.transpose(0, 2, 1))
 
 
-def _block(mesh: Mesh, block: ElementBlock, u: FloatArray, phi: FloatArray) -> FloatArray:
-    choice = rule(block.type)
-    cells = block.connectivity
-    region = felupe.Region(felupe.Mesh(mesh.points, cells, "unused"), choice.element, choice.stiffness)
-    gradient = region.dhdX
-    materials = [mesh.materials[index] for index in block.material]
-    e = np.array([material.youngs_modulus for material in materials])
-    nu = np.array([material.poissons_ratio for material in materials])
-    lame, shear = e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), 0.5 * e / (1.0 + nu)
+def _part(some: Cells, u: FloatArray, phi: FloatArray) -> FloatArray:
     # (elements, points, direction, derivative, mode)
-    modes = np.einsum("eaim,aJqe->eqiJm", phi[cells], gradient, optimize=True)
+    modes = some.displacement_gradient(phi)
     m = modes.shape[-1]
     result = np.empty((u.shape[2], m, m))
+    rows = modes.reshape(-1, m).T
     for k in range(u.shape[2]):
-        strain = np.einsum("eai,aJqe->eqiJ", u[cells, :, k], gradient, optimize=True)
-        strain = 0.5 * (strain + strain.swapaxes(2, 3))
-        trace = np.trace(strain, axis1=2, axis2=3)
-        stress = 2.0 * shear[:, None, None, None] * strain
-        stress += (lame[:, None] * trace)[:, :, None, None] * np.eye(3)
-        stress *= region.dV.T[:, :, None, None]
+        strain = some.displacement_gradient(u[:, :, k : k + 1])[..., 0]
+        stress = some.stress(0.5 * (strain + strain.swapaxes(2, 3))) * some.volume[:, :, None, None]
         # σ_JK on the derivative's index, for all directions and modes at once.
-        stressed = stress[:, :, None] @ modes
-        result[k] = modes.reshape(-1, m).T @ stressed.reshape(-1, m)
+        result[k] = rows @ (stress[:, :, None] @ modes).reshape(-1, m)
     return result

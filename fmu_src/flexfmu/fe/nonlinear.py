@@ -9,14 +9,14 @@ Mechanics for Finite Element Analysis, 2nd ed., chapter 9.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import felupe
 import numpy as np
 import scipy.sparse as sp
 
 from ..errors import AccuracyError, ModelError
-from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from ..mesh.model import FloatArray, IntArray, Mesh
 from ..progress import Reporter
-from .elements import rule
+from .assembly import CHUNK, assembled, summed
+from .cells import Cells, cells
 from .factorisation import Factorisation, dissection_order
 
 # |residual| / |load|: Newton's last iteration goes far below it.
@@ -33,6 +33,8 @@ _FIRST = 0.25
 _JUMP = 3.0
 # The smallest part of the load that an increment may be.
 _SMALLEST = 1e-4
+# Rounds in which the elements' own shape functions settle, to this part of the displacement.
+_OWN_ROUNDS, _OWN_SETTLED = 12, 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,68 +61,70 @@ class _Body:
     """Internal forces and their derivative at a displacement."""
 
     def __init__(self, mesh: Mesh, spring: FloatArray):
-        self._size = len(mesh.points)
         self._spring = spring.ravel()
-        self._parts = [part for block in mesh.blocks for part in _solids(mesh, block)]
+        self._parts = [some for block in mesh.blocks for _, some in cells(mesh, block, CHUNK)]
+        # Amplitudes of the elements' own shape functions, as last found.
+        self._own = [np.zeros((len(p.nodes), p.gradient.shape[2] - p.nodes.shape[1], 3)) for p in self._parts]
 
     def forces(self, displacement: FloatArray) -> FloatArray:
         """Internal forces (3n,), N."""
-        result = self._spring * displacement
-        for field, solid in self._parts:
-            field[0].values[:] = displacement.reshape(-1, 3)
-            result += solid.assemble.vector(field).toarray().ravel()
-        return result
+        result = (self._spring * displacement).reshape(-1, 3)
+        for number, part in enumerate(self._parts):
+            deformation, stress = self._state(number, displacement)
+            np.add.at(result, part.nodes, _nodal(part, deformation, stress)[:, : part.nodes.shape[1]])
+        return result.ravel()
 
     def tangent(self, displacement: FloatArray) -> sp.csr_array:
         """Their derivative (3n, 3n), N/m."""
-        total = sp.csr_array(sp.diags_array(self._spring))
-        for field, solid in self._parts:
-            field[0].values[:] = displacement.reshape(-1, 3)
-            total = total + sp.csr_array(solid.assemble.matrix(field))
+        parts = [sp.csr_array(sp.diags_array(self._spring))]
+        for number, part in enumerate(self._parts):
+            matrices = _tangent(part, *self._state(number, displacement))
+            parts.append(assembled(part.nodes, part.eliminated(matrices)[0], displacement.size))
+        total = summed(parts)
         return sp.csr_array(0.5 * (total + total.T))
 
+    def _state(self, number: int, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Deformation gradient and second Piola-Kirchhoff stress of a part, its own shape functions in equilibrium."""
+        part, local = self._parts[number], displacement.reshape(-1, 3)[self._parts[number].nodes]
+        own = self._own[number]
+        for _ in range(_OWN_ROUNDS):
+            deformation = np.einsum(
+                "eai,eqaJ->eqiJ", np.concatenate([local, own], axis=1), part.gradient, optimize=True
+            )
+            deformation = deformation + np.eye(3)
+            strain = 0.5 * (deformation.swapaxes(2, 3) @ deformation - np.eye(3))
+            stress = part.stress(strain)
+            if not own.size:
+                break
+            inner = part.nodes.shape[1]
+            force = _nodal(part, deformation, stress)
+            stiff = _tangent(part, deformation, stress)[:, part.own, part.own]
+            change = -np.linalg.solve(stiff, force[:, inner:].reshape(len(own), -1, 1)).reshape(own.shape)
+            # The last round's stress is that of the amplitudes that it leaves.
+            if np.abs(change).max() <= _OWN_SETTLED * max(np.abs(local).max(), np.abs(own).max(), 1e-300):
+                break
+            own = own + change
+        self._own[number] = own
+        return deformation, stress
 
-def _solids(mesh: Mesh, block: ElementBlock) -> list[tuple[felupe.FieldContainer, felupe.SolidBody]]:
-    choice = rule(block.type)
-    found = []
-    for index in np.unique(block.material):
-        material = mesh.materials[int(index)]
-        e, nu = material.youngs_modulus, material.poissons_ratio
-        lame, shear = e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), 0.5 * e / (1.0 + nu)
-        law = felupe.Material(stress=_stress, elasticity=_elasticity, lame=lame, shear=shear)
-        cells = block.connectivity[block.material == index]
-        region = felupe.Region(felupe.Mesh(mesh.points, cells, "unused"), choice.element, choice.stiffness)
-        field = felupe.FieldContainer([felupe.Field(region, dim=3)])
-        found.append((field, felupe.SolidBody(law, field)))
-    return found
 
-
-def _second_stress(gradient: FloatArray, lame: float, shear: float) -> FloatArray:
-    """Second Piola-Kirchhoff stress S = λ tr(E) I + 2μE of deformation gradients (3, 3, ...)."""
-    strain = 0.5 * (np.einsum("kI...,kJ...->IJ...", gradient, gradient) - _identity(gradient))
-    result: FloatArray = 2.0 * shear * strain + lame * np.einsum("II...->...", strain) * _identity(gradient)
+def _nodal(part: Cells, deformation: FloatArray, stress: FloatArray) -> FloatArray:
+    """∫ F S ∂N/∂X dV (e, a + b, 3)."""
+    first = (deformation @ stress) * part.volume[:, :, None, None]
+    result: FloatArray = np.einsum("eqiJ,eqaJ->eai", first, part.gradient, optimize=True)
     return result
 
 
-def _identity(like: FloatArray) -> FloatArray:
-    return np.eye(3).reshape(3, 3, *(1,) * (like.ndim - 2))
-
-
-def _stress(x: list[FloatArray], lame: float, shear: float) -> list[FloatArray]:
-    """First Piola-Kirchhoff stress P = F S, in the form that felupe asks for."""
-    gradient = x[0]
-    return [np.einsum("iM...,MJ...->iJ...", gradient, _second_stress(gradient, lame, shear)), x[-1]]
-
-
-def _elasticity(x: list[FloatArray], lame: float, shear: float) -> list[FloatArray]:
-    """∂P_iJ/∂F_kL = δ_ik S_JL + λ F_iJ F_kL + μ [(F Fᵀ)_ik δ_JL + F_iL F_kJ]."""
-    f = x[0]
-    stress, one = _second_stress(f, lame, shear), np.eye(3)
-    result = np.einsum("ik,JL...->iJkL...", one, stress)
-    result += lame * np.einsum("iJ...,kL...->iJkL...", f, f)
-    result += shear * np.einsum("iL...,kJ...->iJkL...", f, f)
-    result += shear * np.einsum("iM...,kM...,JL->iJkL...", f, f, one)
-    return [result]
+def _tangent(part: Cells, deformation: FloatArray, stress: FloatArray) -> FloatArray:
+    """Derivative (e, 3(a + b), 3(a + b)) of those forces."""
+    result = part.stiffness(deformation)
+    weighted = part.gradient @ (stress * part.volume[:, :, None, None])
+    e, _, a, _ = part.gradient.shape
+    rows, columns = weighted.transpose(0, 2, 1, 3), part.gradient.transpose(0, 1, 3, 2)
+    geometric = rows.reshape(e, a, -1) @ columns.reshape(e, -1, a)
+    for axis in range(3):
+        result[:, axis::3, axis::3] += geometric
+    return result
 
 
 def load_path(

@@ -3,10 +3,11 @@
 from functools import cache
 from typing import Any
 
-import felupe
 import numpy as np
 
 from ..mesh.model import ElementType, FloatArray, IntArray, Mesh
+from .assembly import CHUNK
+from .cells import VOIGT, cells
 from .elements import rule
 
 
@@ -37,21 +38,11 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
         first += len(block.labels)
         if not inside.size:
             continue
-        choice = rule(block.type)
-        cells = block.connectivity[inside]
-        region = felupe.Region(felupe.Mesh(mesh.points, cells, "unused"), choice.element, choice.stiffness)
-        materials = [mesh.materials[index] for index in block.material[inside]]
-        e = np.array([material.youngs_modulus for material in materials])
-        nu = np.array([material.poissons_ratio for material in materials])
-        lame, shear = e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), 0.5 * e / (1.0 + nu)
-        gradient = np.einsum("eaik,aJqe->eqiJk", u[cells], region.dhdX, optimize=True)
-        trace = gradient[:, :, 0, 0] + gradient[:, :, 1, 1] + gradient[:, :, 2, 2]
-        stress = np.empty((*gradient.shape[:2], 6, gradient.shape[4]))
-        for c, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))):
-            stress[:, :, c] = shear[:, None, None] * (gradient[:, :, i, j] + gradient[:, :, j, i])
-        stress[:, :, :3] += (lame[:, None, None] * trace)[:, :, None]
-        stresses.append(stress.reshape(-1, 6, u.shape[2]))
-        places.append(np.einsum("aq,eai->eqi", region.element_h, mesh.points[cells]).reshape(-1, 3))
+        for _, some in cells(mesh, block.part(inside), CHUNK):
+            gradient = some.displacement_gradient(u)
+            found = some.stress(0.5 * (gradient + gradient.swapaxes(2, 3)))
+            stresses.append(np.stack([found[:, :, i, j] for i, j in VOIGT], axis=2).reshape(-1, 6, u.shape[2]))
+            places.append(np.einsum("qa,eai->eqi", some.value, mesh.points[some.nodes]).reshape(-1, 3))
     return np.concatenate(places), np.concatenate(stresses)
 
 
@@ -95,14 +86,14 @@ def nodal_stress(mesh: Mesh, nodes: IntArray, fields: FloatArray) -> FloatArray:
 def _extrapolation(kind: ElementType) -> FloatArray:
     """Values at an element's corners of what fits those at its integration points best, (corners, points)."""
     choice = rule(kind)
-    bricks = kind in (ElementType.C3D8, ElementType.C3D20, ElementType.C3D20R)
-    powers = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1) if bricks or i + j + k < 2]
+    bricks, wedges = kind.corner_count == 8, kind.corner_count == 6
+    powers = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1) if bricks or i + j + (0 if wedges else k) < 2]
     element: Any = choice.element
     scheme: Any = choice.stiffness
-    corners, points = element.points[: 8 if bricks else 4], scheme.points
+    corners, points = np.asarray(element.points)[: kind.corner_count], scheme.points
     if len(points) < len(powers):
-        # One integration point: constant stress.
-        powers = powers[:1]
+        # One integration point: constant stress; one of the triangle at two heights: linear along the wedge.
+        powers = [(0, 0, k) for k in range(len(points))]
 
     def terms(places: FloatArray) -> FloatArray:
         found: FloatArray = np.stack([np.prod(places ** np.array(power), axis=1) for power in powers], axis=1)

@@ -11,6 +11,7 @@ from scipy import sparse
 from flexfmu.errors import MeshError
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import ElementBlock, ElementType, FloatArray, IntArray, Mesh
+from flexfmu.mesh.wedges import QuadraticWedge, Wedge, wedge_quadrature
 
 # Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest
 # sensible element (1e-6 for one of aspect 1000 to 1000 to 1), far above round-off of coordinates (1e-13).
@@ -113,14 +114,18 @@ def _reference_gradients(kind: ElementType) -> FloatArray:
     """Gradients of the shape functions, (n_places, node_count, 3), at corners and quadrature points."""
     tetrahedron = felupe.quadrature.Tetrahedron
     brick = felupe.quadrature.GaussLegendre
-    element, scheme, corners = {
-        ElementType.C3D4: (felupe.element.Tetra(), tetrahedron(order=1), 4),
-        ElementType.C3D8: (felupe.element.Hexahedron(), brick(order=1, dim=3), 8),
-        ElementType.C3D10: (felupe.element.QuadraticTetra(), tetrahedron(order=2), 4),
-        ElementType.C3D20: (felupe.element.QuadraticHexahedron(), brick(order=2, dim=3), 8),
-        ElementType.C3D20R: (felupe.element.QuadraticHexahedron(), brick(order=1, dim=3), 8),
+    linear, quadratic = felupe.element.Hexahedron(), felupe.element.QuadraticHexahedron()
+    element, scheme = {
+        ElementType.C3D4: (felupe.element.Tetra(), tetrahedron(order=1)),
+        ElementType.C3D6: (Wedge(), wedge_quadrature(1, 2)),
+        ElementType.C3D8: (linear, brick(order=1, dim=3)),
+        ElementType.C3D8I: (linear, brick(order=1, dim=3)),
+        ElementType.C3D10: (felupe.element.QuadraticTetra(), tetrahedron(order=2)),
+        ElementType.C3D15: (QuadraticWedge(), wedge_quadrature(2, 3)),
+        ElementType.C3D20: (quadratic, brick(order=2, dim=3)),
+        ElementType.C3D20R: (quadratic, brick(order=1, dim=3)),
     }[kind]
-    places = np.concatenate([element.points[:corners], scheme.points])
+    places = np.concatenate([np.asarray(element.points)[: kind.corner_count], scheme.points])
     return np.array([element.gradient(place) for place in places], dtype=float)
 
 

@@ -46,7 +46,7 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     content.sort(content.assembly.flat(read_cards(path)))
     blocks = content.elements.blocks(content.nodes)
     if not content.nodes.rows or not blocks:
-        missing = "solid elements (*ELEMENT)" if content.nodes.rows else "nodes (*NODE)"
+        missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
         raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
     node_sets, element_sets = _resolved_sets(content, blocks)
     _refuse_structures(content, element_sets)
@@ -185,9 +185,7 @@ def _nodes_of(positions: Iterable[int], blocks: tuple[ElementBlock, ...], conten
         rows += np.unique(block.connectivity[inside]).tolist()
         start += len(block.labels)
     others = list(content.elements.others.values())
-    return rows + [
-        row for place in positions if place >= start for row in content.nodes.rows_of(others[place - start])
-    ]
+    return rows + [row for place in positions if place >= start for row in content.nodes.rows_of(others[place - start])]
 
 
 def _refuse_structures(content: _Content, element_sets: SetTable) -> None:

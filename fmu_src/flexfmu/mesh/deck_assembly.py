@@ -107,7 +107,9 @@ class Assembly:
     def _content(self, card: Card) -> list[Card]:
         name = card.parameters.get("PART", "")
         if not name:
-            raise card.line.error("an *INSTANCE needs the parameter PART; instances of other analyses are not supported")
+            raise card.line.error(
+                "an *INSTANCE needs the parameter PART; instances of other analyses are not supported"
+            )
         if name.upper() not in self._parts:
             known = ", ".join(part.required("NAME") for part, _ in self._parts.values()) or "none"
             raise card.line.error(f"part '{name}' is not defined (known: {known}); define it or correct the name")
@@ -116,11 +118,11 @@ class Assembly:
 
 def _until(end: str, begin: Card, cards: Iterator[Card]) -> list[Card]:
     """Cards up to the one that ends what `begin` begins, that one left out."""
-    found = []
+    found: list[Card] = []
     for card in cards:
         if card.key == end:
             return found
-        if card.key in ("PART", "ASSEMBLY", "STEP") or card.key in STRUCTURE and begin.key == "PART":
+        if card.key in ("PART", "ASSEMBLY", "STEP") or (card.key in STRUCTURE and begin.key == "PART"):
             break
         found.append(card)
     raise begin.line.error(f"this *{begin.keyword} has no *END {begin.keyword}; the deck may have been cut short")
@@ -167,7 +169,7 @@ def _placement(card: Card) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
         return None, None
     if len(rows) > 2 or len(rows[0]) > 3 or (len(rows) == 2 and len(rows[1]) != 7):
         raise card.line.error(
-            "an *INSTANCE takes up to two rows: 'x, y, z' of its shift, and 'x1, y1, z1, x2, y2, z2, degrees' of its turn"
+            "an *INSTANCE takes up to two rows: its shift 'x, y, z', and its turn 'x1, y1, z1, x2, y2, z2, degrees'"
         )
     shift = np.array([*rows[0], 0.0, 0.0, 0.0][:3])
     if len(rows) == 1:

@@ -60,9 +60,7 @@ def elastic_constants(card: Card, units: UnitSystem) -> Elastic:
             "ANISOTROPIC constants"
         )
     rows = -(-count // _ROW)
-    values = [
-        number(text, line, f"each of {_WORDS[count]}") for line in card.data[:rows] for text in fields(line)
-    ]
+    values = [number(text, line, f"each of {_WORDS[count]}") for line in card.data[:rows] for text in fields(line)]
     if not count <= len(values) <= count + 1:
         where = card.data[0] if card.data else card.line
         raise where.error(f"*ELASTIC should have {_WORDS[count]}, found {len(values)} numbers")
@@ -129,5 +127,6 @@ def _matrix(kind: str, values: FloatArray, line: Line) -> FloatArray:
             compliance[i, j] = compliance[j, i] = -ratio / moduli[i]
         if np.linalg.eigvalsh(compliance)[0] <= 0.0:
             raise line.error("these moduli and Poisson's ratios belong to no material; check their order")
-        matrix = np.linalg.inv(compliance)
-    return matrix[np.ix_(_PLACES, _PLACES)]
+        matrix[:] = np.linalg.inv(compliance)
+    result: FloatArray = matrix[np.ix_(_PLACES, _PLACES)]
+    return result

@@ -170,7 +170,7 @@ class ElementTable:
         for line, row in _element_rows(card, name, kind.node_count):
             self._store(name, kind.solid, kind.dimension, row, line)
             labels.append(row[0])
-        if kind.note and labels:
+        if kind.solid is not None and kind.note and labels:
             self.notes.setdefault(f"elements of type {name} are read as {kind.solid.value}: {kind.note}")
         return labels
 

@@ -165,9 +165,7 @@ class MaterialTable:
             Its element set or material is not given.
         """
         name = card.parameters.get("ORIENTATION", "")
-        self.sections.append(
-            Section(card.required("ELSET"), card.required("MATERIAL"), name, card.line, card.scope)
-        )
+        self.sections.append(Section(card.required("ELSET"), card.required("MATERIAL"), name, card.line, card.scope))
 
     def oriented(self, card: Card) -> None:
         """Take an *ORIENTATION card.

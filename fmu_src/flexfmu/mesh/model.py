@@ -49,7 +49,7 @@ class Material:
     ----------
     name : str
     youngs_modulus : float
-        N/m²; NaN where the mesh file does not tell. Of an anisotropic material, that of the average over all directions.
+        N/m²; NaN where the mesh file does not tell. Of an anisotropic material, that of its average over directions.
     poissons_ratio : float
         Between −1 and 0.5, both excluded; likewise.
     density : float

@@ -38,8 +38,8 @@ class Matrices:
     def key(self) -> str:
         """Hash of all that the matrices depend on."""
         model, mesh = self.model, self.model.mesh
-        blocks = [part for b in mesh.blocks for part in (b.type.value, b.connectivity, b.material)]
-        materials = [(m.youngs_modulus, m.poissons_ratio, m.density) for m in mesh.materials]
+        blocks = [part for b in mesh.blocks for part in (b.type.value, b.connectivity, b.material, b.axes)]
+        materials = [(*m.elasticity.ravel().tolist(), m.density) for m in mesh.materials]
         return content_key(__name__, mesh.points, *blocks, *materials, model.fixed, model.spring, model.rigid.shape)
 
     @cached_property

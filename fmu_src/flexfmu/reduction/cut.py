@@ -18,7 +18,8 @@ from ..mesh.checks import connected_parts
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..rotations import skew
 from .division import neighbours
-from .model import Model, free_motions, node_set
+from .model import Model, free_motions
+from .places import node_set
 from .rigid_fit import by_node, rigid_fit
 from .subdomains import elements_within
 from .subdomains import section as section_weights
@@ -208,7 +209,7 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
         first += len(block.labels)
         if here.any():
             connectivity = place[block.connectivity[here]]
-            blocks.append(type(block)(block.type, block.labels[here], connectivity, block.material[here]))
+            blocks.append(replace(block.part(here), connectivity=connectivity))
 
     def kept(sets: dict[str, IntArray], places: IntArray) -> dict[str, IntArray]:
         found = {name: places[members][places[members] >= 0] for name, members in sets.items()}
@@ -321,7 +322,8 @@ def _springs(model: Model, supports: Sequence[SupportTable]) -> tuple[Model, tup
     mesh, done = model.mesh, np.zeros(len(model.mesh.points), dtype=bool)
     sets, stays, found = dict(mesh.node_sets), model.spring.copy(), []
     for number, table in enumerate(supports, start=1):
-        if table.stiffness is None or not _has(sets, table.nodes):
+        # Places are names by now.
+        if table.stiffness is None or not isinstance(table.nodes, str) or not _has(sets, table.nodes):
             continue
         members = node_set(mesh, table.nodes, f"support[{number}].nodes")
         # No node twice: what several supports put on it is all with the first.

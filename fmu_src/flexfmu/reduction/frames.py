@@ -4,12 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..config import Basis, BodySpec, BranchTable
+from ..config import Basis, BodySpec, BranchTable, Nodes
 from ..fe.faces import FaceBlock
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND, WholeFrame
 from .division import Branch, divide, divide_branches, open_loops
-from .model import Model, node_set
+from .model import Model
+from .places import node_set
 from .subdomains import (
     FrameRequest,
     Subdomain,
@@ -102,7 +103,7 @@ def root_frame(model: Model, volumes: tuple[FloatArray, ...]) -> list[Subdomain]
     return [] if found is None else [found]
 
 
-def _end(config: BodySpec, branch: BranchTable) -> str:
+def _end(config: BodySpec, branch: BranchTable) -> Nodes:
     """Node set at which a branch ends: an interface's, or that of a section in a part of a cut body."""
     return next((i.nodes for i in config.interface if i.name == branch.toward), branch.toward)
 

@@ -9,7 +9,7 @@ from ..config import InterfaceTable
 from ..errors import BodyFileError
 from ..fe.faces import FaceBlock, area_matrix, select
 from ..mesh.model import FloatArray, IntArray, Mesh
-from .model import node_set
+from .places import node_set
 from .rigid_fit import Weighted, by_node, rigid_fit
 from .subdomains import Subdomain, carrying_frame
 

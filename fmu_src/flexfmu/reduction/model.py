@@ -1,15 +1,16 @@
 """The supported finite element model: a mesh with materials and supports, checked to be a body that can be reduced."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..config import BodySpec
-from ..errors import BodyFileError, ModelError
+from ..errors import ModelError
 from ..mesh.checks import connected_parts
-from ..mesh.model import NO_MATERIAL, FloatArray, IntArray, Material, Mesh
+from ..mesh.model import FloatArray, IntArray, Mesh
+from .materials import completed
+from .places import node_set
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 # Relative size of a singular value below which a rigid motion is not held.
@@ -57,45 +58,6 @@ class Model:
         return fixed if fixed.size else self.anchored
 
 
-def node_set(mesh: Mesh, name: str, key: str) -> IntArray:
-    """Nodes of a named set.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    name : str
-        Upper and lower case count as the same where that is unambiguous.
-    key : str
-        The key of the body file that asks, for the message.
-
-    Returns
-    -------
-    (k,) int
-
-    Raises
-    ------
-    BodyFileError
-        No such set, or an empty one.
-    """
-    return _named_set(mesh.node_sets, "node", name, key)
-
-
-def _named_set(sets: Mapping[str, IntArray], kind: str, name: str, key: str) -> IntArray:
-    match = [known for known in sets if known == name] or [k for k in sets if k.lower() == name.lower()]
-    if len(match) != 1:
-        there = ", ".join(sorted(sets)) or "none"
-        raise BodyFileError(f"{key}: the mesh has no {kind} set {name!r}; it has: {there}")
-    members = sets[match[0]]
-    if not members.size:
-        raise BodyFileError(f"{key}: {kind} set {name!r} is empty, expected at least one {kind}")
-    return members
-
-
-def element_set(mesh: Mesh, name: str, key: str) -> IntArray:
-    """Elements of a named set, counted over all blocks; see `node_set`."""
-    return _named_set(mesh.element_sets, "element", name, key)
-
-
 def assemble_model(mesh: Mesh, config: BodySpec) -> Model:
     """Give a mesh its materials and supports.
 
@@ -116,8 +78,11 @@ def assemble_model(mesh: Mesh, config: BodySpec) -> Model:
     ModelError
         A part of the body is free to move without the body file's word that it shall.
     """
-    mesh = _with_material(mesh, config)
+    mesh, notes = completed(mesh, config)
+    mesh = replace(mesh, notes=(*mesh.notes, *notes))
     fixed = mesh.fixed.copy()
+    if not config.mesh.boundary:
+        fixed[:] = False
     spring = np.zeros(fixed.shape)
     for number, support in enumerate(config.support, start=1):
         nodes = node_set(mesh, support.nodes, f"support[{number}].nodes")
@@ -127,32 +92,6 @@ def assemble_model(mesh: Mesh, config: BodySpec) -> Model:
             spring[nodes] += np.array(support.stiffness) / nodes.size
     rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free)
     return Model(mesh, fixed, spring, rigid)
-
-
-def elements_without_material(mesh: Mesh) -> int:
-    """Number of elements to which the mesh file gives no material."""
-    return sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
-
-
-def _with_material(mesh: Mesh, config: BodySpec) -> Mesh:
-    missing = elements_without_material(mesh)
-    if not missing:
-        return mesh
-    table, units = config.material, config.mesh.units
-    if table is None:
-        raise BodyFileError(
-            f"{missing} of {mesh.element_count} elements have no material in the mesh file: add a [material] table "
-            f"with youngs_modulus, poissons_ratio and density, in the units of [mesh] ({units.factors.stress_name}, "
-            f"–, {units.factors.density_name})"
-        )
-    index = len(mesh.materials)
-    blocks = tuple(
-        replace(block, material=np.where(block.material == NO_MATERIAL, index, block.material)) for block in mesh.blocks
-    )
-    material = Material(
-        "[material]", table.youngs_modulus * units.stress, table.poissons_ratio, table.density * units.density
-    )
-    return replace(mesh, blocks=blocks, materials=(*mesh.materials, material))
 
 
 def free_motions(points: FloatArray, held: NDArray[np.bool_]) -> FloatArray:

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..mesh.model import FloatArray, IntArray
+from ..fe.cells import elasticity
+from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
 from ..progress import Reporter
 from ..reduction.model import Model
 from .errors import SceneError
@@ -94,6 +95,10 @@ def deck(model: Model, load: FloatArray, factors: Sequence[float], nodes: IntArr
     return "\n".join(lines) + "\n"
 
 
+# Places of 11, 22, 33, 12, 13, 23 among xx, yy, zz, xy, yz, zx.
+_DECK_ORDER = [0, 1, 2, 3, 5, 4]
+
+
 def _mesh_cards(model: Model) -> Iterator[str]:
     mesh = model.mesh
     yield "*NODE"
@@ -101,12 +106,16 @@ def _mesh_cards(model: Model) -> Iterator[str]:
     for number, point in enumerate(mesh.points, start=1):
         yield f"{number}, " + ", ".join(f"{x:.12e}" for x in point)
     number, used = 0, []
+    # A material in other axes is one of its own.
+    made: dict[bytes, int] = {}
     for place, block in enumerate(mesh.blocks):
-        for index in np.unique(block.material):
+        keys = [found.tobytes() for found in np.column_stack([block.material, _elasticity(mesh, block)])]
+        materials = np.array([made.setdefault(key, len(made)) for key in keys])
+        for index in np.unique(materials):
             name = f"PART{place}_{index}"
             used.append((name, int(index)))
             yield f"*ELEMENT, TYPE={block.type.value}, ELSET={name}"
-            for row, material in enumerate(block.material):
+            for row, material in enumerate(materials):
                 if material != index:
                     continue
                 words = [str(number + row + 1), *(str(node + 1) for node in block.connectivity[row])]
@@ -116,12 +125,30 @@ def _mesh_cards(model: Model) -> Iterator[str]:
                     for k in range(0, len(words), 10)
                 )
         number += len(block.material)
-    for index, material in enumerate(mesh.materials):
+    for key, index in made.items():
+        found = np.frombuffer(key)
+        material = mesh.materials[int(found[0])]
         yield f"*MATERIAL, NAME=MATERIAL{index}"
-        yield from ("*ELASTIC", f"{material.youngs_modulus:.12e}, {material.poissons_ratio:.12e}")
+        if material.constants is None:
+            yield from ("*ELASTIC", f"{material.youngs_modulus:.12e}, {material.poissons_ratio:.12e}")
+        else:
+            # Upper triangle, column by column, of 11, 22, 33, 12, 13, 23.
+            matrix = found[1:].reshape(6, 6)[np.ix_(_DECK_ORDER, _DECK_ORDER)]
+            words = [f"{value:.12e}" for value in matrix[np.tril_indices(6)]]
+            yield "*ELASTIC, TYPE=ANISO"
+            yield from (
+                ", ".join(words[k : k + 8]) + ("," if k + 8 < len(words) else "") for k in range(0, len(words), 8)
+            )
         yield from ("*DENSITY", f"{material.density:.12e}")
     for name, index in used:
         yield f"*SOLID SECTION, ELSET={name}, MATERIAL=MATERIAL{index}"
+
+
+def _elasticity(mesh: Mesh, block: ElementBlock) -> FloatArray:
+    """Elasticity (n_elements, 36) in global axes, zero where axes do not matter."""
+    if block.axes is None and all(material.constants is None for material in mesh.materials):
+        return np.zeros((len(block.labels), 36))
+    return elasticity(mesh, block).reshape(-1, 36).round(3)
 
 
 def _support_cards(model: Model) -> Iterator[str]:

@@ -20,7 +20,8 @@ from ...model.reduced_body import GROUND, ReducedBody
 from ...reduction.cut import SIDES, cut_parts, part_configs, side_set
 from ...reduction.division import distance_along, divide
 from ...reduction.frames import hanging, root_frame
-from ...reduction.model import Model, assemble_model, node_set
+from ...reduction.model import Model, assemble_model
+from ...reduction.places import by_name, node_set
 from ...reduction.subdomains import carrying_frame
 from .trial import Joints
 
@@ -66,7 +67,9 @@ def find_branches(config: BodyFile) -> list[Branch]:
     -------
     list of Branch
     """
-    model = assemble_model(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
+    mesh, spec = by_name(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
+    config = config.model_copy(update={"support": spec.support, "interface": spec.interface, "frame": spec.frame})
+    model = assemble_model(mesh, config)
     if not config.cut:
         return _branches(model, config, 0, len(root_frame(model, volume_matrices(model.mesh))))[0]
     opened, parts = cut_parts(model, [table.nodes for table in config.cut], config.support)

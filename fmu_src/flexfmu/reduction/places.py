@@ -1,0 +1,144 @@
+"""Nodes chosen by place, number or name."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import BodySpec, Nodes, Place
+from ..errors import BodyFileError
+from ..fe.faces import element_faces
+from ..mesh.listing import listed
+from ..mesh.model import FloatArray, IntArray, Mesh
+from .sets import named_set
+
+# Share of the body's longest side by which nodes may miss a plane or a cylinder without a tolerance.
+_MISS = 1e-4
+
+
+def node_set(mesh: Mesh, nodes: Nodes, key: str) -> IntArray:
+    """Nodes of a named set, or at a place.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    nodes : Nodes
+        Of names, upper and lower case count as the same where that is unambiguous.
+    key : str
+        The key of the body file that asks, for the message.
+
+    Returns
+    -------
+    (k,) int
+        Ascending.
+
+    Raises
+    ------
+    BodyFileError
+        No such set, or an empty one; no node at a place.
+    """
+    if isinstance(nodes, str):
+        return named_set(mesh.node_sets, "node", nodes, key)
+    if isinstance(nodes, list):
+        return np.unique(np.concatenate([node_set(mesh, one, key) for one in nodes]))
+    rows = np.flatnonzero(_at(mesh, nodes, key))
+    if not rows.size:
+        raise BodyFileError(f"{key}: no node lies there; {_nearby(mesh, nodes)}")
+    return rows
+
+
+def by_name(mesh: Mesh, config: BodySpec) -> tuple[Mesh, BodySpec]:
+    """Turn the body file's places into node sets of the mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    config : BodySpec
+
+    Returns
+    -------
+    mesh : Mesh
+        With the sets.
+    config : BodySpec
+        With their names.
+
+    Raises
+    ------
+    BodyFileError
+        As of `node_set`.
+    """
+    sets = dict(mesh.node_sets)
+    tables: dict[str, list[Any]] = {}
+    for kind in ("support", "interface", "frame", "cut"):
+        tables[kind] = []
+        for number, table in enumerate(getattr(config, kind), start=1):
+            if not isinstance(table.nodes, str):
+                title = f"nodes of {kind} {getattr(table, 'name', number)}"
+                sets[title] = node_set(mesh, table.nodes, title)
+                table = table.model_copy(update={"nodes": title})
+            tables[kind].append(table)
+    return replace(mesh, node_sets=sets), config.model_copy(update=tables)
+
+
+def _at(mesh: Mesh, place: Place, key: str) -> NDArray[np.bool_]:
+    """Which nodes meet all of a place's conditions."""
+    points = mesh.points
+    size = float(np.ptp(points, axis=0).max())
+    miss = _MISS * size if place.tolerance is None else place.tolerance
+    chosen = np.ones(len(points), dtype=bool)
+    if place.set is not None:
+        chosen &= _member(points, named_set(mesh.node_sets, "node", place.set, key))
+    if place.numbers is not None:
+        unknown = np.setdiff1d(place.numbers, mesh.labels)
+        if unknown.size:
+            raise BodyFileError(f"{key}: the mesh has no nodes of the numbers {listed(unknown)}")
+        chosen &= np.isin(mesh.labels, place.numbers)
+    if place.plane is not None and place.normal is not None:
+        normal = np.array(place.normal) / np.linalg.norm(place.normal)
+        chosen &= np.abs((points - place.plane) @ normal) <= miss
+    if place.box is not None:
+        low, high = np.sort(np.array(place.box), axis=0)
+        chosen &= np.all((points >= low - miss) & (points <= high + miss), axis=1)
+    if place.cylinder is not None and place.radius is not None:
+        start, end = np.array(place.cylinder)
+        length = float(np.linalg.norm(end - start))
+        along = (points - start) @ (end - start) / length
+        away = np.linalg.norm(points - start - np.outer(along / length, end - start), axis=1)
+        chosen &= (np.abs(away - place.radius) <= miss) & (along >= -miss) & (along <= length + miss)
+    if place.patch is not None and place.radius is not None:
+        chosen &= _member(points, _surface(mesh))
+        chosen &= np.linalg.norm(points - place.patch, axis=1) <= place.radius + miss
+    if place.nearest is not None:
+        away = np.where(chosen, np.linalg.norm(points - place.nearest, axis=1), np.inf)
+        chosen &= np.arange(len(points)) == np.argmin(away)
+    return chosen
+
+
+def _member(points: FloatArray, rows: IntArray) -> NDArray[np.bool_]:
+    member = np.zeros(len(points), dtype=bool)
+    member[rows] = True
+    return member
+
+
+def _surface(mesh: Mesh) -> IntArray:
+    """Nodes of the body's surface."""
+    return np.unique(np.concatenate([block.nodes[block.outer].ravel() for block in element_faces(mesh)]))
+
+
+def _nearby(mesh: Mesh, place: Place) -> str:
+    """Where the body is, and how far the closest node misses."""
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    words = f"the body reaches from {_point(low)} to {_point(high)} m"
+    centre = place.plane or place.patch
+    if place.plane is not None and place.normal is not None:
+        normal = np.array(place.normal) / np.linalg.norm(place.normal)
+        least = np.abs((mesh.points - place.plane) @ normal).min()
+        words += f", and its node nearest to the plane misses it by {least:.3g} m"
+    elif centre is not None:
+        words += f", and its nearest node is {np.linalg.norm(mesh.points - centre, axis=1).min():.3g} m away"
+    return f"{words}; places are in m, correct them or give a larger tolerance"
+
+
+def _point(place: FloatArray) -> str:
+    return "(" + ", ".join(f"{float(x):.5g}" for x in place) + ")"
