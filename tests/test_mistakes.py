@@ -119,7 +119,7 @@ MISTAKES = {
         FIX, "stiffness = [1e6, 1e6]", "expected 3 values, there are 2", "such as stiffness = [1000000"
     ),
     "number of a node": body(
-        TIP, "nodes = 12", "interface[1].nodes: found 12", "string", "list", 'such as nodes = "FLANGE"'
+        TIP, "nodes = 12", "interface[1].nodes: found 12", "string", "a table { … }", 'such as nodes = "FLANGE"'
     ),
     "plane without normal": body(TIP, "nodes = { plane = [1, 0, 0] }", "interface[1].nodes", "goes with normal"),
     "a place off the body": body(

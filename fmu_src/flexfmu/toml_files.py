@@ -69,9 +69,11 @@ def explain(error: ValidationError, model: type[BaseModel], data: Any, document:
     deepest = [key for key in reasons if not any(other.startswith((f"{key}[", f"{key}.")) for other in reasons if key)]
     lines = []
     for key in deepest:
-        found = reasons[key][0][0]
-        wanted = " or ".join(dict.fromkeys(text for _, text, _ in reasons[key] if text))
-        example = next((text for *_, text in reasons[key] if text), "")
+        # What is wrong with a value of the right kind says more than that it is of no other kind.
+        told = [reason for reason in reasons[key] if not reason[1]] or reasons[key]
+        found = told[0][0]
+        wanted = " or ".join(dict.fromkeys(text for _, text, _ in told if text))
+        example = next((text for *_, text in told if text), "")
         text = "; ".join(part for part in (found, wanted) if part) + example
         lines.append(f"{key}: {text}" if key else text)
     return "\n  ".join(lines)
@@ -112,6 +114,11 @@ def _reason(
     inner = None if field is None else _inner(field.annotation)
     example = f", such as {key} = {_toml(field.examples[0])}" if field is not None and field.examples else ""
     shown = f"found {found!r}"
+    if inner is not None and field is not None and str in get_args(field.annotation):
+        # A name would do as well as a table.
+        if kind in ("model_type", "model_attributes_type"):
+            return shown, f"expected a table {{ … }} of the keys {_listed(inner)}", ""
+        inner = None
     match kind:
         case "extra_forbidden":
             return _unknown(key, model, table, document), "", ""

@@ -1,4 +1,4 @@
-"""Clamped bars of the elements and materials that only decks have; run as a script, it writes deck_bars.csv by CalculiX.
+"""Clamped bars of the elements and materials that only decks have; as a script, it writes deck_bars.csv by CalculiX.
 
 The bar reaches along x from ROOT to TIP, whose nodes take equal shares of a force; CalculiX (ccx 2.20) finds the mean
 displacement of the tip, linear under FORCE and with geometric nonlinearity under LARGE times that.
