@@ -30,7 +30,8 @@ from .model.reduced_body import GROUND, Masses, ReducedBody, Surface
 from .progress import Reporter
 from .reduction.frames import body_subdomains, frame_requests, several, whole_frame
 from .reduction.interfaces import Interface, fit_interface
-from .reduction.model import Model, node_set
+from .reduction.model import Model
+from .reduction.places import node_set
 from .reduction.rigid_fit import by_node
 from .reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
 from .reduction.surface import body_surface

@@ -107,7 +107,7 @@ def _at(mesh: Mesh, place: Place, key: str) -> NDArray[np.bool_]:
         away = np.linalg.norm(points - start - np.outer(along / length, end - start), axis=1)
         chosen &= (np.abs(away - place.radius) <= miss) & (along >= -miss) & (along <= length + miss)
     if place.patch is not None and place.radius is not None:
-        chosen &= _member(points, _surface(mesh))
+        chosen &= _member(points, _surface(mesh, key))
         chosen &= np.linalg.norm(points - place.patch, axis=1) <= place.radius + miss
     if place.nearest is not None:
         away = np.where(chosen, np.linalg.norm(points - place.nearest, axis=1), np.inf)
@@ -121,8 +121,10 @@ def _member(points: FloatArray, rows: IntArray) -> NDArray[np.bool_]:
     return member
 
 
-def _surface(mesh: Mesh) -> IntArray:
+def _surface(mesh: Mesh, key: str) -> IntArray:
     """Nodes of the body's surface."""
+    if not mesh.blocks:
+        raise BodyFileError(f"{key}: patch needs elements, which tell the surface; give a box or a cylinder instead")
     return np.unique(np.concatenate([block.nodes[block.outer].ravel() for block in element_faces(mesh)]))
 
 

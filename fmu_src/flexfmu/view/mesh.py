@@ -18,7 +18,8 @@ from ..progress import Reporter
 from ..reduction.cut import cut_parts, part_configs
 from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface
-from ..reduction.model import Model, assemble_model, node_set
+from ..reduction.model import Model, assemble_model
+from ..reduction.places import node_set
 from ..reduction.subdomains import Subdomain
 from ..reduction.surface import carrying_frames, set_numbers, surface_nodes
 from .model import Mark, MarkKind, Region, View
