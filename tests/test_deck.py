@@ -305,7 +305,6 @@ def test_a_material_that_no_section_uses_is_left_out_with_a_note(tmp_path):
         "*TIE, NAME=T",
         "*TRANSFORM, NSET=Nall",
         "*SUBSTRUCTURE PROPERTY",
-        "*RIGID BODY, NSET=Nall",
         "*MADE UP",
     ],
 )

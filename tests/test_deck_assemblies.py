@@ -6,10 +6,12 @@ import pytest
 from flexfmu.api import Body
 from flexfmu.config import BodySpec
 from flexfmu.errors import BodyFileError, DeckError
+from flexfmu.fe.faces import element_faces
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.deck import read_deck
 from flexfmu.mesh.model import ElementType
 from flexfmu.mesh.units import UnitSystem
+from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.places import node_set
 from test_deck import BODY, BRICK, NODES, STEEL, line_of, read, refuse, set_labels
@@ -202,3 +204,43 @@ def test_an_assembly_becomes_a_body(tmp_path):
         interfaces={"tip": "Top"},
     )
     assert body.build(modes=3).model.properties.mass == pytest.approx(7850.0 * 2.0)
+
+
+COUPLING = """*NODE
+100, 2., 0.5, 0.5
+*NSET, NSET=RP
+100
+*SURFACE, NAME=End
+11, S4
+*COUPLING, CONSTRAINT NAME=Flange, REF NODE=RP, SURFACE=End
+*KINEMATIC
+1, 3
+"""
+
+
+def test_a_coupling_is_an_interface_under_its_names_at_its_reference_node(tmp_path):
+    mesh = read(tmp_path, BODY + COUPLING)
+    assert set_labels(mesh, "Flange") == set_labels(mesh, "RP") == [2, 3, 6, 7]
+    spec = BodySpec.model_validate({"name": "b", "interface": [{"name": "tip", "nodes": "flange"}]})
+    moved = read(tmp_path, BODY + COUPLING.replace("100, 2.,", "100, 3.,"))
+    for body, x in ((mesh, 2.0), (moved, 3.0)):
+        body = checked(body)
+        interface = fit_interface(spec.interface[0], body, element_faces(body), ())
+        np.testing.assert_allclose(interface.point, [x, 0.5, 0.5])
+    assert any("keeps its nodes rigid, the interface lets them deform" in note for note in mesh.notes)
+
+
+def test_a_rigid_body_whose_reference_node_is_held_is_a_support(tmp_path):
+    rigid = (
+        COUPLING[: COUPLING.index("*COUPLING")] + "*NSET, NSET=Face\n2, 3, 6, 7\n*RIGID BODY, NSET=Face, REF NODE=100\n"
+    )
+    mesh = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 6\n")
+    assert mesh.labels[mesh.fixed.all(axis=1)].tolist() == [2, 3, 6, 7, 100]
+    partly = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 3\n")
+    assert not partly.fixed[:8].any()
+    assert any("is left out: hold the nodes with a [[support]]" in note for note in partly.notes)
+
+
+def test_two_couplings_of_one_reference_node_are_refused_instead_of_lost(tmp_path):
+    second = "*SURFACE, NAME=Root\n11, S6\n*COUPLING, REF NODE=100, SURFACE=Root\n*DISTRIBUTING\n"
+    refuse(tmp_path, BODY + COUPLING + second, "SURFACE=Root", "joins their nodes rigidly")

@@ -10,6 +10,7 @@ from flexfmu.errors import DeckError, MeshError
 from flexfmu.mesh.deck_assembly import Assembly
 from flexfmu.mesh.deck_boundary import hold
 from flexfmu.mesh.deck_cards import Card, read_cards
+from flexfmu.mesh.deck_couplings import CouplingTable, offered
 from flexfmu.mesh.deck_geometry import ElementTable, NodeTable
 from flexfmu.mesh.deck_keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
 from flexfmu.mesh.deck_materials import Assigned, MaterialTable
@@ -51,21 +52,29 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     node_sets, element_sets = _resolved_sets(content, blocks)
     _refuse_structures(content, element_sets)
     surfaces = _resolved_surfaces(content, node_sets, element_sets, blocks)
-    fixed = np.zeros((len(content.nodes.rows), 3), dtype=bool)
+    fixed = np.zeros((len(content.nodes.rows), 6), dtype=bool)
     for card in content.boundaries:
         hold(card, node_sets, fixed)
     labels = np.concatenate([block.labels for block in blocks])
     points = content.nodes.points()
+    element_nodes = {
+        name: np.unique(np.array(_nodes_of(members, blocks, content), dtype=np.int64))
+        for name, members in (element_sets.members.items() if content.couplings.cards else ())
+    }
+    couplings = content.couplings.resolved(node_sets, surfaces, element_nodes)
+    coupled, references, told = offered(couplings, points * units.length, fixed)
+    content.notes.extend(told)
     made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
     faces = _sets_of_faces(content, node_sets, element_sets)
     return Mesh(
         points=points * units.length,
         labels=content.nodes.labels(),
         blocks=_with_materials(blocks, made),
-        node_sets=node_sets.arrays() | surfaces | faces,
+        node_sets=node_sets.arrays() | surfaces | faces | coupled,
         element_sets=_solids(element_sets, len(labels)),
         materials=made.materials,
-        fixed=fixed,
+        fixed=fixed[:, :3],
+        references=references,
         notes=(
             *content.assembly.notes,
             *content.elements.notes,
@@ -88,6 +97,7 @@ class _Content:
     sets: list[tuple[Card, list[int]]] = field(default_factory=list)
     surfaces: list[Card] = field(default_factory=list)
     boundaries: list[Card] = field(default_factory=list)
+    couplings: CouplingTable = field(default_factory=CouplingTable)
     structures: list[Card] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -130,6 +140,8 @@ class _Content:
                 self.materials.section(card)
             case "ORIENTATION":
                 self.materials.oriented(card)
+            case "COUPLING" | "KINEMATIC" | "DISTRIBUTING" | "KINEMATICCOUPLING" | "RIGIDBODY":
+                self.couplings.add(card)
             case "BOUNDARY":
                 self.boundaries.append(card)
 

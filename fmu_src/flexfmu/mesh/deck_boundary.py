@@ -6,28 +6,27 @@ from numpy.typing import NDArray
 from flexfmu.mesh.deck_cards import Card, Line, fields, integer, number
 from flexfmu.mesh.deck_sets import SetTable
 
-TRANSLATIONS = 3
-# Degrees of freedom 4 to 6 are rotations, which solid elements do not have: both solvers let them pass.
+# Degrees of freedom 4 to 6 are rotations, which reference nodes have and nodes of solids have not.
 LAST_DOF = 6
 
-# Named conditions: the translations, counted from one, that they hold.
+# Named conditions: the degrees of freedom, counted from one, that they hold.
 NAMED = {
-    "ENCASTRE": (1, 2, 3),
+    "ENCASTRE": (1, 2, 3, 4, 5, 6),
     "PINNED": (1, 2, 3),
-    "XSYMM": (1,),
-    "YSYMM": (2,),
-    "ZSYMM": (3,),
+    "XSYMM": (1, 5, 6),
+    "YSYMM": (2, 4, 6),
+    "ZSYMM": (3, 4, 5),
 }
 
 
 def hold(card: Card, node_sets: SetTable, fixed: NDArray[np.bool_]) -> None:
-    """Mark the translations that a *BOUNDARY card holds at zero.
+    """Mark the translations and rotations that a *BOUNDARY card holds at zero.
 
     Parameters
     ----------
     card : Card
     node_sets : SetTable
-    fixed : (n, 3) bool
+    fixed : (n, 6) bool
         Changed in place.
 
     Raises
@@ -43,7 +42,7 @@ def hold(card: Card, node_sets: SetTable, fixed: NDArray[np.bool_]) -> None:
 
 
 def _dofs(texts: list[str], line: Line) -> tuple[int, ...]:
-    """Return the translations, counted from one, that a row's fields after the node name."""
+    """Return the degrees of freedom, counted from one, that a row's fields after the node name."""
     if len(texts) == 1 and texts[0].upper() in NAMED:
         return NAMED[texts[0].upper()]
     if not 1 <= len(texts) <= 3:
@@ -60,4 +59,4 @@ def _dofs(texts: list[str], line: Line) -> tuple[int, ...]:
             f"a displacement of {value:g} is prescribed, only zero can be held: move the interface in the simulation "
             "instead, or leave the deck's *BOUNDARY out with boundary = false in [mesh]"
         )
-    return tuple(dof for dof in range(first, last + 1) if dof <= TRANSLATIONS)
+    return tuple(range(first, last + 1))

@@ -1,7 +1,7 @@
 """The finite element mesh as data: nodes, blocks of solid elements, sets and materials; SI units throughout."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -135,6 +135,8 @@ class Mesh:
         Translations that the file itself holds at zero.
     notes : tuple of str
         What the reader left unused, for the log.
+    references : mapping of str to (3,) float, optional
+        Reference points that the file gives to node sets, m.
     """
 
     points: FloatArray
@@ -145,6 +147,7 @@ class Mesh:
     materials: tuple[Material, ...]
     fixed: NDArray[np.bool_]
     notes: tuple[str, ...] = ()
+    references: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Size, kinds of elements, sets."""

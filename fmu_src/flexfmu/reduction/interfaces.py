@@ -9,7 +9,7 @@ from ..config import InterfaceTable
 from ..errors import BodyFileError
 from ..fe.faces import FaceBlock, area_matrix, select
 from ..mesh.model import FloatArray, IntArray, Mesh
-from .places import node_set
+from .places import node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
 from .subdomains import Subdomain, carrying_frame
 
@@ -76,7 +76,9 @@ def fit_interface(
     key = f"interface {table.name!r}"
     nodes = node_set(mesh, table.nodes, f"{key}, nodes")
     weighted = _weighted(table, mesh, faces, nodes)
-    point = weighted.centre(mesh.points) if table.point is None else np.array(table.point)
+    point = reference(mesh, table.nodes) if table.point is None else np.array(table.point)
+    if point is None:
+        point = weighted.centre(mesh.points)
     operator, rank = rigid_fit(mesh.points, weighted, point)
     if rank < 6:
         raise BodyFileError(

@@ -48,6 +48,13 @@ def node_set(mesh: Mesh, nodes: Nodes, key: str) -> IntArray:
     return rows
 
 
+def reference(mesh: Mesh, nodes: Nodes) -> FloatArray | None:
+    """Reference point (3,), m, that the mesh file gives to a set; None without one."""
+    if not isinstance(nodes, str):
+        return None
+    return next((point for name, point in mesh.references.items() if name.upper() == nodes.upper()), None)
+
+
 def by_name(mesh: Mesh, config: BodySpec) -> tuple[Mesh, BodySpec]:
     """Turn the body file's places into node sets of the mesh.
 
