@@ -173,6 +173,60 @@ def info(
 
 
 @app.command()
+def check(
+    file: Annotated[Path, typer.Argument(help="Body file (TOML), or a mesh alone.")],
+    units: Annotated[str, typer.Option(help="Units of a mesh alone.")] = "m-kg-s",
+) -> None:
+    """List what a mesh holds: sets, materials, plane ends; of a body file also the nodes of supports and interfaces."""
+    from .choices import unit_system
+    from .config import read_body_file
+    from .mesh.checks import checked
+    from .mesh.formats import read_mesh
+    from .reduction.model import assemble_model
+    from .suggest import chosen_nodes, mesh_lines
+
+    def job() -> None:
+        config = read_body_file(file) if file.suffix.lower() == ".toml" else None
+        path, system = (file, unit_system(units)) if config is None else (config.mesh.file, config.mesh.units)
+        mesh = checked(read_mesh(path, system))
+        for line in mesh_lines(mesh):
+            typer.echo(line)
+        if config is not None:
+            for title, rows in chosen_nodes(mesh, config).items():
+                typer.echo(f"{title}: {len(rows)} nodes")
+            model = assemble_model(mesh, config)
+            typer.echo(f"{model.free.size} free degrees of freedom")
+
+    _run(job)
+
+
+@app.command()
+def init(
+    mesh: Annotated[Path, typer.Argument(help="Mesh.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Body file; default: beside the mesh.")] = None,
+    units: Annotated[str, typer.Option(help="Units of the mesh.")] = "m-kg-s",
+) -> None:
+    """Write a body file to start from: supports and interfaces at reference points and plane ends of a mesh."""
+    from .choices import unit_system
+    from .errors import OutputError
+    from .mesh.checks import checked
+    from .mesh.formats import read_mesh
+    from .suggest import starting_body_file
+
+    def job() -> None:
+        target = output or mesh.with_suffix(".toml")
+        if target.exists():
+            raise OutputError(f"{target} is there already: name another with --output")
+        system = unit_system(units)
+        found = checked(read_mesh(mesh, system))
+        named = Path(mesh.name) if target.parent.resolve() == mesh.parent.resolve() else mesh.resolve()
+        target.write_text(starting_body_file(found, named, system), encoding="utf-8")
+        typer.echo(str(target))
+
+    _run(job)
+
+
+@app.command()
 def simulate(
     fmu: Annotated[Path, typer.Argument(help="FMU made by flexfmu.")],
     loads: Annotated[Path, typer.Option("--input", "-i", help="Loads over time (CSV: time, then FMU inputs by name).")],
