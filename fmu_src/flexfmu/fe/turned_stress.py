@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-import felupe
 import numpy as np
 
-from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from ..mesh.model import FloatArray, IntArray, Mesh
+from .cells import Cells, cells
 from .elements import rule
 
 # Numbers of a stress field that are held at a time: some 200 MB with what is made of them.
@@ -43,13 +43,11 @@ def turned_stress(
     spin, volume = np.zeros((count, 3, 3, modes)), np.zeros(count)
     done = 0
     for block in mesh.blocks:
-        points = len(rule(block.type).stiffness.weights)  # type: ignore[attr-defined]
+        points = len(rule(block.type).stiffness.weights)
         size = max(1, _NUMBERS // (9 * points * max(len(pairs), modes)))
-        for first in range(0, len(block.labels), size):
-            part = slice(first, first + size)
-            chosen = ElementBlock(block.type, block.labels[part], block.connectivity[part], block.material[part])
-            _add_block(mesh, chosen, phi, pairs, result, spin, volume)
-            done += len(chosen.labels)
+        for _, some in cells(mesh, block, size):
+            _add(some, phi, pairs, result, spin, volume)
+            done += len(some.nodes)
             tell(done)
     spin /= np.where(volume > 0.0, volume, 1.0)[:, None, None, None]
     applied = forces.reshape(count, 3, modes)
@@ -58,34 +56,16 @@ def turned_stress(
     return result.reshape(3 * count, -1)
 
 
-def _add_block(
-    mesh: Mesh,
-    block: ElementBlock,
-    phi: FloatArray,
-    pairs: IntArray,
-    forces: FloatArray,
-    spin: FloatArray,
-    volume: FloatArray,
+def _add(
+    some: Cells, phi: FloatArray, pairs: IntArray, forces: FloatArray, spin: FloatArray, volume: FloatArray
 ) -> None:
     """Add the forces of some elements, and the integral of the rotation over them to each of their nodes."""
-    choice = rule(block.type)
-    cells = block.connectivity
-    region = felupe.Region(felupe.Mesh(mesh.points, cells, "unused"), choice.element, choice.stiffness)
-    materials = [mesh.materials[index] for index in block.material]
-    e = np.array([material.youngs_modulus for material in materials])
-    nu = np.array([material.poissons_ratio for material in materials])
-    lame, shear = e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), 0.5 * e / (1.0 + nu)
-    gradient = np.einsum("eaim,aJqe->eqiJm", phi[cells], region.dhdX, optimize=True)
+    gradient = some.displacement_gradient(phi)
     other = gradient.swapaxes(2, 3)
-    turn, stress = 0.5 * (gradient - other), shear[:, None, None, None, None] * (gradient + other)
-    trace = np.einsum("eqJJm->eqm", gradient)
-    for axis in range(3):
-        stress[:, :, axis, axis] += lame[:, None, None] * trace
-    measure = region.dV.T
+    turn, stress = 0.5 * (gradient - other), some.stress(0.5 * (gradient + other))
     for a, b in (pairs.T, pairs.T[::-1]):
         turned = np.einsum("eqiKp,eqKJp->eqiJp", turn[..., a], 0.5 * stress[..., b], optimize=True)
-        turned *= measure[:, :, None, None, None]
-        np.add.at(forces, cells, np.einsum("aJqe,eqiJp->eaip", region.dhdX, turned, optimize=True))
-    mean = np.einsum("eqijm,eq->eijm", turn, measure)
-    np.add.at(spin, cells, np.broadcast_to(mean[:, None], (*cells.shape, *mean.shape[1:])))
-    np.add.at(volume, cells, np.broadcast_to(measure.sum(axis=1)[:, None], cells.shape))
+        np.add.at(forces, some.nodes, some.relaxed(turned)[0])
+    mean = np.einsum("eqijm,eq->eijm", turn, some.volume)
+    np.add.at(spin, some.nodes, np.broadcast_to(mean[:, None], (*some.nodes.shape, *mean.shape[1:])))
+    np.add.at(volume, some.nodes, np.broadcast_to(some.volume.sum(axis=1)[:, None], some.nodes.shape))
