@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -78,8 +78,8 @@ class Body:
         Modal damping ratio, one for all modes or one each.
     stress : mapping of str to str, optional
         Element sets whose largest von Mises stress goes out, by the output's name.
-    cuts : sequence of Nodes
-        Sections at which the body is cut into parts.
+    cuts : sequence of Nodes, or "auto"
+        Sections at which the body is cut into parts; "auto" finds those that open loops between supports.
     tables : mapping, optional
         Further keys of a body file (docs/file-formats.md), as `tomllib` would read them.
 
@@ -106,7 +106,7 @@ class Body:
         free: bool = False,
         damping: float | Sequence[float] = 0.0,
         stress: Mapping[str, str] | None = None,
-        cuts: Sequence[Nodes] = (),
+        cuts: Sequence[Nodes] | Literal["auto"] = (),
         tables: Mapping[str, Any] | None = None,
     ):
         system = unit_system(units)
@@ -118,7 +118,7 @@ class Body:
             "interface": [interface_table(choices, key, each) for key, each in (interfaces or {}).items()],
             "damping": {"ratio": plain(damping)},
             **({"free": True} if free else {}),
-            **({"cut": [{"nodes": choices.name(each, f"cut {k}")} for k, each in enumerate(cuts, 1)]} if cuts else {}),
+            **({"cut": _cut_tables(choices, cuts)} if cuts else {}),
             **({"stress": [{"name": key, "elements": value} for key, value in stress.items()]} if stress else {}),
             **(plain(tables) if tables else {}),
         }
@@ -425,6 +425,13 @@ def load(path: str | Path, method: Method | str | None = None, mass: Mass | str 
         The file is missing, damaged, altered or of an unknown version.
     """
     return BuiltBody(read_packaged_body(Path(path)), method, mass)
+
+
+def _cut_tables(choices: NodeChoices, cuts: Sequence[Nodes] | Literal["auto"]) -> list[dict[str, str]] | str:
+    """The key `cut` of a body file."""
+    if cuts == "auto":
+        return "auto"
+    return [{"nodes": choices.name(each, f"cut {k}")} for k, each in enumerate(cuts, 1)]
 
 
 def _digest(mesh: Mesh) -> str:

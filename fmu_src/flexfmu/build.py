@@ -21,7 +21,7 @@ from .model.reduced_body import GROUND, Properties, ReducedBody, SecondOrder, St
 from .program.missed_inertia import missed_inertia
 from .progress import Reporter
 from .reduction.basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
-from .reduction.cut import SIDES, Spring, cut_parts, on_section, part_configs, section_tractions, side_set
+from .reduction.cut import SIDES, Spring, cut_loops, cut_parts, on_section, part_configs, section_tractions, side_set
 from .reduction.frames import body_subdomains, fixable_root, several, whole_frame
 from .reduction.inertia import element_lumps, lumped_mass
 from .reduction.interfaces import Interface, fit_interface
@@ -110,6 +110,12 @@ def reduce_mesh(
     if unused:
         report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
     store = store or Store()
+    if config.cut == "auto":
+        with report.stage("Look for loops to cut"):
+            config, model, notes = cut_loops(config, model)
+        for text in notes:
+            report.note(text)
+        mesh = model.mesh
     body = _cut_body(config, model, report, store) if config.cut else _reduced(config, model, report, store)[0]
     damping_ratio = _damping(config.damping.ratio, body.mode_count)
     first = float(damping_ratio[body.rigid_count])
@@ -259,7 +265,7 @@ def _reduced(
 
 def _cut_body(config: BodySpec, model: Model, report: Reporter, store: Store) -> ReducedBody:
     """Reduce the parts of a body each by itself and join them again."""
-    names = [table.nodes for table in config.cut]
+    names = [table.nodes for table in config.cuts]
     with report.stage("Cut into parts"):
         opened, parts = cut_parts(model, names, config.support)
         configs = part_configs(config, opened, parts)
@@ -415,7 +421,7 @@ def _damping(ratio: float | list[float], count: int) -> FloatArray:
 
 def _check_sets(config: BodySpec, mesh: Mesh) -> None:
     """Find every set that will be asked for before the expensive work begins."""
-    for cut in config.cut:
+    for cut in config.cuts:
         node_set(mesh, cut.nodes, "[[cut]] nodes")
     for interface in config.interface:
         node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")

@@ -287,7 +287,7 @@ class BodySpec(_Table):
     frames: int | None = Field(default=None, ge=0, le=MOST_FRAMES)
     frame: list[FrameTable] = []
     branch: list[BranchTable] = []
-    cut: list[CutTable] = []
+    cut: list[CutTable] | Literal["auto"] = []
     stress: list[StressTable] = []
     reduction: ReductionTable = ReductionTable()
     damping: DampingTable = DampingTable()
@@ -347,6 +347,11 @@ class BodySpec(_Table):
         if plain and isinstance(ratio, list) and len(ratio) != count:
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {count} modes")
         return self
+
+    @property
+    def cuts(self) -> list[CutTable]:
+        """The `[[cut]]` tables; none where the build finds the sections."""
+        return [] if self.cut == "auto" else self.cut
 
     @property
     def without_pictures(self) -> Self:
@@ -417,7 +422,7 @@ class BodySpec(_Table):
 
     def _check_branches(self) -> None:
         """Refuse branches that lead nowhere, or the same way twice."""
-        ends = [*(i.name for i in self.interface), *(c.nodes for c in self.cut)]
+        ends = [*(i.name for i in self.interface), *(c.nodes for c in self.cuts)]
         names = [b.toward for b in self.branch]
         for name in names:
             if name not in ends:
@@ -430,7 +435,7 @@ class BodySpec(_Table):
 
     def _check_cut(self) -> None:
         """Refuse what is made for bodies in one piece."""
-        names = [c.nodes for c in self.cut]
+        names = [c.nodes for c in self.cuts]
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"two [[cut]] tables have the nodes {name!r}, expected different sections")

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..config import Basis, BodySpec, BranchTable, InterfaceTable, SupportTable
+from ..config import Basis, BodySpec, BranchTable, CutTable, InterfaceTable, SupportTable
 from ..errors import BodyFileError
 from ..fe.assembly import stiffness
 from ..fe.faces import element_faces
@@ -18,6 +18,7 @@ from ..mesh.checks import connected_parts
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..rotations import skew
 from .division import neighbours
+from .loops import loop_sections
 from .model import Model, free_motions
 from .places import node_set
 from .rigid_fit import by_node, rigid_fit
@@ -77,6 +78,44 @@ class Part:
 def side_set(cut: str, side: str) -> str:
     """Name of the node set of one side, "a" or "b", of a cut through a node set."""
     return f"{cut}, side {side}"
+
+
+def cut_loops(config: BodySpec, model: Model) -> tuple[BodySpec, Model, list[str]]:
+    """Find sections that open the loops between a body's supports.
+
+    Parameters
+    ----------
+    config : BodySpec
+        With `cut` "auto".
+    model : Model
+        In one piece.
+
+    Returns
+    -------
+    config : BodySpec
+        With a table for each section.
+    model : Model
+        With a node set for each.
+    notes : list of str
+        Where they are, in words.
+    """
+    mesh = model.mesh
+    names = [(table.nodes, f"interface {table.name!r}, nodes") for table in config.interface]
+    clear = {name: node_set(mesh, name, key) for name, key in names}
+    found = loop_sections(mesh, element_faces(mesh), model.anchored, clear)
+    sets, tables, notes = dict(mesh.node_sets), [], []
+    for k, one in enumerate(found, start=1):
+        # A name that no mesh file has.
+        name = f"loop {k}"
+        sets[name] = one.nodes
+        tables.append(CutTable(nodes=name))
+        x, y, z = one.place
+        notes.append(
+            f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {one.nodes.size} nodes, {one.width:.3g} m wide'
+        )
+    if not found:
+        notes.append('cut = "auto": no loop between supports that a slender section opens; the body stays in one piece')
+    return config.model_copy(update={"cut": tables}), replace(model, mesh=replace(mesh, node_sets=sets)), notes
 
 
 def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable]) -> tuple[Mesh, list[Part]]:

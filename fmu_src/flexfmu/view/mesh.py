@@ -15,7 +15,7 @@ from ..mesh.model import Mesh
 from ..mesh.units import UnitSystem
 from ..model.reduced_body import GROUND, FloatArray, IntArray
 from ..progress import Reporter
-from ..reduction.cut import cut_parts, part_configs
+from ..reduction.cut import cut_loops, cut_parts, part_configs
 from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface
 from ..reduction.model import Model, assemble_model
@@ -54,6 +54,9 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
         model = assemble_model(mesh, config)
         mesh = model.mesh
         _check_sets(config, mesh)
+        if config.cut == "auto":
+            config, model, _ = cut_loops(config, model)
+            mesh = model.mesh
     count = len(mesh.points)
     faces = element_faces(mesh)
     numbered = []
@@ -74,7 +77,7 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
         if not domain.floating:
             marks.append(Mark(MarkKind.JOINT, name))
             places.append(domain.joint_point)
-    for cut in config.cut:
+    for cut in config.cuts:
         marks.append(Mark(MarkKind.CUT, cut.nodes))
         places.append(mesh.points[node_set(mesh, cut.nodes, "[[cut]] nodes")].mean(axis=0))
     return _view(mesh, config.name, numbered, tuple(marks), np.array(places))
@@ -85,7 +88,7 @@ def _frames(config: BodyFile, model: Model, report: Reporter) -> tuple[list[Subd
     points = model.mesh.points
     pieces: list[tuple[BodySpec, Model]] = [(config, model)]
     if config.cut:
-        opened, parts = cut_parts(model, [cut.nodes for cut in config.cut], config.support)
+        opened, parts = cut_parts(model, [cut.nodes for cut in config.cuts], config.support)
         pieces = list(zip(part_configs(config, opened, parts), (part.model for part in parts), strict=True))
     every: list[Subdomain] = []
     names: list[str] = []

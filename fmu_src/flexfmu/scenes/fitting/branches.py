@@ -17,7 +17,7 @@ from ...mesh.checks import checked
 from ...mesh.formats import read_mesh
 from ...mesh.model import FloatArray
 from ...model.reduced_body import GROUND, ReducedBody
-from ...reduction.cut import SIDES, cut_parts, part_configs, side_set
+from ...reduction.cut import SIDES, cut_loops, cut_parts, part_configs, side_set
 from ...reduction.division import distance_along, divide
 from ...reduction.frames import hanging, root_frame
 from ...reduction.model import Model, assemble_model
@@ -70,9 +70,11 @@ def find_branches(config: BodyFile) -> list[Branch]:
     mesh, spec = by_name(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
     config = config.model_copy(update={"support": spec.support, "interface": spec.interface, "frame": spec.frame})
     model = assemble_model(mesh, config)
+    if config.cut == "auto":
+        config, model, _ = cut_loops(config, model)
     if not config.cut:
         return _branches(model, config, 0, len(root_frame(model, volume_matrices(model.mesh))))[0]
-    opened, parts = cut_parts(model, [table.nodes for table in config.cut], config.support)
+    opened, parts = cut_parts(model, [table.nodes for table in config.cuts], config.support)
     found: list[Branch] = []
     count = 0
     for number, (part, own) in enumerate(zip(parts, part_configs(config, opened, parts), strict=True)):
@@ -90,7 +92,7 @@ def _branches(model: Model, config: BodySpec, part: int, offset: int) -> tuple[l
     domains = divide(mesh, volumes, faces, supported, LEVELS).subdomains
     distance = distance_along(mesh, supported)
     middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
-    cuts = {side_set(table.nodes, side): table.nodes for table in config.cut for side in SIDES}
+    cuts = {side_set(table.nodes, side): table.nodes for table in config.cuts for side in SIDES}
     names = [table.name for table in config.interface]
     beyond: dict[int, list[str]] = {}
     for name in names:
