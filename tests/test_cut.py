@@ -432,6 +432,15 @@ def one_frame_a_part():
     return reduce_body(config.model_copy(update={"frames": 1, "frame": [], "reduction": few}), Reporter())
 
 
+@pytest.fixture(scope="module")
+def found_cut():
+    """The axle with nothing told of its sections: no cut, no frames."""
+    config = read_body_file(HERE / "body.toml")
+    few = config.reduction.model_copy(update={"modes": 6})
+    told = {"cut": "auto", "frames": 1, "frame": [], "reduction": few}
+    return reduce_body(config.model_copy(update=told), Reporter())
+
+
 def axle_errors(body, case, method=None):
     """Error of the displacement (of the larger one) and of toe (degrees), the arms having turned by 15° at the most."""
     _, axis, _ = CASES[case]
@@ -471,6 +480,12 @@ def test_axle_against_the_finite_element_model_in_large_rotation(axles, case, di
     assert axle_errors(body, case, LINEAR)[0] > linear
     # The stress of what is twisted turns with each fibre: rigid frames do not know.
     assert axle_errors(body, case, Method.FRAMES)[0] > 3.0 * found[0]
+
+
+@pytest.mark.parametrize(("case", "displacement"), [("left", 5e-4), ("side", 5e-4), ("opposite", 2e-3)])
+def test_the_axle_is_cut_without_being_told_where(found_cut, case, displacement):
+    assert found_cut.frame_count == 2
+    assert axle_errors(found_cut, case)[0] < displacement
 
 
 @pytest.mark.parametrize(("case", "displacement", "toe"), [("left", 3e-4, 1e-3), ("opposite", 4e-3, 7e-3)])

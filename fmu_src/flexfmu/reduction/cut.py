@@ -5,6 +5,7 @@ Elements on one side of a section keep its nodes, those on the other get copies 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,6 +27,7 @@ from .subdomains import elements_within
 from .subdomains import section as section_weights
 
 SIDES = ("a", "b")
+_Spec = TypeVar("_Spec", bound=BodySpec)
 _RIGID_MOTIONS = 6
 # Of the forces that make a section warp, those below this share of the largest are left out.
 _WARPING = 3e-3
@@ -80,7 +82,7 @@ def side_set(cut: str, side: str) -> str:
     return f"{cut}, side {side}"
 
 
-def cut_loops(config: BodySpec, model: Model) -> tuple[BodySpec, Model, list[str]]:
+def cut_loops(config: _Spec, model: Model) -> tuple[_Spec, Model, list[str]]:
     """Find sections that open the loops between a body's supports.
 
     Parameters

@@ -1,8 +1,8 @@
 """Where to cut a body whose supports close a loop (docs/theory.md, section 10).
 
-Each element belongs to the support that is nearest along the body. Where the elements of two supports meet is a section of
-whole element faces that opens the loop between them. It is moved along the body, within the middle of the way, to where
-it is flat and small and clear of interfaces. Supports that no slender section separates count as one.
+Each element belongs to the support that is nearest along the body. Where the elements of two supports meet is a section
+of whole element faces that opens the loop between them. It is moved along the body, within the middle of the way, to
+where it is flat and small and clear of interfaces. Supports that no slender section separates count as one.
 """
 
 from collections.abc import Mapping, Sequence

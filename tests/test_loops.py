@@ -1,0 +1,134 @@
+"""Loops between supports: where they are cut, and how right the cut bodies are."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from demo.loops.calculix.run_calculix import FEET, INTERFACES
+from demo.loops.make_mesh import HERE
+
+from flexfmu.body import FlexibleBody
+from flexfmu.build import reduce_body
+from flexfmu.config import BodyFile
+from flexfmu.fe.faces import element_faces
+from flexfmu.mesh.formats import read_mesh
+from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.units import UnitSystem
+from flexfmu.methods import Method
+from flexfmu.progress import Reporter
+from flexfmu.reduction.loops import loop_sections
+from meshes import box, with_sets
+from references import relative
+
+SI = UnitSystem.SI
+SIDE = 0.02  # m, of the section
+
+
+class Notes(Reporter):
+    """What a build says."""
+
+    def __init__(self):
+        self.notes = []
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+def demo_body(name, cut="auto", frames=2):
+    interface = INTERFACES[name]
+    tables = {
+        "name": name,
+        "frames": frames,
+        "cut": cut,
+        "mesh": {"file": HERE / f"{name}.inp"},
+        "support": [{"nodes": foot, "fix": ["x", "y", "z"]} for foot in FEET],
+        "interface": [{"name": interface, "nodes": interface.upper()}],
+        "reduction": {"residual_flexibility": True},
+    }
+    report = Notes()
+    return reduce_body(BodyFile.model_validate(tables), report), report.notes
+
+
+def error(body, case, row, method=Method.SECOND_ORDER):
+    """Error of the interface's displacement, of CalculiX's."""
+    table = np.genfromtxt(HERE / "calculix" / f"{case}.csv", delimiter=",", names=True)[row]
+    axis = {"portal": "x", "portal_across": "y"}.get(case)
+    force = [
+        table["force_N"] * (letter == axis) if axis else table[f"f{letter}_N"] if letter in "xz" else 0.0
+        for letter in "xyz"
+    ]
+    model = FlexibleBody(body, method)
+    found = model.response(model.static({body.interface_names[0]: force})).displacement[0]
+    return relative(found, np.array([table[f"u{letter}_m"] for letter in "xyz"]))
+
+
+@pytest.fixture(scope="module")
+def portal():
+    return demo_body("portal")[0]
+
+
+@pytest.mark.parametrize("case", ["portal", "portal_across"])
+def test_a_portal_frame_is_right_however_it_sways(portal, case):
+    """By 17 % of its height, in its plane and out of it."""
+    assert error(portal, case, -1) < 2e-3
+    assert error(portal, case, -1, Method.LINEAR) > 0.09
+
+
+def test_a_ring_on_two_feet_is_cut_in_both_arcs_beside_its_interface():
+    """At half of the load its top has moved by 8 % of its radius; near all of it, it buckles."""
+    body, notes = demo_body("ring", frames=1)
+    cuts = [text for text in notes if text.startswith("cut = ")]
+    assert len(cuts) == 2
+    assert error(body, "ring", 5) < 3e-3
+    assert error(body, "ring", 5, Method.LINEAR) > 0.1
+
+
+def sections(mesh, *supports, clear=()):
+    nodes = np.concatenate([mesh.node_sets[name] for name in supports])
+    return loop_sections(mesh, element_faces(mesh), nodes, {name: mesh.node_sets[name] for name in clear})
+
+
+def bar(length=1.0, cells=20, **sets):
+    mesh = box(ElementType.C3D20, (cells, 1, 1), (length, SIDE, SIDE))
+    ends = {"NEAR": lambda p: p[:, 0], "FAR": lambda p: p[:, 0] - length}
+    return with_sets(mesh, **ends, **sets)
+
+
+def test_a_bar_between_two_supports_is_cut_in_the_middle_through_a_flat_section():
+    mesh = bar()
+    (found,) = sections(mesh, "NEAR", "FAR")
+    np.testing.assert_allclose(mesh.points[found.nodes, 0], 0.5, atol=1e-12)
+    np.testing.assert_array_equal(found.nodes, np.flatnonzero(np.isclose(mesh.points[:, 0], 0.5)))
+
+
+def test_a_cut_keeps_clear_of_an_interface_and_leaves_it_on_one_side():
+    mesh = bar(MID=lambda p: np.where(np.abs(p[:, 0] - 0.5) < 0.051, p[:, 2], 1.0))
+    (found,) = sections(mesh, "NEAR", "FAR", clear=["MID"])
+    assert not np.intersect1d(found.nodes, mesh.node_sets["MID"]).size
+    assert 0.0 < abs(mesh.points[found.nodes, 0].mean() - 0.5) < 0.2
+
+
+@pytest.mark.parametrize(("size", "supports"), [((1.0, 0.4, 0.02), ("NEAR", "FAR")), ((1.0, 0.02, 0.02), ("NEAR",))])
+def test_plates_and_cantilevers_have_no_section_to_cut(size, supports):
+    """A plate's section is as wide as the way from edge to edge; one support closes no loop."""
+    mesh = box(ElementType.C3D20, (10, 4, 1), size)
+    mesh = with_sets(mesh, NEAR=lambda p: p[:, 0], FAR=lambda p: p[:, 0] - 1.0)
+    assert sections(mesh, *supports) == []
+
+
+def test_bolts_of_one_flange_are_one_support():
+    """Two patches side by side at one end, and a support far away: one cut, between the flange and the far end."""
+    mesh = box(ElementType.C3D20, (20, 4, 1), (1.0, 0.08, 0.02))
+    mesh = with_sets(
+        mesh,
+        BOLTS=lambda p: np.where((p[:, 0] < 1e-9) & (np.abs(p[:, 1] - 0.04) > 0.019), 0.0, 1.0),
+        FAR=lambda p: p[:, 0] - 1.0,
+    )
+    (found,) = sections(mesh, "BOLTS", "FAR")
+    assert abs(found.place[0] - 0.5) < 0.1
+
+
+def test_the_decks_are_those_of_the_script():
+    for name in INTERFACES:
+        mesh = read_mesh(Path(HERE) / f"{name}.inp", SI)
+        assert {*FEET, INTERFACES[name].upper()} <= set(mesh.node_sets)
