@@ -102,8 +102,7 @@ def cut_loops(config: _Spec, model: Model) -> tuple[_Spec, Model, list[str]]:
         Where they are, in words.
     """
     mesh = model.mesh
-    names = [(table.nodes, f"interface {table.name!r}, nodes") for table in config.interface]
-    clear = {name: node_set(mesh, name, key) for name, key in names}
+    clear = {one.name: node_set(mesh, one.nodes, f"interface {one.name!r}, nodes") for one in config.interface}
     found = loop_sections(mesh, element_faces(mesh), model.anchored, clear)
     sets, tables, notes = dict(mesh.node_sets), [], []
     for k, one in enumerate(found, start=1):
