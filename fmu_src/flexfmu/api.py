@@ -169,6 +169,7 @@ class Body:
         acceleration: bool | None = None,
         velocities: bool | None = None,
         surface: bool | None = None,
+        stress: bool | None = None,
         report: Reporter | None = None,
         store: Store | None = None,
     ) -> "BuiltBody":
@@ -186,7 +187,7 @@ class Body:
             Distances of joints by what they lead toward, m.
         basis : Basis or str, optional
         residual_flexibility : bool or sequence of str, optional
-        acceleration, velocities, surface : bool, optional
+        acceleration, velocities, surface, stress : bool, optional
             Keys of `[input]` and `[output]`.
         report : Reporter, optional
             Default: warnings are Python's, notes go to the log "flexfmu".
@@ -214,7 +215,7 @@ class Body:
             "formulation": {"method": method, "mass": mass},
             "reduction": {"basis": basis, "modes": modes, "residual_flexibility": residual_flexibility},
             "input": {"acceleration": acceleration},
-            "output": {"velocities": velocities, "surface": surface},
+            "output": {"velocities": velocities, "surface": surface, "stress": stress},
         }
         for table, values in chosen.items():
             given = {key: plain(value) for key, value in values.items() if value is not None}

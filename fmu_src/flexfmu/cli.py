@@ -247,12 +247,13 @@ def simulate(
     from .fmu.outcome import outcome
     from .fmu.simulation import parse_parameters, simulate_csv
     from .targets import PICTURE_SUFFIXES, check_target
-    from .view.command import SUFFIXES, show_simulation
 
     def job() -> None:
         if plot is not None:
             check_target(plot, PICTURE_SUFFIXES, inputs=(fmu, loads, output))
         if shape is not None:
+            from .view.command import SUFFIXES, show_simulation
+
             check_target(shape, SUFFIXES, inputs=(fmu, loads, output))
         settings = parse_parameters(parameter or [])
         if static_start:
