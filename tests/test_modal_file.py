@@ -296,7 +296,7 @@ def with_parts():
         "k": 3,
         "Q": 5,
     }
-    sizes |= {"n": 5, "f": 2, "r": 4, "R": 3}
+    sizes |= {"n": 5, "g": 2, "f": 2, "r": 4, "R": 3}
 
     def made(entry):
         shape = [int(token) if token.isdigit() else sizes[token] for token in entry.shape.split()]

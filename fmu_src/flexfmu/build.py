@@ -221,7 +221,12 @@ def _reduced(
         surface = body_surface(mesh, modes.shapes, faces, subdomains, sets, moved, fields, config.output.stress)
         rigid = modes.angular_frequency == 0.0
         if fields is not None and rigid.any() and not subdomains[0].floating:
-            surface = replace(surface, turn=frames.frame_rotation[0] * rigid, pivot=subdomains[0].joint_point)
+            surface = replace(
+                surface,
+                turn=frames.frame_rotation[:1] * rigid,
+                pivot=subdomains[0].joint_point[None],
+                piece=np.zeros(len(surface.points), dtype=np.int64),
+            )
     membrane = None
     # Parts of a cut body hardly stretch, and its steps would take several times as long.
     wanted = config.reduction.membrane

@@ -82,9 +82,9 @@ def _from_ground(body: "FlexibleBody", q: FloatArray) -> FloatArray:
         return np.zeros_like(surface.points)
     half: FloatArray = surface.second @ (0.5 * np.einsum("rab,a,b->r", surface.form, q, q))
     half += surface.modes @ _taken(body, q)
-    if surface.turn is None or surface.pivot is None:
+    if surface.turn is None or surface.pivot is None or surface.piece is None:
         return half
-    turn, arm = surface.turn @ q, surface.points - surface.pivot
+    turn, arm = (surface.turn @ q)[surface.piece], surface.points - surface.pivot[surface.piece]
     change = surface.modes @ q - cross(turn, arm)
     return half + cross(turn, change + 0.5 * cross(turn, arm))
 

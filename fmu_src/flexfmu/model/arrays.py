@@ -130,8 +130,9 @@ SURFACE = (
     Entry("support", "surface/support", "n", "1", "1 where a support holds the point", int, optional=True),
     Entry("second", "surface/second", "n 3 r", "m", "second-order displacement per form", optional=True, single=True),
     Entry("form", "surface/form", "r m m", "1/(kg m^2)", "quadratic forms of modal coordinates", optional=True),
-    Entry("turn", "surface/turn", "3 m", "rad/(kg^0.5 m)", "rotation to undo in second, per mode", optional=True),
-    Entry("pivot", "surface/pivot", "3", "m", "the point that it is about", optional=True),
+    Entry("turn", "surface/turn", "g 3 m", "rad/(kg^0.5 m)", "rotation to undo in second, per mode", optional=True),
+    Entry("pivot", "surface/pivot", "g 3", "m", "the points that they are about", optional=True),
+    Entry("piece", "surface/piece", "n", "1", "which of them each point takes part in", int, optional=True),
     Entry(
         "stress", "surface/stress", "n 6 m", "N/m^2/(kg^0.5 m)",
         "xx, yy, zz, xy, yz, zx per mode, turning with the material", optional=True, single=True,

@@ -156,8 +156,9 @@ def _surface_fixed(body: ReducedBody, surface: Surface, turn: FloatArray, gone: 
         found,
         second=np.concatenate([surface.second, moved, skew(surface.points - pivot)], axis=2),
         form=np.einsum("rab,ac,bd->rcd", own, turn, turn, optimize=True),
-        turn=body.frame_rotation[0] @ turn if body.floating else None,
-        pivot=pivot if body.floating else None,
+        turn=body.frame_rotation[:1] @ turn if body.floating else None,
+        pivot=pivot[None] if body.floating else None,
+        piece=np.zeros(count, dtype=np.int64) if body.floating else None,
     )
 
 

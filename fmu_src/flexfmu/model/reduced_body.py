@@ -43,9 +43,11 @@ class Surface:
     second : (n_points, 3, r) float or None
     form : (r, m, m) float or None
         What goes with q at second order, ½ Σ second_r (qᵀ form_r q), as `SecondOrder` has it of the tree's nodes.
-    turn : (3, m) float or None
-    pivot : (3,) float or None
-        Rotation about a point by which that is to be turned back to the ground, of bodies that can turn.
+    turn : (g, 3, m) float or None
+    pivot : (g, 3) float or None
+        Rotations about points by which that is to be turned back to the ground, of bodies or parts that can turn.
+    piece : (n_points,) int or None
+        Which of these each point takes part in.
     stress : (n_points, 6, m) float or None
         As `StressSet.stress`.
     """
@@ -60,6 +62,7 @@ class Surface:
     form: FloatArray | None = None
     turn: FloatArray | None = None
     pivot: FloatArray | None = None
+    piece: IntArray | None = None
     stress: FloatArray | None = None
 
     def in_coordinates(self, turn: FloatArray) -> "Surface":
