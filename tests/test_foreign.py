@@ -1,15 +1,20 @@
 """Files that other programs' libraries wrote (tests/foreign/make.py): each is the same bar as a deck has it."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
 import flexfmu
 import flexfmu.mesh.checks
 from flexfmu.errors import MeshError
+from flexfmu.fe.assembly import stiffness, volume_matrices
 from flexfmu.mesh.formats import read_mesh
+from flexfmu.mesh.model import ElementType
+from meshes import box
 
 FOREIGN = Path(__file__).parent / "foreign"
 STEEL = (2.0e11, 0.3, 7850.0)
@@ -182,3 +187,19 @@ def test_universal_files_are_refused_with_the_way_around(tmp_path):
 def test_cells_that_are_numbered_the_other_way_round_are_turned_and_counted():
     mesh = flexfmu.read_mesh(FOREIGN / "gmsh_bricks.med")
     assert any("24 elements are numbered the other way round" in note for note in mesh.notes)
+
+
+@pytest.mark.parametrize(("kind", "name"), [(ElementType.C3D6, "wedge"), (ElementType.C3D15, "wedge15")])
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk"])
+def test_wedges_keep_their_nodes_in_order(tmp_path, kind, name, suffix):
+    """A wedge whose nodes come in another order has another volume, or another stiffness."""
+    own = box(kind, (2, 1, 1), (0.2, 0.1, 0.1))
+    path = tmp_path / f"wedges{suffix}"
+    meshio.Mesh(own.points, [(name, own.blocks[0].connectivity)]).write(path)
+    read = replace(read_mesh(path), materials=own.materials)
+    blocks = tuple(replace(block, material=np.zeros_like(block.labels)) for block in read.blocks)
+    read = replace(read, blocks=blocks)
+    assert [block.type for block in read.blocks] == [kind]
+    assert sum(part.sum() for part in volume_matrices(read)) == pytest.approx(0.2 * 0.1 * 0.1)
+    found, expected = (np.sort(np.linalg.eigvalsh(stiffness(mesh).toarray())) for mesh in (read, own))
+    np.testing.assert_allclose(found, expected, atol=1e-9 * expected[-1])

@@ -6,16 +6,22 @@ from typing import Any
 
 import meshio
 import numpy as np
+from meshio._mesh import topological_dimension
 
 from flexfmu.errors import MeshError
 from flexfmu.mesh.file_sets import cell_groups, node_sets_of
 from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray, Material, Mesh
 from flexfmu.mesh.units import UnitSystem
 
+# meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.
+topological_dimension.setdefault("wedge15", 3)
+
 # meshio's names. They do not tell full from reduced integration: reduced, as most 20-node models are run.
 ELEMENT_TYPES = {
     "tetra": ElementType.C3D4,
     "tetra10": ElementType.C3D10,
+    "wedge": ElementType.C3D6,
+    "wedge15": ElementType.C3D15,
     "hexahedron": ElementType.C3D8,
     "hexahedron20": ElementType.C3D20R,
 }
@@ -143,8 +149,8 @@ def as_mesh(given: object, units: UnitSystem) -> Mesh:
     Parameters
     ----------
     given : Mesh, meshio.Mesh, skfem.Mesh, or pair of points (n, 3) and cells
-        Cells are an array (k, 4), (k, 8), (k, 10) or (k, 20) of rows of the points in VTK's order, or such arrays by
-        meshio's name of the kind, as in ``{"tetra10": array}``.
+        Cells are an array (k, 4), (k, 6), (k, 8), (k, 10), (k, 15) or (k, 20) of rows of the points in VTK's order, or
+        such arrays by meshio's name of the kind, as in ``{"tetra10": array}``.
     units : UnitSystem
         What its coordinates are in; a `Mesh` is in SI units already.
 
