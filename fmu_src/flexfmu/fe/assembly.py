@@ -35,7 +35,16 @@ def stiffness(mesh: Mesh) -> sp.csr_array:
         for _, some in cells(mesh, block, CHUNK):
             parts.append(assembled(some.nodes, some.eliminated(some.stiffness())[0], size))
     total = summed(parts)
-    return sp.csr_array(0.5 * (total + total.T))
+    return _without_forces_of_translations(sp.csr_array(0.5 * (total + total.T)))
+
+
+def _without_forces_of_translations(matrix: sp.csr_array) -> sp.csr_array:
+    """The matrix less the forces that it has under translations, by round-off: of thin bodies these hide soft modes."""
+    count = matrix.shape[0] // 3
+    forces = (matrix @ np.tile(np.eye(3), (count, 1))).reshape(count, 3, 3)
+    blocks = 0.5 * (forces + forces.swapaxes(1, 2))
+    order = np.arange(count)
+    return sp.csr_array(matrix - sp.bsr_array((blocks, order, np.arange(count + 1)), shape=matrix.shape))
 
 
 def assembled(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:

@@ -54,7 +54,8 @@ def body_subdomains(
     mesh = model.mesh
     anchored = hanging(model, config)
     held = anchored if is_free(model) else model.held
-    top = root_frame(model, volumes)
+    # Parts of a cut body turn with their ties: their coordinates are no rigid motions any more.
+    top = [] if config.cut else root_frame(model, volumes)
     if config.branch:
         branches = [
             Branch(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), tuple(b.joints))

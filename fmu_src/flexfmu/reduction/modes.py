@@ -308,7 +308,8 @@ def _joined(model: Supported, modes: Modes, statics: FloatArray) -> Modes:
     kept = energies > _HELD_ALREADY
     rest = rest @ (turn[:, kept] / np.sqrt(energies[kept]))
     squares, vectors = _rayleigh_ritz(k, m, np.hstack([phi, rest]))
-    vectors = _fixed_axes(squares, vectors)
+    # Shapes that the modes hold nearly come scaled up, and with them what they have of the rigid motions by round-off.
+    vectors = model.elastic(_fixed_axes(squares, vectors))
     orthonormality = _checked_orthonormality(m, vectors)
     elastic = Modes(np.sqrt(squares), model.whole(vectors), orthonormality, modes.frequency_error, modes.splits_pair)
     return _with_rigid(model, elastic)

@@ -78,8 +78,12 @@ def by_name(mesh: Mesh, config: BodySpec) -> tuple[Mesh, BodySpec]:
     sets = dict(mesh.node_sets)
     tables: dict[str, list[Any]] = {}
     for kind in ("support", "interface", "frame", "cut"):
+        given = getattr(config, kind)
+        # cut = "auto" names no nodes.
+        if isinstance(given, str):
+            continue
         tables[kind] = []
-        for number, table in enumerate(getattr(config, kind), start=1):
+        for number, table in enumerate(given, start=1):
             if not isinstance(table.nodes, str):
                 title = f"nodes of {kind} {getattr(table, 'name', number)}"
                 sets[title] = node_set(mesh, table.nodes, title)
