@@ -51,7 +51,7 @@ def element_lumps(
         return float(values[-1]) if elements.size > 1 else 0.0, arm @ axes[:, -1]
 
     spreads = [spread(elements) for _, elements in lumps]
-    while len(lumps) < LUMPS:
+    while lumps and len(lumps) < LUMPS:
         widest = int(np.argmax([size for size, _ in spreads]))
         size, along = spreads[widest]
         frame, elements = lumps[widest]

@@ -10,7 +10,7 @@ from pathlib import Path
 from ...body import FlexibleBody, StepLimits
 from ...config import read_body_file
 from ...fmu.package import package_fmu
-from ...methods import Variant, chosen
+from ...methods import Method, Variant, chosen
 from ...model.errors import RuntimeBodyError
 from ...model.reduced_body import ReducedBody
 from ...targets import whole_file
@@ -148,6 +148,10 @@ def deliver(
     Fit
     """
     config = plan_config(search.scene.config, best.plan, [best.variant])
+    if config.reduction.membrane == "auto" and best.variant.method is Method.SECOND_ORDER and not config.cut:
+        # Whether it is worth its while depends on the basis: what was measured is what is delivered.
+        table = config.reduction.model_copy(update={"membrane": best.body.membrane is not None})
+        config = config.model_copy(update={"reduction": table})
     title = f"{config.name}: the smallest and fastest model found within a scene's tolerance."
     if limit:
         title = f"{config.name}: the best model found for a scene; its tolerance is not met."
