@@ -65,7 +65,9 @@ def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced
 
     def build(modes):
         reduction = reduction_config(config, Reduction(basis, 12, 2), [Variant(Method.FRAMES_STIFFNESS)])
-        table = reduction.reduction.model_copy(update={"modes": modes, "inertia": True, "second_order": True, "membrane": False})
+        table = reduction.reduction.model_copy(
+            update={"modes": modes, "inertia": True, "second_order": True, "membrane": False}
+        )
         if residual and isinstance(modes, list):
             table = table.model_copy(update={"residual_flexibility": residual})
         return reduce_body(reduction.model_copy(update={"reduction": table}), Reporter())
