@@ -208,8 +208,8 @@ def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store):
     assert found.met
     assert found.variant.method is Method.SECOND_ORDER
     assert found.frame_count == 1
-    # Today's default has ten.
-    assert found.mode_count < 10
+    # No more than the default's ten, static shapes included.
+    assert found.mode_count <= 10
     body = FlexibleBody(reduce_body(read_body_file(tmp_path / "fitted.toml"), Reporter()))
     table = calculix(DEMO / "clamped_clamped" / "calculix" / "static_y.csv")[-1]
     moved = body.response(body.static({"middle": [0.0, 200e3, 0.0]})).displacement[0, 1]

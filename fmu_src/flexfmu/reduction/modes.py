@@ -24,6 +24,8 @@ _ILL_CONDITIONED = (
     "layer of elements across the thickness; look for parts that hang on the rest by a single edge or corner, and for "
     "elements that are far smaller than the others"
 )
+# Strain energy of a shape over that of its entries' sizes which is round-off of none at all.
+_ROUND_OFF = 1e-17
 # Relative distance of ω² below which modes span a plane whose axes are arbitrary.
 _DEGENERATE = 1e-7
 # Share of a static shape's strain energy below which it is in the span of the modes: round-off of the solve, squared.
@@ -286,7 +288,8 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
         squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
     except np.linalg.LinAlgError as error:
         raise AccuracyError(f"the modes are not independent of each other ({error}); ask for fewer modes") from error
-    if squares[0] <= 0.0:
+    softest = np.abs(vectors @ small[:, 0])
+    if squares[0] <= _ROUND_OFF * float(softest @ (abs(k) @ softest)):
         raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
     return squares, vectors @ small
 
