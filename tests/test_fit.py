@@ -27,6 +27,7 @@ from flexfmu.scenes.candidates import Reduction, reduction_config
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.fit import fit
 from flexfmu.scenes.fitting import delivery
+from flexfmu.scenes.fitting.trial import Search
 from flexfmu.scenes.fitting.branches import Branch, find_branches, spread_joints
 from flexfmu.scenes.fitting.motion import contributions
 from flexfmu.scenes.fitting.subspace import subset
@@ -203,13 +204,15 @@ def clamped_at_both_ends(folder, changes=()):
     return scene_of(folder, case + FIT.replace("[8]", "[3]"), body, changes)
 
 
-def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store):
+def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store, monkeypatch):
+    # A busy machine's timings would choose between bases that cost nearly the same.
+    monkeypatch.setattr(Search, "cost", lambda _, body, __: 1e-6 * body.mode_count)
     found = fit(clamped_at_both_ends(tmp_path), tmp_path / "fitted.toml", Reporter(), store)
     assert found.met
     assert found.variant.method is Method.SECOND_ORDER
     assert found.frame_count == 1
-    # No more than the default's ten, static shapes included.
-    assert found.mode_count <= 10
+    # Today's default has ten.
+    assert found.mode_count < 10
     body = FlexibleBody(reduce_body(read_body_file(tmp_path / "fitted.toml"), Reporter()))
     table = calculix(DEMO / "clamped_clamped" / "calculix" / "static_y.csv")[-1]
     moved = body.response(body.static({"middle": [0.0, 200e3, 0.0]})).displacement[0, 1]
