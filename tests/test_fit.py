@@ -27,10 +27,10 @@ from flexfmu.scenes.candidates import Reduction, reduction_config
 from flexfmu.scenes.config import BasisChoice
 from flexfmu.scenes.fit import fit
 from flexfmu.scenes.fitting import delivery
-from flexfmu.scenes.fitting.trial import Search
 from flexfmu.scenes.fitting.branches import Branch, find_branches, spread_joints
 from flexfmu.scenes.fitting.motion import contributions
 from flexfmu.scenes.fitting.subspace import subset
+from flexfmu.scenes.fitting.trial import Search
 from flexfmu.scenes.measure import errors
 from flexfmu.scenes.reference import references
 from flexfmu.scenes.scene import read_scene

@@ -155,7 +155,8 @@ def test_the_same_bump_under_both_wheels_moves_them_alike(level):
     left, right = level["left"], level["right"]
     mirrored = right * [1.0, -1.0, 1.0, -1.0, 1.0, -1.0]
     assert left[:, 2].max() > 0.08
-    assert np.abs(left - mirrored).max(axis=0) == pytest.approx(0.0, abs=2e-4 * np.abs(left[:, 2]).max())
+    for part in (slice(0, 3), slice(3, 6)):  # m, rad
+        assert np.abs(left - mirrored)[:, part].max() <= 1e-4 * np.abs(left[:, part]).max()
 
 
 def test_wheels_swing_on_arcs_about_the_bushings_and_linear_ones_straight_up(drive, level):
