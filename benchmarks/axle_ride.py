@@ -1,7 +1,8 @@
 """The ride over a bump with every model of the rear axle's chart: whether the coupling settles, and in how many rounds.
 
 Run from the repository's root: python -m benchmarks.axle_ride [--output FILE.csv] [--internal-step 0.01 …]. Prints a
-line a ride and writes the records. A ride that stops has the reason as its note.
+line a ride and writes the records. A ride that stops has the reason as its note. `--resume` leaves out what the records
+hold already.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import get_type_hints
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -96,8 +98,15 @@ def ridden(folder: Path, preload: float, axle: dict[str, float | str]) -> dict[s
     return json.loads(lines[-1].removeprefix(MARK))
 
 
-def measure(folder: Path, internal_steps: list[str] | None) -> Iterator[Record]:
-    """Ride with every model of the chart, or those of some internal steps."""
+def read_records(path: Path) -> list[Record]:
+    """Records of an earlier run."""
+    kinds = get_type_hints(Record)
+    with path.open(newline="", encoding="utf-8") as file:
+        return [Record(**{name: kinds[name](value) for name, value in row.items()}) for row in csv.DictReader(file)]
+
+
+def measure(folder: Path, internal_steps: list[str] | None, known: set[tuple[str | int, ...]]) -> Iterator[Record]:
+    """Ride with every model of the chart, or those of some internal steps, that is not known yet."""
     from demo.rear_axle.road.models import build_model, chart_models, parameters
     from demo.rear_axle.road.scene import WHEEL, Ride, build_axle, build_wheel, coil_preload
 
@@ -107,7 +116,12 @@ def measure(folder: Path, internal_steps: list[str] | None) -> Iterator[Record]:
     build_wheel(folder)
     for reduction, models in chart_models():
         here = folder / f"{reduction.modes}_{reduction.frames}"
-        chosen = [one for one in models if internal_steps is None or one.internal_step_word in internal_steps]
+        chosen = [
+            one
+            for one in models
+            if (internal_steps is None or one.internal_step_word in internal_steps)
+            and (one.variant.method.value, one.internal_step_word, reduction.modes, reduction.frames) not in known
+        ]
         if chosen:
             build_model(reduction, models, here, Reporter())
             shutil.copy(folder / WHEEL, here / WHEEL)
@@ -126,14 +140,22 @@ def measure(folder: Path, internal_steps: list[str] | None) -> Iterator[Record]:
             yield record
 
 
-def main(path: Path, internal_steps: list[str] | None) -> list[Record]:
+def row_of(record: Record) -> dict[str, str | int]:
+    """A line of the records."""
+    return {k: f"{v:.4g}" if isinstance(v, float) else v for k, v in asdict(record).items()}
+
+
+def main(path: Path, internal_steps: list[str] | None, resume: bool) -> list[Record]:
     """Measure and write the records."""
-    records = []
-    with tempfile.TemporaryDirectory() as folder, path.open("w", newline="") as file:
+    records = read_records(path) if resume and path.exists() else []
+    known: set[tuple[str | int, ...]] = {(one.method, one.internal_step, one.modes, one.frames) for one in records}
+    with tempfile.TemporaryDirectory() as folder, path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(Record)], lineterminator="\n")
         writer.writeheader()
-        for record in measure(Path(folder), internal_steps):
-            writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in asdict(record).items()})
+        for record in records:
+            writer.writerow(row_of(record))
+        for record in measure(Path(folder), internal_steps, known):
+            writer.writerow(row_of(record))
             file.flush()
             records.append(record)
     print(f"\n{sum(not one.note for one in records)} of {len(records)} rides ran to the end; records: {path}")
@@ -144,10 +166,11 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=HERE / "axle_ride.csv")
     parser.add_argument("--internal-step", nargs="+", help="of the chart's internal steps these alone")
+    parser.add_argument("--resume", action="store_true", help="leave out what the records hold already")
     parser.add_argument("--ride", nargs=3, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.ride:
         where, coil, chosen = arguments.ride
         print(MARK + json.dumps(ride(Path(where), float(coil), json.loads(chosen))))
     else:
-        main(arguments.output, arguments.internal_step)
+        main(arguments.output, arguments.internal_step, arguments.resume)

@@ -6,14 +6,14 @@ fetches ziglang for the time of the build, some 400 MB.
 """
 
 import argparse
-import csv
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+
+from .records import write_records
 
 ROOT = Path(__file__).parents[1]
 WORDS = """
@@ -48,8 +48,6 @@ def main() -> None:
         clone, nothing = folder / "flexfmu", folder / "nothing"
         nothing.mkdir()
         subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
-        command = ["git", "-C", str(clone), "rev-parse", "--short", "HEAD"]
-        commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
         subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
         python = folder / "venv" / "bin" / "python"
         environment = {key: value for key, value in os.environ.items() if key not in ("CC", "PYTHONPATH")}
@@ -59,18 +57,12 @@ def main() -> None:
         building, _ = run([python.with_name("flexfmu"), "build", body, "--output", fmu], environment, folder)
         _, size = run([python, "-c", WORDS, fmu], environment, folder)
     row = {
-        "commit": commit,
         "install_seconds": round(installing),
         "build_seconds": round(building),
         "core_bytes": int(size.split()[-1]),
-        "python": platform.python_version(),
-        "machine": f"{platform.system()} {platform.machine()}",
     }
     print("  ".join(f"{key} {value}" for key, value in row.items()))
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, row, lineterminator="\n")
-        writer.writeheader()
-        writer.writerow(row)
+    write_records(options.output, [row])
 
 
 if __name__ == "__main__":

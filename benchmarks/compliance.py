@@ -25,6 +25,8 @@ from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.progress import Reporter
 
+from .records import write_records
+
 ROOT = Path(__file__).parents[1]
 STEP, COUNT = 1e-3, 200
 LOADS = {"tip.force.x": -500.0, "tip.force.y": 4000.0}
@@ -97,10 +99,7 @@ def main() -> None:
                 row = check(options.checker.resolve(), place / "beam.fmu", runtime, expected)
                 rows.append({"checker": row["checker"], "export": runtime.value, "folder": label} | row)
                 print("  ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_records(options.output, rows)
 
 
 if __name__ == "__main__":

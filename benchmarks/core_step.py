@@ -9,8 +9,6 @@ Prints a table and writes the records that it is made of.
 from __future__ import annotations
 
 import argparse
-import csv
-import platform
 import subprocess
 import sys
 import sysconfig
@@ -32,6 +30,7 @@ from flexfmu.progress import Reporter
 from flexfmu.store import Store
 
 from .fmu_step import INTERFACES, build_empty
+from .records import write_records
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -206,12 +205,7 @@ def measure(output: Path) -> None:
         times = f"{1e6 * r.median:.3g} | {1e6 * r.fastest:.3g}"
         work = f"{1e-3 * r.operations:.3g} | {1e-9 * r.rate:.3g}"
         print(f"| {r.what} | {r.inputs}, {r.outputs} | {times} | {r.iterations:.1f} | {work} |")
-    with output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [*asdict(records[0]), "rate", "machine", "python"])
-        writer.writeheader()
-        for record in records:
-            where = {"machine": platform.machine(), "python": platform.python_version()}
-            writer.writerow(asdict(record) | {"rate": record.rate} | where)
+    write_records(output, [asdict(record) | {"rate": record.rate} for record in records])
 
 
 def main() -> None:

@@ -7,10 +7,8 @@ inputs, step, get all outputs. Prints a table and writes the records that it is 
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import os
-import platform
 import statistics
 import subprocess
 import sys
@@ -18,6 +16,8 @@ import tempfile
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from .records import write_records
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -200,11 +200,7 @@ def measure(output: Path) -> list[Record]:
                     f"| `{method.value}` | {runtime} | {1e6 * own[0]:.0f} | {ratio:.1f} | {own[2]:.1f} |",
                     flush=True,
                 )
-    with output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [*asdict(records[0]), "machine", "python"])
-        writer.writeheader()
-        for record in records:
-            writer.writerow(asdict(record) | {"machine": platform.machine(), "python": platform.python_version()})
+    write_records(output, map(asdict, records))
     return records
 
 

@@ -6,7 +6,6 @@ Prints a table and writes it.
 """
 
 import argparse
-import csv
 import json
 import subprocess
 import sys
@@ -21,6 +20,8 @@ from flexfmu.config import read_body_file
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.progress import Reporter
+
+from .records import write_records
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -86,10 +87,7 @@ def main():
                 master, _, python = name.partition("=")
                 rows.append(record(master, python or sys.executable, fmu, runtime, expected))
                 print("  ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
-    with options.output.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_records(options.output, rows)
 
 
 if __name__ == "__main__":

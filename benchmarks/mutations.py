@@ -1,9 +1,10 @@
 """Whether the tests notice when one line of physics is wrong: changes of `mutations.toml`, one at a time.
 
-Run from the repository's root: python -m benchmarks.mutations [--only WORDS] [--skip N] [--output FILE.csv]. The tree
-is copied to a temporary folder; there each change is made in turn and the tests that should notice run until the first
-fails. A change is *killed* when one does, and *survives* when none does: then a test is missing. Ctrl-C ends the run
-with the results so far. It takes about three quarters of an hour.
+Run from the repository's root: python -m benchmarks.mutations [--only WORDS] [--minutes N] [--output FILE.csv]. The
+tree is copied to a temporary folder; there each change is made in turn and the tests that should notice run until the
+first fails. A change is *killed* when one does, and *survives* when none does: then a test is missing. It takes about
+three quarters of an hour. Each result is written at once; `--resume` leaves out what the records hold already, so that
+a run can be ended (Ctrl-C, `--minutes`) and gone on with.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ import sys
 import tempfile
 import time
 import tomllib
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -78,6 +80,9 @@ class Change:
     after: str
     tests: str
     fact: str
+
+
+CHANGE_FIELDS = [field.name for field in fields(Change)]
 
 
 @dataclass(frozen=True)
@@ -187,8 +192,8 @@ def judged(code: int, output: str) -> tuple[Outcome, str]:
     return Outcome.BROKEN, (output.strip().splitlines() or ["no output"])[-1]
 
 
-def check_copy(tree: Path, changes: list[Change]) -> None:
-    """Make sure that tests run on the copy, and pass there as long as nothing is changed."""
+def check_copy(tree: Path) -> None:
+    """Make sure that tests run on the copy."""
     code = "import flexfmu; print(flexfmu.__file__)"
     environment = os.environ | {"PYTHONPATH": str(tree / "fmu_src")}
     done = subprocess.run(
@@ -196,70 +201,88 @@ def check_copy(tree: Path, changes: list[Change]) -> None:
     )
     if not done.stdout.startswith(str(tree)):
         raise SystemExit(f"tests would run on {done.stdout.strip()!r} instead of the copy in {tree}")
-    for tests in dict.fromkeys(change.tests for change in changes):
-        done = run_tests(tree, tests)
-        if done.returncode:
-            raise SystemExit(f"without any change {tests!r} does not pass:\n{done.stdout}\n{done.stderr}")
-        print(f"passes without a change: {tests}", flush=True)
 
 
-def write_records(path: Path, results: dict[Change, Result]) -> None:
-    """Write one line for each change that was tried."""
+def check_tests(tree: Path, tests: str) -> None:
+    """Make sure that tests pass as long as nothing is changed."""
+    done = run_tests(tree, tests)
+    if done.returncode:
+        raise SystemExit(f"without any change {tests!r} does not pass:\n{done.stdout}\n{done.stderr}")
+
+
+def read_records(path: Path, changes: list[Change]) -> dict[Change, Result]:
+    """Results of changes that the table still has, as they were recorded."""
+    found = {}
+    if path.is_file():
+        with path.open(newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                change = Change(**{name: row[name] for name in CHANGE_FIELDS})
+                outcome = Outcome(row["outcome"])
+                if change in changes and outcome in (Outcome.KILLED, Outcome.SURVIVED):
+                    found[change] = Result(outcome, row["by"], 0.0)
+    return found
+
+
+def write_records(path: Path, results: dict[Change, Result], changes: list[Change]) -> None:
+    """Write one line for each change that was tried, in the table's order."""
     with path.open("w", newline="", encoding="utf-8") as file:
-        names = ["file", "before", "after", "tests", "fact", "outcome", "by", "machine", "python"]
-        writer = csv.DictWriter(file, names)
+        writer = csv.DictWriter(file, [*CHANGE_FIELDS, "outcome", "by", "machine", "python"], lineterminator="\n")
         writer.writeheader()
-        for change, result in results.items():
-            found = {"outcome": result.outcome.value, "by": result.by}
-            where = {"machine": platform.machine(), "python": platform.python_version()}
-            writer.writerow(asdict(change) | found | where)
+        where = {"machine": platform.machine(), "python": platform.python_version()}
+        for change in changes:
+            if change in results:
+                found = {"outcome": results[change].outcome.value, "by": results[change].by}
+                writer.writerow(asdict(change) | found | where)
 
 
-def run(changes: list[Change], check: bool) -> dict[Change, Result]:
-    """Try all changes, one after the other."""
-    results: dict[Change, Result] = {}
+def run(changes: list[Change], minutes: float) -> Iterator[tuple[Change, Result]]:
+    """Try changes one after the other, each with its result, until time is up."""
+    checked: set[str] = set()
     with tempfile.TemporaryDirectory(prefix="mutations_") as name:
         tree = Path(name).resolve() / "tree"
         shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(*LEFT_OUT))
         with (tree / "tests" / "conftest.py").open("a", encoding="utf-8") as file:
             file.write(HASTE)
         compile_core(tree)
+        check_copy(tree)
         start = time.perf_counter()
-        try:
-            if check:
-                check_copy(tree, changes)
-            start = time.perf_counter()
-            for number, change in enumerate(changes, start=1):
-                result = results[change] = try_change(tree, change)
-                left = (time.perf_counter() - start) / number * (len(changes) - number)
-                print(
-                    f"{number} of {len(changes)}, about {left / 60.0:.1f} min left: {result.outcome.value} in "
-                    f"{result.seconds:.0f} s: {change.file}: {change.fact} ({result.by or change.tests})",
-                    flush=True,
-                )
-        except KeyboardInterrupt:
-            print("stopped: results so far", flush=True)
-    return results
+        for change in changes:
+            if time.perf_counter() - start > 60.0 * minutes:
+                return
+            if change.tests not in checked:
+                check_tests(tree, change.tests)
+                checked.add(change.tests)
+            yield change, try_change(tree, change)
 
 
 def main() -> None:
     """Run as a script."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="only changes whose file or fact holds these words")
-    parser.add_argument("--skip", type=int, default=0, metavar="N", help="leave the first N out, to go on with a run")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no change later than this")
     parser.add_argument("--output", type=Path, help="records, CSV")
-    parser.add_argument("--unchecked", action="store_true", help="do not run the tests on the unchanged tree first")
+    parser.add_argument("--resume", action="store_true", help="leave out what the records hold already")
     arguments = parser.parse_args()
-    changes = [c for c in read_table(TABLE) if arguments.only in f"{c.file} {c.fact}"][arguments.skip :]
-    results = run(changes, not arguments.unchecked)
-    if arguments.output:
-        write_records(arguments.output, results)
+    table = read_table(TABLE)
+    changes = [change for change in table if arguments.only in f"{change.file} {change.fact}"]
+    results = read_records(arguments.output, table) if arguments.output and arguments.resume else {}
+    left = [change for change in changes if change not in results]
+    try:
+        for number, (change, result) in enumerate(run(left, arguments.minutes), start=1):
+            results[change] = result
+            if arguments.output:
+                write_records(arguments.output, results, table)
+            words = f"{result.outcome.value} in {result.seconds:.0f} s: {change.file}: {change.fact}"
+            print(f"{number} of {len(left)}: {words} ({result.by or change.tests})", flush=True)
+    except KeyboardInterrupt:
+        print("stopped: results so far", flush=True)
+    results = {change: results[change] for change in changes if change in results}
     for outcome in (Outcome.SURVIVED, Outcome.GONE, Outcome.BROKEN):
         for change, result in results.items():
             if result.outcome is outcome:
                 print(f"{outcome.value}: {change.file}: {change.before} → {change.after}. {change.fact}. {result.by}")
     killed = sum(result.outcome is Outcome.KILLED for result in results.values())
-    print(f"{killed} of {len(results)} changes are noticed")
+    print(f"{killed} of {len(results)} changes are noticed, {len(changes) - len(results)} are left to try")
     raise SystemExit(killed < len(changes))
 
 

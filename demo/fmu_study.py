@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import FormulationTable, read_body_file
+from flexfmu.figures import BLUE, GREEN, ORANGE, SKY, VERMILION
 from flexfmu.fmu.package import package_fmu
 from flexfmu.methods import Method
 from flexfmu.progress import Reporter
@@ -27,9 +28,9 @@ FloatArray = NDArray[np.float64]
 AXES = ("x", "y", "z")
 # One look for each number of frames, in every figure.
 STYLES: dict[int, dict[str, object]] = {
-    1: {"color": "C0", "linestyle": "--"},
-    3: {"color": "C1", "linestyle": "-."},
-    8: {"color": "C2", "linestyle": "-"},
+    1: {"color": SKY, "linestyle": "--"},
+    3: {"color": ORANGE, "linestyle": "-."},
+    8: {"color": BLUE, "linestyle": "-"},
 }
 LINEAR = {"method": "linear"}
 SECOND_ORDER_FRAMES = 2
@@ -66,7 +67,7 @@ def build_variants(body_file: Path, folder: Path, frames: Sequence[int], report:
     fmu = folder / f"{config.name}_second_order.fmu"
     package_fmu(reduce_body(second, report), fmu)
     label = f"{SECOND_ORDER_FRAMES} frames, second order"
-    return [linear, *variants, Variant(label, fmu, {}, {"color": "C3", "linestyle": "--"})]
+    return [linear, *variants, Variant(label, fmu, {}, {"color": VERMILION, "linestyle": "--"})]
 
 
 def static_tip(variant: Variant, forces: FloatArray) -> FloatArray:
@@ -128,14 +129,14 @@ def draw_against_load(
     labels: tuple[str, str],
 ) -> None:
     """One displacement component (m) against load (N), models as lines and CalculiX as points."""
-    figure, axes = plt.subplots(figsize=(4.8, 3.6), layout="constrained")
+    figure, axes = plt.subplots(figsize=(4.8, 4.1), layout="constrained")
     for variant in variants:
         axes.plot(forces / 1e3, 1e3 * curves[variant.label], label=variant.label, **variant.style)
     axes.plot(expected[0] / 1e3, 1e3 * expected[1], "o", color="k", markersize=4, fillstyle="none", label="CalculiX")
     axes.set_xlabel(labels[0])
     axes.set_ylabel(labels[1])
     axes.grid(alpha=0.25)
-    axes.legend(frameon=False)
+    figure.legend(loc="outside upper center", ncols=2, fontsize="small", frameon=False)
     figure.savefig(path, dpi=160)
     plt.close(figure)
 
@@ -149,7 +150,7 @@ def draw_shapes(path: Path, body: FlexibleBody, force: dict[str, list[float]], t
     shapes = (
         ("undeformed", "0.88", surface.points),
         ("linear modes", "0.6", linear.surface_positions(linear.static(force))),
-        (f"{body.model.frame_count} frames", "C2", body.surface_positions(body.static(force))),
+        (f"{body.model.frame_count} frames", GREEN, body.surface_positions(body.static(force))),
     )
     figure, axes = plt.subplots(figsize=(6.8, 3.6), layout="constrained")
     for label, color, points in shapes:
@@ -161,6 +162,6 @@ def draw_shapes(path: Path, body: FlexibleBody, force: dict[str, list[float]], t
     axes.set_xlabel("x / m")
     axes.set_ylabel("y / m")
     axes.set_title(title, fontsize="medium")
-    axes.legend(frameon=False, loc="upper left")
+    figure.legend(loc="outside lower center", ncols=2, frameon=False)
     figure.savefig(path, dpi=160)
     plt.close(figure)

@@ -1,15 +1,20 @@
 """Small bodies for tests: random trees of frames, a rigid rotation, and a beam whose modes have a closed form."""
 
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from flexfmu.methods import Method
+from flexfmu.model import modal_file
 from flexfmu.model.inertia import LumpedMass
 from flexfmu.model.membrane import Membrane
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, Ties, WholeFrame
+from flexfmu.program.compile import compile_program
+from flexfmu.program.image import read_image
 
 FloatArray = NDArray[np.float64]
 
@@ -335,3 +340,18 @@ def random_ties(body: ReducedBody, seed: int, count: int = 2) -> ReducedBody:
         body, ties=ties, stiffness_by_load=None, stiffness_by_mode=None, inertia=None, whole=None, second=None
     )
     return with_second_order(cut, 0.1)
+
+
+def source_of_judgement(body, method):
+    """What a program says that its second opinion on stiffness comes from."""
+    advice = read_image(compile_program(body, method)).arrays["advice"].tobytes().decode()
+    return advice.split("\0")[2]
+
+
+@contextmanager
+def unsealed(path):
+    """A modal file open to be altered; its seal comes off, so that readers look at its contents."""
+    with h5py.File(path, "r+") as content:
+        yield content
+    with path.open("r+b") as file:
+        file.write(bytes(modal_file._BLOCK))

@@ -9,6 +9,7 @@ from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
 from flexfmu.progress import Reporter
+from flexfmu.store import Store
 from references import BEAM, L_FRAME
 
 # Builds in tests find everything anew, and leave nothing in the user's folders.
@@ -16,10 +17,11 @@ os.environ["FLEXFMU_CACHE"] = ""
 
 
 class Bodies:
-    """Demo bodies reduced on demand, each variant once."""
+    """Demo bodies reduced on demand, each variant once; modes and the like once for all processes of the tests."""
 
-    def __init__(self):
+    def __init__(self, store):
         self._known = {}
+        self._store = store
 
     def __call__(self, folder, **changes):
         key = (folder, repr(sorted(changes.items())))
@@ -27,7 +29,7 @@ class Bodies:
             config = read_body_file(folder / "body.toml")
             if "modes" in changes:
                 changes["reduction"] = config.reduction.model_copy(update={"modes": changes.pop("modes")})
-            self._known[key] = FlexibleBody(reduce_body(config.model_copy(update=changes), Reporter()))
+            self._known[key] = FlexibleBody(reduce_body(config.model_copy(update=changes), Reporter(), self._store))
         return self._known[key]
 
     @staticmethod
@@ -45,9 +47,12 @@ class Bodies:
 
 
 @pytest.fixture(scope="session")
-def bodies():
+def bodies(tmp_path_factory):
     """Reduce demo bodies on demand."""
-    return Bodies()
+    folder = tmp_path_factory.getbasetemp()
+    # The folder of a process lies in that of the run.
+    shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    return Bodies(Store(shared / "reductions"))
 
 
 @pytest.fixture

@@ -3,10 +3,7 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "fmu_src"))
 
 
 def commands() -> str:

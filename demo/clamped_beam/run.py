@@ -93,7 +93,7 @@ def dynamics(folder: Path, variants: list[Variant], report: Reporter) -> None:
             panel.plot(1e3 * result[:, 0], 1e3 * result[:, column], label=variant.label, **variant.style)
     for panel, axis, values in zip(axes, "XY", expected.T, strict=True):
         panel.plot(1e3 * table["time_s"], 1e3 * values, color="k", linewidth=0.9, label="CalculiX")
-        panel.set_ylabel(f"tip displacement in {axis} / mm")
+        panel.set_ylabel(f"tip, along {axis} / mm")
         panel.grid(alpha=0.25)
     axes[1].set_xlabel("time / ms")
     axes[0].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize="small")

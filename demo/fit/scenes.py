@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import read_body_file
+from flexfmu.fit.delivery import Fit
+from flexfmu.fit.search import fit
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.progress import Reporter
-from flexfmu.scenes.fit import fit
-from flexfmu.scenes.fitting.delivery import Fit
 from flexfmu.scenes.measure import Errors, errors
 from flexfmu.scenes.reference import references
 from flexfmu.scenes.scene import AXES, Scene, read_scene

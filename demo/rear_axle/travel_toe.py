@@ -16,6 +16,7 @@ from demo.rear_axle.run import HERE, align, read_reference, solve
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import BodyFile, FrameTable, MeshTable, read_body_file
+from flexfmu.figures import GREEN, ORANGE, PINK, SKY, VERMILION
 from flexfmu.methods import Method
 from flexfmu.progress import ConsoleReporter, Reporter
 from flexfmu.store import Store, default_folder
@@ -30,11 +31,11 @@ CASES = {
 }
 STYLES = {
     "linear": {"color": "0.55", "linestyle": ":"},
-    "one floating frame": {"color": "C0", "linestyle": "--"},
-    "arms as separate sub-domains": {"color": "C1", "linestyle": "-."},
-    "tree: arms and beam": {"color": "C4", "linestyle": "-"},
-    "cut in the middle": {"color": "C3", "linestyle": "--"},
-    "cut, second order": {"color": "C2", "linestyle": "-"},
+    "one floating frame": {"color": SKY, "linestyle": "--"},
+    "arms as separate sub-domains": {"color": ORANGE, "linestyle": "-."},
+    "tree: arms and beam": {"color": PINK, "linestyle": "-"},
+    "cut in the middle": {"color": VERMILION, "linestyle": "--"},
+    "cut, second order": {"color": GREEN, "linestyle": "-"},
 }
 # Corners of each arm's tetrahedron with the joint: places on the right arm, m; the nearest nodes are taken.
 CORNERS = ((0.45, 0.615, 0.0), (0.30, 0.525, 0.035), (0.30, 0.575, -0.035))
@@ -81,7 +82,7 @@ def main(folder: Path, report: Reporter) -> None:
     for case, (axis, words) in CASES.items():
         reference = read_reference(HERE / "calculix" / f"{case}.csv", axis)
         expected = align(reference.motion)
-        figure, panels = plt.subplots(1, 2, figsize=(8.0, 4.0), layout="constrained")
+        figure, panels = plt.subplots(1, 2, figsize=(8.0, 4.6), layout="constrained")
         for label, body in bodies.items():
             motion = solve(body, reference)
             found = align(motion)
@@ -98,7 +99,8 @@ def main(folder: Path, report: Reporter) -> None:
             panel.set_xlabel(f"toe-in of the {name} wheel / degrees")
             panel.grid(alpha=0.25)
         panels[0].set_ylabel("wheel travel / mm")
-        panels[0].legend(frameon=False, fontsize="small")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
         figure.suptitle(words, fontsize="medium")
         figure.savefig(folder / f"rear_axle_case_{case}.png", dpi=160)
         plt.close(figure)

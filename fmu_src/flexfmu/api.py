@@ -30,7 +30,7 @@ from .config import read_body_file
 from .errors import SimulationError
 from .fmu.package import package_fmu, read_packaged_body
 from .fmu.runtime import Runtime
-from .fmu.simulation import simulate, write_table
+from .fmu.simulation import simulate
 from .mesh.formats import file_origin, read_mesh
 from .mesh.in_memory import as_mesh
 from .mesh.model import FloatArray, Mesh
@@ -40,6 +40,7 @@ from .model.modal_file import write_modal_file
 from .model.reduced_body import ReducedBody
 from .progress import Reporter
 from .store import Store
+from .tables import write_table
 from .targets import check_target
 
 
@@ -92,6 +93,14 @@ class Body:
     ------
     MeshError, BodyFileError
         With what was found, what was expected and what to do.
+
+    Examples
+    --------
+    >>> mesh = flexfmu.read_mesh("arm.inp")
+    >>> body = flexfmu.Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="arm")
+    >>> arm = body.build(frames=2, modes=4)
+    >>> arm
+    <BuiltBody 'arm': second_order, 4 modes, 2 frames, interfaces tip>
     """
 
     def __init__(
@@ -140,6 +149,11 @@ class Body:
         Returns
         -------
         Body
+
+        Examples
+        --------
+        >>> flexfmu.Body.read("body.toml").build(modes=6).fmu("lean.fmu")
+        PosixPath('lean.fmu')
         """
         config = read_body_file(Path(path))
         file = config.mesh.file
@@ -318,6 +332,13 @@ class BuiltBody(FlexibleBody):
         ------
         SimulationError
             An unknown input, or a step that the FMU refuses.
+
+        Examples
+        --------
+        >>> arm = flexfmu.load("arm.fmu")
+        >>> result = arm.simulate({"time": [0.0, 0.02], "tip.force.y": [0.0, 500.0]}, step=1e-3)
+        >>> result["tip.displacement.y"].shape
+        (21,)
         """
         names, table = self._table(loads, stop)
         with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
@@ -424,6 +445,13 @@ def load(path: str | Path, method: Method | str | None = None, mass: Mass | str 
         No such method or mass, or data that the body was built without.
     ModalFileError
         The file is missing, damaged, altered or of an unknown version.
+
+    Examples
+    --------
+    >>> arm = flexfmu.load("arm.fmu", method="linear")
+    >>> bent = arm.response(arm.static({"tip": [0.0, 1000.0, 0.0]}))
+    >>> float(bent.displacement[0, 1].round(4))  # F L³ / 3 E I = 1000 / (3 · 2e11 · 5.208e-7) m
+    0.0032
     """
     return BuiltBody(read_packaged_body(Path(path)), method, mass)
 

@@ -151,6 +151,11 @@ class FlexibleBody:
         LoadError
             An unknown interface, a wrong number of components, a value that is not finite, or an acceleration of a body
             that was built without its masses.
+
+        Examples
+        --------
+        >>> arm.loads({"tip": [0.0, 100.0, 0.0]}).force
+        array([[  0., 100.,   0.]])
         """
         result = loads_from_mapping(self.model.interface_names, loads, acceleration)
         if self.model.masses is None and np.any(result.acceleration):
@@ -177,6 +182,12 @@ class FlexibleBody:
         ------
         EquilibriumError
             There is none that the unloaded body could reach.
+
+        Examples
+        --------
+        >>> bent = arm.static({"tip": [0.0, 20e3, 0.0]})
+        >>> bool(arm.response(bent).displacement[0, 0] < 0.0)  # the tip draws nearer as the arm bends
+        True
         """
         answer, q, share, _ = self.core.static(self._packed(loads))
         if answer is not StepAnswer.OK:
@@ -216,6 +227,12 @@ class FlexibleBody:
         ------
         StepError
             A step that is not positive and finite, or a load that the body cannot bear.
+
+        Examples
+        --------
+        >>> state, work = arm.step_with_work(arm.rest(), {"tip": [0.0, 100.0, 0.0]}, 1e-4)
+        >>> work.error < arm.limits.tolerance
+        True
         """
         return self.step_packed(
             state, self._packed(loads), step, None if end_loads is None else self._packed(end_loads)
@@ -310,6 +327,11 @@ class FlexibleBody:
         -------
         (S,) float, or (1,) for linear kinematics
             rad.
+
+        Examples
+        --------
+        >>> arm.rotation_within_frames(arm.static({"tip": [0.0, 20e3, 0.0]})).round(2)
+        array([0.04, 0.02])
         """
         largest = np.zeros(max(self.core.frames, 1))
         np.maximum.at(largest, self.core.turning_frame, self.core.rotations(state.q))

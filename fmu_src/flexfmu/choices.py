@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from .config import BodySpec
 from .errors import BodyFileError
 from .mesh.model import FloatArray, IntArray, Mesh
 from .mesh.units import UnitSystem
-from .toml_files import explain
+from .toml_files import validated
 
 Nodes = str | Mapping[str, Any] | Sequence[int] | IntArray | Callable[[FloatArray], Any]
 """A node set's name, a place as a body file has it, rows of the mesh's points, a mask of them, or a function from
@@ -144,7 +143,4 @@ def plain(value: Any) -> Any:
 
 def checked_spec(data: dict[str, Any]) -> BodySpec:
     """Specification of what a body file would hold; BodyFileError with every wrong key at once."""
-    try:
-        return BodySpec.model_validate(data)
-    except ValidationError as error:
-        raise BodyFileError(explain(error, BodySpec, data, "docs/python.md")) from error
+    return validated(BodySpec, data, BodyFileError, "docs/python.md")

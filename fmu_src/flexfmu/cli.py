@@ -12,7 +12,7 @@ from rich.markup import escape
 from typer.core import TyperGroup
 
 from . import __version__
-from .errors import INTERRUPTED, FlexfmuError
+from .errors import INTERRUPTED, NOT_MET, FlexfmuError
 from .fmu.runtime import Runtime
 from .model.errors import RuntimeBodyError
 from .progress import ConsoleReporter
@@ -177,13 +177,13 @@ def check(
     file: Annotated[Path, typer.Argument(help="Body file (TOML), or a mesh alone.")],
     units: Annotated[str, typer.Option(help="Units of a mesh alone.")] = "m-kg-s",
 ) -> None:
-    """List what a mesh holds: sets, materials, plane ends; of a body file also the nodes of supports and interfaces."""
+    """List what a mesh holds: mass, sets, materials, plane ends, bores; of a body file its supports and interfaces."""
     from .choices import unit_system
     from .config import read_body_file
     from .mesh.checks import checked
     from .mesh.formats import read_mesh
     from .reduction.model import assemble_model
-    from .suggest import chosen_nodes, mesh_lines
+    from .suggest import chosen_nodes, mass_lines, mesh_lines
 
     def job() -> None:
         config = read_body_file(file) if file.suffix.lower() == ".toml" else None
@@ -195,7 +195,10 @@ def check(
             for title, rows in chosen_nodes(mesh, config).items():
                 typer.echo(f"{title}: {len(rows)} nodes")
             model = assemble_model(mesh, config)
+            mesh = model.mesh
             typer.echo(f"{model.free.size} free degrees of freedom")
+        for line in mass_lines(mesh):
+            typer.echo(line)
 
     _run(job)
 
@@ -335,6 +338,14 @@ def couple(
     _run(job)
 
 
+Jobs = Annotated[
+    str,
+    typer.Option(
+        "--jobs",
+        "-j",
+        help="Processes that measure errors (-1: one a core), or a Dask scheduler (tcp://host:8786).",
+    ),
+]
 Scene = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")]
 
 
@@ -359,45 +370,65 @@ def chart(
         bool, typer.Option("--stability", help="Map where each method stops working instead (docs/stability.md).")
     ] = False,
     bare: Annotated[bool, typer.Option("--bare", help="Time the models without their FMUs.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Try every combination of [sweep], not only those near the best.")
+    ] = False,
+    jobs: Jobs = "1",
     as_json: Json = False,
 ) -> None:
-    """Try every model of a body on a scene, draw error against cost, and name those that nothing beats."""
+    """Try models of a body on a scene, draw error against cost, and name those that nothing beats.
+
+    Begins with few models and draws them at once; goes on where the best are.
+    """
+    from .chart.draw import Drawn, check_targets
+    from .chart.draw import chart as draw
+    from .chart.front import describe
+    from .chart.sweep import sweep
     from .plain_data import json_text
-    from .scenes.chart import chart as draw
-    from .scenes.chart import check_targets, cost_axis, describe, finding
+    from .scenes.jobs import Crew
     from .scenes.scene import read_scene
-    from .scenes.sweep import sweep
     from .store import Store, default_folder
 
     def job() -> None:
         if (body is None) != (scene is None):
             raise typer.BadParameter("a body file and --scene go together; give both, or neither to draw records")
         if stability:
-            _map_stability(body, scene, records[0], picture)
+            _map_stability(body, scene, records[0], picture, jobs)
             return
         check_targets(records, picture, page)
+        drawn: list[Drawn] = []
         if body is not None and scene is not None:
-            sweep(read_scene(scene, body), records[0], _reporter(), Store(default_folder()), fmu=not bare)
-        best = draw(records, picture, page)
+            report, found = _reporter(), read_scene(scene, body)
+
+            def look(extent: str) -> None:
+                drawn[:] = [draw(records, picture, page, extent if len(records) == 1 else "")]
+                if extent.startswith("coarse"):
+                    report.note(f"{extent}: {drawn[0].finding}")
+
+            with Crew(jobs) as crew:
+                sweep(found, records[0], report, Store(default_folder()), not bare, crew, every, look)
+        shown = drawn[0] if drawn else draw(records, picture, page)
         if as_json:
-            typer.echo(json_text(best))
+            typer.echo(json_text(shown.named))
             return
-        axis = cost_axis(best)
-        for row in best:
-            typer.echo(f"{row.share:8.2g} × tolerance  {describe(row, axis, several=len(records) > 1)}")
-        typer.echo(finding(best, axis))
+        for number, row in enumerate(shown.named, start=1):
+            words = describe(row, shown.axis, several=len(records) > 1)
+            typer.echo(f"#{number:<2} {row.share:8.2g} × tolerance  {words}")
+        typer.echo(shown.finding)
 
     _run(job, f"what was tried is in {records[0]}, and the same command goes on from there")
 
 
-def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None) -> None:
+def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None, jobs: str) -> None:
     """Run and draw the maps of stability; without a body the records are drawn as they are."""
+    from .scenes.jobs import Crew
     from .stability.maps import chart_stability
     from .stability.picture import pictures
     from .store import Store, default_folder
 
     if body is not None and scene is not None:
-        lines = chart_stability(body, scene, records, picture, _reporter(), Store(default_folder()))
+        with Crew(jobs) as crew:
+            lines = chart_stability(body, scene, records, picture, _reporter(), Store(default_folder()), crew)
     elif picture is not None:
         lines = [str(path) for path in pictures(records, picture)]
     else:
@@ -411,21 +442,30 @@ def fit(
     scene: Scene,
     output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
     fmu: Annotated[Path | None, typer.Option(help="FMU to write; default: beside the body file.")] = None,
+    jobs: Jobs = "1",
     as_json: Json = False,
 ) -> None:
-    """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU."""
-    from .plain_data import json_text
-    from .scenes.fit import fit as find
+    """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU.
+
+    The last line says pass or fail; the exit code is 0 or 3.
+    """
+    from .fit.search import fit as find
+    from .plain_data import fields_of, json_text
+    from .scenes.jobs import Crew
     from .scenes.scene import read_scene
     from .store import Store, default_folder
 
     def job() -> None:
         target = fmu or output.with_suffix(".fmu")
-        found = find(read_scene(scene, body), output, _reporter(), Store(default_folder()), target)
+        with Crew(jobs) as crew:
+            found = find(read_scene(scene, body), output, _reporter(), Store(default_folder()), target, crew)
         if as_json:
-            typer.echo(json_text(found))
-            return
-        typer.echo("\n".join([f"{output}, {target}", *found.summary, f"{found.tried} models, {found.seconds:.1f} s."]))
+            typer.echo(json_text({"pass": found.met, "verdict": found.verdict, **fields_of(found)}))
+        else:
+            took = f"{found.tried} models, {found.seconds:.1f} s."
+            typer.echo("\n".join([f"{output}, {target}", *found.summary, took, found.verdict]))
+        if not found.met:
+            raise typer.Exit(NOT_MET)
 
     _run(job)
 

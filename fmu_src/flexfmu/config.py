@@ -5,7 +5,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from .errors import BodyFileError
 from .inputs import Kind
@@ -14,24 +14,17 @@ from .mesh.units import UnitSystem
 from .methods import ASKED_BY, DEFAULT, Data, Mass, Method, Variant, conflict, has_frames, needs
 from .model.errors import OptionError
 from .old_keys import OLD_KEYS, replaced
-from .toml_files import explain, read_toml
+from .toml_files import Name, Table, Vector, read_toml, validated
 
-Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
 _C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
 """
 # Names become parts of FMU variable names and HDF5 paths.
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
 
-class _Table(BaseModel):
-    # Strict: no number from text, none from true or false.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-
-class MeshUnits(_Table):
+class MeshUnits(Table):
     """What the numbers of a mesh and of `[material]` are in, and whether its own supports count."""
 
     units: UnitSystem = Field(default=UnitSystem.SI, strict=False)
@@ -44,7 +37,7 @@ class MeshTable(MeshUnits):
     file: Path = Field(strict=False, examples=["arm.inp"])
 
 
-class MaterialTable(_Table):
+class MaterialTable(Table):
     """`[material]`: what the mesh file does not tell, or of the material of a name; in the units of `[mesh]`."""
 
     name: str | None = Field(default=None, examples=["STEEL"])
@@ -59,7 +52,7 @@ class MaterialTable(_Table):
         return self
 
 
-class Place(_Table):
+class Place(Table):
     """Nodes by place, m: those that meet every condition given."""
 
     set: str | None = None
@@ -90,7 +83,7 @@ class Place(_Table):
 Nodes = str | Place | list[str | Place]
 
 
-class SupportTable(_Table):
+class SupportTable(Table):
     """`[[support]]`: translations held at zero, or springs to the ground."""
 
     nodes: Nodes = Field(examples=["CLAMP"])
@@ -116,7 +109,7 @@ class SupportTable(_Table):
         return self
 
 
-class InterfaceTable(_Table):
+class InterfaceTable(Table):
     """`[[interface]]`: where loads come in and motion goes out."""
 
     name: Name = Field(examples=["tip"])
@@ -127,7 +120,7 @@ class InterfaceTable(_Table):
     follows: bool = False
 
 
-class FrameTable(_Table):
+class FrameTable(Table):
     """`[[frame]]`: a sub-domain with a frame of its own."""
 
     name: Name
@@ -147,7 +140,7 @@ class FrameTable(_Table):
         return value
 
 
-class BranchTable(_Table):
+class BranchTable(Table):
     """`[[branch]]`: joints between frames on the way from the supports to an interface."""
 
     toward: str
@@ -161,7 +154,7 @@ class BranchTable(_Table):
         return value
 
 
-class CutTable(_Table):
+class CutTable(Table):
     """`[[cut]]`: a section across the body at which it is cut into parts, joined again by stiff springs."""
 
     nodes: str
@@ -176,14 +169,14 @@ class Basis(Enum):
     """Constraint modes of the interfaces and fixed-interface normal modes."""
 
 
-class StressTable(_Table):
+class StressTable(Table):
     """`[[stress]]`: a part of the body whose largest von Mises stress goes out."""
 
     name: Name
     elements: str
 
 
-class ReductionTable(_Table):
+class ReductionTable(Table):
     """`[reduction]`: the modal basis."""
 
     basis: Basis = Field(default=Basis.NORMAL, strict=False)
@@ -207,7 +200,7 @@ class ReductionTable(_Table):
         return tuple(self.modes) if isinstance(self.modes, list) else tuple(range(1, self.modes + 1))
 
 
-class DampingTable(_Table):
+class DampingTable(Table):
     """`[damping]`: modal damping ratio, one for all modes or one each."""
 
     ratio: float | list[float] = Field(default=0.0, examples=[0.01])
@@ -226,7 +219,7 @@ class DampingTable(_Table):
         return value
 
 
-class FormulationTable(_Table):
+class FormulationTable(Table):
     """`[formulation]`: the method that the FMU starts with; without one, see `BodyFile.variant`."""
 
     method: Method | None = Field(default=None, strict=False)
@@ -254,13 +247,13 @@ class FormulationTable(_Table):
         return Variant(self.method or DEFAULT, self.mass)
 
 
-class InputTable(_Table):
+class InputTable(Table):
     """`[input]`: what else the FMU takes in."""
 
     acceleration: bool = False
 
 
-class OutputTable(_Table):
+class OutputTable(Table):
     """`[output]`: what else goes into the FMU."""
 
     velocities: bool = False
@@ -274,7 +267,7 @@ class OutputTable(_Table):
         return self
 
 
-class BodySpec(_Table):
+class BodySpec(Table):
     """What to make of a mesh: everything that a body file says, but for where the mesh is."""
 
     name: Name = Field(examples=["arm"])
@@ -287,7 +280,7 @@ class BodySpec(_Table):
     frames: int | None = Field(default=None, ge=0, le=MOST_FRAMES)
     frame: list[FrameTable] = []
     branch: list[BranchTable] = []
-    cut: list[CutTable] | Literal["auto"] = []
+    cut: list[CutTable] | Literal["auto"] | None = None
     stress: list[StressTable] = []
     reduction: ReductionTable = ReductionTable()
     damping: DampingTable = DampingTable()
@@ -351,7 +344,20 @@ class BodySpec(_Table):
     @property
     def cuts(self) -> list[CutTable]:
         """The `[[cut]]` tables; none where the build finds the sections."""
-        return [] if self.cut == "auto" else self.cut
+        return self.cut if isinstance(self.cut, list) else []
+
+    @property
+    def open_to_cuts(self) -> bool:
+        """Whether the build decides if loops are cut: nothing is said of cuts or frames, or goes without cuts."""
+        divided = self.frames is not None or self.frame or self.branch
+        listed = isinstance(self.reduction.modes, list) or isinstance(self.damping.ratio, list)
+        if self.cut is not None or divided or listed or self.variant != Variant(Method.SECOND_ORDER):
+            return False
+        try:
+            self._check_cut()
+        except ValueError:
+            return False
+        return True
 
     @property
     def without_pictures(self) -> Self:
@@ -474,10 +480,6 @@ def read_body_file(path: Path) -> BodyFile:
         Every wrong key at once, with what was found and what would do.
     """
     data = read_toml(path, BodyFileError, Kind.BODY)
-    try:
-        body = BodyFile.model_validate(data)
-    except ValidationError as error:
-        lines = explain(error, BodyFile, data, "docs/file-formats.md")
-        raise BodyFileError(f"{path}:\n  {lines}") from error
+    body = validated(BodyFile, data, BodyFileError, "docs/file-formats.md", path)
     mesh = body.mesh.model_copy(update={"file": path.parent / body.mesh.file})
     return body.model_copy(update={"mesh": mesh})

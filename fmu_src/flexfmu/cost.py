@@ -1,7 +1,5 @@
 """What a step of each method costs, measured on the body itself."""
 
-import statistics
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +10,8 @@ from .methods import Method, Variant, offered_variants
 from .model.errors import RuntimeBodyError
 from .model.reduced_body import ReducedBody
 from .progress import Reporter
+from .scenes.pace import time_steps
 
-_BLOCKS, _STEPS = 5, 20
 # Tip motion, relative to the body's size, that the measuring load brings about: bent enough to need its iterations.
 _BENT = 0.02
 
@@ -55,10 +53,12 @@ def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
         loads = _measuring_loads(body)
         for variant in offered_variants(body):
             try:
-                costs.append(_time(FlexibleBody(body, variant.method, variant.mass), loads, step))
+                model = FlexibleBody(body, variant.method, variant.mass)
+                cost = time_steps(model, [loads.packed(body.masses is not None)], step)
             except RuntimeBodyError:
                 # Not stable under this load: nothing to time.
                 continue
+            costs.append(Cost(variant, cost.median, cost.fastest, cost.iterations))
     return costs
 
 
@@ -71,16 +71,3 @@ def _measuring_loads(body: ReducedBody) -> Loads:
     unit = Loads(force, np.zeros_like(force))
     moved = float(np.max(np.linalg.norm(linear.response(linear.static(unit)).displacement, axis=1)))
     return unit.scaled(_BENT * size / moved) if moved > 0.0 else unit
-
-
-def _time(model: FlexibleBody, loads: Loads, step: float) -> Cost:
-    state, work = model.step_with_work(model.rest(), loads, step)
-    iterations, times = 0, []
-    for _ in range(_BLOCKS):
-        start = time.perf_counter()
-        for _ in range(_STEPS):
-            state, work = model.step_with_work(state, loads, step)
-            model.response(state)
-            iterations += work.iterations
-        times.append((time.perf_counter() - start) / _STEPS)
-    return Cost(model.variant, statistics.median(times), min(times), iterations / (_BLOCKS * _STEPS))

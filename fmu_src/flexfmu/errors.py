@@ -3,6 +3,9 @@
 INTERRUPTED = 130
 """Exit code of a job that Ctrl-C ended, as shells have it."""
 
+NOT_MET = 3
+"""Exit code of a search that ended well and found no model within the tolerance; 1 is an error, 2 wrong usage."""
+
 
 class FlexfmuError(Exception):
     """Base of every error that a user's input can cause.

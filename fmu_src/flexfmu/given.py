@@ -273,6 +273,12 @@ def read_given(path: str | Path) -> GivenModes:
     ------
     GivenModesError
         The file cannot be read, or lacks something.
+
+    Examples
+    --------
+    >>> given = flexfmu.read_given("modes.npz")
+    >>> given.frequency[:2].round(1)
+    array([40.9, 40.9])
     """
     source = Path(path)
     if not source.is_file():

@@ -10,6 +10,8 @@ from typing import Any
 from .errors import FlexfmuError
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+# Where HDF5's own bytes begin in files of others, and in ours, behind their seal.
+_BEGINNINGS = (0, 512)
 _MESHES = (".inp", ".msh", ".vtk", ".vtu", ".bdf", ".nas", ".fem", ".dat", ".cdb", ".unv", ".med", ".xdmf", ".stl",
            ".e", ".exo", ".ex2", ".exii")  # fmt: skip
 
@@ -70,7 +72,8 @@ def kind_of(path: Path) -> Kind | None:
         with zipfile.ZipFile(path) as archive:
             return Kind.FMU if "modelDescription.xml" in archive.namelist() else None
     with path.open("rb") as file:
-        return Kind.MODAL if file.read(len(_HDF5)) == _HDF5 else None
+        head = file.read(_BEGINNINGS[-1] + len(_HDF5))
+    return Kind.MODAL if any(head[place:].startswith(_HDF5) for place in _BEGINNINGS) else None
 
 
 def check_input(path: Path, error_type: type[FlexfmuError], *wanted: Kind) -> None:

@@ -54,6 +54,13 @@ def linear_body(
     ------
     MatrixError
         Matrices that are not square, symmetric and positive, or a body that is not held.
+
+    Examples
+    --------
+    >>> stiffness, mass = np.diag([4e6, 4e6, 4e6, 1e5, 1e5, 1e5]), np.diag([10.0, 10.0, 10.0, 0.1, 0.1, 0.1])
+    >>> mount = flexfmu.linear_body(stiffness, mass, {"seat": (0.0, 0.0, 0.0)})
+    >>> mount.response(mount.static({"seat": [0.0, 400.0, 0.0]})).displacement.round(9)  # 400 / 4e6 m
+    array([[0.    , 0.0001, 0.    ]])
     """
     k, m = _matrix(stiffness, "stiffness"), _matrix(mass, "mass")
     if k.shape != m.shape or len(k) < _EACH * len(points) or not points:

@@ -77,6 +77,12 @@ def pack(
     Returns
     -------
     BuiltBody
+
+    Examples
+    --------
+    >>> arm = flexfmu.pack("modes.npz", {"tip": "TIP"}, frames=2, damping=0.01)
+    >>> arm.method.value
+    'frames'
     """
     given = modes if isinstance(modes, GivenModes) else read_given(modes)
     fixed = np.zeros((len(given.nodes), 3), dtype=bool)

@@ -15,9 +15,14 @@ def json_text(value: object) -> str:
     return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, indent=2)
 
 
+def fields_of(value: object) -> dict[str, object]:
+    """Fields of a dataclass by name, to which others may be added."""
+    return {field.name: getattr(value, field.name) for field in fields(value)}  # type: ignore[arg-type]
+
+
 def _plain(value: object) -> object:
     if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+        return _plain(fields_of(value))
     if isinstance(value, Mapping):
         return {str(_plain(key)): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

@@ -142,6 +142,11 @@ def write_sid(modes: GivenModes, interfaces: Mapping[str, str], path: str | Path
     ------
     GivenModesError
         Modes that cannot be true, a free body's, or a set that is not there.
+
+    Examples
+    --------
+    >>> flexfmu.write_sid(flexfmu.read_given("modes.npz"), {"tip": "TIP"}, "arm.SID_FEM").name
+    'arm.SID_FEM'
     """
     given, _, _ = checked_modes(modes)
     if given.frequency[0] == 0.0:
@@ -217,6 +222,11 @@ def read_sid(path: str | Path, name: str | None = None) -> ReducedBody:
     ------
     SidError
         The file cannot be read, or lacks something.
+
+    Examples
+    --------
+    >>> flexfmu.read_sid("given.SID_FEM").interface_names
+    ('node_1',)
     """
     source = Path(path)
     try:

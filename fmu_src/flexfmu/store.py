@@ -16,6 +16,8 @@ from .mesh.model import FloatArray
 from .progress import Reporter
 from .targets import whole_file
 
+REUSED = "taken from an earlier build"
+"""What a note says of a result that was kept."""
 FOLDER_VARIABLE = "FLEXFMU_CACHE"
 """Environment variable that names the folder; empty: nothing is kept."""
 # The largest part of the disk that all entries may take; the longest unused go first.
@@ -99,7 +101,7 @@ class Store:
         """
         found = self._read(key)
         if found:
-            report.note(f"{what}: taken from an earlier build")
+            report.note(f"{what}: {REUSED}")
             return found
         if found is not None:
             report.warning(f"{what}: what was kept of it is damaged; made anew")

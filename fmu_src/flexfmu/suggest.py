@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .bores import bores
 from .config import BodyFile, Nodes, Place
+from .fe.assembly import volume_matrices
 from .fe.faces import element_faces, select
 from .mesh.model import NO_MATERIAL, FloatArray, IntArray, Mesh
 from .mesh.units import UnitSystem
@@ -45,7 +47,7 @@ def plane_ends(mesh: Mesh) -> dict[str, Place]:
 
 
 def mesh_lines(mesh: Mesh) -> list[str]:
-    """What is in a mesh, in words: size, elements, sets, materials, reference points, plane ends, notes.
+    """What is in a mesh, in words: size, elements, sets, materials, reference points, plane ends, bores, notes.
 
     Parameters
     ----------
@@ -77,7 +79,37 @@ def mesh_lines(mesh: Mesh) -> list[str]:
         f"plane end {name}: {len(node_set(mesh, place, name))} nodes, nodes = {_toml(place)}"
         for name, place in plane_ends(mesh).items()
     ]
+    for name, place in bores(mesh).items():
+        count = len(node_set(mesh, place, name))
+        lines.append(f"{name}: {count} nodes, radius {place.radius:.5g} m, nodes = {_toml(place)}")
     return [*lines, *mesh.notes]
+
+
+def mass_lines(mesh: Mesh) -> list[str]:
+    """Volume, mass and centre in words; the mass where every element has a density.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Checked.
+
+    Returns
+    -------
+    list of str
+    """
+    total, volume, moment = 0.0, 0.0, np.zeros(3)
+    density = np.array([*(material.density for material in mesh.materials), np.nan])
+    weighed = not any(np.isnan(density[block.material]).any() for block in mesh.blocks)
+    for block, matrices in zip(mesh.blocks, volume_matrices(mesh), strict=True):
+        nodal = matrices.sum(axis=2)
+        volume += float(nodal.sum())
+        weight = nodal * density[block.material][:, None] if weighed else nodal
+        total += float(weight.sum())
+        moment += np.einsum("ea,eai->i", weight, mesh.points[block.connectivity])
+    lines = [f"volume {volume:.5g} m³"]
+    if weighed:
+        lines.append(f"mass {total:.5g} kg")
+    return [*lines, f"centre of {'mass' if weighed else 'volume'} {_point(moment / total)}"]
 
 
 def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
@@ -104,7 +136,7 @@ def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
 
 
 def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
-    """Body file to begin with: what the mesh names, or its plane ends, as support and interfaces.
+    """Body file to begin with: what the mesh names, its bores, or its plane ends, as support and interfaces.
 
     Parameters
     ----------
@@ -123,7 +155,8 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     named = [(_name(name), f'"{name}"') for name in mesh.references] or [
         (_name(name), f'"{name}"') for name in list(mesh.node_sets)[:1] if not ends
     ]
-    support, interfaces = ends[:1], named or ends[1:2] or ends[:1]
+    holes = [(name, _toml(place)) for name, place in bores(mesh).items()]
+    support, interfaces = ends[:1], named or holes or ends[1:2] or ends[:1]
     lines = [f'name = "{_name(file.stem)}"', "frames = 2", "", "[mesh]", f'file = "{file.as_posix()}"']
     lines.append(f'units = "{units.value}"   # the mesh\'s own; others: {", ".join(u.value for u in UnitSystem)}')
     bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
@@ -155,4 +188,6 @@ def _point(place: FloatArray) -> str:
 
 
 def _toml(place: Place) -> str:
+    if place.cylinder is not None:
+        return f"{{ cylinder = {[list(end) for end in place.cylinder]}, radius = {place.radius} }}"
     return f"{{ plane = {place.plane}, normal = {place.normal} }}"

@@ -20,6 +20,7 @@ def summary(properties: Properties) -> list[tuple[str, str]]:
     volume = float(properties.volume.sum())
     lines = [
         ("mass", f"{properties.mass:.4g} kg"),
+        *_points(properties),
         ("volume", f"{volume:.4g} m³"),
         ("size", f"{' × '.join(f'{side:.4g}' for side in high - low)} m, from {point(low)} to {point(high)}"),
     ]
@@ -28,6 +29,13 @@ def summary(properties: Properties) -> list[tuple[str, str]]:
         part = "" if share == 1.0 else f", {100.0 * share:.3g} % of the volume"
         lines.append((f"material {name}", f"E {modulus:.4g} N/m², ν {poisson:.4g}, ρ {density:.4g} kg/m³{part}"))
     return lines
+
+
+def _points(properties: Properties) -> list[tuple[str, str]]:
+    """What masses at points have of the mass."""
+    if properties.point_mass is None:
+        return []
+    return [("masses at points", f"{properties.point_mass.sum():.4g} kg, {properties.point_mass.size} of them")]
 
 
 def first_frequency(angular_frequency: FloatArray) -> str:

@@ -3,14 +3,29 @@
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from .errors import FlexfmuError
 from .inputs import Kind, check_input, toml_kind
 from .names import alike
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+"""Letters, digits and _, beginning with a letter."""
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+class Table(BaseModel):
+    """A table of a file. Strict: no unknown keys, no number from text, none from true or false."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+File = TypeVar("File", bound=Table)
 
 
 def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[str, Any]:
@@ -41,6 +56,34 @@ def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[
     if found not in (None, wanted):
         raise error_type(f"{path} is {found.value}, expected {wanted.value}: {found.use}")
     return data
+
+
+def validated(
+    model: type[File], data: Any, error_type: type[FlexfmuError], document: str, path: Path | None = None
+) -> File:
+    """The contents of a file after all of them are checked.
+
+    Parameters
+    ----------
+    model : type of Table
+        Of the whole file.
+    data : dict
+    error_type : type of FlexfmuError
+        What is raised where keys are wrong: it tells all of them, with what was found and what would do.
+    document : str
+        Where the keys are described.
+    path : Path, optional
+        For the message.
+
+    Returns
+    -------
+    Table
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        place = "" if path is None else f"{path}:\n  "
+        raise error_type(place + explain(error, model, data, document)) from error
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any, document: str) -> str:

@@ -44,44 +44,51 @@ BARS = {
 }
 
 
+def mesh_cards(mesh, name="BAR", first=0):
+    """Nodes and elements of a mesh of one type, numbers from `first` on."""
+    (block,) = mesh.blocks
+    lines = ["*NODE"]
+    labels = first + mesh.labels
+    lines += [f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in zip(labels, mesh.points.tolist(), strict=True)]
+    lines.append(f"*ELEMENT, TYPE={block.type.value}, ELSET={name}")
+    for label, nodes in zip(first + block.labels, labels[block.connectivity], strict=True):
+        row = [str(label), *map(str, nodes)]
+        lines += [", ".join(row[:11]) + ("," if row[11:] else "")] + ([", ".join(row[11:])] if row[11:] else [])
+    return lines
+
+
 def deck(name):
     """The model part of a bar's deck, and the labels of its tip."""
     kind, material = BARS[name]
     mesh = box(kind, COUNTS, SIZE)
-    (block,) = mesh.blocks
-    lines = ["*NODE"]
-    lines += [f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in zip(mesh.labels, mesh.points.tolist(), strict=True)]
-    lines.append(f"*ELEMENT, TYPE={kind.value}, ELSET=BAR")
-    for label, nodes in zip(block.labels, mesh.labels[block.connectivity], strict=True):
-        row = [str(label), *map(str, nodes)]
-        lines += [", ".join(row[:11]) + ("," if row[11:] else "")] + ([", ".join(row[11:])] if row[11:] else [])
+    lines = mesh_cards(mesh)
     for which, rows in mesh.node_sets.items():
         lines += [f"*NSET, NSET={which}", *(f"{label}," for label in mesh.labels[rows])]
     return "\n".join(lines) + "\n" + material, mesh.labels[mesh.node_sets["TIP"]]
 
 
-def main():
-    """Run all bars and write the table."""
-    with (HERE / "deck_bars.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
+def solved(text, tip, factor, options):
+    """Mean displacement of the tip in CalculiX under a multiple of the force, in equal shares of its nodes."""
+    forces = [f"{n}, {axis}, {float(factor * f / len(tip))!r}" for n in tip for axis, f in enumerate(FORCE, 1)]
+    rows = ["*BOUNDARY", "ROOT, 1, 3", f"*STEP{options}", "*STATIC", "0.2, 1.", "*CLOAD", *forces]
+    rows += ["*NODE PRINT, NSET=TIP, FREQUENCY=100", "U", "*END STEP", ""]
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "bar.inp").write_text(text + "\n".join(rows))
+        subprocess.run(["ccx", "bar"], cwd=folder, check=True, capture_output=True)
+        words = [line.split() for line in (Path(folder) / "bar.dat").read_text().splitlines()]
+    found = {int(row[0]): [float(x) for x in row[1:]] for row in words if len(row) == 4 and row[0].isdigit()}
+    return np.mean([found[int(n)] for n in tip], axis=0)
+
+
+def write_table(file, bars):
+    """Linear and large deflections of bars, by name with deck and tip."""
+    with file.open("w", newline="") as stream:
+        writer = csv.writer(stream)
         writer.writerow(["bar", "load", "ux_m", "uy_m", "uz_m"])
-        for name in BARS:
-            text, tip = deck(name)
+        for name, (text, tip) in bars.items():
             for load, factor, options in (("linear", 1.0, ""), ("large", LARGE, ", NLGEOM, INC=100")):
-                forces = [
-                    f"{n}, {axis}, {float(factor * f / len(tip))!r}" for n in tip for axis, f in enumerate(FORCE, 1)
-                ]
-                rows = ["*BOUNDARY", "ROOT, 1, 3", f"*STEP{options}", "*STATIC", "0.2, 1.", "*CLOAD", *forces]
-                rows += ["*NODE PRINT, NSET=TIP, FREQUENCY=100", "U", "*END STEP", ""]
-                with tempfile.TemporaryDirectory() as folder:
-                    (Path(folder) / "bar.inp").write_text(text + "\n".join(rows))
-                    subprocess.run(["ccx", "bar"], cwd=folder, check=True, capture_output=True)
-                    words = [line.split() for line in (Path(folder) / "bar.dat").read_text().splitlines()]
-                found = {
-                    int(row[0]): [float(x) for x in row[1:]] for row in words if len(row) == 4 and row[0].isdigit()
-                }
-                writer.writerow([name, load, *np.mean([found[int(n)] for n in tip], axis=0).tolist()])
+                writer.writerow([name, load, *solved(text, tip, factor, options).tolist()])
 
 
 if __name__ == "__main__":
-    main()
+    write_table(HERE / "deck_bars.csv", {name: deck(name) for name in BARS})

@@ -1,4 +1,4 @@
-"""Linear answer of the bars in CalculiX (ccx 2.20): averaged displacement of the tip under a uniform traction.
+"""The bars in CalculiX (ccx 2.20), linear and bent far: averaged displacement of the tip under a uniform traction.
 
 Run as `python run_calculix.py`; it writes calculix.csv. The traction's nodal forces are those of each face's shape
 functions: of a straight 6-node triangle a third of its share at each mid-side node, of an 8-node rectangle −1/12 at
@@ -8,6 +8,7 @@ corners and 1/3 between them.
 import csv
 import subprocess
 import tempfile
+from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from flexfmu.mesh.formats import read_mesh
 HERE = Path(__file__).parent
 FORCE = (1.0e3, 2.0e3, 3.0e3)
 AREA = 0.01
+# As in test_foreign.py.
+LARGE = 200.0
 
 
 def weights(mesh):
@@ -26,7 +29,7 @@ def weights(mesh):
     tip = set(mesh.node_sets["TIP"].tolist())
     share = {}
     for row in block.connectivity:
-        for face in FACES[block.type]:
+        for face in chain.from_iterable(FACES[block.type]):
             nodes = row[face]
             if not set(nodes.tolist()) <= tip:
                 continue
@@ -46,24 +49,26 @@ def main():
     """Run both bars and write the table."""
     with (HERE / "calculix.csv").open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["bar", "ux_m", "uy_m", "uz_m"])
-        for kind in ("tets", "bricks"):
+        writer.writerow(["bar", "load", "ux_m", "uy_m", "uz_m"])
+        for kind, load in product(("tets", "bricks"), ("linear", "large")):
+            scale, options = (LARGE, ", NLGEOM, INC=100") if load == "large" else (1.0, "")
             share = weights(read_mesh(HERE / f"deck_{kind}.inp"))
             forces = [
-                f"{node}, {axis}, {float(value * f)!r}"
+                f"{node}, {axis}, {float(scale * value * f)!r}"
                 for node, value in share.items()
                 for axis, f in enumerate(FORCE, 1)
                 if value
             ]
-            lines = [(HERE / f"deck_{kind}.inp").read_text(), "*BOUNDARY", "ROOT, 1, 3", "*STEP", "*STATIC", "*CLOAD"]
-            lines += [*forces, "*NODE PRINT, NSET=TIP", "U", "*END STEP", ""]
+            lines = [(HERE / f"deck_{kind}.inp").read_text(), "*BOUNDARY", "ROOT, 1, 3"]
+            lines += [f"*STEP{options}", "*STATIC", "0.2, 1.", "*CLOAD"]
+            lines += [*forces, "*NODE PRINT, NSET=TIP, FREQUENCY=100", "U", "*END STEP", ""]
             with tempfile.TemporaryDirectory() as folder:
                 Path(folder, "job.inp").write_text("\n".join(lines))
                 subprocess.run(["ccx", "job"], cwd=folder, check=True, capture_output=True)
                 rows = [line.split() for line in Path(folder, "job.dat").read_text().splitlines()]
             moved = {int(row[0]): np.array(row[1:], dtype=float) for row in rows if len(row) == 4 and row[0].isdigit()}
             mean = sum(value * moved[node] for node, value in share.items())
-            writer.writerow([kind, *(f"{x:.7e}" for x in mean)])
+            writer.writerow([kind, load, *(f"{x:.7e}" for x in mean)])
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from flexfmu.config import read_body_file
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.progress import Reporter
-from flexfmu.scenes.candidates import Candidate, Reduction, candidates, grouped, reduction_config
+from flexfmu.scenes.candidates import Candidate, Reduction, candidates, reduction_config
 from flexfmu.scenes.scene import read_scene
 from flexfmu.store import Store, default_folder
 
@@ -20,7 +20,8 @@ CHARTED = HERE.parent / "body.toml"
 
 def chart_models() -> list[tuple[Reduction, list[Candidate]]]:
     """The models of the chart, by the reduction that serves them."""
-    return list(grouped(candidates(read_scene(HERE.parent / "scene.toml", CHARTED))))
+    found = candidates(read_scene(HERE.parent / "scene.toml", CHARTED))
+    return [(one, [c for c in found if c.reduction == one]) for one in dict.fromkeys(c.reduction for c in found)]
 
 
 def build_model(reduction: Reduction, models: list[Candidate], folder: Path, report: Reporter) -> ReducedBody:

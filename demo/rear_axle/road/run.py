@@ -15,6 +15,7 @@ import numpy as np
 from demo.rear_axle.alignment import LEFT, RIGHT, Alignment, FloatArray, alignment, arm_angle
 from demo.rear_axle.road.scene import SIDES, Ride, build_axle, build_wheel, coil_preload, coupling, motion
 
+from flexfmu.figures import BLUE, VERMILION
 from flexfmu.master import Result, couple
 from flexfmu.progress import ConsoleReporter, Reporter
 
@@ -30,8 +31,8 @@ MODELS = {
 }
 STYLES = {
     "linear modes": {"color": "0.55", "linestyle": ":"},
-    "frames": {"color": "C2"},
-    "cut, second order": {"color": "C3", "linestyle": "--"},
+    "frames": {"color": BLUE},
+    "cut, second order": {"color": VERMILION, "linestyle": "--"},
 }
 SIGNS = {"left": LEFT, "right": RIGHT}
 
@@ -125,7 +126,8 @@ def draw(path: Path, rides: dict[str, Ridden], ride: Ride) -> None:
     panels[0, 0].set_ylabel("wheel travel / mm")
     panels[1, 0].set_ylabel("rearward / mm")
     panels[2, 0].set_ylabel("toe-in / degrees")
-    panels[0, 0].legend(frameon=False, fontsize="small")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     for panel in panels.flat:
         panel.grid(alpha=0.25)
     figure.savefig(path, dpi=160)

@@ -13,7 +13,7 @@ void add_rows(const double *x, const double *matrix, double *out, int64_t n, int
 
 void product(const double *a, const double *b, double *out, int64_t n, int64_t m, int64_t k) {
     memset(out, 0, (size_t)(n * k) * sizeof(double));
-    for (int64_t i = 0; i < n; i++) add_rows(a + i * m, b, out + i * k, m, k);
+    add_product(a, m, b, out, n, m, k);
 }
 
 int lu_factor(double *a, int64_t *pivot, int64_t n) {
@@ -240,35 +240,6 @@ double smallest_real_part(double *a, int64_t n) {
     return least;
 }
 
-void cross(const double *a, const double *b, double *out) {
-    COUNT(9);
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-void apply(const double *m, const double *x, double *out) {
-    COUNT(15);
-    for (int i = 0; i < 3; i++) out[i] = m[3 * i] * x[0] + m[3 * i + 1] * x[1] + m[3 * i + 2] * x[2];
-}
-
-void apply_back(const double *m, const double *x, double *out) {
-    COUNT(15);
-    for (int i = 0; i < 3; i++) out[i] = m[i] * x[0] + m[3 + i] * x[1] + m[6 + i] * x[2];
-}
-
-void multiply(const double *a, const double *b, double *out) {
-    COUNT(45);
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
-}
-
-void skew(const double *v, double *out) {
-    const double hat[9] = {0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0};
-    memcpy(out, hat, sizeof hat);
-}
-
 void apply_rows(const double *m, const double *x, double *restrict out, int64_t n) {
     COUNT(15 * n);
     for (int i = 0; i < 3; i++)
@@ -306,9 +277,12 @@ void exponential(const double *phi, double *rotation, double *jacobian) {
     const double square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2], angle = sqrt(square + 1e-20);
     const double twice = 2.0 * sin(0.5 * angle) / angle;
     const double alpha = twice * cos(0.5 * angle), beta = 0.5 * twice * twice, gamma = (1.0 - alpha) / (angle * angle);
-    double hat[9], twofold[9];
+    double hat[9];
     skew(phi, hat);
-    multiply(hat, hat, twofold);
+    /* hat squared. */
+    const double xx = phi[0] * phi[0], yy = phi[1] * phi[1], zz = phi[2] * phi[2];
+    const double xy = phi[0] * phi[1], yz = phi[1] * phi[2], zx = phi[2] * phi[0];
+    const double twofold[9] = {-zz - yy, xy, zx, xy, -zz - xx, yz, zx, yz, -yy - xx};
     for (int i = 0; i < 9; i++) {
         const double one = i % 4 == 0 ? 1.0 : 0.0;
         rotation[i] = one + alpha * hat[i] + beta * twofold[i];

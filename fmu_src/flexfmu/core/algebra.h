@@ -21,6 +21,8 @@ void add_rows(const double *x, const double *matrix, double *out, int64_t n, int
 void add_strided_rows(const double *x, const double *matrix, int64_t stride, double *out, int64_t n, int64_t m);
 /* out (n) = M x, M (n, m). */
 void rows_times(const double *matrix, const double *x, double *out, int64_t n, int64_t m);
+/* out (n, k) += A B with A (n, m), its rows `stride` apart, B (m, k): one pass over B. */
+void add_product(const double *a, int64_t stride, const double *b, double *out, int64_t n, int64_t m, int64_t k);
 /* out (n, k) = A B with A (n, m), B (m, k). */
 void product(const double *a, const double *b, double *out, int64_t n, int64_t m, int64_t k);
 /* out (m, k) += Aᵀ B with A (n, m), B (n, k). */
@@ -39,13 +41,44 @@ void symmetric_eigen(double *a, double *values, double *v, int64_t n);
 /* Smallest real part of the eigenvalues of any a (n, n), which is destroyed; NaN where the iteration fails. */
 double smallest_real_part(double *a, int64_t n);
 
-/* Three dimensions. */
-void cross(const double *a, const double *b, double *out);
+/* Three dimensions; here, since calls would take longer than they do. */
+static inline void cross(const double *a, const double *b, double *out) {
+    COUNT(9);
+    const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
+    out[0] = x;
+    out[1] = y;
+    out[2] = z;
+}
 /* out = M x, out = Mᵀ x, out = A B; all (3, 3). */
-void apply(const double *m, const double *x, double *out);
-void apply_back(const double *m, const double *x, double *out);
-void multiply(const double *a, const double *b, double *out);
-void skew(const double *v, double *out);
+static inline void apply(const double *m, const double *x, double *out) {
+    COUNT(15);
+    double found[3];
+    for (int i = 0; i < 3; i++) found[i] = m[3 * i] * x[0] + m[3 * i + 1] * x[1] + m[3 * i + 2] * x[2];
+    for (int i = 0; i < 3; i++) out[i] = found[i];
+}
+static inline void apply_back(const double *m, const double *x, double *out) {
+    COUNT(15);
+    double found[3];
+    for (int i = 0; i < 3; i++) found[i] = m[i] * x[0] + m[3 + i] * x[1] + m[6 + i] * x[2];
+    for (int i = 0; i < 3; i++) out[i] = found[i];
+}
+static inline void multiply(const double *a, const double *b, double *out) {
+    COUNT(45);
+    double found[9];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) found[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+    for (int i = 0; i < 9; i++) out[i] = found[i];
+}
+static inline void skew(const double *v, double *out) {
+    const double x = v[0], y = v[1], z = v[2];
+    out[0] = out[4] = out[8] = 0.0;
+    out[1] = -z;
+    out[2] = y;
+    out[3] = z;
+    out[5] = -x;
+    out[6] = -y;
+    out[7] = x;
+}
 /* out (3, m) = M X and Mᵀ X for X (3, m). */
 void apply_rows(const double *m, const double *x, double *out, int64_t n);
 void apply_back_rows(const double *m, const double *x, double *out, int64_t n);

@@ -15,8 +15,8 @@ int64_t ends_size(const Body *body) {
     return count.used;
 }
 
-void spread_middle(const Body *body, const Division *d, int64_t number, double *scratch, Loads *loads) {
-    const double share = ((double)number + 0.5) / (double)d->count;
+void spread_at(const Body *body, const Division *d, double place, double *scratch, Loads *loads) {
+    const double share = place / (double)d->count;
     for (int64_t i = 0; i < body->p.loads; i++)
         scratch[i] = d->inputs[i] + share * (d->inputs_end[i] - d->inputs[i]);
     spread(body, scratch, loads);

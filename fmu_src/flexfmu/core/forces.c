@@ -4,7 +4,6 @@
 
 #include "internal.h"
 
-static int64_t larger(int64_t a, int64_t b) { return a > b ? a : b; }
 
 void take_loads(const Body *body, Arena *arena, Loads *loads) {
     const int64_t m = body->p.modes, n = body->p.nodes, square = body->p.by_load_given * m * m;

@@ -12,6 +12,7 @@ typedef struct {
 } Arena;
 
 double *take(Arena *arena, int64_t count);
+static inline int64_t larger(int64_t a, int64_t b) { return a > b ? a : b; }
 void take_configuration(const Body *body, Arena *arena, Configuration *at);
 void take_loads(const Body *body, Arena *arena, Loads *loads);
 Arena work_arena(Body *body);
@@ -29,6 +30,11 @@ void remember(Body *body, const Need *need, const Configuration *at);
 int recall(const Body *body, const Need *need, const double *q, Configuration *at);
 /* The configuration of q, all of it, kept for the next call; it may not be written to. */
 const Configuration *whole_configuration(Body *body, const double *q);
+/* Loads (K, 3) gathered from the tips to the roots, in place; rows (6K): their components on the parents' axes, T included. */
+void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows);
+/* out (count, m) += factors (count, 6K) times the derivatives of b and phi; `scratch` holds (count, parts, m). */
+void add_times_derivative(const Body *body, const Configuration *at, const double *factors, int64_t count, double *scratch,
+                          double *out);
 int64_t pass_back_size(const Body *body);
 void pass_back(const Body *body, const Configuration *at, double *force, double *moment, double *scratch, double *out);
 void full_operator(const Body *body, const Configuration *at, double *out);
@@ -115,8 +121,8 @@ typedef struct {
 } Ends;
 int64_t ends_size(const Body *body);
 void take_ends(const Body *body, Arena *arena, Ends *ends);
-/* Loads in the middle of an internal step, where they grow over the division; `scratch` has room for the inputs. */
-void spread_middle(const Body *body, const Division *d, int64_t number, double *scratch, Loads *loads);
+/* Loads at a place of a division over which they grow, in internal steps; `scratch` has room for the inputs. */
+void spread_at(const Body *body, const Division *d, double place, double *scratch, Loads *loads);
 /* Modal loads' growth over an internal step on the undeformed body; leaves the loads of one end. */
 void spread_growth(const Body *body, const Division *d, Loads *loads, double *growth);
 
@@ -162,11 +168,12 @@ void excess_mass(const Body *body, const Configuration *at, Flow *flow, double *
 typedef struct {
     double *rows, *answer, *hold; /* (n, m) J, (n, m) J B, (n, n) (1 + S J B Jᵀ / 2)⁻¹ S */
     double *square, *strain, *force;
+    double *loads, *factors, *bent; /* (6K), (n, 6K), (n, parts, m) */
 } Pull;
 int64_t pull_size(const Body *body);
 void take_pull(const Body *body, Arena *arena, Pull *pull);
-int pull_at(const Body *body, const Rule *rule, const Configuration *at, double *scratch, int64_t *pivot, Pull *pull);
-void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, double *out);
+int pull_at(const Body *body, const Rule *rule, const Configuration *at, int64_t *pivot, Pull *pull);
+void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, const double *way, double *out);
 
 int64_t statics_size(const Body *body);
 int64_t watch_size(const Body *body);

@@ -129,7 +129,7 @@ int inertial_steps(Body *body, Division *d, double *q, double *v) {
     excess_momentum(body, here, v0, &room.flow, momentum);
     for (int64_t number = 0; number < d->count; number++) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
-        if (d->inputs_end) spread_middle(body, d, number, room.between, loads);
+        if (d->inputs_end) spread_at(body, d, (double)number + 0.5, room.between, loads);
         if (d->inputs_end || number == 0) end_force(body, loads, here, v0, &room, start);
         stretch_at(body, here->q, &room.stretched);
         const double start_work = force_work(body, loads, here), start_energy = dot(v0, momentum, r);

@@ -53,7 +53,7 @@ int plain_steps(Body *body, Division *d, double *q, double *v) {
     stretch_at(body, q, stretched);
     for (int64_t number = 0; number < d->count; number++) {
         if (d->rounds >= d->most_rounds) return EXHAUSTED;
-        if (d->inputs_end) spread_middle(body, d, number, between, loads);
+        if (d->inputs_end) spread_at(body, d, (double)number + 0.5, between, loads);
         if (d->inputs_end || number == 0) {
             modal_force(body, loads, 1, here, 0, scratch, start);
             subtract_stretch_force(body, stretched, stretched, start);

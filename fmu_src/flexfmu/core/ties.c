@@ -5,7 +5,8 @@
 
 int64_t pull_size(const Body *body) {
     const int64_t n = body->p.pulls;
-    return 2 * n * body->p.modes + 2 * n * n + 2 * n;
+    const int64_t nodes = body->p.nodes;
+    return 2 * n * body->p.modes + 2 * n * n + 2 * n + 6 * nodes + 6 * n * nodes + n * body->p.parts * body->p.modes;
 }
 
 void take_pull(const Body *body, Arena *arena, Pull *pull) {
@@ -16,6 +17,9 @@ void take_pull(const Body *body, Arena *arena, Pull *pull) {
     pull->square = take(arena, n * n);
     pull->strain = take(arena, n);
     pull->force = take(arena, n);
+    pull->loads = take(arena, 6 * body->p.nodes);
+    pull->factors = take(arena, 6 * n * body->p.nodes);
+    pull->bent = take(arena, n * body->p.parts * m);
 }
 
 /* Entry of the stiffness (6, 6) of a tie against motions of its end a relative to its end b, levers `arms`. */
@@ -30,11 +34,11 @@ static double entry(const double *k, const double *arms, int64_t i, int64_t j) {
     return sum;
 }
 
-/* `scratch` holds 6K and what pass_back wants. Returns 0 where the ties' response is singular. */
-int pull_at(const Body *body, const Rule *rule, const Configuration *at, double *scratch, int64_t *pivot, Pull *pull) {
+/* Returns 0 where the ties' response is singular. */
+int pull_at(const Body *body, const Rule *rule, const Configuration *at, int64_t *pivot, Pull *pull) {
     const Program *p = &body->p;
     const int64_t m = p->modes, n = p->pulls, nodes = p->nodes;
-    double *loads = scratch, *rest = scratch + 6 * nodes;
+    double *loads = pull->loads, *shared = pull->strain;
     memset(pull->rows, 0, (size_t)(n * m) * sizeof(double));
     memset(pull->answer, 0, (size_t)(n * m) * sizeof(double));
     memset(pull->hold, 0, (size_t)(n * n) * sizeof(double));
@@ -45,30 +49,32 @@ int pull_at(const Body *body, const Rule *rule, const Configuration *at, double 
         memset(loads, 0, (size_t)(6 * nodes) * sizeof(double));
         side[3 * a + c % 3] = 1.0;
         side[3 * b + c % 3] = -1.0;
-        pass_back(body, at, loads, loads + 3 * nodes, rest, pull->rows + i * m);
+        gather(body, at, loads, loads + 3 * nodes, pull->factors + 6 * i * nodes);
         tie_levers(body, at, tie, a, arms);
         for (int64_t j = 0; j < n; j++)
             if (p->pull[j] / 6 == tie) pull->hold[i * n + j] = entry(p->tie_stiffness + 3 * tie, arms, c, p->pull[j] % 6);
     }
-    for (int64_t i = 0; i < n; i++) {
-        add_rows(pull->rows + i * m, rule->response, pull->answer + i * m, m, m);
-        for (int64_t j = 0; j < m; j++) pull->answer[i * m + j] *= rule->gq[j];
-    }
+    add_times_derivative(body, at, pull->factors, n, pull->bent, pull->rows);
+    add_product(pull->rows, m, rule->response, pull->answer, n, m, m);
     for (int64_t i = 0; i < n; i++)
-        for (int64_t j = 0; j < n; j++) {
-            const double shared = 0.5 * dot(pull->answer + i * m, pull->rows + j * m, m);
-            for (int64_t k = 0; k < n; k++) pull->square[k * n + j] += pull->hold[k * n + i] * shared;
-        }
+        for (int64_t j = 0; j < m; j++) pull->answer[i * m + j] *= rule->gq[j];
+    for (int64_t i = 0; i < n; i++) {
+        rows_times(pull->rows, pull->answer + i * m, shared, n, m);
+        for (int64_t k = 0; k < n; k++)
+            for (int64_t j = 0; j < n; j++) pull->square[k * n + j] += pull->hold[k * n + i] * (0.5 * shared[j]);
+    }
     for (int64_t i = 0; i < n; i++) pull->square[i * n + i] += 1.0;
     if (!lu_factor(pull->square, pivot, n)) return 0;
     lu_solve(pull->square, pivot, pull->hold, n, n);
     return 1;
 }
 
-/* out = what q does under x = g_q f, the ties giving way as they do in the place of `pull`. */
-void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, double *out) {
+/* out = what q does under x = g_q f, the ties giving way as they do in the place of `pull`; where q has gone a `way` (else
+ * null), under x and what is linear in the way. */
+void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, const double *way, double *out) {
     const int64_t m = body->p.modes, n = body->p.pulls;
     rows_times(rule->response, x, out, m, m);
+    for (int64_t j = 0; way && j < m; j++) out[j] += way[j];
     rows_times(pull->rows, out, pull->strain, n, m);
     rows_times(pull->hold, pull->strain, pull->force, n, n);
     for (int64_t i = 0; i < n; i++) pull->force[i] *= -0.5;

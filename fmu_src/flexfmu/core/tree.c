@@ -211,45 +211,47 @@ const Configuration *whole_configuration(Body *body, const double *q) {
     return &body->memo;
 }
 
-/* out (m) += factors (6K) times what is bent, (r) of each row that is curved; `scratch` holds (parts, m). */
-static void add_times_bent(const Body *body, const double *turned, const double *factors, double *scratch, double *out) {
+/* out (count, m) += factors (count, 6K) times what is bent, (r) of each row that is curved; `scratch` holds (count, parts, m). */
+static void add_times_bent(const Body *body, const double *turned, const double *factors, int64_t count, double *scratch,
+                           double *out) {
     const Program *p = &body->p;
-    const int64_t m = p->modes;
+    const int64_t m = p->modes, each = p->parts * m;
     if (!p->curved) return;
-    memset(scratch, 0, (size_t)(p->parts * m) * sizeof(double));
+    memset(scratch, 0, (size_t)(count * each) * sizeof(double));
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->bends + part;
         const int64_t r = p->extent[part];
         /* Rows that lie together by the run. Nothing is known of rows without a factor. */
-        for (int64_t k = 0, end; k < bend->count; k = end) {
-            const double *factor = factors + bend->row[k];
-            for (end = k; end < bend->count && bend->row[end] == bend->row[k] + end - k && factor[end - k] != 0.0;) end++;
-            if (end > k) add_rows(factor, turned + bend->start + k * r, scratch + part * m, end - k, r);
-            end = end > k ? end : k + 1;
-        }
+        for (int64_t i = 0; i < count; i++)
+            for (int64_t k = 0, end; k < bend->count; k = end) {
+                const double *factor = factors + 6 * i * p->nodes + bend->row[k];
+                for (end = k; end < bend->count && bend->row[end] == bend->row[k] + end - k && factor[end - k] != 0.0;) end++;
+                if (end > k) add_rows(factor, turned + bend->start + k * r, scratch + i * each + part * m, end - k, r);
+                end = end > k ? end : k + 1;
+            }
     }
     for (int64_t part = 0; part < p->parts; part++) {
         const double *basis = part_basis(p, part), *own = scratch + part * m;
         if (basis)
-            add_rows(own, basis, out, p->extent[part], m);
+            add_product(own, each, basis, out, count, p->extent[part], m);
         else
-            for (int64_t j = 0; j < m; j++) out[j] += own[j];
+            for (int64_t i = 0; i < count; i++)
+                for (int64_t j = 0; j < m; j++) out[i * m + j] += own[i * each + j];
     }
 }
 
-/* out (m) += factors (6K) times the derivatives of b and phi; `scratch` holds (parts, m). */
-static void add_times_derivative(const Body *body, const Configuration *at, const double *factors, double *scratch,
-                                 double *out) {
-    add_rows(factors, body->p.operator_, out, moving_rows(&body->p), body->p.modes);
-    add_times_bent(body, at->turned, factors, scratch, out);
+void add_times_derivative(const Body *body, const Configuration *at, const double *factors, int64_t count, double *scratch,
+                          double *out) {
+    const Program *p = &body->p;
+    add_product(factors, 6 * p->nodes, p->operator_, out, count, moving_rows(p), p->modes);
+    add_times_bent(body, at->turned, factors, count, scratch, out);
 }
 
 int64_t pass_back_size(const Body *body) { return 6 * body->p.nodes + body->p.parts * body->p.modes; }
 
 static int no_load(const double *x) { return x[0] == 0.0 && x[1] == 0.0 && x[2] == 0.0; }
 
-/* Loads gathered from the tips to the roots, in place; per node their components on the parent's axes, T included. */
-static void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows) {
+void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows) {
     const Program *p = &body->p;
     /* Children stand after their parents. */
     for (int64_t k = p->nodes - 1; k >= 0; k--) {
@@ -284,7 +286,7 @@ static void gather(const Body *body, const Configuration *at, double *force, dou
 /* The pass back, (8): out (m) += generalised force of loads (K, 3), which are gathered in place. */
 void pass_back(const Body *body, const Configuration *at, double *force, double *moment, double *scratch, double *out) {
     gather(body, at, force, moment, scratch);
-    add_times_derivative(body, at, scratch, scratch + 6 * body->p.nodes, out);
+    add_times_derivative(body, at, scratch, 1, scratch + 6 * body->p.nodes, out);
 }
 
 /* Derivatives (6K, m) of b and phi by q. */
@@ -550,8 +552,8 @@ void pass_back_rate(const Body *body, const Configuration *at, const Rates *rate
             about[3 * on + i] += about[3 * k + i] + swept[i];
         }
     }
-    add_times_derivative(body, at, change, scratch + 15 * n, out);
-    add_times_bent(body, rates->turned, rows, scratch + 15 * n, out);
+    add_times_derivative(body, at, change, 1, scratch + 15 * n, out);
+    add_times_bent(body, rates->turned, rows, 1, scratch + 15 * n, out);
 }
 
 /* Derivatives (count) of one row of b or phi by the first coordinates. */

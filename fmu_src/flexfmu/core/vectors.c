@@ -69,11 +69,16 @@ ALIKE void add_strided_rows_body(const double *x, const double *matrix, int64_t 
 COMPILE(void, add_strided_rows, (const double *x, const double *matrix, int64_t stride, double *restrict out, int64_t n, int64_t m),
         (x, matrix, stride, out, n, m))
 
-ALIKE void rows_times_body(const double *matrix, const double *x, double *out, int64_t n, int64_t m) {
-    for (int64_t i = 0; i < n; i++) out[i] = dot_body(matrix + i * m, x, m);
+ALIKE void add_product_body(const double *a, int64_t stride, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k) {
+    int64_t i = 0;
+    for (; i + 4 <= m; i += 4)
+        for (int64_t row = 0; row < n; row++) add_strided_rows_body(a + row * stride + i, b + i * k, k, out + row * k, 4, k);
+    for (int64_t row = 0; row < n; row++) add_strided_rows_body(a + row * stride + i, b + i * k, k, out + row * k, m - i, k);
 }
 
-COMPILE(void, rows_times, (const double *matrix, const double *x, double *out, int64_t n, int64_t m), (matrix, x, out, n, m))
+COMPILE(void, add_product,
+        (const double *a, int64_t stride, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k),
+        (a, stride, b, out, n, m, k))
 
 ALIKE void add_transposed_product_body(const double *a, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k) {
     for (int64_t i = 0; i < n; i++)
@@ -166,6 +171,46 @@ DEFINE_TIMES(packed_times_narrow, Two, 2)
 typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
 WIDE DEFINE_TIMES(packed_times_wide, Four, 1)
 #endif
+
+/* As `dot` of each row, four rows at a time: each number of x is loaded once, and no sum waits for itself. */
+#define DEFINE_ROWS(name, Vector, parts, single)                                                         \
+    static void name(const double *matrix, const double *x, double *out, int64_t n, int64_t m) {         \
+        int64_t i = 0;                                                                                   \
+        for (; i + 4 <= n; i += 4) {                                                                     \
+            Vector sum[4][parts] = {{{0.0}}};                                                            \
+            const double *rows = matrix + i * m;                                                         \
+            int64_t j = 0;                                                                               \
+            for (; j + 4 <= m; j += 4)                                                                   \
+                for (int part = 0; part < parts; part++) {                                               \
+                    const int64_t at = j + part * (4 / parts);                                           \
+                    const Vector factor = *(const Vector *)(x + at);                                     \
+                    for (int row = 0; row < 4; row++) sum[row][part] += *(const Vector *)(rows + row * m + at) * factor; \
+                }                                                                                        \
+            for (int row = 0; row < 4; row++) {                                                          \
+                double four[4];                                                                          \
+                memcpy(four, sum[row], sizeof four);                                                     \
+                for (int64_t k = j; k < m; k++) four[0] += rows[row * m + k] * x[k];                     \
+                out[i + row] = (four[0] + four[1]) + (four[2] + four[3]);                                \
+            }                                                                                            \
+        }                                                                                                \
+        for (; i < n; i++) out[i] = single(matrix + i * m, x, m);                                        \
+    }
+
+DEFINE_ROWS(rows_times_narrow, Two, 2, dot_body)
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+WIDE DEFINE_ROWS(rows_times_wide, Four, 1, dot_wide)
+#endif
+
+void rows_times(const double *matrix, const double *x, double *out, int64_t n, int64_t m) {
+    COUNT(8 * (n / 4) * m);
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+    if (wide) {
+        rows_times_wide(matrix, x, out, n, m);
+        return;
+    }
+#endif
+    rows_times_narrow(matrix, x, out, n, m);
+}
 
 void packed_times(const double *packed, const double *x, double *out, int64_t r) {
     COUNT(2 * LANES * r * r);

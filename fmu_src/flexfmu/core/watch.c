@@ -14,7 +14,7 @@ typedef struct {
     Loads loads;
     double *tangent, *unloaded, *scaled, *lower, *shapes, *values, *rest, *operator_, *translation, *spin, *gaps, *row;
     double *state; /* (2e, 2e) with loads that turn with the body */
-    double *motion, *change, *scratch, *unit, *force, *tense, *none;
+    double *motion, *change, *scratch, *force, *tense, *none;
     Pull pull;
     Rates rates;
 } Room;
@@ -39,7 +39,6 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->motion = take(arena, most);
     room->change = take(arena, most);
     room->scratch = take(arena, modal_force_size(body) + foreseen_tension_size(body));
-    room->unit = take(arena, 6 * n + pass_back_size(body));
     room->force = take(arena, 2 * m);
     room->tense = take(arena, 12 * p->ties);
     room->none = take(arena, p->loads);
@@ -279,7 +278,7 @@ int64_t watch_size(const Body *body) {
     Arena count = {0, 0};
     Room room;
     take_room(body, &count, &room);
-    return count.used > missed_size(body) ? count.used : missed_size(body);
+    return larger(larger(count.used, missed_size(body)), 3 * body->p.missed_pairs + 2 * body->p.missed_modes);
 }
 
 /* Rotation vector, its derivative, the rotation and T of a body that turns as a whole. */
@@ -301,16 +300,20 @@ double body_spin(Body *body, const double *q, const double *v) {
 void body_missed_inertia(Body *body, const double *q, const double *v, MissedInertia *so_far) {
     const Program *p = &body->p;
     const int64_t r = p->missed_modes, columns = r + p->missed_pairs;
-    const double *row = p->missed_inertia;
-    double missed = 0.0;
     if (!r) return;
+    Arena arena = work_arena(body);
+    double *rates = take(&arena, p->missed_pairs), *places = take(&arena, columns), *sum = take(&arena, columns);
+    double *rate = rates, *place = places + r;
+    memcpy(places, q, (size_t)r * sizeof(double));
     for (int64_t a = 0; a < r; a++)
-        for (int64_t b = a; b < r; b++, row += columns) {
-            const double *square = row + r;
-            double sum = dot(row, q, r);
-            for (int64_t c = 0; c < r; square += r - c++) sum += q[c] * dot(square, q + c, r - c);
-            missed += v[a] * v[b] * sum;
+        for (int64_t b = a; b < r; b++) {
+            *rate++ = v[a] * v[b];
+            *place++ = q[a] * q[b];
         }
+    /* One pass over the coefficients, whose rows are short. */
+    memset(sum, 0, (size_t)columns * sizeof(double));
+    add_rows(rates, p->missed_inertia, sum, p->missed_pairs, columns);
+    const double missed = dot(sum, places, columns);
     so_far->kinetic = fmax(so_far->kinetic, dot(v, v, p->modes));
     so_far->missed = fmax(so_far->missed, fabs(missed));
 }
@@ -374,8 +377,8 @@ static int factor_response(Body *body, const double *inputs, double step, const 
         modal_force(body, &room->loads, 1, &room->at, 0, room->scratch, room->force);
         for (int64_t j = 0; j < m; j++)
             room->force[j] = rule->gq[j] * (room->force[j] + dot(p->tie_initial + j * m, q, m) - body->stiffness[j] * q[j]);
-        if (pull_at(body, rule, &room->at, room->unit, body->pivot, &room->pull)) {
-            respond(body, rule, &room->pull, room->force, room->row);
+        if (pull_at(body, rule, &room->at, body->pivot, &room->pull)) {
+            respond(body, rule, &room->pull, room->force, 0, room->row);
             for (int64_t j = 0; j < m; j++) room->row[j] *= 0.5;
             foreseen_tension(body, &room->at, room->row, room->scratch, room->tense);
             tense = room->tense;

@@ -71,11 +71,14 @@ def solver_name() -> str:
 Solve = Callable[[FloatArray], FloatArray]
 # Unknowns from which on a factorisation is looked at before it is begun: fewer take seconds, and less than 2 GB.
 _LARGE = 80_000
+# Right-hand sides at a time: one alone reads all of the factor and takes as long as three of these; more gain nothing,
+# and every copy of them counts.
+_AT_A_TIME = 16
 # Residual of a solution for forces of one everywhere, relative to them, beyond which a factorisation is worth nothing.
 _PROBE = 1e-3
 # PARDISO's numbers: matrices that are positive definite, and symmetric ones; phases; what it reports, from 0, in KiB.
 _POSITIVE, _SYMMETRIC = 2, -2
-_ANALYSE, _FACTORISE = 11, 22
+_ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
 _PEAK, _KEPT, _FACTOR, _NEGATIVE = 14, 15, 16, 22
 
 
@@ -104,11 +107,10 @@ def _by_pardiso(pardiso: ModuleType, matrix: sp.csr_array, checked: bool, owner:
         except BaseException:
             release()
             raise
-        # The same object: comparing it with itself is all that a solution costs beside the solution.
-        solver.factorized_A = upper
 
         def solve(right: FloatArray, solver: Any = solver) -> FloatArray:
-            result: FloatArray = solver.solve(upper, right)
+            solver.set_phase(_SOLVE)
+            result: FloatArray = solver._call_pardiso(upper, np.asfortranarray(right))
             return result
 
         probe = np.ones(matrix.shape[0])
@@ -202,8 +204,9 @@ class Factorisation:
         (n,) or (n, k) float
         """
         result = np.empty_like(right, dtype=np.float64)
-        if not right.size:
-            # PARDISO refuses to solve for nothing.
-            return result
-        result[self._order] = self._solve(np.ascontiguousarray(right[self._order], dtype=np.float64))
+        columns = right.reshape(len(right), -1)
+        found = result.reshape(columns.shape)
+        for first in range(0, columns.shape[1], _AT_A_TIME):
+            part = slice(first, first + _AT_A_TIME)
+            found[self._order, part] = self._solve(np.asarray(columns[self._order, part], dtype=np.float64))
         return result

@@ -18,6 +18,7 @@ from ..progress import Reporter
 from .assembly import CHUNK, assembled, summed
 from .cells import Cells, cells
 from .factorisation import Factorisation, dissection_order
+from .unknowns import Unknowns
 
 # |residual| / |load|: Newton's last iteration goes far below it.
 _TOLERANCE = 1e-8
@@ -128,7 +129,7 @@ def _tangent(part: Cells, deformation: FloatArray, stress: FloatArray) -> FloatA
 
 
 def load_path(
-    mesh: Mesh, free: IntArray, spring: FloatArray, load: FloatArray, factors: Sequence[float], report: Reporter
+    mesh: Mesh, unknowns: Unknowns, spring: FloatArray, load: FloatArray, factors: Sequence[float], report: Reporter
 ) -> LoadPath:
     """Equilibria of the whole model under parts of a load.
 
@@ -136,8 +137,7 @@ def load_path(
     ----------
     mesh : Mesh
         Every element with a material.
-    free : (k,) int
-        Degrees of freedom that no support holds.
+    unknowns : Unknowns
     spring : (n, 3) float
         Stiffness of springs to the ground, N/m.
     load : (3n,) float
@@ -156,15 +156,15 @@ def load_path(
         No equilibrium is found beyond some part of the load.
     """
     body = _Body(mesh, spring)
-    size = float(np.linalg.norm(load[free]))
+    size = float(np.linalg.norm(unknowns.forces(load)))
     u = np.zeros(load.size)
-    order = dissection_order(body.tangent(u)[free][:, free], free // 3)
+    order = dissection_order(unknowns.matrix(body.tangent(u)), unknowns.free // 3)
     found, reached, increment = [], 0.0, _FIRST * float(factors[-1])
     increments = iterations = 0
     for factor in factors:
         while reached < factor:
             target = min(factor, reached + increment)
-            solution, used = _newton(body, free, order, u, target * load, size)
+            solution, used = _newton(body, unknowns, order, u, target * load, size)
             iterations += used
             increments += 1
             if solution is None:
@@ -184,14 +184,14 @@ def load_path(
 
 
 def _newton(
-    body: _Body, free: IntArray, order: IntArray, start: FloatArray, load: FloatArray, size: float
+    body: _Body, unknowns: Unknowns, order: IntArray, start: FloatArray, load: FloatArray, size: float
 ) -> tuple[FloatArray | None, int]:
     """Newton's method from `start`; None where it fails, or leaves the stable path that leads from there."""
     u, foreseen = start.copy(), 0.0
-    residual = load[free] - body.forces(u)[free]
+    residual = unknowns.forces(load - body.forces(u))
     for iteration in range(1, _ITERATIONS + 1):
         try:
-            tangent = Factorisation(body.tangent(u)[free][:, free], free // 3, order)
+            tangent = Factorisation(unknowns.matrix(body.tangent(u)), unknowns.free // 3, order)
         except ModelError:
             return None, iteration
         if not tangent.positive_definite:
@@ -199,8 +199,8 @@ def _newton(
         change = tangent.solve(residual)
         if iteration == 1:
             foreseen = float(np.linalg.norm(change))
-        u[free] += change
-        residual = load[free] - body.forces(u)[free]
+        u += unknowns.whole(change)
+        residual = unknowns.forces(load - body.forces(u))
         error = float(np.linalg.norm(residual))
         if not np.isfinite(error):
             return None, iteration

@@ -7,7 +7,8 @@ from .. import __version__
 from ..core.building import sources
 from ..model.reduced_body import ReducedBody
 from .runtime import Runtime
-from .variables import Variable, variable_table
+from .variable_table import variable_table
+from .variables import Variable
 
 LOG_CATEGORIES = {
     "logStatusWarning": "something that the user should look at",

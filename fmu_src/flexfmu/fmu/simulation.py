@@ -1,6 +1,5 @@
 """Driving an FMU through fmpy by a table of loads."""
 
-import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -10,12 +9,12 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
-from ..errors import INTERRUPTED, FlexfmuError, SimulationError
+from ..errors import INTERRUPTED, SimulationError
 from ..inputs import Kind, check_input
 from ..names import nearest
 from ..progress import Reporter, ends_on_interrupt
-from ..quantities import named, with_unit
-from ..targets import check_target, whole_file
+from ..tables import number, read_table, write_table
+from ..targets import check_target
 from .variables import STEP_TOLERANCE
 
 FloatArray = NDArray[np.float64]
@@ -46,93 +45,6 @@ class SimulationStoppedError(SimulationError):
             self.exit_code = INTERRUPTED
 
 
-def read_table(path: Path) -> tuple[list[str], FloatArray]:
-    """Read a CSV of numbers whose first column is time; units in its header are converted to SI.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    names : list of str
-        Of the columns after time.
-    values : (rows, 1 + len(names)) float
-
-    Raises
-    ------
-    SimulationError
-        Naming the line that is wrong.
-    """
-    check_input(path, SimulationError, Kind.TABLE)
-    try:
-        # Spreadsheets put a byte-order mark in front.
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
-    except (OSError, UnicodeDecodeError) as error:
-        raise SimulationError(f"{path}: cannot be read ({error})") from error
-    try:
-        columns = [named(header) for header in lines[0][1]] if lines else []
-    except FlexfmuError as error:
-        raise SimulationError(f"{path}: {error}") from error
-    if not columns or columns[0][0] != "time":
-        raise SimulationError(f"{path}: {_header_fault(lines[0][1] if lines else [])}")
-    if len(lines) < 2:
-        raise SimulationError(f"{path}: a header and nothing else, expected at least one row of numbers")
-    names = [name for name, _ in columns[1:]]
-    for name in names:
-        if names.count(name) > 1 or name == "time":
-            raise SimulationError(f"{path}: two columns are called {name!r}, expected each name once")
-    values = np.empty((len(lines) - 1, len(names) + 1))
-    for k, (number, row) in enumerate(lines[1:]):
-        if len(row) != values.shape[1]:
-            raise SimulationError(f"{path}, line {number}: {len(row)} columns, the header has {values.shape[1]}")
-        try:
-            values[k] = [factor * float(cell) for cell, (_, factor) in zip(row, columns, strict=True)]
-        except ValueError as error:
-            raise SimulationError(f"{path}, line {number}: {error}; expected numbers, units in the header") from error
-        if not np.all(np.isfinite(values[k])):
-            raise SimulationError(f"{path}, line {number}: a value is not finite")
-        if k and values[k, 0] < values[k - 1, 0]:
-            raise SimulationError(f"{path}, line {number}: time goes back from {values[k - 1, 0]} to {values[k, 0]}")
-    return names, values
-
-
-def _header_fault(cells: Sequence[str]) -> str:
-    """What is wrong with a table's first line that does not begin with "time"."""
-    first = cells[0].strip() if cells else ""
-    fault = f'the first column is called {first!r}: call it "time", in s' if cells else "nothing is in it"
-    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
-        if sign in first:
-            fault = f"its columns are separated by {name}"
-    if _number(first) is not None:
-        fault = "the first line is numbers"
-    return f'{fault}; expected a header "time,NAME,…" (commas), then rows of numbers (decimal points)'
-
-
-def write_table(path: Path, names: Sequence[str], values: FloatArray, units: bool = False) -> None:
-    """Write a CSV whose first column is time; the file appears whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    names : sequence of str
-        Of the columns after time.
-    values : (rows, 1 + len(names)) float
-    units : bool
-        Whether the header tells them, as in "tip.displacement.x [m]".
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
-    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([with_unit(name) if units else name for name in ("time", *names)])
-        writer.writerows([f"{x:.12g}" for x in row] for row in values)
-
-
 def parse_parameters(settings: Sequence[str]) -> dict[str, object]:
     """Turn NAME=VALUE texts into start values; numbers become numbers.
 
@@ -153,20 +65,13 @@ def parse_parameters(settings: Sequence[str]) -> dict[str, object]:
     for text in settings:
         name, _, value = (part.strip() for part in text.partition("="))
         if not name or not value:
-            lacks = "the parameter's name" if not name or _number(text) is not None else "a value"
+            lacks = "the parameter's name" if not name or number(text) is not None else "a value"
             raise SimulationError(f"--set {text}: lacks {lacks}, expected NAME=VALUE, such as --set damping.scale=2")
         if name in result:
             raise SimulationError(f"--set {text}: {name} is set twice, expected each parameter once")
-        number = _number(value)
-        result[name] = value if number is None else number
+        found = number(value)
+        result[name] = value if found is None else found
     return result
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def simulate(
@@ -221,35 +126,15 @@ def simulate(
     start, end, interval = _span(description, loads, step, stop)
     _tell_doubts(names, loads, end, settings, report)
     _check_size(start, end, interval, 1 + len(outputs))
-    signals = _signals(inputs, names, loads)
-    messages: list[str] = []
-    refusals: list[str] = []
-    recorders: list[fmpy.simulation.Recorder] = []
-
-    def log(_environment: object, _instance: object, status: int, category: bytes | None, text: bytes) -> None:
-        # Lines without a category are the library's own, and say only which call failed.
-        if category:
-            (refusals if status >= _FMI_DISCARD else messages).append(text.decode(errors="replace"))
-
-    def stopped(why: str, interrupted: bool = False) -> SimulationError:
-        """What is raised in mid-run, with the rows so far if there are any."""
-        rows = recorders[0].rows if recorders else []
-        if not rows:
-            return SimulationError(f"{fmu.name} stopped: {why}")
-        result = _columns(recorders[0].result(), outputs)
-        # fmpy records the state before a refused step once more.
-        result = result[np.append(True, np.diff(result[:, 0]) > 0.0)]
-        words = f"{fmu.name} stopped at {result[-1, 0]:.9g} s of {end:g} s: {why}"
-        return SimulationStoppedError(words, outputs, result, interrupted)
-
+    run = _Run(fmu, outputs, end)
     title = f"Simulate {fmu.name} from {start:g} s to {end:g} s in steps of {interval:g} s"
     with report.counted(title, end - start, "s") as tell, ends_on_interrupt(report) as pressed:
 
         def step_finished(time: float, recorder: fmpy.simulation.Recorder) -> bool:
-            recorders[:] = [recorder]
+            run.recorder = recorder
             tell(time - start)
             # A refused step would be tried again and again.
-            return not (pressed() or refusals)
+            return not (pressed() or run.refusals)
 
         try:
             result = fmpy.simulate_fmu(
@@ -257,23 +142,49 @@ def simulate(
                 start_time=start,
                 stop_time=end,
                 output_interval=interval,
-                input=signals,
+                input=_signals(inputs, names, loads),
                 output=outputs,
                 start_values=settings,
-                logger=log,
+                logger=run.log,
                 debug_logging=True,
                 step_finished=step_finished,
             )
         except Exception as error:  # fmpy's FMICallException and what its loader raises
-            raise stopped("; ".join(refusals) or str(error)) from error
+            raise run.stopped("; ".join(run.refusals) or str(error)) from error
         # fmpy ends a run quietly where the FMU discards a step.
-        if refusals:
-            raise stopped("; ".join(refusals))
+        if run.refusals:
+            raise run.stopped("; ".join(run.refusals))
         if pressed() and result["time"][-1] < end - 0.5 * interval:
-            raise stopped("ended by Ctrl-C", interrupted=True)
-    for text in messages:
+            raise run.stopped("ended by Ctrl-C", interrupted=True)
+    for text in run.messages:
         report.warning(text)
     return outputs, _columns(result, outputs)
+
+
+class _Run:
+    """What an FMU says in a run, and the rows so far."""
+
+    def __init__(self, fmu: Path, outputs: list[str], end: float):
+        self._fmu, self._outputs, self._end = fmu, outputs, end
+        self.messages: list[str] = []
+        self.refusals: list[str] = []
+        self.recorder: fmpy.simulation.Recorder | None = None
+
+    def log(self, _environment: object, _instance: object, status: int, category: bytes | None, text: bytes) -> None:
+        """The FMU's logger."""
+        # Lines without a category are the library's own, and say only which call failed.
+        if category:
+            (self.refusals if status >= _FMI_DISCARD else self.messages).append(text.decode(errors="replace"))
+
+    def stopped(self, why: str, interrupted: bool = False) -> SimulationError:
+        """What is raised in mid-run, with the rows so far if there are any."""
+        if self.recorder is None or not self.recorder.rows:
+            return SimulationError(f"{self._fmu.name} stopped: {why}")
+        result = _columns(self.recorder.result(), self._outputs)
+        # fmpy records the state before a refused step once more.
+        result = result[np.append(True, np.diff(result[:, 0]) > 0.0)]
+        words = f"{self._fmu.name} stopped at {result[-1, 0]:.9g} s of {self._end:g} s: {why}"
+        return SimulationStoppedError(words, self._outputs, result, interrupted)
 
 
 def _span(

@@ -4,26 +4,19 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from ..errors import SimulationError
 from ..inputs import Kind
 from ..limits import MOST_COUPLED_STEPS
-from ..toml_files import explain, read_toml
+from ..toml_files import Name, NotNegative, Table, read_toml, validated
 
 # FMU instances; a dot parts them from their variables.
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-NotNegative = Annotated[float, Field(ge=0.0)]
 Six = Annotated[list[NotNegative], Field(min_length=6, max_length=6)]
 StartValue = float | int | bool | str
 
 # The number of steps must be whole to this much of a step.
 _WHOLE = 1e-6
-
-
-class _Table(BaseModel):
-    # Strict: no number from text, none from true or false.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class Scheme(Enum):
@@ -46,7 +39,7 @@ class Held(Enum):
     """The mean of those at its two ends: second order, without numerical damping."""
 
 
-class ExperimentTable(_Table):
+class ExperimentTable(Table):
     """`[experiment]`: span of time, communication step and scheme."""
 
     stop: float = Field(gt=0.0)
@@ -80,7 +73,7 @@ class ExperimentTable(_Table):
         return self
 
 
-class FmuTable(_Table):
+class FmuTable(Table):
     """`[[fmu]]`: an FMU, its start values and its table of inputs."""
 
     name: Name
@@ -89,7 +82,7 @@ class FmuTable(_Table):
     input: Path | None = Field(default=None, strict=False)
 
 
-class ConnectionTable(_Table):
+class ConnectionTable(Table):
     """`[[connection]]`: an output that feeds an input."""
 
     source: str = Field(alias="from")
@@ -97,7 +90,7 @@ class ConnectionTable(_Table):
     factor: float | None = None
 
 
-class SpringTable(_Table):
+class SpringTable(Table):
     """`[[spring]]`: spring and damper between two interfaces, or one and the ground."""
 
     a: str
@@ -112,14 +105,14 @@ class SpringTable(_Table):
         return self
 
 
-class OutputTable(_Table):
+class OutputTable(Table):
     """`[output]`: what goes into the results."""
 
     variables: list[str] | None = None
     every: int = Field(default=1, ge=1)
 
 
-class CouplingFile(_Table):
+class CouplingFile(Table):
     """A whole coupling file."""
 
     experiment: ExperimentTable
@@ -179,10 +172,7 @@ def parse_coupling(data: dict[str, Any], folder: Path) -> CouplingFile:
     SimulationError
         Every wrong key at once, with what was found and what would do.
     """
-    try:
-        coupling = CouplingFile.model_validate(data)
-    except ValidationError as error:
-        raise SimulationError(explain(error, CouplingFile, data, "docs/master.md")) from error
+    coupling = validated(CouplingFile, data, SimulationError, "docs/master.md")
     fmus = [
         fmu.model_copy(update={"file": folder / fmu.file, "input": None if fmu.input is None else folder / fmu.input})
         for fmu in coupling.fmu

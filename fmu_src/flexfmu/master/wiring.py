@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SimulationError
-from ..fmu.simulation import read_table
 from ..names import nearest
+from ..tables import read_table
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, StartValue
 from .descriptions import Description, read_description, split, units_differ
 from .ends import Shares, end_names, lay_ends, lay_responses, lay_springs

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from flexfmu.errors import MeshError
+from flexfmu.mesh.equations import coupled_nodes, without
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import ElementBlock, ElementType, FloatArray, IntArray, Mesh
 from flexfmu.mesh.wedges import QuadraticWedge, Wedge, wedge_quadrature
@@ -54,7 +55,7 @@ def checked(mesh: Mesh) -> Mesh:
 
 
 def connected_parts(mesh: Mesh) -> IntArray:
-    """Return the part that each node belongs to; nodes of one element belong together.
+    """Return the part that each node belongs to; nodes of one element or equation belong together.
 
     Parameters
     ----------
@@ -74,6 +75,9 @@ def connected_parts(mesh: Mesh) -> IntArray:
         elements.append(np.repeat(np.arange(start, start + len(block.labels)), size))
         start += len(block.labels)
     pairs = (np.concatenate(nodes), np.concatenate(elements)) if nodes else (np.zeros(0, int), np.zeros(0, int))
+    if mesh.equations is not None:
+        joined = coupled_nodes(mesh.equations).tocoo()
+        pairs = (np.concatenate([pairs[0], joined.row]), np.concatenate([pairs[1], joined.col]))
     graph = sparse.coo_matrix((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=(start, start))
     # Nodes and elements are the graph's vertices: far fewer edges than between the nodes themselves.
     _, parts = sparse.csgraph.connected_components(graph, directed=False)
@@ -141,6 +145,11 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     node_sets = {name: rows[members[used[members]]] for name, members in mesh.node_sets.items()}
     if emptied := _emptied(mesh.node_sets, node_sets):
         notes.append(f"node sets that hold none but such nodes are empty now: {listed(emptied)}")
+    equations = mesh.equations
+    if equations is not None:
+        # What the file holds of such a node is zero, the rest of it is eliminated.
+        kept = equations @ sparse.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float))
+        equations = sparse.csr_array(without(kept, np.repeat(~used, 3))[:, np.repeat(used, 3)])
     return replace(
         mesh,
         points=mesh.points[used],
@@ -149,6 +158,8 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
         node_sets=node_sets,
         fixed=mesh.fixed[used],
         notes=(*mesh.notes, *notes),
+        equations=equations,
+        masses=tuple(replace(one, nodes=rows[one.nodes[used[one.nodes]]]) for one in mesh.masses),
     )
 
 

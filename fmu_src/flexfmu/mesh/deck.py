@@ -11,11 +11,16 @@ from flexfmu.mesh.deck_assembly import Assembly
 from flexfmu.mesh.deck_boundary import hold
 from flexfmu.mesh.deck_cards import Card, read_cards
 from flexfmu.mesh.deck_couplings import CouplingTable, offered
+from flexfmu.mesh.deck_equations import EquationTable
 from flexfmu.mesh.deck_geometry import ElementTable, NodeTable
 from flexfmu.mesh.deck_keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
+from flexfmu.mesh.deck_masses import Carriers, MassTable
 from flexfmu.mesh.deck_materials import Assigned, MaterialTable
 from flexfmu.mesh.deck_sets import SetTable
-from flexfmu.mesh.deck_surfaces import surface_nodes
+from flexfmu.mesh.deck_surfaces import surface_faces, surface_nodes
+from flexfmu.mesh.deck_ties import TieSurface, TieTable
+from flexfmu.mesh.equations import matrix_of
+from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import ElementBlock, FloatArray, IntArray, Mesh
 from flexfmu.mesh.units import UnitSystem
 
@@ -49,6 +54,7 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     if not content.nodes.rows or not blocks:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
         raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
+    _refuse_early_end(content, blocks)
     node_sets, element_sets = _resolved_sets(content, blocks)
     _refuse_structures(content, element_sets)
     surfaces = _resolved_surfaces(content, node_sets, element_sets, blocks)
@@ -57,11 +63,21 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
         hold(card, node_sets, fixed)
     labels = np.concatenate([block.labels for block in blocks])
     points = content.nodes.points()
+    rows = _equations(content, node_sets, element_sets, blocks, points)
     element_nodes = {
         name: np.unique(np.array(_nodes_of(members, blocks, content), dtype=np.int64))
         for name, members in (element_sets.members.items() if content.couplings.cards else ())
     }
     couplings = content.couplings.resolved(node_sets, surfaces, element_nodes)
+    masses = content.masses.masses(
+        element_sets,
+        list(content.elements.others.values()),
+        content.elements.solid_count,
+        content.nodes,
+        Carriers(points * units.length, {row for b in blocks for row in b.connectivity.ravel().tolist()}, couplings),
+        units,
+    )
+    content.notes.extend(content.masses.notes)
     coupled, references, told = offered(couplings, points * units.length, fixed)
     content.notes.extend(told)
     made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
@@ -75,6 +91,8 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
         materials=made.materials,
         fixed=fixed[:, :3],
         references=references,
+        masses=masses,
+        equations=matrix_of(rows, 3 * len(points)) if rows else None,
         notes=(
             *content.assembly.notes,
             *content.elements.notes,
@@ -98,13 +116,18 @@ class _Content:
     surfaces: list[Card] = field(default_factory=list)
     boundaries: list[Card] = field(default_factory=list)
     couplings: CouplingTable = field(default_factory=CouplingTable)
+    equations: EquationTable = field(default_factory=EquationTable)
+    ties: list[Card] = field(default_factory=list)
+    masses: MassTable = field(default_factory=MassTable)
     structures: list[Card] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    last: Card | None = None
 
     def sort(self, cards: Iterator[Card]) -> None:
         """Take all cards."""
         told: set[str] = set()
         for card in cards:
+            self.last = card
             if card.key == "STEP":
                 self.notes.append(_skipped_step(card, cards))
             elif card.key in PARAMETERS:
@@ -142,8 +165,33 @@ class _Content:
                 self.materials.oriented(card)
             case "COUPLING" | "KINEMATIC" | "DISTRIBUTING" | "KINEMATICCOUPLING" | "RIGIDBODY":
                 self.couplings.add(card)
+            case "EQUATION":
+                self.equations.equations.append(card)
+            case "MPC":
+                self.equations.constraints.append(card)
+            case "MASS" | "ROTARYINERTIA":
+                self.masses.cards.append(card)
+            case "TIE":
+                self.ties.append(card)
             case "BOUNDARY":
                 self.boundaries.append(card)
+
+
+def _refuse_early_end(content: _Content, blocks: tuple[ElementBlock, ...]) -> None:
+    """Refuse a deck whose last card lists elements while nodes are left over: some elements may be missing."""
+    if content.last is None or content.last.key != "ELEMENT":
+        return
+    used = np.zeros(len(content.nodes.rows), dtype=bool)
+    for block in blocks:
+        used[block.connectivity] = True
+    for other in content.elements.others.values():
+        used[content.nodes.rows_of(other)] = True
+    if not used.all():
+        raise content.last.line.error(
+            f"the deck ends with this *ELEMENT, and {int(np.sum(~used))} of its {len(used)} nodes belong to no element "
+            f"({listed(content.nodes.labels()[~used])}). It may have been cut short: write it again. If they are "
+            "meant to be left over, end the deck with another card, such as *NSET"
+        )
 
 
 def _unsupported(card: Card) -> DeckError:
@@ -234,17 +282,42 @@ def _resolved_surfaces(
     return surfaces
 
 
+def _equations(
+    content: _Content,
+    node_sets: SetTable,
+    element_sets: SetTable,
+    blocks: tuple[ElementBlock, ...],
+    points: FloatArray,
+) -> list[dict[int, float]]:
+    """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
+    found: list[dict[int, float]] = []
+    if content.ties:
+        surfaces = {}
+        for card in content.surfaces:
+            nodes = surface_nodes(
+                card, node_sets, element_sets, blocks, lambda place: _nodes_of([place], blocks, content)
+            )
+            name = card.scope.qualified(card.required("NAME")).upper()
+            surfaces[name] = TieSurface(nodes, surface_faces(card, element_sets, blocks))
+        table = TieTable(points)
+        for card in content.ties:
+            found += table.rows(card, surfaces)
+        content.notes.extend(table.notes)
+    return found + content.equations.rows(node_sets, points)
+
+
 def _sets_of_faces(content: _Content, node_sets: SetTable, element_sets: SetTable) -> dict[str, IntArray]:
     """Node sets of the element sets that hold faces or edges, which are no part of the body by themselves."""
     others = list(content.elements.others.values())
-    if not others:
-        return {}
+    faces = [other for other in others if other.dimension]
+    if faces:
+        kinds = ", ".join(dict.fromkeys(other.name for other in faces))
+        content.notes.append(f"{len(faces)} elements of type {kinds} without a section are no solids: they serve sets")
     start = content.elements.solid_count
-    kinds = ", ".join(dict.fromkeys(other.name for other in others))
-    content.notes.append(f"{len(others)} elements of type {kinds} without a section are no solids: they serve sets")
     found = {}
     for name, members in element_sets.members.items():
         chosen = [others[place - start] for place in members if place >= start]
+        chosen = [other for other in chosen if other.dimension]
         if chosen and name not in node_sets.members:
             rows = {row for other in chosen for row in content.nodes.rows_of(other)}
             found[element_sets.spelling[name]] = np.array(sorted(rows), dtype=np.int64)

@@ -17,6 +17,11 @@ HONOURED: dict[str, tuple[str, ...]] = {
     "DISTRIBUTING": ("COUPLING", "WEIGHTINGMETHOD"),
     "KINEMATIC COUPLING": ("REFNODE", "ORIENTATION"),
     "RIGID BODY": ("NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET", "POSITION", "ISOTHERMAL"),
+    "EQUATION": (),
+    "MPC": (),
+    "TIE": ("NAME", "ADJUST", "POSITIONTOLERANCE", "TYPE", "NOROTATION", "NOTHICKNESS", "CONSTRAINTRATIO"),
+    "MASS": ("ELSET",),
+    "ROTARY INERTIA": ("ELSET",),
     "BOUNDARY": ("AMPLITUDE", "OP", "TYPE", "FIXED"),
 }
 PARAMETERS = {keyword.replace(" ", ""): names for keyword, names in HONOURED.items()}

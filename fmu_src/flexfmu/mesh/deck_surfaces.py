@@ -77,15 +77,44 @@ def surface_nodes(
             found = element_sets.find(entry, line, element_sets.inside(card))
             face = rest[0].upper() if rest else ""
             positions = np.array(sorted(found), dtype=np.int64)
-            rows |= _face_nodes(positions, face, blocks, line)
+            rows.update(node for part in _faces(positions, face, blocks, line) for node in part.ravel().tolist())
             last = sum(len(block.labels) for block in blocks)
             if face in _SIDES:
                 rows.update(row for place in found if place >= last for row in other_nodes(place))
     return np.array(sorted(rows), dtype=np.int64)
 
 
-def _face_nodes(positions: IntArray, face: str, blocks: Sequence[ElementBlock], line: Line) -> set[int]:
-    rows: set[int] = set()
+def surface_faces(card: Card, element_sets: SetTable, blocks: Sequence[ElementBlock]) -> tuple[IntArray, ...]:
+    """Return the faces of a *SURFACE card of solid elements.
+
+    Parameters
+    ----------
+    card : Card
+    element_sets : SetTable
+    blocks : sequence of ElementBlock
+
+    Returns
+    -------
+    tuple of (f, a) int
+        Nodes of faces, corners in order around them, then mid-sides; none of a surface of nodes.
+
+    Raises
+    ------
+    DeckError
+        As of `surface_nodes`.
+    """
+    found: dict[int, list[IntArray]] = {}
+    for line in card.data if card.parameters.get("TYPE", "ELEMENT").upper() == "ELEMENT" else ():
+        entry, *rest = fields(line)
+        positions = np.array(sorted(element_sets.find(entry, line, element_sets.inside(card))), dtype=np.int64)
+        for part in _faces(positions, rest[0].upper() if rest else "", blocks, line):
+            found.setdefault(part.shape[1], []).append(part)
+    return tuple(np.concatenate(parts) for parts in found.values())
+
+
+def _faces(positions: IntArray, face: str, blocks: Sequence[ElementBlock], line: Line) -> list[IntArray]:
+    """Nodes (f, a) of a face of each solid element at some positions, by kind."""
+    found: list[IntArray] = []
     start = 0
     for block in blocks:
         count = len(block.labels)
@@ -100,5 +129,5 @@ def _face_nodes(positions: IntArray, face: str, blocks: Sequence[ElementBlock], 
                     f"found '{face}'; name the face"
                 )
             columns = [node for node in faces[names.index(face)] if node < block.type.node_count]
-            rows.update(block.connectivity[inside][:, columns].ravel().tolist())
-    return rows
+            found.append(block.connectivity[inside][:, columns])
+    return found

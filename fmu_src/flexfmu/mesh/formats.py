@@ -50,6 +50,12 @@ def read_mesh(path: Path | str, units: UnitSystem | str = UnitSystem.SI) -> Mesh
         The file cannot be read, or holds volume cells of a kind that is not supported, or none.
     DeckError
         A deck's line cannot be honoured.
+
+    Examples
+    --------
+    >>> mesh = flexfmu.read_mesh("arm.inp")
+    >>> sorted(mesh.node_sets)
+    ['ROOT', 'TIP']
     """
     path, units = Path(path), UnitSystem(units)
     check_input(path, MeshError, Kind.MESH)

@@ -1,7 +1,7 @@
 """Meshes that are in memory: of meshio and scikit-fem, or arrays."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import meshio
@@ -9,8 +9,9 @@ import numpy as np
 from meshio._mesh import topological_dimension
 
 from flexfmu.errors import MeshError
+from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.file_sets import cell_groups, node_sets_of
-from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray, Material, Mesh
+from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray, Material, Mesh, PointMass
 from flexfmu.mesh.units import UnitSystem
 
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.
@@ -55,6 +56,12 @@ class Contents:
         Rows of `materials`, for each of the mesh's cell blocks; `NO_MATERIAL` where the file gives none.
     notes : tuple of str
         What was left unused.
+    references : mapping of str to (3,) float
+        Reference points of node sets, in the file's units.
+    equations : sequence of mapping of int to float
+        Between displacements, by unknown: 3 i + j is node i in direction j.
+    masses : tuple of PointMass
+        SI units.
     """
 
     mesh: Any
@@ -63,6 +70,9 @@ class Contents:
     materials: tuple[Material, ...] = ()
     material: Sequence[IntArray] | None = None
     notes: tuple[str, ...] = ()
+    references: Mapping[str, FloatArray] = field(default_factory=dict)
+    equations: Sequence[Mapping[int, float]] = ()
+    masses: tuple[PointMass, ...] = ()
 
 
 def from_meshio(found: Any, title: str, units: UnitSystem) -> Mesh:
@@ -118,6 +128,9 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
         materials=contents.materials,
         fixed=np.zeros((len(points), 3), dtype=bool),
         notes=(*notes, *more),
+        references={name: units.length * point for name, point in contents.references.items()},
+        masses=contents.masses,
+        equations=matrix_of(contents.equations, 3 * len(points)) if contents.equations else None,
     )
 
 

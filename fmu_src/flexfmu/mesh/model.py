@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexfmu.mesh.listing import listed
@@ -115,6 +116,30 @@ class ElementBlock:
         return ElementBlock(self.type, self.labels[chosen], self.connectivity[chosen], self.material[chosen], axes)
 
 
+@dataclass(frozen=True, slots=True)
+class PointMass:
+    """A mass that hangs on nodes of the mesh.
+
+    Attributes
+    ----------
+    name : str
+    point : (3,) float
+        Its centre, m.
+    nodes : (k,) int
+        Rows of `Mesh.points` that carry it: a single one, at its centre, or those of a coupling.
+    mass : float
+        kg.
+    inertia : (3, 3) float
+        Rotary inertia about its centre, kg m², global axes.
+    """
+
+    name: str
+    point: FloatArray
+    nodes: IntArray
+    mass: float
+    inertia: FloatArray
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Mesh:
     """A body's mesh.
@@ -137,6 +162,9 @@ class Mesh:
         What the reader left unused, for the log.
     references : mapping of str to (3,) float, optional
         Reference points that the file gives to node sets, m.
+    equations : (r, 3n) sparse, optional
+        Linear equations between displacements, E u = 0; column 3 i + j is node i in direction j.
+    masses : tuple of PointMass
     """
 
     points: FloatArray
@@ -148,6 +176,8 @@ class Mesh:
     fixed: NDArray[np.bool_]
     notes: tuple[str, ...] = ()
     references: Mapping[str, FloatArray] = field(default_factory=dict)
+    equations: sp.csr_array | None = None
+    masses: tuple[PointMass, ...] = ()
 
     def __repr__(self) -> str:
         """Size, kinds of elements, sets."""

@@ -1,7 +1,8 @@
 """Nastran bulk data through pyNastran: solids, sets, properties, MAT1, coordinate systems, included files."""
 
+import contextlib
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from flexfmu.mesh.extras import imported, quiet
 from flexfmu.mesh.in_memory import Contents
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, IntArray, Material
+from flexfmu.mesh.nastran_constraints import SPIDERS, multi_point_rows, single_point_sets, spiders
+from flexfmu.mesh.nastran_masses import point_masses, unit_of_mass
 from flexfmu.mesh.units import UnitSystem
 
 # meshio's kind by card and number of nodes, and where its nodes stand on the card: mid-side nodes of bricks and wedges
@@ -37,10 +40,6 @@ _FACES = {
 _CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 # They hold or load nothing.
 _DRAWN = ("PLOTEL", "PLOTEL3", "PLOTEL4")
-# Cards of nodes that move together, and which of their nodes are on the body.
-_SPIDERS = {"RBE2": "dependent_nodes", "RBE3": "independent_nodes"}
-# Translations in a grid point's own constraints.
-_TRANSLATIONS = "123"
 
 
 def read_nastran(path: Path, units: UnitSystem) -> Contents:
@@ -48,7 +47,8 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
 
     Sets of the case control and SET1 and SET3 are node sets and element sets "SET n"; each property's elements are the
     element set "PSOLID n"; faces without a property are node sets "Faces n"; nodes of RBE2 and RBE3 are node sets
-    "RBE2 n"; single-point constraints are node sets "SPC n" and hold nothing by themselves.
+    "RBE2 n" with their reference point; MPC are equations; single-point constraints are node sets
+    "SPC n" and hold nothing by themselves.
 
     Parameters
     ----------
@@ -69,12 +69,15 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
         with quiet(path, "check the file"):
             return Contents(meshio.read(path))
     bdf = imported("pyNastran.bdf.bdf", path, "pyNastran", "nastran")
-    source, punch = _source(path)
-    with quiet(path, "check the file, and what it includes"):
+    source, punch, ended = _source(path)
+    with _without_dump(), quiet(path, "check the file, and what it includes"):
         model = bdf.BDF(debug=None)
         model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
     with quiet(path, "check its coordinate systems and materials"):
-        return _contents(model, path, units)
+        contents = _contents(model, path, units)
+    if not ended:
+        _refuse_early_end(contents, path)
+    return contents
 
 
 def _by_meshio(path: Path) -> bool:
@@ -83,20 +86,55 @@ def _by_meshio(path: Path) -> bool:
         return "written by meshio" in file.readline()
 
 
-def _source(path: Path) -> tuple[str | io.StringIO, bool]:
-    """What pyNastran shall read, and whether it is bulk data alone."""
+def _source(path: Path) -> tuple[str | io.StringIO, bool, bool]:
+    """What pyNastran shall read, whether it is bulk data alone, and whether it says where it ends."""
     lines = path.read_text(encoding="latin-1").splitlines(keepends=True)
     words = [line.upper().split("$")[0].split() for line in lines]
     begin = next((k for k, found in enumerate(words) if found[:2] == ["BEGIN", "BULK"]), None)
+    ended = any(found[:1] == ["ENDDATA"] for found in words)
     if begin is None:
-        return str(path), True
-    if not any(found[:1] == ["ENDDATA"] for found in words):
+        return str(path), True, ended
+    if not ended:
         raise MeshError(f"{path} has BEGIN BULK and no ENDDATA: cut short? export it again")
     if any(found[:1] == ["CEND"] for found in words[:begin]):
-        return str(path), False
+        return str(path), False, True
     if any(found[:1] == ["INCLUDE"] for found in words):
         raise MeshError(f"{path} includes files and has BEGIN BULK without CEND: take out the line BEGIN BULK")
-    return io.StringIO("".join(lines[begin + 1 :])), True
+    return io.StringIO("".join(lines[begin + 1 :])), True, True
+
+
+# What pyNastran writes into the current folder where an included file is not there.
+_DUMP = Path("pyNastran_crash.bdf")
+
+
+@contextlib.contextmanager
+def _without_dump() -> Iterator[None]:
+    """Take away the file that pyNastran leaves behind, unless one of its name was there before."""
+    before = _DUMP.exists()
+    try:
+        yield
+    finally:
+        if not before:
+            _DUMP.unlink(missing_ok=True)
+
+
+def _refuse_early_end(contents: Contents, path: Path) -> None:
+    """Refuse bulk data without an end where nodes are left over: elements may be missing."""
+    mesh = contents.mesh
+    used = np.zeros(len(mesh.points), dtype=bool)
+    for block in mesh.cells:
+        used[block.data] = True
+    for rows in mesh.point_sets.values():
+        used[rows] = True
+    used[[key // 3 for row in contents.equations for key in row]] = True
+    # Reference points are of no element.
+    places = [np.all(mesh.points == point, axis=1) for point in contents.references.values()]
+    used |= np.any([np.zeros(len(used), dtype=bool), *places], axis=0)
+    if not used.all():
+        raise MeshError(
+            f"{path} has no ENDDATA, and {int(np.sum(~used))} of its {len(used)} grid points belong to no element: cut "
+            "short? export it again, or add the line ENDDATA"
+        )
 
 
 def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
@@ -106,7 +144,11 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     points = np.array([model.nodes[label].get_position_no_xref(model) for label in labels.tolist()], dtype=float)
     notes: list[str] = []
     node_sets, element_numbers = _numbered_sets(model)
-    node_sets |= _spiders(model, notes) | _constraints(model, notes)
+    on_body, references = spiders(model, points, row, path, notes)
+    node_sets |= on_body | single_point_sets(model, notes)
+    equations = multi_point_rows(model, row, path)
+    used = {node for element in model.elements.values() for node in getattr(element, "nodes", ())}
+    masses = point_masses(model, points, row, used, path, units, notes)
     materials, of_property = _materials(model, path, units)
     kinds: dict[tuple[str, int], list[Any]] = {}
     for element in model.elements.values():
@@ -146,20 +188,19 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
         point_sets={name: rows for name, rows in points_by_name.items() if rows.size},
         cell_sets={name: parts for name, parts in sets.items() if any(part.size for part in parts)},
     )
-    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes))
+    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), references, equations, masses)
 
 
 def _refuse_others(model: Any, path: Path) -> None:
     """Refuse what has stiffness or mass and is no solid."""
     found: dict[str, list[int]] = {}
-    for number, element in [*model.elements.items(), *model.masses.items()]:
+    masses = [(number, one) for number, one in model.masses.items() if one.type != "CONM2"]
+    for number, element in [*model.elements.items(), *masses]:
         if element.type not in (*_DRAWN, *_CORNERS) and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():
-        if element.type not in _SPIDERS:
+        if element.type not in SPIDERS:
             found.setdefault(element.type, []).append(number)
-    if model.mpcs:
-        found["MPC"] = list(model.mpcs)
     if model.superelement_models:
         found["BEGIN SUPER"] = list(model.superelement_models)
     if found:
@@ -205,35 +246,9 @@ def _numbered_sets(model: Any) -> tuple[dict[str, list[int]], dict[str, list[int
     return nodes, elements
 
 
-def _spiders(model: Any, notes: list[str]) -> dict[str, list[int]]:
-    """Nodes of RBE2 and RBE3 on the body."""
-    sets = {}
-    for number, element in sorted(model.rigid_elements.items()):
-        name = f"{element.type} {number}"
-        sets[name] = list(getattr(element, _SPIDERS[element.type]))
-        holds = "; that it holds them rigid is left out" if element.type == "RBE2" else ""
-        notes.append(f"{name}: its nodes on the body are node set '{name}', for an interface or a support{holds}")
-    return sets
-
-
-def _constraints(model: Any, notes: list[str]) -> dict[str, list[int]]:
-    """Nodes of single-point constraints; grid points' own constraints count as set 0."""
-    sets: dict[str, list[int]] = {}
-    for number, cards in model.spcs.items():
-        for card in cards:
-            sets.setdefault(f"SPC {number}", []).extend(getattr(card, "nodes", ()))
-    own = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
-    if own:
-        sets["SPC 0"] = own
-    notes.extend(
-        f"{name}: its nodes are a node set, and it holds nothing: give a [[support]]" for name in sets if sets[name]
-    )
-    return sets
-
-
 def _materials(model: Any, path: Path, units: UnitSystem) -> tuple[tuple[Material, ...], Mapping[int, int]]:
     """Materials, and the material of each property by its number."""
-    weight = model.params["WTMASS"].values[0] if "WTMASS" in model.params else 1.0
+    weight = unit_of_mass(model)
     materials: list[Material] = []
     rows: dict[int, int] = {}
     of_property: dict[int, int] = {}

@@ -145,6 +145,7 @@ PROPERTIES = (
     Entry("youngs_modulus", "properties/youngs_modulus", "k", "N/m^2", "of each material"),
     Entry("poissons_ratio", "properties/poissons_ratio", "k", "1", "of each material"),
     Entry("density", "properties/density", "k", "kg/m^3", "of each material"),
+    Entry("point_mass", "properties/point_mass", "P", "kg", "masses at points", optional=True),
 )
 # In a group of each stress set's name.
 STRESS = (

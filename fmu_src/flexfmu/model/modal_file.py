@@ -16,6 +16,9 @@ from .reduced_body import PARTS, ReducedBody, StressSet
 
 FORMAT = "flexfmu modal file"
 SCHEMA_VERSION = 4
+# In front of HDF5's own bytes, which its library may read for ever once they are damaged.
+_BLOCK = 512
+_SEAL = b"flexfmu modal file, SHA-256 of all behind these 512 bytes: "
 FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
 
 
@@ -79,7 +82,7 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
     # A new folder, which nobody else may write to: no link that others have laid is followed.
     with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
         part = Path(folder) / path.name
-        with h5py.File(part, "w", libver=("v110", "v110")) as file:
+        with h5py.File(part, "w", libver=("v110", "v110"), userblock_size=_BLOCK) as file:
             for key, attribute in _attributes(body).items():
                 file.attrs[key] = attribute
             file.attrs["sha256"] = _checksum(body)
@@ -88,7 +91,33 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
             group = file.create_group("provenance")
             for key in sorted(body.provenance):
                 group.attrs[key] = body.provenance[key]
+        with part.open("r+b") as sealed:
+            digest = _digest(sealed)
+            sealed.seek(0)
+            sealed.write(_SEAL + digest + b"\n")
         part.replace(path)
+
+
+def _digest(file: BinaryIO) -> bytes:
+    """SHA-256 of all that follows the seal, in hexadecimal digits."""
+    file.seek(_BLOCK)
+    digest = hashlib.sha256()
+    while part := file.read(1 << 20):
+        digest.update(part)
+    return digest.hexdigest().encode()
+
+
+def _check_seal(source: str | Path | BinaryIO, name: str) -> None:
+    """Refuse a damaged file before HDF5 looks at it; files that are no modal files have no seal."""
+    if isinstance(source, str | Path):
+        with Path(source).open("rb") as file:
+            _check_seal(file, name)
+        return
+    source.seek(0)
+    seal = source.read(_BLOCK)
+    if seal.startswith(_SEAL) and seal[len(_SEAL) :].split(b"\n")[0] != _digest(source):
+        raise ModalFileError(f"{name}: damaged or altered: its bytes are not those that were written; build it again")
+    source.seek(0)
 
 
 def _encoded(names: tuple[str, ...]) -> Any:
@@ -121,6 +150,7 @@ def read_modal_file(source: str | Path | BinaryIO) -> ReducedBody:
     """
     name = str(source) if isinstance(source, str | Path) else "modal file"
     try:
+        _check_seal(source, name)
         with h5py.File(source, "r") as file:
             return _read(file, name)
     except FileNotFoundError as error:
@@ -170,5 +200,9 @@ def _read_entries(group: Any, entries: tuple[Entry, ...]) -> dict[str, Any]:
         if entry.optional and entry.path not in group:
             continue
         value = group[entry.path][()]
-        found[entry.name] = tuple(text.decode() for text in value) if entry.kind is str else value
+        if entry.kind is str:
+            if np.ndim(value) != 1:
+                raise ValueError(f"{entry.path} has shape {np.shape(value)}, expected a list of names")
+            value = tuple(text.decode() for text in value)
+        found[entry.name] = value
     return found

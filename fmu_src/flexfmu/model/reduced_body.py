@@ -196,6 +196,8 @@ class Properties:
     poissons_ratio : (K,) float
     density : (K,) float
         kg/m³.
+    point_mass : (P,) float or None
+        Masses at points, kg.
     """
 
     box: FloatArray
@@ -204,11 +206,13 @@ class Properties:
     youngs_modulus: FloatArray
     poissons_ratio: FloatArray
     density: FloatArray
+    point_mass: FloatArray | None = None
 
     @property
     def mass(self) -> float:
         """Of the whole body, kg."""
-        return float(self.volume @ self.density)
+        hung = 0.0 if self.point_mass is None else float(self.point_mass.sum())
+        return float(self.volume @ self.density) + hung
 
 
 @dataclass(frozen=True, slots=True, repr=False)

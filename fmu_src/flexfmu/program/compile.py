@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..core import Core
 from ..methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
-from ..model.errors import OptionError
+from ..model.errors import ModalFileError, OptionError
 from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND, ReducedBody
 from ..rotations import skew
@@ -79,8 +79,19 @@ def compile_draft(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT)
     ------
     OptionError
         The method needs data that the body was built without.
+    ModalFileError
+        The body's numbers are finite, but what follows from them is not.
     """
-    recipe = recipe_of(method)
+    try:
+        return _draft(body, recipe_of(method), mass)
+    except np.linalg.LinAlgError as error:
+        raise ModalFileError(
+            f"body '{body.name}': its numbers go beyond the arithmetic in method '{method.value}' ({error}); "
+            "build it again"
+        ) from error
+
+
+def _draft(body: ReducedBody, recipe: Recipe, mass: Mass) -> Draft:
     draft = _kinematics(body, recipe, mass)
     if recipe.stiffness is Stiffness.BY_MODE:
         draft.sizes["by_mode_given"] = 1
@@ -111,6 +122,8 @@ def _kinematics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -
     m, interfaces = body.mode_count, body.interface_count
     lumped = _lumped(body, mass)
     tree = build_tree(body, recipe.kinematics, lumped)
+    if tree.curvature is not None and not np.all(np.isfinite(tree.curvature)):
+        raise np.linalg.LinAlgError("curvature is not finite")
     kept = 0 if lumped is None else inertial_modes(body)
     placement = recipe.loads
     loaded = tree.frames + interfaces + (0 if body.masses is None else body.masses.mass.size)

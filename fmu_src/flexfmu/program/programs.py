@@ -4,7 +4,7 @@ import struct
 from collections.abc import Mapping
 from itertools import combinations
 
-from ..fmu.variables import variable_table
+from ..fmu.variable_table import variable_table
 from ..methods import Mass, Method, chosen, has_frames, masses_of, offered
 from ..model.division import divided
 from ..model.errors import OptionError

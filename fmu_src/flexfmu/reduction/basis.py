@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..config import Basis, ReductionTable
-from ..fe.assembly import mass, stiffness
+from ..fe.assembly import stiffness
 from ..fe.factorisation import solver_name
 from ..fe.geometric import geometric_stiffness
 from ..mesh.model import FloatArray
@@ -15,6 +15,7 @@ from ..progress import Reporter
 from ..store import Store, content_key
 from .model import Model
 from .modes import Modes, chosen_modes, craig_bampton, normal_modes, with_residual_flexibility
+from .point_masses import model_mass
 from .supported import Supported, supported
 
 
@@ -40,12 +41,16 @@ class Matrices:
         model, mesh = self.model, self.model.mesh
         blocks = [part for b in mesh.blocks for part in (b.type.value, b.connectivity, b.material, b.axes)]
         materials = [(*m.elasticity.ravel().tolist(), m.density) for m in mesh.materials]
-        return content_key(__name__, mesh.points, *blocks, *materials, model.fixed, model.spring, model.rigid.shape)
+        found = mesh.equations
+        tied = () if found is None else (found.data, found.indices, found.indptr)
+        hung = [part for one in mesh.masses for part in (one.mass, one.inertia, one.point, one.nodes)]
+        supports = model.fixed, model.spring, model.rigid.shape
+        return content_key(__name__, mesh.points, *blocks, *materials, *supports, *tied, *hung)
 
     @cached_property
     def mass(self) -> sp.csr_array:
         """Consistent mass (3n, 3n), kg."""
-        return mass(self.model.mesh, self._volumes)
+        return model_mass(self.model.mesh, self._volumes)
 
     @cached_property
     def supported(self) -> Supported:
@@ -55,7 +60,7 @@ class Matrices:
             k = stiffness(model.mesh) + sp.diags_array(model.spring.ravel())
             m = self.mass
         with self._report.stage(f"Factorise the stiffness ({solver_name()})"):
-            return supported(k, m, model.free, model.rigid, self._report.note)
+            return supported(k, m, model.unknowns, model.rigid, self._report.note)
 
 
 def modal_basis(
@@ -171,7 +176,7 @@ def stiffness_by_load(
             inertia = -(matrices.mass @ np.tile(np.eye(3), (len(mesh.points), 1)))
             every = np.hstack([loads, inertia])
         with report.stage(f"Geometric stiffness of {every.shape[1]} unit loads"):
-            fields = model.whole(model.static(every[model.free]))
+            fields = model.whole(model.static(model.forces(every)))
             return {"by_load": geometric_stiffness(mesh, fields, modes.shapes)}
 
     key = content_key(__name__, "by load", modes_key, loads, acceleration)

@@ -16,6 +16,7 @@ from ..errors import BodyFileError
 from ..fe.assembly import stiffness
 from ..fe.faces import element_faces
 from ..mesh.checks import connected_parts
+from ..mesh.listing import listed
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..rotations import skew
 from .division import neighbours
@@ -143,6 +144,11 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable
         A section that is missing, that is no section across the body, or that leaves a part without any support.
     """
     mesh, fixed, spring = model.mesh, model.fixed, model.spring
+    if mesh.equations is not None:
+        raise BodyFileError(
+            "the mesh file joins nodes by equations (*TIE, *EQUATION, *MPC), which [[cut]] does not know: leave the "
+            "body in one piece, or join its parts by common nodes"
+        )
     first = np.arange(len(mesh.points))
     for cut in cuts:
         mesh, origin = _opened(mesh, cut)
@@ -154,6 +160,8 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable
             )
         fixed, spring = fixed[origin], spring[origin]
     part = connected_parts(mesh)
+    if torn := [one.name for one in mesh.masses if np.unique(part[one.nodes]).size > 1]:
+        raise BodyFileError(f"[[cut]] goes through the nodes of the masses {listed(torn)}: cut elsewhere")
     names = [side_set(cut, side) for cut in cuts for side in SIDES]
     parts = []
     for number in range(int(part.max()) + 1):
@@ -264,6 +272,7 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
         element_sets=kept(dict(mesh.element_sets), number),
         fixed=mesh.fixed[nodes],
         notes=(),
+        masses=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.masses if np.all(place[one.nodes] >= 0)),
     )
     return part, np.flatnonzero(inside)
 

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..errors import BodyFileError, MeshError
 from ..fe.faces import FaceBlock
+from ..mesh.equations import coupled_nodes
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND
 from .subdomains import Subdomain, mean_rotation, section, volume_weighted
@@ -28,6 +29,8 @@ _SLIVER = 0.34
 _FRAGMENT = 0.1
 # Distances, areas and places that differ by less than this share are the same: round-off must not decide.
 _DIGITS = 9
+# Least distance between nodes that an equation joins, over the body's size: a graph's edge of none is no edge.
+_TOUCHING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,14 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
         pairs = np.unique(np.sort(np.column_stack([rows, columns]), axis=1), axis=0)
         length = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
         graph = graph.maximum(sp.csr_array(sp.coo_array((length, pairs.T), shape=(size, size))))
+    if mesh.equations is not None:
+        # Over a gap it is as far as the gap is wide.
+        joined = coupled_nodes(mesh.equations).tocoo()
+        gap = np.linalg.norm(mesh.points[joined.row] - mesh.points[joined.col], axis=1)
+        between = sp.coo_array(
+            (np.maximum(gap, _TOUCHING * np.ptp(mesh.points)), (joined.row, joined.col)), graph.shape
+        )
+        graph = graph.maximum(sp.csr_array(between))
     result: FloatArray = dijkstra(graph, directed=False, indices=sources, min_only=True)
     return result
 
@@ -124,7 +135,7 @@ def divide(
     middle = _middle(mesh, distance)
     depth = float(distance.max()) / levels
     level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
-    link = neighbours(mesh.points, faces, mesh.element_count)
+    link = linked(mesh, faces)
     return _divided(mesh, volumes, faces, supported, level, link, distance, depth)
 
 
@@ -161,7 +172,7 @@ def divide_branches(
     """
     distance = _supported_distance(mesh, supported)
     middle = _middle(mesh, distance)
-    link = neighbours(mesh.points, faces, mesh.element_count)
+    link = linked(mesh, faces)
     size = float(distance.max())
     place = np.round(middle / size, _DIGITS)
     beyond = []
@@ -175,7 +186,7 @@ def divide_branches(
                     f"[[branch]] toward {branch.name!r}: a joint at {joint:g} m from the supports, where the branch "
                     f"ends at {middle[end]:.4g} m; the distance counts from node to node along the body"
                 )
-            _, label = connected_components(link.multiply(_equal(link, outer)), directed=False)
+            _, label = connected_components(link.multiply(equal_labels(link, outer)), directed=False)
             beyond.append(label == label[end])
     # Elements beyond the same joints are a piece if they hang together.
     flags = np.array(beyond, dtype=np.int64).reshape(len(beyond), -1)
@@ -212,7 +223,7 @@ def _divided(
     depth: float,
 ) -> Division:
     """Sub-domains of the connected pieces of each level (e,), slivers against a depth (m) joined."""
-    _, piece = connected_components(link.multiply(_equal(link, level)), directed=False)
+    _, piece = connected_components(link.multiply(equal_labels(link, level)), directed=False)
     reach = np.concatenate(
         [
             np.stack([distance[b.connectivity].min(axis=1), distance[b.connectivity].max(axis=1)], axis=1)
@@ -240,18 +251,49 @@ def neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) 
         pair = np.flatnonzero(face[1:] == face[:-1])
         rows.append(element[pair])
         columns.append(element[pair + 1])
-        at = points[corners[order[pair]]]
-        # Of a triangle two edges from its first corner, of a quadrilateral the diagonals.
-        edges = np.cross(at[:, 2] - at[:, 0], at[:, -1] - at[:, 1] if kind == 4 else at[:, 1] - at[:, 0])
-        areas.append(0.5 * np.linalg.norm(edges, axis=1))
+        areas.append(_corner_areas(points[corners[order[pair]]]))
     if not rows:
         return sp.csr_array((elements, elements))
     r, c, area = np.concatenate(rows), np.concatenate(columns), np.concatenate(areas)
     return sp.csr_array(sp.coo_array((np.r_[area, area], (np.r_[r, c], np.r_[c, r])), shape=(elements, elements)))
 
 
-def _equal(link: sp.csr_array, label: IntArray) -> sp.csr_array:
-    """Ones where linked elements have the same label."""
+def _corner_areas(at: FloatArray) -> FloatArray:
+    """Areas (f,) between corners (f, 3 or 4, 3): of a triangle by two edges, of a quadrilateral by its diagonals."""
+    edges = np.cross(at[:, 2] - at[:, 0], at[:, -1] - at[:, 1] if at.shape[1] == 4 else at[:, 1] - at[:, 0])
+    area: FloatArray = 0.5 * np.linalg.norm(edges, axis=1)
+    return area
+
+
+def linked(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> sp.csr_array:
+    """Elements that share a face, or whose outer faces equations join, (e, e) with the area in common."""
+    link = neighbours(mesh.points, faces, mesh.element_count)
+    if mesh.equations is None:
+        return link
+    joined = coupled_nodes(mesh.equations)
+    inside = np.diff(joined.indptr) > 0
+    shape = (mesh.element_count, len(mesh.points))
+    parts = [sp.csr_array(shape)]
+    for block in faces:
+        nodes, element = block.nodes[block.outer], block.element[block.outer]
+        area = _corner_areas(mesh.points[nodes[:, : block.corner_count]])
+        share = inside[nodes] * area[:, None] / nodes.shape[1]
+        owner = np.broadcast_to(element[:, None], nodes.shape)
+        parts.append(sp.csr_array(sp.coo_array((share.ravel(), (owner.ravel(), nodes.ravel())), shape=shape)))
+    share = sum(parts[1:], parts[0])
+    share.eliminate_zeros()
+    # Each node's share of a face goes to the elements of the nodes that it is joined to, in equal parts.
+    member = sp.csr_array((np.ones(share.nnz), share.indices, share.indptr), shape=shape)
+    reached = sp.csr_array(joined @ member.T)
+    reached.data[:] = 1.0
+    count = np.maximum(np.asarray(reached.sum(axis=1)).ravel(), 1.0)
+    across = sp.csr_array(share @ (sp.diags_array(1.0 / count) @ reached))
+    across.setdiag(0.0)
+    return sp.csr_array(link + 0.5 * (across + across.T))
+
+
+def equal_labels(link: sp.csr_array, label: IntArray) -> sp.csr_array:
+    """Ones (e, e) where linked elements have the same label (e,)."""
     pairs = link.tocoo()
     keep = label[pairs.row] == label[pairs.col]
     return sp.csr_array(sp.coo_array((np.ones(int(keep.sum())), (pairs.row[keep], pairs.col[keep])), shape=link.shape))
@@ -334,6 +376,8 @@ def _tree(
     for p in order:
         up = parent[p]
         beyond = supported if up == GROUND else bodies[up].nodes
+        if up != GROUND and mesh.equations is not None:
+            beyond = np.union1d(beyond, np.unique(coupled_nodes(mesh.equations)[beyond].indices))
         joint = section(mesh.points, faces, np.intersect1d(bodies[p].nodes, beyond))
         index = GROUND if up == GROUND else position[up]
         elements = np.flatnonzero(piece == p)
@@ -361,7 +405,7 @@ def open_loops(mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: Sequence[Su
     piece = np.full(mesh.element_count, count)
     for s in reversed(range(count)):
         piece[subdomains[s].elements] = s
-    shared = _shared(piece, neighbours(mesh.points, faces, mesh.element_count), count + 1)
+    shared = _shared(piece, linked(mesh, faces), count + 1)
     return _open_loops(mesh, subdomains, shared[:count, :count])
 
 

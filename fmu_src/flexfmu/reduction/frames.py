@@ -113,7 +113,7 @@ def _advised(loops: Sequence[str]) -> tuple[str, ...]:
     """Say what to do about loops that the tree cuts."""
     return tuple(
         f"{loop}: the tree does not know that the body hangs together there, its modes do so linearly; where it turns "
-        "far, add a [[cut]] table with the nodes of a section of the loop"
+        'far, cut it (cut = "auto", or a [[cut]] table with the nodes of a section of the loop)'
         for loop in loops
     )
 

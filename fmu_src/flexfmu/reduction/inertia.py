@@ -8,6 +8,8 @@ from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND
 from ..rotations import skew
+from .masses import Centre, hung_centre
+from .point_masses import attachment
 from .subdomains import FrameOperators, Subdomain, element_owner, volume_weighted
 
 LUMPS = 16
@@ -70,8 +72,9 @@ def lumped_mass(
     shapes: FloatArray,
     lumps: Sequence[tuple[int, IntArray]],
     frames: FrameOperators,
-) -> tuple[LumpedMass, FloatArray]:
-    """Mass of each lump with the consistent mass matrix, without curvature.
+    carried: Sequence[int] = (),
+) -> tuple[LumpedMass, list[Centre]]:
+    """Mass of each lump with the consistent mass matrix, and masses at points, without curvature.
 
     Parameters
     ----------
@@ -82,12 +85,13 @@ def lumped_mass(
         From `element_lumps`.
     frames : FrameOperators
         Of the same shapes.
+    carried : sequence of int
+        Frame of each of the mesh's masses at points, `GROUND` of those that are not to count.
 
     Returns
     -------
     inertia : LumpedMass
-    shares : (P, n) float
-        Share of each node in the centre of each lump.
+    centres : list of Centre
     """
     density = np.array([material.density for material in mesh.materials])
     masses = tuple(
@@ -96,18 +100,19 @@ def lumped_mass(
     count, modes = len(frames.frame_rotation), shapes.shape[1]
     nodal = shapes.reshape(len(mesh.points), 3, modes)
     turning, sweep = np.zeros((count, 3, 3)), np.zeros((count, 3, modes))
-    shares = np.zeros((len(lumps), len(mesh.points)))
-    mass, points, displacement = np.zeros(len(lumps)), np.zeros((len(lumps), 3)), np.zeros((len(lumps), 3, modes))
-    for number, (frame, elements) in enumerate(lumps):
+    mass: list[float] = []
+    centres: list[Centre] = []
+    displacement: list[FloatArray] = []
+    for frame, elements in lumps:
         part = volume_weighted(mesh, masses, elements)
         weight = part.weight @ np.ones(part.nodes.size)
-        mass[number] = weight.sum()
-        share = weight / mass[number]
-        shares[number, part.nodes] = share
-        points[number] = share @ mesh.points[part.nodes]
+        share = np.zeros(len(mesh.points))
+        share[part.nodes] = weight / weight.sum()
         moved = nodal[part.nodes]
-        displacement[number] = np.tensordot(share, moved, axes=1)
-        arm = mesh.points[part.nodes] - points[number]
+        mass.append(float(weight.sum()))
+        centres.append(Centre.mean(mesh.points, share))
+        displacement.append(np.tensordot(share[part.nodes], moved, axes=1))
+        arm = mesh.points[part.nodes] - centres[-1].point
         weighted = part.weight @ arm
         square = arm.T @ weighted
         inertia = np.trace(square) * np.eye(3) - square
@@ -115,5 +120,17 @@ def lumped_mass(
         swept = np.einsum("nij,nja->ia", skew(weighted), moved, optimize=True)
         turning[frame] += inertia
         sweep[frame] += swept - inertia @ frames.frame_rotation[frame]
-    frame_of = np.array([frame for frame, _ in lumps], dtype=np.int64)
-    return LumpedMass(frame_of, mass, points, displacement, turning, sweep), shares
+    frame_of = [frame for frame, _ in lumps]
+    for frame, one in zip(carried, mesh.masses, strict=False):
+        if frame == GROUND:
+            continue
+        motion = attachment(mesh.points, one) @ nodal[one.nodes].reshape(-1, modes)
+        frame_of.append(frame)
+        mass.append(one.mass)
+        centres.append(hung_centre(mesh.points, one))
+        displacement.append(motion[:3])
+        turning[frame] += one.inertia
+        sweep[frame] += one.inertia @ (motion[3:] - frames.frame_rotation[frame])
+    places = np.array([centre.point for centre in centres])
+    arrays = np.array(mass), places, np.array(displacement)
+    return LumpedMass(np.array(frame_of, dtype=np.int64), *arrays, turning, sweep), centres

@@ -19,6 +19,8 @@ from ..rotations import skew
 _SHARE = 5e-5
 # Compliance of an interface below this share of the largest: it lies on a support.
 _HELD = 1e-9
+# Stiffness of a coordinate below this part of the largest is round-off of a rigid motion.
+_ROUND_OFF = 1e-15
 # Shapes of sections below this share of the largest are the same as others.
 _DEPENDENT = 1e-6
 # As in `modes`.
@@ -200,7 +202,8 @@ def _stiffness(stiffness: FloatArray, gap: FloatArray, loads: FloatArray) -> tup
     rows = gap.reshape(count, size)
     # With the gaps shut: Λq + Cᵀλ = F, Cq = 0. Rigid motions of a part have no stiffness of their own.
     own = np.diag(stiffness)
-    scale = 1.0 / np.sqrt(np.where(own > 0.0, own, own[own > 0.0].min()))
+    elastic = own > _ROUND_OFF * own.max()
+    scale = 1.0 / np.sqrt(np.where(elastic, own, own[elastic].min()))
     length = np.linalg.norm(rows * scale, axis=1)
     matrix = np.zeros((size + count, size + count))
     matrix[:size, :size] = stiffness * np.outer(scale, scale)

@@ -16,8 +16,8 @@ from ..fe.faces import FaceBlock
 from ..mesh.model import FloatArray, IntArray, Mesh
 from .division import distance_along
 
-# A section is slender if it is no wider than this share of the way from support to support.
-_SLENDER = 0.25
+SLENDER = 0.25
+"""A section is slender if it is no wider than this share of the way from support to support."""
 # How far from the middle of the way a section may lie, of the way, and how many places are tried.
 _OFFSET, _PLACES = 0.3, 41
 # What a section's raggedness (1 less its projected area over its area), its area (over the smallest less 1) and its
@@ -73,10 +73,10 @@ def loop_sections(
     list of LoopSection
         By place; empty if one support holds the body, or no slender section separates two of them.
     """
-    group = _groups(mesh, anchored)
-    contacts = _contacts(mesh, faces)
+    group = support_groups(mesh, anchored)
     if int(group.max(initial=0)) < 1:
         return []
+    contacts = _contacts(mesh, faces)
     ways = np.array([distance_along(mesh, anchored[group == g]) for g in range(int(group.max()) + 1)])
     # A label for each support; those that nothing slender separates get the same one.
     label = np.arange(len(ways))
@@ -94,8 +94,8 @@ def loop_sections(
     return []
 
 
-def _groups(mesh: Mesh, nodes: IntArray) -> IntArray:
-    """Number (k,) of the connected group of each of some nodes."""
+def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
+    """Number (k,) of the connected group of each of some nodes (k,)."""
     place = np.full(len(mesh.points), -1)
     place[nodes] = np.arange(nodes.size)
     pairs = []
@@ -170,7 +170,7 @@ def _best(
         side = np.where(np.isnan(lead), -1, lead > offset)
         sections, flat, area = _sections(mesh, contacts, side)
         touching = any(np.intersect1d(one.nodes, avoided).size for one in sections)
-        if not sections or touching or any(one.width > _SLENDER * way for one in sections):
+        if not sections or touching or any(one.width > SLENDER * way for one in sections):
             continue
         if _sides_hang_together(contacts, side) and not _straddled(mesh, side, tuple(clear.values())):
             tried.append((flat, area, abs(offset) / way, sections))

@@ -1,12 +1,50 @@
 """Mass and centre of mass of each sub-domain: what acceleration of the supports, or weight, acts on."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..mesh.model import FloatArray, Mesh
+from ..mesh.model import FloatArray, IntArray, Mesh, PointMass
 from ..model.reduced_body import GROUND, Masses, Properties
-from .subdomains import Subdomain, element_owner
+from .point_masses import attachment
+from .subdomains import Subdomain, carrying_frame, element_owner
+
+
+@dataclass(frozen=True, slots=True)
+class Centre:
+    """A centre of mass, and how it moves.
+
+    Attributes
+    ----------
+    point : (3,) float
+        m.
+    nodes : (k,) int
+    operator : (3, 3k) float
+        From displacements of the nodes to its own.
+    """
+
+    point: FloatArray
+    nodes: IntArray
+    operator: FloatArray
+
+    @classmethod
+    def mean(cls, points: FloatArray, share: FloatArray) -> "Centre":
+        """Centre of points (n, 3) with shares (n,) that sum up to one."""
+        nodes = np.flatnonzero(share)
+        operator = (share[nodes, None, None] * np.eye(3)).transpose(1, 0, 2).reshape(3, -1)
+        return cls(share @ points, nodes, operator)
+
+    def moved(self, shapes: FloatArray) -> FloatArray:
+        """Displacement (3, m) of mode shapes (3n, m)."""
+        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes]
+        result: FloatArray = self.operator @ local.reshape(self.operator.shape[1], -1)
+        return result
+
+
+def hung_centre(points: FloatArray, one: PointMass) -> Centre:
+    """Centre of a mass at a point."""
+    return Centre(one.point, one.nodes, attachment(points, one)[:3])
 
 
 def body_properties(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Properties:
@@ -29,9 +67,10 @@ def body_properties(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Properties:
         np.add.at(volume, block.material, matrices.sum(axis=(1, 2)))
     used = np.flatnonzero(volume)
     made = [mesh.materials[index] for index in used]
-    constants = np.array([(m.youngs_modulus, m.poissons_ratio, m.density) for m in made]).T
+    modulus, ratio, density = np.array([(m.youngs_modulus, m.poissons_ratio, m.density) for m in made]).T
     box = np.array([mesh.points.min(axis=0), mesh.points.max(axis=0)])
-    return Properties(box, tuple(m.name for m in made), volume[used], *constants)
+    hung = np.array([one.mass for one in mesh.masses]) if mesh.masses else None
+    return Properties(box, tuple(m.name for m in made), volume[used], modulus, ratio, density, hung)
 
 
 def sub_masses(
@@ -54,22 +93,27 @@ def sub_masses(
     -------
     Masses
     """
+    mass, frame, centres = mass_centres(mesh, volumes, subdomains)
+    displacement = np.array([centre.moved(shapes) for centre in centres])
+    return Masses(mass, np.array([centre.point for centre in centres]), displacement, frame)
+
+
+def mass_centres(
+    mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]
+) -> tuple[FloatArray, IntArray, list[Centre]]:
+    """Masses (P,) of the sub-domains, of what lies in none, and at points; their frames (P,) and centres."""
     share = _shares(mesh, volumes, subdomains)
     mass = share.sum(axis=1)
     frame = np.append(np.arange(len(subdomains)), GROUND)
     kept = mass > 0.0
-    mean = share[kept] / mass[kept, None]
-    displacement = np.tensordot(mean, shapes.reshape(len(mesh.points), 3, -1), axes=1)
-    return Masses(mass[kept], mean @ mesh.points, displacement, frame[kept])
-
-
-def mass_shares(mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]) -> FloatArray:
-    """Share (P, n) of each node in the centre of each of these masses: rows that sum up to one."""
-    share = _shares(mesh, volumes, subdomains)
-    mass = share.sum(axis=1, keepdims=True)
-    kept = mass[:, 0] > 0.0
-    result: FloatArray = share[kept] / mass[kept]
-    return result
+    centres = [Centre.mean(mesh.points, row) for row in share[kept] / mass[kept, None]]
+    centres += [hung_centre(mesh.points, one) for one in mesh.masses]
+    frames = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
+    return (
+        np.append(mass[kept], [one.mass for one in mesh.masses]),
+        np.append(frame[kept], frames).astype(np.int64),
+        centres,
+    )
 
 
 def _shares(mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]) -> FloatArray:

@@ -18,34 +18,30 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..fe.memory import GIGA, free_memory
-from ..fe.quadratic_strain import mean_spin, quadratic_strain
-from ..fe.turned_stress import turned_stress
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..fe.quadratic_strain import mean_spin
+from ..mesh.model import FloatArray, IntArray
 from ..model.membrane import Membrane
 from ..progress import Reporter
 from ..store import Store, content_key
 from .basis import Matrices
+from .fourth_order import FourthOrder, energy_shares, turning_scale
 from .modes import Modes
 
-# Energy of fourth order over that of second in a motion that turns the material by one radian (rms), up to which it is
-# left out: it is then a fortieth at half a radian within a frame, the most that is trusted. Cantilevers and curved bars
-# have 1e-4 to 1e-3; a twisted plate has 2, arches and beams held at both ends 5 and more.
-_NOTHING = 0.1
-# The same of flattening: 0.006 to 0.03 in solid bars and plates, 0.3 to 5 in arches and roofs, 0.45 in tubes with a
-# wall of a tenth of their diameter.
-_FLAT = 0.05
-# Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it.
-_STIFF = 1e-2
+# Energy of fourth order over that of second in a static response that turns the material by one radian (rms), up to
+# which it is left out. Cantilevers and curved bars have 1e-4 to 1e-3, portal frames and rings 0.04 to 0.11, where it
+# changes a sway by 10° by 0.005 %; plates have 2, a twist-beam axle 0.4, its halves 4, arches 9, clamped beams 85.
+_NOTHING = 0.2
+# The same of flattening: 0.001 to 0.07 in solid bars, frames, arches and plates, 0.12 in tubes with a wall of a tenth
+# of their diameter.
+_FLAT = 0.09
 _LOW_MODES = 6
 # Turn by w over the square of the angle beyond which w is a motion of its own: 0.3 to 1.4 in cantilevers, curved bars
-# and flat plates, 5 in a shallow arch.
-_LARGE = 2.0
+# and flat plates, 1.1 to 2.3 in a portal frame, by the basis, 5 in a shallow arch, 9 in a roof.
+_LARGE = 3.3
 # Relative size below which a shape of w is no other than those before.
 _SAME = 1e-2
 # Part of the largest energy of pairs of coordinates, each of unit energy, up to which a combination of them is nothing.
 TOLERANCE = 1e-2
-# Right-hand sides at a time.
-_COLUMNS = 64
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,7 @@ class Stretching:
     modes : Modes
         Those of frequency zero are rigid motions, which stretch nothing.
     loads : (3n, l) float
-        Nodal forces of unit loads on the interfaces.
+        Nodal forces of unit loads on the interfaces: of all forces, then of all moments.
     report : Reporter
     """
 
@@ -67,9 +63,9 @@ class Stretching:
     loads: FloatArray
     report: Reporter
 
-    @property
-    def _mesh(self) -> Mesh:
-        return self.matrices.model.mesh
+    @cached_property
+    def _fourth(self) -> FourthOrder:
+        return FourthOrder(self.matrices, self.report)
 
     @cached_property
     def _elastic(self) -> IntArray:
@@ -82,7 +78,7 @@ class Stretching:
     @cached_property
     def _spin(self) -> FloatArray:
         """Mean of ω_a·ω_b over the volume, ω = ½ curl φ, of coordinates of unit energy."""
-        result: FloatArray = mean_spin(self._mesh, self.modes.shapes[:, self._elastic]) / np.outer(
+        result: FloatArray = mean_spin(self.matrices.model.mesh, self.modes.shapes[:, self._elastic]) / np.outer(
             self._omega, self._omega
         )
         return result
@@ -96,52 +92,16 @@ class Stretching:
         found = np.concatenate(
             [self.loads.T @ self.modes.shapes[:, self._elastic] / self._omega, np.eye(self._omega.size)[:_LOW_MODES]]
         )
-        energy = (found**2).sum(axis=1)
-        found = found[energy > 0.0] / np.sqrt(energy[energy > 0.0])[:, None]
-        turned = np.einsum("ia,ab,ib->i", found, self._spin, found)
-        soft = turned > _STIFF * turned.max()
-        result: FloatArray = found[soft] / np.sqrt(turned[soft])[:, None]
+        scale = turning_scale((found**2).sum(axis=1), np.einsum("ia,ab,ib->i", found, self._spin, found))
+        result: FloatArray = found[scale > 0.0] * scale[scale > 0.0, None]
         return result
-
-    def shares(self) -> tuple[float, float]:
-        """The largest energy of fourth order over that of second, of `motions`: of stretching, and of flattening."""
-        motions = self.motions
-        fields = self.modes.shapes[:, self._elastic] @ (motions / self._omega).T
-        each = np.arange(len(motions))
-        pairs = np.stack([each, each], axis=1)
-        linear = 0.5 * (motions**2).sum(axis=1)
-        stretched, flattened = self._energies(fields, pairs)[0], self._flattening(fields, pairs)
-        return float(np.max(np.diag(stretched) / linear)), float(np.max(np.diag(flattened) / linear))
 
     def _flattening(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
         """Energy (p, p) that stress which turns with its material sets free outside the basis."""
-        model, count = self.matrices.supported, len(pairs)
-        applied = model.whole(model.stiffness @ fields[model.free])
-        with self.report.counted(
-            f"Flattening of {count} pairs of motions", self._mesh.element_count, "elements"
-        ) as tell:
-            forces = turned_stress(self._mesh, fields, applied, pairs, tell)[model.free]
-        held = self.modes.shapes[:, self._elastic][model.free].T @ forces / self._omega[:, None]
-        return 0.5 * (self._released(forces, f"Static response to {count} flattenings") - held.T @ held)
-
-    def _released(self, forces: FloatArray, title: str) -> FloatArray:
-        """Work (p, p) of nodal forces on free degrees of freedom over the displacements that they make."""
-        model, count = self.matrices.supported, forces.shape[1]
-        result = np.empty((count, count))
-        with self.report.counted(title, count, "solutions") as tell:
-            for first in range(0, count, _COLUMNS):
-                part = slice(first, first + _COLUMNS)
-                result[:, part] = forces.T @ model.static(forces[:, part])
-                tell(first)
-        return 0.5 * (result + result.T)
-
-    def _energies(self, fields: FloatArray, pairs: IntArray) -> tuple[FloatArray, FloatArray]:
-        """A (p, p) of pairs of displacement fields, and the nodal forces (3n, p)."""
-        count = len(pairs)
-        with self.report.counted(f"Stretch of {count} pairs of motions", self._mesh.element_count, "elements") as tell:
-            forces, energies = quadratic_strain(self._mesh, fields, pairs, tell)
-        free = forces[self.matrices.supported.free]
-        return 0.5 * (energies - self._released(free, f"Static response to {count} stretches")), forces
+        fourth = self._fourth
+        forces = fourth.flattening_forces(fields, pairs)
+        held = self.modes.shapes[:, self._elastic][self.matrices.supported.free].T @ forces / self._omega[:, None]
+        return 0.5 * (fourth.released(forces, f"Static response to {len(pairs)} flattenings") - held.T @ held)
 
     def membrane(self, stretching: bool, flattening: bool, keep_shapes: bool) -> Membrane:
         """Stretches of the whole basis.
@@ -164,7 +124,7 @@ class Stretching:
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
         if stretching:
-            energies, forces = self._energies(fields, pairs)
+            energies, forces = self._fourth.stretching(fields, pairs)
             forms.append(_forms(energies, first == second))
             if keep_shapes:
                 # w = −C(q, q).
@@ -245,17 +205,15 @@ def membrane_energy(
     """
     report = stretching.report
     key = content_key(__name__, modes_key, stretching.loads, keep_shapes)
-
-    def shares() -> dict[str, FloatArray]:
-        return {"shares": np.array(stretching.shares())}
-
     stretched = flattened = asked
     if not asked:
-        held, freed = store.arrays(f"{key}-shares", "shares of membrane energy", report, shares)["shares"]
-        stretched, flattened = bool(held > _NOTHING), bool(freed > _FLAT)
+        forces = stretching.loads[:, : stretching.loads.shape[1] // 2]
+        held = energy_shares(stretching.matrices, forces, store, report)
+        stretched, flattened = held.stretching > _NOTHING, held.flattening > _FLAT
         report.note(
             "membrane energy over that of bending at a turn of 1 rad (rms): "
-            f"{held:.2g} of stretching, {_taken(stretched)}; {freed:.2g} of flattening, {_taken(flattened)}"
+            f"{held.stretching:.2g} of stretching, {_taken(stretched)}; "
+            f"{held.flattening:.2g} of flattening, {_taken(flattened)}"
         )
         if not stretched and not flattened:
             return None

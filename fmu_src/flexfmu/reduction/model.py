@@ -1,12 +1,14 @@
 """The supported finite element model: a mesh with materials and supports, checked to be a body that can be reduced."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..config import BodySpec
 from ..errors import ModelError
+from ..fe.unknowns import Unknowns, unknowns
 from ..mesh.checks import connected_parts
 from ..mesh.model import FloatArray, IntArray, Mesh
 from .materials import completed
@@ -30,17 +32,24 @@ class Model:
         Stiffness of springs from translations to the ground, N/m.
     rigid : (3n, r) float
         Rigid motions that no support resists, zero where one holds; none for most bodies.
+    unknowns : Unknowns
+        What supports and the mesh's equations leave to be found.
     """
 
     mesh: Mesh
     fixed: NDArray[np.bool_]
     spring: FloatArray
     rigid: FloatArray
+    unknowns: Unknowns = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Solve the equations."""
+        object.__setattr__(self, "unknowns", unknowns(self.fixed, self.mesh.equations))
 
     @property
     def free(self) -> IntArray:
-        """Degrees of freedom that no support holds, ascending."""
-        return np.flatnonzero(~self.fixed.ravel())
+        """Degrees of freedom that neither supports nor equations determine, ascending."""
+        return self.unknowns.free
 
     @property
     def anchored(self) -> IntArray:
@@ -111,6 +120,34 @@ def free_motions(points: FloatArray, held: NDArray[np.bool_]) -> FloatArray:
     return found
 
 
+def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: NDArray[np.bool_]) -> FloatArray:
+    """Rigid motions (3k, r) of nodes (k,) that equations join; refused where pieces can move against each other."""
+    count = len(mesh.points)
+    piece = connected_parts(replace(mesh, equations=None))[nodes]
+    _, piece = np.unique(piece, return_inverse=True)
+    free = np.zeros((count, 3), dtype=bool)
+    whole = free_motions(mesh.points[nodes], free[nodes])
+    # A column for each motion of each piece, in the same units all over.
+    blocks = np.zeros((count, 3, 6 * (int(piece.max()) + 1)))
+    for number in range(int(piece.max()) + 1):
+        rows = np.flatnonzero(piece == number)
+        blocks[nodes[rows], :, 6 * number : 6 * number + 6] = whole.reshape(-1, 3, 6)[rows]
+    own: FloatArray = blocks.reshape(3 * count, -1)
+    resisted = np.concatenate([own[held.ravel()], equations @ own])
+    # The triangle alone: there may be far more rows than motions.
+    triangle = np.linalg.qr(np.concatenate([resisted, np.zeros((own.shape[1], own.shape[1]))]), mode="r")
+    _, values, turn = np.linalg.svd(triangle)
+    found = own @ turn[values <= _FREE * values.max()].T
+    found[held.ravel()] = 0.0
+    inside: FloatArray = found.reshape(count, 3, -1)[nodes].reshape(whole.shape[0], -1)
+    if found.shape[1] and np.linalg.matrix_rank(np.hstack([inside, whole])) > whole.shape[1]:
+        raise ModelError(
+            f"equations of the mesh file (*TIE, *EQUATION, *MPC) leave pieces free to move against each other "
+            f"({found.shape[1]} motions with the supports): join them by more nodes"
+        )
+    return inside
+
+
 def _free_motions(mesh: Mesh, held: NDArray[np.bool_], may_float: bool) -> FloatArray:
     """Rigid motions (3n, r) that move no held translation (n, 3); refused where the body file does not expect them."""
     part = connected_parts(mesh)
@@ -118,7 +155,10 @@ def _free_motions(mesh: Mesh, held: NDArray[np.bool_], may_float: bool) -> Float
     found = np.zeros((3 * len(mesh.points), 0))
     for number in range(parts):
         nodes = np.flatnonzero(part == number)
-        motions = free_motions(mesh.points[nodes], held[nodes])
+        if mesh.equations is None:
+            motions = free_motions(mesh.points[nodes], held[nodes])
+        else:
+            motions = _motions_of_joined(mesh, mesh.equations, nodes, held)
         if not motions.shape[1]:
             continue
         if parts > 1 or not may_float:

@@ -28,8 +28,10 @@ _ILL_CONDITIONED = (
 _ROUND_OFF = 1e-17
 # Relative distance of ω² below which modes span a plane whose axes are arbitrary.
 _DEGENERATE = 1e-7
-# Share of a static shape's strain energy below which it is in the span of the modes: round-off of the solve, squared.
-_HELD_ALREADY = 1e-12
+# Share of a static shape's strain energy below which the modes hold it already: the compliance is right to as much.
+_HELD_ALREADY = 1e-10
+# Energies cannot be negative: those of this many times the most negative one are round-off.
+_OF_ROUND_OFF = 30.0
 # Smallest eigenvalue of the interfaces' scaled compliance below which they depend on each other.
 _DEPENDENT = 1e-10
 # A component this close to the largest may serve to fix a sign: the first such one is taken.
@@ -136,7 +138,7 @@ def craig_bampton(model: Supported, chosen: IntArray, interface_loads: FloatArra
     BodyFileError, AccuracyError
         As of `normal_modes`.
     """
-    loads = interface_loads[model.free]
+    loads = model.forces(interface_loads)
     fixed = chosen_modes(_lowest(model, int(chosen[-1]) + 1, loads), chosen)
     return _joined(model, fixed, _statics(model, loads @ _balanced(model, loads)))
 
@@ -159,7 +161,7 @@ def with_residual_flexibility(model: Supported, modes: Modes, interface_loads: F
     Modes
         At most 6I more.
     """
-    return _joined(model, modes, _statics(model, interface_loads[model.free]))
+    return _joined(model, modes, _statics(model, model.forces(interface_loads)))
 
 
 def _statics(model: Supported, loads: FloatArray) -> FloatArray:
@@ -238,8 +240,7 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     splits = bool(squares[count] - squares[count - 1] < _DEGENERATE * squares[count])
     squares, vectors = squares[:count], _fixed_axes(squares[:count], vectors[:, :count])
     orthonormality = _checked_orthonormality(m, vectors)
-    found = np.column_stack([inverse(column) for column in (m @ vectors).T])
-    accuracy = _checked_frequencies(k, m, vectors, np.sqrt(squares), found)
+    accuracy = _checked_frequencies(k, m, vectors, np.sqrt(squares), inverse(m @ vectors))
     return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, accuracy, splits)
 
 
@@ -287,7 +288,10 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
     try:
         squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
     except np.linalg.LinAlgError as error:
-        raise AccuracyError(f"the modes are not independent of each other ({error}); ask for fewer modes") from error
+        raise AccuracyError(
+            f"the modes are not independent of each other ({error}); look for parts that hang on the rest by a single "
+            "edge or corner, or ask for fewer modes"
+        ) from error
     softest = np.abs(vectors @ small[:, 0])
     if squares[0] <= _ROUND_OFF * float(softest @ (abs(k) @ softest)):
         raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
@@ -308,7 +312,7 @@ def _joined(model: Supported, modes: Modes, statics: FloatArray) -> Modes:
     # What is left over in strain energy once the modes have taken their part.
     rest = statics - phi @ np.linalg.solve(phi.T @ (k @ phi), phi.T @ (k @ statics))
     energies, turn = np.linalg.eigh(rest.T @ (k @ rest))
-    kept = energies > _HELD_ALREADY
+    kept = energies > max(_HELD_ALREADY, -_OF_ROUND_OFF * energies[0])
     rest = rest @ (turn[:, kept] / np.sqrt(energies[kept]))
     squares, vectors = _rayleigh_ritz(k, m, np.hstack([phi, rest]))
     # Shapes that the modes hold nearly come scaled up, and with them what they have of the rigid motions by round-off.

@@ -79,8 +79,8 @@ def by_name(mesh: Mesh, config: BodySpec) -> tuple[Mesh, BodySpec]:
     tables: dict[str, list[Any]] = {}
     for kind in ("support", "interface", "frame", "cut"):
         given = getattr(config, kind)
-        # cut = "auto" names no nodes.
-        if isinstance(given, str):
+        # cut = "auto" names no nodes, and neither does a key that is not there.
+        if given is None or isinstance(given, str):
             continue
         tables[kind] = []
         for number, table in enumerate(given, start=1):

@@ -19,8 +19,9 @@ class Weighted:
     ----------
     nodes : (k,) int
         Ascending.
-    weight : (k, k) sparse
-        Symmetric, positive: diagonal for weights by node, ∫ N_a N_b over an area or a volume otherwise.
+    weight : (k, k) or (3k, 3k) sparse
+        Symmetric, positive: diagonal for weights by node, ∫ N_a N_b over an area or a volume otherwise. The larger one
+        weighs directions too: a mass beside its nodes.
     """
 
     nodes: IntArray
@@ -28,9 +29,35 @@ class Weighted:
 
     def centre(self, points: FloatArray) -> FloatArray:
         """Weighted centre (3,) of the nodes among `points` (n, 3)."""
+        if self.weight.shape[0] > self.nodes.size:
+            # Momentum of a turn about the mean of the nodes tells how far the centre is from there.
+            middle = points[self.nodes].mean(axis=0)
+            motions = _rigid_motions(points[self.nodes] - middle)
+            momenta = motions.reshape(-1, 6).T @ self.times(motions)
+            centre: FloatArray = middle + np.array([momenta[1, 5], momenta[2, 3], momenta[0, 4]]) / momenta[0, 0]
+            return centre
         share = np.asarray(self.weight.sum(axis=0)).ravel()
         result: FloatArray = share @ points[self.nodes] / share.sum()
         return result
+
+    def times(self, motions: FloatArray) -> FloatArray:
+        """The weight times motions (k, 3, j) of its nodes, (3k, j)."""
+        if self.weight.shape[0] > self.nodes.size:
+            larger: FloatArray = self.weight @ motions.reshape(-1, motions.shape[2])
+            return larger
+        result: FloatArray = (self.weight @ motions.reshape(len(motions), -1)).reshape(-1, motions.shape[2])
+        return result
+
+
+def _rigid_motions(arm: FloatArray) -> FloatArray:
+    """Translations and turns (k, 3, 6) of places (k, 3) from where they turn about."""
+    basis = np.zeros((len(arm), 3, 6))
+    basis[:, :, :3] = np.eye(3)
+    # θ × r, column by column.
+    basis[:, 0, 4], basis[:, 0, 5] = arm[:, 2], -arm[:, 1]
+    basis[:, 1, 3], basis[:, 1, 5] = -arm[:, 2], arm[:, 0]
+    basis[:, 2, 3], basis[:, 2, 4] = arm[:, 1], -arm[:, 0]
+    return basis
 
 
 def by_node(nodes: IntArray, weights: FloatArray | None = None) -> Weighted:
@@ -62,13 +89,8 @@ def rigid_fit(points: FloatArray, nodes: Weighted, origin: FloatArray) -> tuple[
     # About the centre translations and rotations do not mix, which makes the rank plain to see.
     centre = nodes.centre(points)
     arm = points[nodes.nodes] - centre
-    basis = np.zeros((nodes.nodes.size, 3, 6))
-    basis[:, :, :3] = np.eye(3)
-    # θ × r, column by column.
-    basis[:, 0, 4], basis[:, 0, 5] = arm[:, 2], -arm[:, 1]
-    basis[:, 1, 3], basis[:, 1, 5] = -arm[:, 2], arm[:, 0]
-    basis[:, 2, 3], basis[:, 2, 4] = arm[:, 1], -arm[:, 0]
-    weighted = (nodes.weight @ basis.reshape(-1, 18)).reshape(-1, 6)
+    basis = _rigid_motions(arm)
+    weighted = nodes.times(basis)
     motions = basis.reshape(-1, 6)
     # Rotations are scaled by the set's own size, so that the rank does not depend on units.
     size = float(np.max(np.linalg.norm(arm, axis=1))) or 1.0

@@ -23,6 +23,7 @@ from ..mesh.model import ElementType, FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND, SecondOrder
 from ..rotations import skew
 from .interfaces import Interface
+from .masses import Centre
 from .rigid_fit import Weighted, rigid_fit
 from .subdomains import Subdomain, Turn, carrying_frame
 from .supported import Supported
@@ -121,7 +122,7 @@ def node_readings(
     subdomains: Sequence[Subdomain],
     frame_rotation: FloatArray,
     interfaces: Sequence[Interface],
-    shares: FloatArray,
+    centres: Sequence[Centre],
     springs: Sequence[Weighted],
 ) -> list[Reading]:
     """How the nodes of the tree are read, in its order.
@@ -134,8 +135,8 @@ def node_readings(
     frame_rotation : (S, 3, m) float
         Averaged rotations.
     interfaces : sequence of Interface
-    shares : (P, n) float
-        Share of each node in each centre of mass.
+    centres : sequence of Centre
+        Of masses that the tree carries.
     springs : sequence of Weighted
         Nodes of springs that frames carry; their other ends are on the ground.
 
@@ -157,10 +158,7 @@ def node_readings(
         readings.append(
             Reading(interface.point, interface.nodes, interface.operator[:3], turn, interface.motion(shapes)[3:])
         )
-    for share in shares:
-        nodes = np.flatnonzero(share)
-        mean = (share[nodes, None, None] * np.eye(3)).transpose(1, 0, 2).reshape(3, -1)
-        readings.append(Reading(share @ points, nodes, mean, *_still(modes)))
+    readings += [Reading(c.point, c.nodes, c.operator, *_still(modes)) for c in centres]
     for spring in springs:
         centre = spring.centre(points)
         operator, rank = rigid_fit(points, spring, centre)
@@ -204,7 +202,7 @@ def second_order(
     """
     count, modes = len(mesh.points), shapes.shape[1]
     loads = np.hstack([reading.loads(count) for reading in readings])
-    fields = model.whole(model.static(loads[model.free]))
+    fields = model.whole(model.static(model.forces(loads)))
     elastic = shapes.copy()
     elastic[:, rigid] = 0.0
     motion = -geometric_stiffness(mesh, fields, elastic).reshape(len(readings), 2, 3, modes, modes)

@@ -12,6 +12,7 @@ from ..fe.faces import FaceBlock, area_matrix, select
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND
 from ..rotations import skew
+from .point_masses import point_mass_matrix
 from .rigid_fit import Weighted, by_node, modal_fit, rigid_fit
 
 # Volume of the tetrahedron of characteristic points over the cube of its longest edge: below it rotations are guesses.
@@ -190,8 +191,7 @@ def hinge_frame(mesh: Mesh, volumes: tuple[FloatArray, ...], rigid: FloatArray) 
     if np.abs(np.cross(fitted[None], arm[:, :, None], axis=1) - motions).max() > _STILL * size.max():
         return None
     # Momenta of the rigid motions tell how much there is of each; their turns, by how much the body turns.
-    own = motions[whole.nodes].reshape(whole.nodes.size, -1)
-    momenta, own = (part.reshape(-1, motions.shape[2]) for part in (whole.weight @ own, own))
+    momenta, own = whole.times(motions[whole.nodes]), motions[whole.nodes].reshape(-1, motions.shape[2])
     turn = Turn(whole.nodes, fitted @ np.linalg.solve(own.T @ momenta, momenta.T))
     none = np.zeros(0, dtype=np.int64)
     return Subdomain("hinge", GROUND, none, whole, turn, by_node(still), mesh.points[still[0]], floating=True)
@@ -202,7 +202,12 @@ def _by_mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Weighted:
     masses = tuple(
         density[block.material][:, None, None] * matrices for block, matrices in zip(mesh.blocks, volumes, strict=True)
     )
-    return volume_weighted(mesh, masses, np.arange(mesh.element_count))
+    whole = volume_weighted(mesh, masses, np.arange(mesh.element_count))
+    if not mesh.masses:
+        return whole
+    unknown = (3 * whole.nodes[:, None] + np.arange(3)).ravel()
+    added = point_mass_matrix(mesh)[unknown][:, unknown]
+    return Weighted(whole.nodes, sp.csr_array(sp.kron(whole.weight, sp.eye_array(3)) + added))
 
 
 def on_floating_frame(subdomains: Sequence[Subdomain], floating: int) -> list[Subdomain]:

@@ -14,6 +14,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from ..fe.factorisation import Factorisation
+from ..fe.unknowns import Unknowns
 from ..mesh.model import FloatArray, IntArray
 
 
@@ -27,23 +28,28 @@ class Supported:
         N/m, kg.
     factor : Factorisation
         Of the stiffness at the degrees of freedom `kept`.
-    free : (k,) int
-        Their places among all 3n degrees of freedom.
-    size : int
-        3n.
+    unknowns : Unknowns
+        How all 3n displacements follow from those of the free degrees of freedom.
     rigid : (k, r) float
         Mass-orthonormal rigid motions, kg^-1/2.
     kept : (k - r,) int
         Rows of `free` that remain when just these motions are prevented.
+    whole_stiffness : (3n, 3n) sparse, optional
+        Where there are equations, which exert forces of their own.
     """
 
     stiffness: sp.csr_array
     mass: sp.csr_array
     factor: Factorisation
-    free: IntArray
-    size: int
+    unknowns: Unknowns
     rigid: FloatArray
     kept: IntArray
+    whole_stiffness: sp.csr_array | None = None
+
+    @property
+    def free(self) -> IntArray:
+        """Their places (k,) among all 3n degrees of freedom."""
+        return self.unknowns.free
 
     def static(self, loads: FloatArray) -> FloatArray:
         """Elastic displacements (k, j) under loads (k, j) that inertia balances."""
@@ -60,26 +66,34 @@ class Supported:
         return result
 
     def whole(self, vectors: FloatArray) -> FloatArray:
-        """Put vectors (k, j) into all degrees of freedom (3n, j), zero at supports."""
-        result = np.zeros((self.size, vectors.shape[1]))
-        result[self.free] = vectors
+        """Displacements (3n, j) of all nodes, zero at supports, of those of the free degrees of freedom (k, j)."""
+        return self.unknowns.whole(vectors)
+
+    def forces(self, nodal: FloatArray) -> FloatArray:
+        """Forces (k, j) on the free degrees of freedom of nodal forces (3n, j)."""
+        return self.unknowns.forces(nodal)
+
+    def applied(self, shapes: FloatArray) -> FloatArray:
+        """Nodal forces (3n, j) that hold displacements (3n, j), those of supports left out."""
+        if self.whole_stiffness is None:
+            return self.whole(self.stiffness @ shapes[self.free])
+        result: FloatArray = self.whole_stiffness @ shapes
         return result
 
 
 def supported(
     stiffness: sp.csr_array,
     mass: sp.csr_array,
-    free: IntArray,
+    unknowns: Unknowns,
     motions: FloatArray,
     tell: Callable[[str], None] | None = None,
 ) -> Supported:
-    """Take out the supports and factorise.
+    """Take out supports and equations, and factorise.
 
     Parameters
     ----------
     stiffness, mass : (3n, 3n) sparse
-    free : (k,) int
-        Degrees of freedom that no support holds.
+    unknowns : Unknowns
     motions : (3n, r) float
         Rigid motions that no support resists.
     tell : callable, optional
@@ -94,7 +108,7 @@ def supported(
     ModelError
         The stiffness is singular in other motions than these.
     """
-    k, m = stiffness[free][:, free], mass[free][:, free]
+    k, m, free = unknowns.matrix(stiffness), unknowns.matrix(mass), unknowns.free
     rigid = motions[free]
     # Orthonormal in the order given: rotations come out about the centre of mass, translations as they are.
     lower = np.linalg.cholesky(rigid.T @ (m @ rigid)) if rigid.shape[1] else np.zeros((0, 0))
@@ -103,5 +117,8 @@ def supported(
     if rigid.shape[1]:
         _, pivots = scipy.linalg.qr(rigid.T, mode="r", pivoting=True)
         kept = np.delete(kept, pivots[: rigid.shape[1]])
-    factor = Factorisation(k[kept][:, kept], free[kept] // 3, tell=tell)
-    return Supported(k, m, factor, free, stiffness.shape[0], np.ascontiguousarray(rigid), kept)
+    # A copy of a large matrix counts beside its factors.
+    held = k[kept][:, kept] if rigid.shape[1] else k
+    factor = Factorisation(held, free[kept] // 3, tell=tell)
+    whole = None if unknowns.transform is None else stiffness
+    return Supported(k, m, factor, unknowns, np.ascontiguousarray(rigid), kept, whole)

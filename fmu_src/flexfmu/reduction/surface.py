@@ -14,6 +14,7 @@ from .supported import Supported
 
 # Directions in the modal coordinates whose pairs are kept: 300 pairs, as many static responses.
 _DIRECTIONS = 24
+_AT_A_TIME = 16
 # Share of the largest below which what pairs add is left out.
 _SMALL = 1e-3
 
@@ -78,8 +79,8 @@ def body_surface(
         Node sets of the interfaces.
     held : (k,) int
         Nodes that supports hold.
-    second : (3n, r) and (r, m, m) float, optional
-        As of `second_order_fields`.
+    second : (3k, r) and (r, m, m) float, optional
+        As of `second_order_fields`, of the nodes of `surface_nodes`.
     stress : bool
         Whether the modes' stress goes along.
 
@@ -97,16 +98,22 @@ def body_surface(
         carrying_frames(count, subdomains)[nodes],
         set_numbers(count, interfaces)[nodes],
         set_numbers(count, [held])[nodes] + 1,
-        None if fields is None else fields.reshape(count, 3, -1)[nodes],
+        None if fields is None else fields.reshape(nodes.size, 3, -1),
         forms,
         stress=nodal_stress(mesh, nodes, shapes) if stress else None,
     )
 
 
 def second_order_fields(
-    mesh: Mesh, model: Supported, shapes: FloatArray, elastic: IntArray, squares: FloatArray, loads: FloatArray
+    mesh: Mesh,
+    model: Supported,
+    shapes: FloatArray,
+    elastic: IntArray,
+    squares: FloatArray,
+    loads: FloatArray,
+    nodes: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Displacement ½ w(q, q) of all nodes that goes with q at second order, as few fields w = Σ W_r (qᵀ c_r q).
+    """Displacement ½ w(q, q) of some nodes that goes with q at second order, as few fields w = Σ W_r (qᵀ c_r q).
 
     Of many coordinates the directions count into which static loads and the lowest modes turn the material most.
 
@@ -122,10 +129,11 @@ def second_order_fields(
         ω², 1/s².
     loads : (3n, j) float
         Of which static displacements are made.
+    nodes : (k,) int
 
     Returns
     -------
-    fields : (3n, r) float
+    fields : (3k, r) float
         W_r, seen from the floating frame of a body that has one, else from the ground.
     forms : (r, m, m) float
         c_r, symmetric.
@@ -150,8 +158,13 @@ def second_order_fields(
     first, second = np.triu_indices(kept)
     # Pairs are weighed by how large they get.
     weight = values[first] * values[second]
-    forces = strain_forces(mesh, directions, first, second)
-    pairs = -model.whole(model.static(forces[model.free])) * weight
+    # Of the body's inside nothing is kept: all pairs of a large mesh at once would take more than the factorisation.
+    rows = (3 * nodes[:, None] + np.arange(3)).ravel()
+    pairs = np.empty((rows.size, first.size))
+    for start in range(0, first.size, _AT_A_TIME):
+        part = slice(start, start + _AT_A_TIME)
+        forces = strain_forces(mesh, directions, first[part], second[part])
+        pairs[:, part] = -model.whole(model.static(model.forces(forces)))[rows] * weight[part]
     squares_of, turn = np.linalg.eigh(pairs.T @ pairs)
     large = squares_of > (_SMALL**2) * squares_of[-1]
     turn = turn[:, large]

@@ -81,7 +81,7 @@ def deck(model: Model, load: FloatArray, factors: Sequence[float], nodes: IntArr
     -------
     str
     """
-    lines = [f"** {title}", *_mesh_cards(model), *_support_cards(model)]
+    lines = [f"** {title}", *_mesh_cards(model), *_support_cards(model), *_equation_cards(model)]
     lines += ["*NSET, NSET=PRINTED", *(f"{node + 1}," for node in nodes)]
     before = 0.0
     for factor in factors:
@@ -167,6 +167,21 @@ def _support_cards(model: Model) -> Iterator[str]:
                 number += 1
                 yield f"{number}, {node + 1}"
             yield from (f"*SPRING, ELSET={name}", f"{axis + 1}", f"{value:.12e}")
+
+
+def _equation_cards(model: Model) -> Iterator[str]:
+    """Equations, solved for what no other one and no support determines."""
+    transform = model.unknowns.transform
+    if transform is None:
+        return
+    known = np.ones(model.fixed.size, dtype=bool)
+    known[model.free] = False
+    for dof in np.flatnonzero(known & ~model.fixed.ravel()):
+        row = slice(transform.indptr[dof], transform.indptr[dof + 1])
+        terms = [(dof, -1.0), *zip(model.free[transform.indices[row]], transform.data[row], strict=True)]
+        yield from ("*EQUATION", str(len(terms)))
+        words = [f"{place // 3 + 1}, {place % 3 + 1}, {value:.12e}" for place, value in terms]
+        yield from (", ".join(words[k : k + 4]) for k in range(0, len(words), 4))
 
 
 def _load_lines(load: FloatArray) -> Iterator[str]:

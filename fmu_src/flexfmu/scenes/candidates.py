@@ -1,17 +1,18 @@
 """Models of a body that may do for a scene: basis, modes, frames and method."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 from ..body import StepLimits
-from ..config import Basis, BodyFile, FormulationTable
+from ..config import Basis, BodyFile, BranchTable, FormulationTable
 from ..methods import Data, Mass, Method, Variant, conflict, has_frames, masses_of, needs
 from .config import BasisChoice
-from .records import REDUCED
 from .scene import Scene
 
+REDUCED = "reduced"
+"""Who solves a reduced model; all others are finite element models."""
 GIVEN = -1
 """Number of frames that stands for the body's own [[frame]] tables."""
 
@@ -21,22 +22,34 @@ SINGLE, EXACT = math.inf, 0.0
 _ANY_ERROR = 1e300
 
 
+Joints = tuple[tuple[str, tuple[float, ...]], ...]
+"""[[branch]] tables: where each leads, and the distances of its joints from the supports, m."""
+
+
 @dataclass(frozen=True, slots=True)
 class Reduction:
-    """What one reduction of the body serves.
+    """A reduction as a body file would ask for it.
 
     Attributes
     ----------
     basis : BasisChoice
-    modes : int
-        Normal modes; interface modes come on top.
-    frames : int
-        0: none; `GIVEN`: the body's own.
+    modes : int or tuple of int
+        The lowest so many normal modes, or their numbers, from 1; interface modes come on top.
+    frames : int or Joints
+        Equal levels, 0 for none, `GIVEN` for the body's own; or joints of branches.
+    residual : tuple of str
+        Loads by name whose residual flexibility is wanted; none: of all, where the basis has it.
     """
 
     basis: BasisChoice
-    modes: int
-    frames: int
+    modes: int | tuple[int, ...]
+    frames: int | Joints
+    residual: tuple[str, ...] = ()
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Numbers of the normal modes."""
+        return tuple(range(1, self.modes + 1)) if isinstance(self.modes, int) else self.modes
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +134,8 @@ def _known_basis(config: BodyFile, basis: BasisChoice) -> BasisChoice:
 
 
 def _reduction_key(reduction: Reduction) -> tuple[int, int, str]:
-    return reduction.frames, reduction.modes, reduction.basis.value
+    assert isinstance(reduction.frames, int)
+    return reduction.frames, reduction.numbers[-1], reduction.basis.value
 
 
 def linear_frames(config: BodyFile) -> int:
@@ -161,20 +175,26 @@ def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Vari
     table = config.reduction.model_copy(
         update={
             "basis": Basis.CRAIG_BAMPTON if reduction.basis is BasisChoice.CRAIG_BAMPTON else Basis.NORMAL,
-            "modes": reduction.modes,
-            "residual_flexibility": reduction.basis is BasisChoice.RESIDUAL,
+            "modes": reduction.modes if isinstance(reduction.modes, int) else list(reduction.modes),
+            "residual_flexibility": list(reduction.residual) or reduction.basis is BasisChoice.RESIDUAL,
             "geometric_stiffness": [word for one, word in listed.items() if one in data],
             "inertia": Data.INERTIA in data,
             "second_order": Data.SECOND_ORDER in data,
         }
     )
+    frames: dict[str, object] = {"frames": None, "frame": [], "branch": []}
+    if reduction.frames == GIVEN:
+        frames |= {"frame": config.frame, "branch": config.branch}
+    elif isinstance(reduction.frames, int):
+        frames["frames"] = reduction.frames
+    else:
+        frames["branch"] = [BranchTable(toward=toward, joints=list(joints)) for toward, joints in reduction.frames]
     start = FormulationTable(method=variants[0].method, mass=variants[0].mass)
-    own = reduction.frames == GIVEN
-    frames = {"frames": None if own else reduction.frames, "frame": config.frame if own else []}
     return config.model_copy(update={**frames, "reduction": table, "formulation": start})
 
 
-def grouped(found: list[Candidate]) -> Iterator[tuple[Reduction, list[Candidate]]]:
-    """Candidates by the reduction that serves them."""
-    for reduction in dict.fromkeys(candidate.reduction for candidate in found):
-        yield reduction, [candidate for candidate in found if candidate.reduction == reduction]
+def grouped(found: Sequence[Candidate]) -> Iterator[list[Candidate]]:
+    """Candidates of one basis and division together: one build serves them, whatever their modes."""
+    kinds = [(candidate.reduction.frames, candidate.reduction.basis) for candidate in found]
+    for kind in dict.fromkeys(kinds):
+        yield [candidate for candidate, own in zip(found, kinds, strict=True) if own == kind]

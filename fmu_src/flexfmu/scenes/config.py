@@ -5,18 +5,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from ..config import Name
 from ..inputs import Kind
 from ..limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
 from ..methods import Mass, Method
 from ..old_keys import OLD_KEYS, replaced_lists
 from ..stability.config import StabilityTable
-from ..toml_files import explain, read_toml
+from ..toml_files import Name, Positive, Table, read_toml, validated
 from .errors import SceneError
 
-Positive = Annotated[float, Field(gt=0.0)]
 Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
 Frames = Annotated[int, Field(ge=1, le=MOST_FRAMES)]
 
@@ -41,12 +39,7 @@ class Solver(Enum):
     """CalculiX (ccx), where it is installed."""
 
 
-class _Table(BaseModel):
-    # Strict: no number from text, none from true or false.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-
-class StaticTable(_Table):
+class StaticTable(Table):
     """`[[static]]`: loads that hold still."""
 
     name: Name
@@ -76,7 +69,7 @@ class StaticTable(_Table):
         return value
 
 
-class TransientTable(_Table):
+class TransientTable(Table):
     """`[[transient]]`: motion from rest under loads over time."""
 
     name: Name
@@ -132,7 +125,7 @@ def check_steps(duration: float, step: float) -> None:
         )
 
 
-class AcceptedTable(_Table):
+class AcceptedTable(Table):
     """`[tolerance.static]`, `[tolerance.transient]`: what error is accepted."""
 
     displacement: Positive
@@ -150,14 +143,14 @@ class AcceptedTable(_Table):
         return value
 
 
-class ToleranceTable(_Table):
+class ToleranceTable(Table):
     """`[tolerance]`."""
 
     static: AcceptedTable = AcceptedTable(displacement=0.01)
     transient: AcceptedTable = AcceptedTable(displacement=0.03)
 
 
-class ReferenceTable(_Table):
+class ReferenceTable(Table):
     """`[reference]`: who finds static results, and the model that transients are compared with."""
 
     static: Annotated[Solver, Field(strict=False)] = Solver.FLEXFMU
@@ -167,7 +160,7 @@ class ReferenceTable(_Table):
     tolerance: float = Field(default=1e-4, gt=0.0, lt=1.0)
 
 
-class SweepTable(_Table):
+class SweepTable(Table):
     """`[sweep]`: what is combined with what."""
 
     basis: list[Annotated[BasisChoice, Field(strict=False)]] = Field(default=list(BasisChoice), min_length=1)
@@ -199,13 +192,13 @@ class SweepTable(_Table):
         return data
 
 
-class FitTable(_Table):
+class FitTable(Table):
     """`[fit]`: what the fitted body has to do beyond the scene."""
 
     other_loads: float = Field(default=0.1, gt=0.0, le=1.0)
 
 
-class SceneFile(_Table):
+class SceneFile(Table):
     """A whole scene file."""
 
     loaded: list[Name] | None = None
@@ -246,10 +239,7 @@ def read_scene_file(path: Path) -> SceneFile:
         Every wrong key at once, with what was found and what would do.
     """
     data = read_toml(path, SceneError, Kind.SCENE)
-    try:
-        scene = SceneFile.model_validate(data)
-    except ValidationError as error:
-        raise SceneError(f"{path}:\n  " + explain(error, SceneFile, data, "docs/scenes.md")) from error
+    scene = validated(SceneFile, data, SceneError, "docs/scenes.md", path)
     folder = path.parent
     placed: dict[str, Any] = {}
     for kind in ("static", "transient"):

@@ -8,7 +8,9 @@ import json
 import os
 import subprocess
 import sys
-from contextlib import suppress
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -22,7 +24,8 @@ from ..fmu.package import package_fmu
 from ..fmu.variables import METHOD, STEP_LIMIT, STEP_TOLERANCE
 from ..methods import Variant
 from ..model.reduced_body import ReducedBody
-from .fmu_worker import LONGEST_STEPS, MARK
+from .cost import timing_loads
+from .fmu_worker import MARK
 from .scene import AXES, Scene
 
 # What is told of a process that died, characters.
@@ -200,11 +203,29 @@ class FmuTimer:
             process.communicate()
 
 
+@contextmanager
+def fmu_timer(wanted: bool = True) -> Iterator[FmuTimer | None]:
+    """Timer with a folder of its own; None where none is wanted.
+
+    Parameters
+    ----------
+    wanted : bool
+
+    Yields
+    ------
+    FmuTimer or None
+    """
+    if not wanted:
+        yield None
+        return
+    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder, FmuTimer(Path(folder)) as timer:
+        yield timer
+
+
 def _load_rows(scene: Scene) -> list[dict[str, float]]:
-    """Inputs by name of the scene's first transient, or of half its first static load."""
-    every = scene.transient[0].start_loads if scene.transient else (scene.static[0].peak.scaled(0.5),)
+    """Inputs by name of `timing_loads`."""
     rows = []
-    for loads in every[:LONGEST_STEPS]:
+    for loads in timing_loads(scene):
         row: dict[str, float] = {}
         for kind in ("force", "moment"):
             for name, values in zip(scene.names, getattr(loads, kind), strict=True):

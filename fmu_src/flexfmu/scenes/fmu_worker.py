@@ -5,7 +5,6 @@ nobody's. Run as a module by `fmu_cost.FmuTimer`.
 """
 
 import json
-import math
 import os
 import statistics
 import sys
@@ -14,10 +13,9 @@ from typing import Any
 import fmpy
 from fmpy.fmi2 import FMU2Slave
 
-from .pace import BLOCK_TIME, Clock, calm_blocks
+from .pace import Clock, calm_blocks, timed_piece
 
 MARK = "RESULT "
-SHORTEST_STEPS, LONGEST_STEPS = 10, 300
 
 
 class Driven:
@@ -85,16 +83,14 @@ def timed(
     dict of str to float
         s a step: fmu, empty: fastest; and busy.
     """
-    piece = rows[:LONGEST_STEPS] if len(rows) > 1 else rows * LONGEST_STEPS
-    values = [[row.get(name, 0.0) for name in driven.inputs] for row in piece]
-    zeros = [[row.get(name, 0.0) for name in empty.inputs] for row in piece]
+    first = [[rows[0].get(name, 0.0) for name in driven.inputs]]
     driven.begin(parameters)
     start = driven.slave.getFMUState()
     # What is prepared at the first steps is there afterwards.
-    driven.run(values[:2], step)
-    took = driven.run(values[:1], step)
-    count = max(SHORTEST_STEPS, math.ceil(BLOCK_TIME / took))
-    values = values[:count]
+    driven.run(first * 2, step)
+    piece = timed_piece(rows, driven.run(first, step))
+    values = [[row.get(name, 0.0) for name in driven.inputs] for row in piece]
+    zeros = [[row.get(name, 0.0) for name in empty.inputs] for row in piece]
 
     def block() -> tuple[float, float]:
         driven.slave.setFMUState(start)

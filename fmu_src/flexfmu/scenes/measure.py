@@ -1,8 +1,6 @@
-"""How far a model is off in a scene, and what its steps cost."""
+"""How far a model is off in a scene."""
 
 import math
-import statistics
-import time
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,15 +12,12 @@ from ..loads import Loads
 from ..mesh.model import FloatArray
 from ..model.errors import RuntimeBodyError
 from .config import AcceptedTable
-from .pace import BLOCK_TIME, Clock, calm_blocks
 from .reference import Reference, follow
 from .scene import Scene, StaticCase, TransientCase
 
 # An interface that moves less than this share of the one that moves farthest is judged by that share.
 _FLOOR = 1e-3
-_SHORTEST_STEPS, _LONGEST_STEPS = 10, 300
 _FILTER_ORDER = 4
-_EQUILIBRIA = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +106,7 @@ def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> Er
     Errors
     """
     places = [model.model.interface_names.index(name) for name in scene.read]
-    fit = partial(_on_interfaces, scene, model)
+    fit = partial(on_interfaces, scene, model)
     static, moving = _Worst(), _Worst()
     try:
         for case in scene.static:
@@ -174,8 +169,8 @@ def equilibria_errors(scene: Scene, case: StaticCase, motion: FloatArray, known:
     )
 
 
-def _on_interfaces(scene: Scene, model: FlexibleBody, loads: Loads) -> Loads:
-    """Loads of the scene's interfaces on those of a model that may have more of them."""
+def on_interfaces(scene: Scene, model: FlexibleBody, loads: Loads) -> Loads:
+    """Loads of the scene's interfaces on those of a model that may have more of them; other interfaces bear none."""
     names = model.model.interface_names
     if names == scene.names:
         return loads
@@ -198,14 +193,14 @@ def _look_at_rest(
 def _look_over_time(worst: _Worst, scene: Scene, case: TransientCase, found: FloatArray, expected: FloatArray) -> None:
     error, size = found - expected, expected
     if case.frequencies is not None:
-        error, size = (_within(signal, case.frequencies, case.step) for signal in (error, size))
+        error, size = (within(signal, case.frequencies, case.step) for signal in (error, size))
     where = [f"{case.name}, {name}" for name in scene.read]
     for kind, part in (("displacement", slice(0, 3)), ("rotation", slice(3, 6))):
         rms = [np.sqrt(np.mean(np.sum(signal[:, :, part] ** 2, axis=2), axis=0)) for signal in (error, size)]
         worst.look(kind, rms[0], rms[1], scene.file.tolerance.transient, where)
 
 
-def _within(signal: FloatArray, band: tuple[float, float], step: float) -> FloatArray:
+def within(signal: FloatArray, band: tuple[float, float], step: float) -> FloatArray:
     """What a signal (T, ...) holds within a range of frequencies (Hz), without shifting it in time."""
     low, high = band
     edges, kind = (high, "lowpass") if low == 0.0 else ((low, high), "bandpass")
@@ -213,108 +208,3 @@ def _within(signal: FloatArray, band: tuple[float, float], step: float) -> Float
     padding = min(len(signal) - 1, 3 * (2 * len(sections) + 1))
     result: FloatArray = sosfiltfilt(sections, signal, axis=0, padlen=padding)
     return result
-
-
-@dataclass(frozen=True, slots=True)
-class StepCost:
-    """Time of a step of the model without FMI, outputs included.
-
-    Attributes
-    ----------
-    fastest, median : float
-        s, of blocks of steps.
-    iterations : float
-        Rounds of the implicit iteration a step.
-    busy : float
-        How much slower than at its best the machine did a fixed piece of work meanwhile: 1 when it was calm.
-    """
-
-    fastest: float
-    median: float
-    iterations: float
-    busy: float
-
-
-def communication_step(scene: Scene, model: FlexibleBody) -> float:
-    """Step (s) at which models are timed: that of the scene's first transient, else what the body suggests."""
-    return scene.transient[0].step if scene.transient else model.model.suggested_step
-
-
-def step_cost(scene: Scene, model: FlexibleBody, step: float) -> StepCost:
-    """Time steps of a model under the scene's first transient, or half its first static load, suddenly put on.
-
-    Parameters
-    ----------
-    scene : Scene
-    model : FlexibleBody
-    step : float
-        s.
-
-    Returns
-    -------
-    StepCost
-
-    Raises
-    ------
-    RuntimeBodyError
-        The model has no answer.
-    """
-    heavy = model.model.masses is not None
-    fit = partial(_on_interfaces, scene, model)
-    if scene.transient:
-        rows = [fit(loads).packed(heavy) for loads in scene.transient[0].start_loads]
-    else:
-        rows = [fit(scene.static[0].peak.scaled(0.5)).packed(heavy)]
-    # Two steps, so that whatever is prepared once is there.
-    state = model.rest()
-    for _ in range(2):
-        state, _ = model.step_packed(state, rows[0], step)
-    start = time.perf_counter()
-    state, _ = model.step_packed(state, rows[0], step)
-    affordable = math.ceil(BLOCK_TIME / (time.perf_counter() - start))
-    # Every block is the same piece of the scene, from its start.
-    piece = rows[:_LONGEST_STEPS] if len(rows) > 1 else rows * _LONGEST_STEPS
-    piece = piece[: max(_SHORTEST_STEPS, affordable)]
-
-    def block() -> tuple[float, float]:
-        state, iterations, clock = model.rest(), 0, Clock()
-        for inputs in piece:
-            state, work = model.step_packed(state, inputs, step)
-            model.motion(state)
-            iterations += work.iterations
-        return clock.elapsed() / len(piece), iterations / len(piece)
-
-    done = calm_blocks(block)
-    times = [took for _, (took, _) in done]
-    rounds = statistics.mean(iterations for _, (_, iterations) in done)
-    return StepCost(min(times), statistics.median(times), rounds, statistics.median(busy for busy, _ in done))
-
-
-def equilibrium_time(scene: Scene, model: FlexibleBody) -> float:
-    """Time (s) that a model takes for the equilibrium under the first static case, from rest; the fastest of a few.
-
-    Parameters
-    ----------
-    scene : Scene
-    model : FlexibleBody
-
-    Returns
-    -------
-    float
-        Not a number where the scene has no static case.
-
-    Raises
-    ------
-    RuntimeBodyError
-        There is none.
-    """
-    if not scene.static:
-        return math.nan
-    case = scene.static[0]
-    loads = _on_interfaces(scene, model, case.peak.scaled(case.factors[-1]))
-    times = []
-    for _ in range(_EQUILIBRIA):
-        clock = Clock()
-        model.static(loads)
-        times.append(clock.elapsed())
-    return min(times)

@@ -1,12 +1,19 @@
 """Timing on a machine that does other things too: blocks of work, of which those count that met it calm."""
 
 import math
+import statistics
 import sys
 import time
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+
+if TYPE_CHECKING:
+    # The process that times FMUs needs neither.
+    from ..body import FlexibleBody
+    from ..mesh.model import FloatArray
 
 T = TypeVar("T")
 
@@ -19,8 +26,8 @@ _LONG, _FEWEST_BLOCKS = 2.0, 3
 
 BLOCKS = 7
 """Blocks that count."""
-BLOCK_TIME = 0.02
-"""Time that a block may take, s, if that is enough for a few steps."""
+# Time that a block may take, s, if that is enough for a few steps; and steps of a block.
+_BLOCK_TIME, _SHORTEST, _LONGEST = 0.02, 10, 300
 
 
 class Clock:
@@ -57,6 +64,24 @@ class Pace:
 _PACE = Pace()
 
 
+def timed_piece(rows: Sequence[T], took: float) -> list[T]:
+    """Loads of the steps of a block: from the first on; a single one holds.
+
+    Parameters
+    ----------
+    rows : sequence
+        One a step.
+    took : float
+        Time of a step, s.
+
+    Returns
+    -------
+    list
+    """
+    piece = list(rows[:_LONGEST]) if len(rows) > 1 else list(rows) * _LONGEST
+    return piece[: max(_SHORTEST, math.ceil(_BLOCK_TIME / max(took, 1e-9)))]
+
+
 def calm_blocks(block: Callable[[], T]) -> list[tuple[float, T]]:
     """Do a block of work until the machine was calm often enough.
 
@@ -86,3 +111,66 @@ def calm_blocks(block: Callable[[], T]) -> list[tuple[float, T]]:
             # Someone else is at work: wait a little.
             time.sleep(_PAUSE)
     return sorted(done, key=lambda one: one[0])[:BLOCKS]
+
+
+@dataclass(frozen=True, slots=True)
+class StepCost:
+    """Time of a step of the model without FMI, outputs included.
+
+    Attributes
+    ----------
+    fastest, median : float
+        s, of blocks of steps.
+    iterations : float
+        Rounds of the implicit iteration a step.
+    busy : float
+        How much slower than at its best the machine did a fixed piece of work meanwhile: 1 when it was calm.
+    """
+
+    fastest: float
+    median: float
+    iterations: float
+    busy: float
+
+
+def time_steps(model: "FlexibleBody", rows: Sequence["FloatArray"], step: float) -> StepCost:
+    """Time steps of a model from rest, outputs included.
+
+    Parameters
+    ----------
+    model : FlexibleBody
+    rows : sequence of (L,) float
+        Loads of each step; a single one holds.
+    step : float
+        s.
+
+    Returns
+    -------
+    StepCost
+
+    Raises
+    ------
+    RuntimeBodyError
+        The model has no answer.
+    """
+    # Two steps, so that whatever is prepared once is there.
+    state = model.rest()
+    for _ in range(2):
+        state, _ = model.step_packed(state, rows[0], step)
+    clock = Clock()
+    model.step_packed(state, rows[0], step)
+    # Every block is the same piece of the scene, from its start.
+    piece = timed_piece(rows, clock.elapsed())
+
+    def block() -> tuple[float, float]:
+        state, iterations, clock = model.rest(), 0, Clock()
+        for inputs in piece:
+            state, work = model.step_packed(state, inputs, step)
+            model.motion(state)
+            iterations += work.iterations
+        return clock.elapsed() / len(piece), iterations / len(piece)
+
+    done = calm_blocks(block)
+    times = [took for _, (took, _) in done]
+    rounds = statistics.mean(iterations for _, (_, iterations) in done)
+    return StepCost(min(times), statistics.median(times), rounds, statistics.median(busy for busy, _ in done))

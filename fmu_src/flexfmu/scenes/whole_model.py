@@ -8,7 +8,7 @@ import numpy as np
 
 from ..config import BodyFile
 from ..errors import AccuracyError
-from ..fe.assembly import mass, volume_matrices
+from ..fe.assembly import volume_matrices
 from ..fe.faces import element_faces
 from ..fe.nonlinear import load_path
 from ..mesh.checks import checked
@@ -18,6 +18,7 @@ from ..progress import Reporter
 from ..reduction.basis import Matrices
 from ..reduction.interfaces import Interface, fit_interface
 from ..reduction.model import Model, assemble_model
+from ..reduction.point_masses import model_mass
 from ..rotations import exponential, rotation_vector
 from ..store import Store, content_key
 from . import calculix
@@ -92,7 +93,7 @@ class WholeModel:
             result += interface.nodal_loads(len(mesh.points))[:, :3] @ force
         if np.any(case.peak.acceleration):
             # In the frame of its supports every mass feels the opposite.
-            result -= mass(mesh, volume_matrices(mesh)) @ np.tile(case.peak.acceleration, len(mesh.points))
+            result -= model_mass(mesh, volume_matrices(mesh)) @ np.tile(case.peak.acceleration, len(mesh.points))
         return result
 
     def refusal(self, case: StaticCase) -> str:
@@ -149,7 +150,7 @@ def _by_flexfmu(whole: WholeModel, case: StaticCase, load: FloatArray, report: R
     model = whole.model
     wall, own = time.perf_counter(), time.process_time()
     try:
-        path = load_path(model.mesh, model.free, model.spring, load, case.factors, report)
+        path = load_path(model.mesh, model.unknowns, model.spring, load, case.factors, report)
     except AccuracyError as error:
         raise SceneError(f"{case.name}: {error}; or bring results") from error
     # What other programs took of the processor meanwhile does not count, nor do threads.

@@ -1,22 +1,20 @@
 """Map of a load that presses against the critical one, per method: deflection under a small side load."""
 
-import time
-from collections.abc import Container, Iterator
+from collections.abc import Container
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from ..body import FlexibleBody
-from ..loads import Loads
 from ..mesh.model import FloatArray
-from ..methods import Method, Variant, lean
-from ..model.errors import RuntimeBodyError
+from ..methods import Method
 from ..model.reduced_body import ReducedBody
 from ..program.compile import compile_draft
 from .config import Map
-from .records import Key, Run, StabilityError, Verdict, verdict
-from .slave import Aboard, Told
-from .subject import Subject, linear_response, unit
+from .records import Run, StabilityError
+from .statics import Rows, StaticMap
+from .subject import Subject, Task, linear_response, unit
 
 # Deflection by the side load alone, as part of the interface's distance from the farthest point of the body.
 _SIDE = 1e-3
@@ -53,56 +51,56 @@ def reason_against(subject: Subject) -> str | None:
     return None
 
 
-def _rows(subject: Subject) -> Iterator[tuple[int, list[tuple[str, Method]], list[Run]]]:
-    """Numbers of frames, the methods that each serves, and their runs, of which nothing is known yet."""
-    shares = subject.table.shares
-    for frames in (0, *subject.table.frames):
-        rows = _methods(frames, max(subject.table.frames))
-        blank = [subject.blank(Map.BUCKLING, "methods", f"{s:g}", label) for label, _ in rows for s in shares]
-        yield frames, rows, blank
+def static_map(subject: Subject) -> StaticMap:
+    """Rows and places of the map."""
+    counts = subject.table.frames
+    rows = [
+        Rows(
+            tuple(_methods(frames, max(counts))),
+            {
+                "frames": frames or None,
+                "geometric_stiffness": ["by_load"],
+                "second_order": bool(frames),
+                "method": Method.FRAMES if frames else Method.LINEAR,
+            },
+        )
+        for frames in (0, *counts)
+    ]
+    # As in an FMU that was built for the method alone.
+    return StaticMap(
+        Map.BUCKLING, "methods", "diagnostics.stability", tuple(subject.table.shares), tuple(rows), alone=True
+    )
 
 
 def planned(subject: Subject) -> list[Run]:
     """Runs of the whole map, of which nothing is known yet."""
-    return [run for _, _, runs in _rows(subject) for run in runs]
+    return static_map(subject).planned(subject)
 
 
-def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
-    """Run what is not `done`.
+def tasks(subject: Subject, done: Container[object], _folder: Path) -> list[Task]:
+    """What is not done.
 
     Parameters
     ----------
     subject : Subject
     done : container of keys
+    _folder : Path
 
-    Yields
-    ------
-    Run
+    Returns
+    -------
+    list of Task
     """
-    finest = subject.reference()
-    reader = subject.interface(finest.model)
-    press = _press(subject, finest.model, reader)
-    subject.report.note(
-        f"presses along {_words(press.along)} at {finest.model.interface_names[reader]}: "
-        f"critical {press.critical:.4g} N"
-    )
-    truth = {share: _static(finest, press, share, reader) for share in subject.table.shares}
-    for frames, rows, keys in _rows(subject):
-        if all(run.key in done for run in keys):
-            continue
-        body = subject.reduced(
-            frames=frames or None,
-            geometric_stiffness=["by_load"],
-            second_order=bool(frames),
-            method=Method.FRAMES if frames else Method.LINEAR,
+
+    def loads(finest: FlexibleBody, reader: int) -> dict[float, FloatArray]:
+        body = finest.model
+        press = _press(subject, body, reader)
+        subject.report.note(
+            f"presses along {_words(press.along)} at {body.interface_names[reader]}: critical {press.critical:.4g} N"
         )
-        for label, method in rows:
-            # As in an FMU that was built for the method alone.
-            with Aboard(lean(body, Variant(method))) as aboard:
-                for run in keys:
-                    if run.y == label and run.key not in done:
-                        share = float(run.x)
-                        yield _one(subject, aboard, run, press, truth[share], reader)
+        heavy = body.masses is not None
+        return {share: _inputs(press, share, body.interface_count, heavy, reader) for share in subject.table.shares}
+
+    return static_map(subject).tasks(subject, done, loads)
 
 
 def _methods(frames: int, most: int) -> list[tuple[str, Method]]:
@@ -154,32 +152,6 @@ def _inputs(press: _Press, share: float, interfaces: int, heavy: bool, reader: i
     inputs = np.zeros(6 * interfaces + (3 if heavy else 0))
     inputs[6 * reader : 6 * reader + 3] = share * press.critical * press.along + press.side * press.aside
     return inputs
-
-
-def _static(model: FlexibleBody, press: _Press, share: float, reader: int) -> FloatArray | None:
-    """Displacement (3,) of the finest body in equilibrium; None where there is none."""
-    body = model.model
-    inputs = _inputs(press, share, body.interface_count, body.masses is not None, reader)
-    try:
-        state = model.static(Loads.unpacked(inputs, body.interface_count))
-    except RuntimeBodyError:
-        return None
-    displacement: FloatArray = model.response(state).displacement[reader]
-    return displacement
-
-
-def _one(subject: Subject, aboard: Aboard, run: Run, press: _Press, truth: FloatArray | None, reader: int) -> Run:
-    start, body = time.perf_counter(), aboard.body
-    inputs = _inputs(press, float(run.x), body.interface_count, body.masses is not None, reader)
-    told = Told(aboard, {"initialization": "static"}, inputs)
-    error = stability = float("nan")
-    if not told.refused:
-        stability = told.real("diagnostics.stability")
-        if truth is not None:
-            error = float(np.linalg.norm(told.motion()[reader, 0] - truth) / np.linalg.norm(truth))
-    found: Verdict = verdict(error, told.warned, told.refused, subject.table.tolerance)
-    seconds = time.perf_counter() - start
-    return Run(*run.key_and_owner, found.value, error, stability, 1, seconds, told.words)
 
 
 def _words(direction: FloatArray) -> str:

@@ -3,12 +3,10 @@
 from enum import Enum
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from ..limits import MOST_FRAMES
-
-Positive = Annotated[float, Field(gt=0.0)]
-Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+from ..toml_files import Positive, Table, Vector
 
 
 class Map(Enum):
@@ -22,10 +20,8 @@ class Map(Enum):
     """Coupling step against stiffness and mass of what hangs on an interface."""
 
 
-class StabilityTable(BaseModel):
+class StabilityTable(Table):
     """`[stability]`: every key has a default, found from the scene's first static case or from the body."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
     maps: list[Annotated[Map, Field(strict=False)]] = Field(default=list(Map), min_length=1)
     interface: str | None = None

@@ -1,9 +1,9 @@
 """Map of coupling step against stiffness and mass of what hangs on an interface, by FMUs and the master."""
 
-import tempfile
 import time
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -19,10 +19,10 @@ from ..master.results import Result
 from ..mesh.model import FloatArray
 from ..methods import Method
 from ..model.reduced_body import ReducedBody
-from ..progress import Reporter
+from ..scenes.reports import Heard
 from .config import Map
-from .records import Key, Run, verdict
-from .subject import Subject, linear_response, period, unit
+from .records import Run, verdict
+from .subject import Subject, Task, linear_response, period, unit
 
 SCHEMES: dict[str, dict[str, str]] = {
     "jacobi": {"scheme": "jacobi"},
@@ -61,17 +61,6 @@ class _Interface:
     size: float
 
 
-class _Words(Reporter):
-    """Keeps what is warned of."""
-
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def warning(self, text: str) -> None:
-        """Keep it."""
-        self.said.append(text)
-
-
 def reason_against(subject: Subject) -> str | None:
     """Why the map has no meaning for a body."""
     if subject.config.free:
@@ -92,17 +81,19 @@ def planned(subject: Subject) -> list[Run]:
     return [run for mass_ratio in subject.table.mass_ratios for run, *_ in _cells(subject, mass_ratio)]
 
 
-def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
-    """Run what is not `done`.
+def tasks(subject: Subject, done: Container[object], folder: Path) -> list[Task]:
+    """What is not done, a task a run.
 
     Parameters
     ----------
     subject : Subject
     done : container of keys
+    folder : Path
+        For the FMUs while they are needed.
 
-    Yields
-    ------
-    Run
+    Returns
+    -------
+    list of Task
     """
     body = subject.reduced()
     interface = _interface(subject, body)
@@ -110,15 +101,18 @@ def runs(subject: Subject, done: Container[Key]) -> Iterator[Run]:
         f"{interface.name}: {interface.stiffness:.4g} N/m, {interface.mass:.4g} kg within a step; lowest period "
         f"{period(body):.4g} s"
     )
-    with tempfile.TemporaryDirectory(prefix="flexfmu-") as name:
-        folder = Path(name)
-        package_fmu(body, folder / "body.fmu")
-        for mass_ratio in subject.table.mass_ratios:
-            mass = mass_ratio * interface.mass
-            package_fmu(_point_mass(mass), folder / "mass.fmu")
-            for run, scheme, count, ratio in _cells(subject, mass_ratio):
-                if run.key not in done:
-                    yield _one(subject, folder, run, body, interface, mass, ratio, count, scheme)
+    package_fmu(body, folder / "body.fmu")
+    found: list[Task] = []
+    silent = subject.silent()
+    for mass_ratio in subject.table.mass_ratios:
+        mass, file = mass_ratio * interface.mass, f"mass{mass_ratio:g}.fmu"
+        package_fmu(_point_mass(mass), folder / file)
+        found += [
+            partial(_run, silent, folder, file, run, body, interface, mass, ratio, count, scheme)
+            for run, scheme, count, ratio in _cells(subject, mass_ratio)
+            if run.key not in done
+        ]
+    return found
 
 
 def _interface(subject: Subject, body: ReducedBody) -> _Interface:
@@ -153,9 +147,10 @@ def _point_mass(mass: float) -> ReducedBody:
     )
 
 
-def _one(
+def _run(
     subject: Subject,
     folder: Path,
+    file: str,
     run: Run,
     body: ReducedBody,
     interface: _Interface,
@@ -163,7 +158,7 @@ def _one(
     ratio: float,
     count: float,
     scheme: str,
-) -> Run:
+) -> tuple[list[Run], list[str]]:
     start = time.perf_counter()
     stiffness, step = ratio * interface.stiffness, period(body) / count
     force = _SMALL * interface.size * interface.stiffness
@@ -174,13 +169,13 @@ def _one(
     spring = {"a": f"body.{interface.name}", "b": f"mass.{_POINT}", "stiffness": [float(stiffness)] * 3 + [0.0] * 3}
     pushed = {f"{_POINT}.force.{axis}": float(force * x) for axis, x in zip("xyz", interface.along, strict=True)}
     axes = [f"{name}.displacement.{axis}" for name in (f"body.{interface.name}", f"mass.{_POINT}") for axis in "xyz"]
-    words = _Words()
+    heard = Heard()
     coupling = parse_coupling(
         {
             "experiment": {"stop": steps * step, "step": step, **SCHEMES[scheme]},
             "fmu": [
                 {"name": "body", "file": "body.fmu"},
-                {"name": "mass", "file": "mass.fmu", "start": pushed},
+                {"name": "mass", "file": file, "start": pushed},
             ],
             "spring": [spring],
             "output": {"variables": axes},
@@ -189,18 +184,19 @@ def _one(
     )
     refused, said = False, ""
     try:
-        result = couple(coupling, words)
+        result = couple(coupling, heard)
     except CouplingStoppedError as stopped:
         if stopped.exit_code == INTERRUPTED:
             # Of the user, not of the coupling.
             raise
         refused, said, result = True, str(stopped), stopped.result
     error = _error(result, axes, interface, growth, shapes, source)
-    found = verdict(error, bool(words.said), refused, subject.table.tolerance)
-    told = said or (words.said[0] if words.said else "")
+    found = verdict(error, bool(heard.warnings), refused, subject.table.tolerance)
+    told = said or (heard.warnings[0] if heard.warnings else "")
     kappa = _kappa(body, interface, mass, stiffness, step)
     seconds = time.perf_counter() - start
-    return Run(*run.key_and_owner, found.value, error, kappa, len(result.time) - 1, seconds, told)
+    taken = len(result.time) - 1
+    return [replace(run, verdict=found.value, error=error, measure=kappa, taken=taken, seconds=seconds, words=told)], []
 
 
 def _system(

@@ -1,23 +1,32 @@
 """All maps of a body: run what is not recorded yet, record it, draw."""
 
+import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..progress import Reporter
+from ..progress import Reporter, Tell
+from ..scenes.jobs import Crew
+from ..scenes.record_file import RecordFile
 from ..store import Store
 from ..targets import PICTURE_SUFFIXES, check_target
 from . import buckling, coupling, rotation
 from .config import Map
 from .picture import pictures
-from .records import Run, Runs, Verdict
-from .subject import read_subject
+from .records import LAYOUT, Run, Verdict
+from .subject import Subject, read_subject
 
 _MAPS = {Map.BUCKLING: buckling, Map.ROTATION: rotation, Map.COUPLING: coupling}
 
 
 def chart_stability(
-    body: Path, scene: Path, records: Path, picture: Path | None, report: Reporter, store: Store
+    body: Path,
+    scene: Path,
+    records: Path,
+    picture: Path | None,
+    report: Reporter,
+    store: Store,
+    crew: Crew | None = None,
 ) -> list[str]:
     """Make the maps that a scene asks for.
 
@@ -31,6 +40,8 @@ def chart_stability(
         Each map is drawn as NAME_MAP beside this name.
     report : Reporter
     store : Store
+    crew : Crew, optional
+        Processes that make the runs. Default: this one.
 
     Returns
     -------
@@ -46,7 +57,7 @@ def chart_stability(
     if picture is not None:
         check_target(picture, PICTURE_SUFFIXES, inputs=(body, scene, records))
     subject = read_subject(body, scene, report, store)
-    kept = Runs(records, subject.digest)
+    kept = RecordFile(LAYOUT, records, subject.digest)
     lines = []
     wanted = [kind for kind in Map if kind in subject.table.maps]
     for place, kind in enumerate(wanted, start=1):
@@ -57,13 +68,26 @@ def chart_stability(
         left = sum(run.key not in kept for run in _MAPS[kind].planned(subject))
         title = f"Map of {kind.value}, {place} of {len(wanted)}"
         with report.counted(title, left, "runs") as tell:
-            for number, run in enumerate(_MAPS[kind].runs(subject, kept), start=1):
-                kept.append(run)
-                tell(number)
+            _run(subject, kind, kept, crew or Crew(), tell)
         lines.append(f"{kind.value}: {_summary([run for run in kept.rows if run.map == kind.value])}")
     if picture is not None:
         lines += [str(path) for path in pictures(records, picture)]
     return lines
+
+
+def _run(subject: Subject, kind: Map, kept: RecordFile[Run], crew: Crew, tell: Tell) -> None:
+    """Make and record the runs of a map that are not recorded yet."""
+    if all(run.key in kept for run in _MAPS[kind].planned(subject)):
+        return
+    done = 0
+    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
+        for runs, warnings in crew.each(_MAPS[kind].tasks(subject, kept, Path(folder))):
+            for text in warnings:
+                subject.quiet.warning(text)
+            for run in runs:
+                kept.append(run)
+                done += 1
+                tell(done)
 
 
 def _summary(runs: Sequence[Run]) -> str:

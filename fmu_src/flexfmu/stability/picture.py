@@ -1,35 +1,43 @@
-"""Pictures of the maps, from records alone: a panel a grid of runs, each told by colour, sign and error."""
+"""Pictures of the maps, from records alone: a panel a grid of runs, shaded by error, with a sign for each verdict."""
 
 import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.legend_handler import HandlerPatch
+from matplotlib.patches import Patch, Polygon, Rectangle
 
-from ..targets import PICTURE_SUFFIXES, check_target, whole_file
+from ..figures import ORANGE, VERMILION, save
+from ..targets import PICTURE_SUFFIXES, check_target
 from .config import Map
-from .records import Run, StabilityError, Verdict, read_runs
+from .records import LAYOUT, Run, StabilityError, Verdict
 
-# Told apart in grey and by colour-blind eyes (Okabe and Ito); signs tell where colours fail.
-_LOOK = {
-    Verdict.RIGHT: ("#cfe8f7", "", "right"),
-    Verdict.WARNED: ("#f0d64a", "", "warned"),
-    Verdict.REFUSED: ("#8c8c8c", "////", "refused"),
-    Verdict.SILENT: ("#d55e00", "xxxx", "wrong in silence"),
+# Errors are shades, which grey and colour-blind eyes keep apart; verdicts are signs.
+_SHADES = LinearSegmentedColormap.from_list("errors", ["#f1f6fb", "#c6dcef", "#5b9bcb", "#0b4c8c"])
+_LEAST, _MOST = 1e-3, 1.0
+# From here on a shade is so dark that its number is white.
+_DARK = 0.6
+_REFUSED = "#b0b0b0"
+_WORDS = {
+    Verdict.RIGHT: "within the tolerance, no warning",
+    Verdict.WARNED: "warned",
+    Verdict.REFUSED: "refused",
+    Verdict.SILENT: "wrong in silence",
 }
 _AXES = {
-    Map.BUCKLING: ("load / critical load", ""),
-    Map.ROTATION: ("rotation in linear theory / °", ""),
-    Map.COUPLING: ("stiffness of the spring / the interface's", "steps a period of the lowest mode"),
+    Map.BUCKLING: ("load / critical load", "method"),
+    Map.ROTATION: ("rotation in linear theory / °", "frames × method"),
+    Map.COUPLING: ("spring / interface stiffness", "steps a period"),
 }
 _COLUMNS = {Map.BUCKLING: 1, Map.ROTATION: 1, Map.COUPLING: 4}
 _CELL, _ROW = 0.42, 0.3
+# Part of a cell that its sign takes.
+_SIGN = 0.3
 
 
 def pictures(records: Path, picture: Path) -> list[Path]:
@@ -51,7 +59,7 @@ def pictures(records: Path, picture: Path) -> list[Path]:
         A picture cannot be written.
     """
     check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
-    runs = read_runs(records)
+    runs = LAYOUT.read(records)
     if not runs:
         raise StabilityError(f"{records}: no runs, nothing to draw")
     drawn = []
@@ -71,31 +79,29 @@ def _draw(kind: Map, rows: Sequence[Run], target: Path) -> None:
     first = [run for run in rows if run.panel == panels[0]]
     wide, high = len({run.x for run in first}), len({run.y for run in first})
     named = kind in (Map.BUCKLING, Map.ROTATION)
-    width = columns * (_CELL * wide + 0.35) + (1.9 if named else 0.75)
-    height = lines * (_ROW * high + 0.62) + 0.75
+    width = columns * (_CELL * wide + 0.6) + (2.6 if named else 1.1)
+    height = lines * (_ROW * high + 0.8) + 0.75
     figure, grid = plt.subplots(lines, columns, figsize=(width, height), squeeze=False, layout="constrained")
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
     for axes, panel in zip(grid.flat, panels, strict=False):
         _panel(axes, [run for run in rows if run.panel == panel], named)
+        axes.set_xlabel(_AXES[kind][0], fontsize="small")
+        axes.set_ylabel(_AXES[kind][1], fontsize="small")
         if len(panels) > 1:
             axes.set_title(panel, fontsize="small")
-    # One label for all panels: longer than a panel is high, they would run into each other.
-    grid[-1, columns // 2 if len(panels) == lines * columns else 0].set_xlabel(_AXES[kind][0], fontsize="small")
-    grid[lines // 2, 0].set_ylabel(_AXES[kind][1], fontsize="small")
+    scale = ScalarMappable(LogNorm(_LEAST, _MOST), _SHADES)
+    bar = figure.colorbar(scale, ax=grid, pad=0.02, fraction=0.03, aspect=30, extend="both")
+    bar.set_ticks([0.001, 0.01, 0.1, 1.0], labels=["0.1 %", "1 %", "10 %", "100 %"], fontsize="x-small")
+    bar.set_label("error", fontsize="small")
     found = {run.verdict for run in rows}
-    handles = [
-        Patch(facecolor=colour, hatch=hatch, edgecolor="0.3", linewidth=0.5, label=words)
-        for verdict, (colour, hatch, words) in _LOOK.items()
-        if verdict.value in found
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small", frameon=False)
+    handles = [_Sign(verdict) for verdict in Verdict if verdict.value in found]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small", frameon=False,
+        handler_map={_Sign: _SignInLegend()},
+    )  # fmt: skip
     figure.suptitle(f"{rows[0].body}: {kind.value}; numbers are errors in %", fontsize="medium")
-    try:
-        with whole_file(target) as part:
-            figure.savefig(part, dpi=150, format=target.suffix[1:])
-    finally:
-        plt.close(figure)
+    save(figure, target)
 
 
 def _panel(axes: Axes, rows: Sequence[Run], named: bool) -> None:
@@ -104,18 +110,63 @@ def _panel(axes: Axes, rows: Sequence[Run], named: bool) -> None:
     if named:
         up = up[::-1]
     for run in rows:
-        place = across.index(run.x), up.index(run.y)
-        colour, hatch, _ = _LOOK[Verdict(run.verdict)]
-        axes.add_patch(Rectangle(place, 1, 1, facecolor=colour, hatch=hatch, edgecolor="white", linewidth=0.8))
+        x, y = across.index(run.x), up.index(run.y)
+        verdict = Verdict(run.verdict)
+        shade = _shade(run.error)
+        face = _REFUSED if verdict is Verdict.REFUSED else _SHADES(shade)
+        axes.add_patch(Rectangle((x, y), 1, 1, facecolor=face, edgecolor="white", linewidth=0.8))
+        for patch in _sign(verdict, x, y, 1.0, 1.0):
+            axes.add_patch(patch)
         words = _words(run.error)
         if words:
-            box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.75} if hatch else None
-            axes.text(place[0] + 0.5, place[1] + 0.5, words, ha="center", va="center", fontsize=6, bbox=box)
+            dark = verdict is not Verdict.REFUSED and shade > _DARK
+            box = {"facecolor": _REFUSED, "edgecolor": "none", "pad": 0.6} if verdict is Verdict.REFUSED else None
+            colour = "white" if dark else "black"
+            axes.text(x + 0.5, y + 0.5, words, ha="center", va="center", fontsize=6, color=colour, bbox=box)
     axes.set_xlim(0, len(across))
     axes.set_ylim(0, len(up))
     axes.set_xticks(np.arange(len(across)) + 0.5, [f"{float(x):g}" for x in across], fontsize="x-small")
     axes.set_yticks(np.arange(len(up)) + 0.5, up, fontsize="x-small")
     axes.tick_params(length=0)
+
+
+def _shade(error: float) -> float:
+    """Place of an error between white and dark; what is no number is dark."""
+    if math.isnan(error):
+        return 1.0
+    return float(np.clip(np.log(max(error, 1e-12) / _LEAST) / np.log(_MOST / _LEAST), 0.0, 1.0))
+
+
+def _sign(verdict: Verdict, x: float, y: float, wide: float, high: float) -> list[Patch]:
+    """What a verdict puts on a cell."""
+    if verdict is Verdict.WARNED:
+        corner = [(x, y + high), (x + _SIGN * wide, y + high), (x, y + (1.0 - 1.5 * _SIGN) * high)]
+        return [Polygon(corner, facecolor=ORANGE, edgecolor="white", linewidth=0.4)]
+    if verdict is Verdict.REFUSED:
+        return [Rectangle((x, y), wide, high, fill=False, hatch="////", edgecolor="white", linewidth=0.8)]
+    if verdict is Verdict.SILENT:
+        return [Rectangle((x, y), wide, high, fill=False, hatch="xx", edgecolor=VERMILION, linewidth=2.0)]
+    return []
+
+
+class _Sign(Patch):
+    """A verdict in the legend."""
+
+    def __init__(self, verdict: Verdict):
+        super().__init__(label=_WORDS[verdict])
+        self.verdict = verdict
+
+
+class _SignInLegend(HandlerPatch):
+    """Draws a verdict as it is drawn on a cell."""
+
+    def create_artists(self, legend, orig_handle, xdescent, ydescent, width, height, fontsize, trans):  # type: ignore[no-untyped-def]  # noqa: ARG002
+        face = _REFUSED if orig_handle.verdict is Verdict.REFUSED else "#e3eef8"
+        cell = Rectangle((-xdescent, -ydescent), width, height, facecolor=face, edgecolor="0.4", linewidth=0.5)
+        found = [cell, *_sign(orig_handle.verdict, -xdescent, -ydescent, width, height)]
+        for one in found:
+            one.set_transform(trans)
+        return found
 
 
 def _words(error: float) -> str:

@@ -3,10 +3,9 @@
 import math
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
 
 from ..errors import FlexfmuError
-from ..record_file import Layout, RecordFile
+from ..scenes.record_file import Layout
 
 
 class StabilityError(FlexfmuError):
@@ -24,9 +23,6 @@ class Verdict(Enum):
     """The FMU, or the master, stopped."""
     SILENT = "silent"
     """Beyond the tolerance, and nothing said."""
-
-
-Key = tuple[str, str, str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +61,9 @@ class Run:
     words: str = ""
 
     @property
-    def key(self) -> Key:
+    def key(self) -> tuple[str, ...]:
         """What tells it from others."""
         return self.map, self.panel, self.x, self.y
-
-    @property
-    def key_and_owner(self) -> tuple[str, str, str, str, str, str]:
-        """The first columns."""
-        return self.digest, self.body, *self.key
 
 
 def verdict(error: float, warned: bool, refused: bool, tolerance: float) -> Verdict:
@@ -105,43 +96,3 @@ LAYOUT = Layout(
     others="runs of another body or scene, or of this one before it changed",
     error=StabilityError,
 )
-
-
-class Runs(RecordFile[Run]):
-    """Runs of a body's maps; see `RecordFile`.
-
-    Parameters
-    ----------
-    path : Path
-    digest : str
-    """
-
-    def __init__(self, path: Path, digest: str):
-        super().__init__(LAYOUT, path, digest)
-        self._known = {row.key for row in self.rows}
-
-    def __contains__(self, key: object) -> bool:
-        return key in self._known
-
-    def append(self, record: Run) -> None:
-        """Add a run."""
-        super().append(record)
-        self._known.add(record.key)
-
-
-def read_runs(path: Path) -> list[Run]:
-    """Read runs; see `Layout.read`.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    list of Run
-
-    Raises
-    ------
-    StabilityError
-    """
-    return LAYOUT.read(path)

@@ -1,19 +1,21 @@
 """What the maps are about: a body, reduced as they ask, and what a scene says or the body suggests."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..body import FlexibleBody
-from ..build import reduce_body
 from ..config import BodyFile, FormulationTable, read_body_file
 from ..mesh.model import FloatArray
 from ..methods import Method
 from ..model.reduced_body import ReducedBody
 from ..progress import Reporter
 from ..scenes.config import SceneFile, read_scene_file
+from ..scenes.reports import Heard
+from ..scenes.workshop import build
 from ..store import Store
 from .config import Map, StabilityTable
 from .records import Run, StabilityError
@@ -25,18 +27,8 @@ _REFERENCE_MODES, _REFERENCE_FRAMES = 20, 16
 _ROUND_OFF = 1e-6
 
 
-class _Quiet(Reporter):
-    """Passes warnings on, once each."""
-
-    def __init__(self, report: Reporter):
-        self._report = report
-        self._said: set[str] = set()
-
-    def warning(self, text: str) -> None:
-        """Pass it on."""
-        if text not in self._said:
-            self._said.add(text)
-            self._report.warning(text)
+Task = Callable[[], tuple[list[Run], list[str]]]
+"""Makes some runs, and tells what was warned of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +42,8 @@ class Subject:
     digest : str
     store : Store
     report : Reporter
-    quiet : Reporter
-        For the many reductions: warnings only.
+    quiet : Heard
+        For the many reductions: warnings only, once each.
     """
 
     config: BodyFile
@@ -59,12 +51,16 @@ class Subject:
     digest: str
     store: Store
     report: Reporter
-    quiet: Reporter
+    quiet: Heard
 
     @property
     def table(self) -> StabilityTable:
         """`[stability]`."""
         return self.scene.stability
+
+    def silent(self) -> "Subject":
+        """Return the same for another process: it keeps its warnings."""
+        return replace(self, report=Reporter(), quiet=Heard())
 
     def blank(self, kind: Map, panel: str, x: str, y: str) -> Run:
         """A run that nothing is known of yet."""
@@ -78,7 +74,7 @@ class Subject:
         if "method" in changes:
             update["formulation"] = FormulationTable.model_validate({"method": changes.pop("method")})
         update["reduction"] = self.config.reduction.model_copy(update=changes)
-        return reduce_body(self.config.model_copy(update=update).without_pictures, self.quiet, self.store)
+        return build(self.config.model_copy(update=update).without_pictures, self.store, self.quiet).body
 
     def reference(self) -> FlexibleBody:
         """The finest body: many modes with residual flexibility, many frames, stiffness by load."""
@@ -148,7 +144,7 @@ def read_subject(body: Path, scene: Path, report: Reporter, store: Store) -> Sub
     varied |= {"mass_ratios", "stiffness_ratios", "coupling_steps_per_period"}
     digest.update(file.stability.model_dump_json(exclude=varied).encode())
     digest.update(repr([(case.name, case.loads) for case in file.static[:1]]).encode())
-    return Subject(config, file, digest.hexdigest()[:12], store, report, _Quiet(report))
+    return Subject(config, file, digest.hexdigest()[:12], store, report, Heard(report))
 
 
 def linear_response(body: ReducedBody, inputs: FloatArray) -> FloatArray:

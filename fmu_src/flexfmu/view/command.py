@@ -12,7 +12,6 @@ from ..build import reduce_body
 from ..config import read_body_file
 from ..errors import FlexfmuError
 from ..fmu.package import read_packaged_body
-from ..fmu.simulation import read_table
 from ..fmu.variables import ACCELERATION
 from ..inputs import Kind, check_input, kind_of
 from ..loads import Loads
@@ -22,6 +21,7 @@ from ..progress import Reporter
 from ..quantities import number
 from ..replay import body_with, communication_points, replay
 from ..store import Store, default_folder
+from ..tables import read_table
 from ..targets import PICTURE_SUFFIXES, check_target, whole_file
 from .from_motion import motion_columns, shapes_of_least_energy
 from .mesh import body_file_view, mesh_view

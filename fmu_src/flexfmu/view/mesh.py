@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..build import _check_sets
+from ..build import check_sets
 from ..config import BodyFile, BodySpec
 from ..fe.assembly import volume_matrices
 from ..fe.faces import element_faces
@@ -53,7 +53,7 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
         mesh = checked(read_mesh(config.mesh.file, config.mesh.units))
         model = assemble_model(mesh, config)
         mesh = model.mesh
-        _check_sets(config, mesh)
+        check_sets(config, mesh)
         if config.cut == "auto":
             config, model, _ = cut_loops(config, model)
             mesh = model.mesh

@@ -1,0 +1,1 @@
+"""Benchmarks of the field: published problems, our error and what it costs."""

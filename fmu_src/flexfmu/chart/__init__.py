@@ -1,0 +1,1 @@
+"""Error against cost of all models of a body: tried, recorded, drawn."""

@@ -1,0 +1,90 @@
+"""Forces that flatten a body, told from those that bend its slender members (docs/theory.md, section 4c).
+
+Stress that turns with its material presses upon each section of a bend. What the sections feel as a whole, forces and
+moments, bends the body as loads do, which act on the deformed body already. What is left flattens.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from ..fe.assembly import volume_matrices
+from ..fe.faces import element_faces
+from ..mesh.model import FloatArray, IntArray, Mesh
+from ..rotations import skew
+from .division import distance_along, equal_labels, linked
+from .loops import SLENDER
+
+# Slices between the supports and what is farthest from them: bending within one of them is none of the body's.
+_LEVELS = 32
+# Squared length over which distances are evened, over the mean area of a section.
+_EVEN = 4.0
+# As of a level's boundary: round-off must not decide.
+_DIGITS = 9
+
+
+def slices(mesh: Mesh, anchored: IntArray) -> list[IntArray]:
+    """Slices across the slender members of a body.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    anchored : (k,) int
+        Nodes of the supports; none of a free body, which is sliced from the node farthest from its middle.
+
+    Returns
+    -------
+    list of (k,) int
+        Nodes of each, none of them twice. Pieces wider than a section of a slender member, as of plates, are left out.
+    """
+    if not anchored.size:
+        anchored = np.array([np.argmax(np.linalg.norm(mesh.points - mesh.points.mean(axis=0), axis=1))])
+    distance = distance_along(mesh, anchored)
+    way = float(distance.max())
+    link = linked(mesh, element_faces(mesh))
+    middle = _across(mesh, link, np.concatenate([distance[b.connectivity].mean(axis=1) for b in mesh.blocks]), way)
+    level = np.floor(np.round(_LEVELS * middle / way, _DIGITS)).astype(np.int64)
+    piece = connected_components(link.multiply(equal_labels(link, level)), directed=False)[1]
+    owner, first = np.full(len(mesh.points), -1), 0
+    for block in mesh.blocks:
+        own = piece[first : first + len(block.labels)]
+        first += len(block.labels)
+        owner[block.connectivity] = own[:, None]
+    found = [np.flatnonzero(owner == number) for number in np.unique(owner[owner >= 0])]
+    return [one for one in found if np.linalg.norm(np.ptp(mesh.points[one], axis=0)) <= SLENDER * way]
+
+
+def _across(mesh: Mesh, link: sp.csr_array, distance: FloatArray, way: float) -> FloatArray:
+    """Distances (e,) made even across each section: the shorter way inside of a bend would have slices lie askew."""
+    pairs = link.tocoo()
+    centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
+    volume = np.concatenate([matrices.sum(axis=(1, 2)) for matrices in volume_matrices(mesh)])
+    flow = pairs.data / np.linalg.norm(centre[pairs.row] - centre[pairs.col], axis=1)
+    spread = sp.csr_array(sp.coo_array((-flow, (pairs.row, pairs.col)), shape=link.shape))
+    spread = spread - sp.diags_array(np.asarray(spread.sum(axis=1)))
+    # Differences within a section of the mean area fade to a fortieth, those along the body stay.
+    matrix = sp.diags_array(volume) + _EVEN * volume.sum() / way * spread
+    result: FloatArray = np.asarray(sp.linalg.spsolve(sp.csc_array(matrix), volume * distance))
+    return result
+
+
+def without_resultants(points: FloatArray, forces: FloatArray, sliced: list[IntArray]) -> FloatArray:
+    """Nodal forces less those, spread as a rigid motion over each slice, that have the same force and moment.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    forces : (3n, p) float
+    sliced : list of (k,) int
+
+    Returns
+    -------
+    (3n, p) float
+    """
+    result = forces.reshape(len(points), 3, -1).copy()
+    for nodes in sliced:
+        arm = points[nodes] - points[nodes].mean(axis=0)
+        rigid = np.concatenate([np.broadcast_to(np.eye(3), (nodes.size, 3, 3)), -skew(arm)], axis=2).reshape(-1, 6)
+        own = result[nodes].reshape(len(rigid), -1)
+        result[nodes] = (own - rigid @ np.linalg.lstsq(rigid, own, rcond=None)[0]).reshape(nodes.size, 3, -1)
+    return result.reshape(forces.shape)

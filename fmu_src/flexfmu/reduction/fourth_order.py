@@ -1,0 +1,195 @@
+"""Energies of fourth order in displacements of a finite element model (docs/theory.md, section 4c)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..fe.quadratic_strain import mean_spin, quadratic_strain
+from ..fe.turned_stress import turned_stress
+from ..mesh.model import FloatArray, IntArray, Mesh
+from ..progress import Reporter
+from ..store import Store, content_key
+from .basis import Matrices
+from .flattening import slices, without_resultants
+
+# Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it.
+_STIFF = 1e-2
+# Energy below this share of the largest: a load on a support.
+_NONE = 1e-12
+# Right-hand sides at a time.
+_COLUMNS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """Energies of fourth order over that of second, where the material turns by one radian (rms).
+
+    Attributes
+    ----------
+    stretching, flattening : float
+        The largest of all motions looked at.
+    """
+
+    stretching: float
+    flattening: float
+
+
+@dataclass(frozen=True, slots=True)
+class Responses:
+    """Motions that turn the material by one radian (rms).
+
+    Attributes
+    ----------
+    fields : (3n, k) float
+        m.
+    energy : (k,) float
+        Linear strain energy, J.
+    """
+
+    fields: FloatArray
+    energy: FloatArray
+
+
+@dataclass(frozen=True)
+class FourthOrder:
+    """What strain of second order, and stress that turns, hold in pairs of displacement fields.
+
+    Attributes
+    ----------
+    matrices : Matrices
+    report : Reporter
+    """
+
+    matrices: Matrices
+    report: Reporter
+
+    @property
+    def _mesh(self) -> Mesh:
+        return self.matrices.model.mesh
+
+    @cached_property
+    def _slices(self) -> list[IntArray]:
+        return slices(self._mesh, self.matrices.model.anchored)
+
+    def stretching(self, fields: FloatArray, pairs: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Energy of the strain of second order that no displacement takes away.
+
+        Parameters
+        ----------
+        fields : (3n, m) float
+        pairs : (p, 2) int
+
+        Returns
+        -------
+        energies : (p, p) float
+            A of (18a).
+        forces : (3n, p) float
+            f of (18a).
+        """
+        count = len(pairs)
+        with self.report.counted(f"Stretch of {count} pairs of motions", self._mesh.element_count, "elements") as tell:
+            forces, energies = quadratic_strain(self._mesh, fields, pairs, tell)
+        free = self.matrices.supported.forces(forces)
+        return 0.5 * (energies - self.released(free, f"Static response to {count} stretches")), forces
+
+    def flattening_forces(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
+        """Forces on free degrees of freedom by which stress that turns with its material flattens sections.
+
+        Parameters
+        ----------
+        fields : (3n, m) float
+        pairs : (p, 2) int
+
+        Returns
+        -------
+        (k, p) float
+            g of (18c).
+        """
+        model, mesh = self.matrices.supported, self._mesh
+        applied = model.applied(fields)
+        with self.report.counted(
+            f"Flattening of {len(pairs)} pairs of motions", mesh.element_count, "elements"
+        ) as tell:
+            forces = turned_stress(mesh, fields, applied, pairs, tell)
+        return model.forces(without_resultants(mesh.points, forces, self._slices))
+
+    def released(self, forces: FloatArray, title: str) -> FloatArray:
+        """Work (p, p) of nodal forces on free degrees of freedom (k, p) over the displacements that they make."""
+        model, count = self.matrices.supported, forces.shape[1]
+        result = np.empty((count, count))
+        with self.report.counted(title, count, "solutions") as tell:
+            for first in range(0, count, _COLUMNS):
+                part = slice(first, first + _COLUMNS)
+                result[:, part] = forces.T @ model.static(forces[:, part])
+                tell(first)
+        return 0.5 * (result + result.T)
+
+    def responses(self, forces: FloatArray) -> Responses:
+        """Static responses to nodal forces (3n, l) and accelerations along the axes that are no mere stretch."""
+        model = self.matrices.supported
+        weight = self.matrices.mass @ np.tile(np.eye(3), (len(self._mesh.points), 1))
+        found = model.static(model.forces(np.hstack([forces, weight])))
+        fields = model.whole(found)
+        energy = 0.5 * np.einsum("ij,ij->j", found, model.stiffness @ found)
+        scale = turning_scale(energy, np.diag(mean_spin(self._mesh, fields)))
+        chosen = scale > 0.0
+        return Responses(fields[:, chosen] * scale[chosen], (energy * scale**2)[chosen])
+
+    def shares(self, forces: FloatArray) -> Shares:
+        """Shares in the responses to nodal forces (3n, l)."""
+        found = self.responses(forces)
+        if not found.energy.size:
+            return Shares(0.0, 0.0)
+        pairs = np.repeat(np.arange(found.energy.size)[:, None], 2, axis=1)
+        held = self.stretching(found.fields, pairs)[0]
+        flat = self.flattening_forces(found.fields, pairs)
+        freed = 0.5 * self.released(flat, f"Static response to {found.energy.size} flattenings")
+        return Shares(*(float(np.max(np.diag(part) / found.energy)) for part in (held, freed)))
+
+
+def turning_scale(energy: FloatArray, turned: FloatArray) -> FloatArray:
+    """What makes motions turn the material by one radian; zero for those that stretch it or that are none.
+
+    Parameters
+    ----------
+    energy : (k,) float
+        Linear energy of each.
+    turned : (k,) float
+        Mean square of the material's rotation.
+
+    Returns
+    -------
+    (k,) float
+    """
+    real = energy > _NONE * energy.max()
+    ease = np.divide(turned, energy, out=np.zeros_like(energy), where=real)
+    soft = ease > _STIFF * ease.max()
+    return np.divide(1.0, np.sqrt(turned), out=np.zeros_like(energy), where=soft)
+
+
+def energy_shares(matrices: Matrices, forces: FloatArray, store: Store, report: Reporter) -> Shares:
+    """Shares of a body's energies of fourth order, whatever modes are taken; found once and kept by content.
+
+    Moments are left out: on an interface between supports they bend slices that are not quite straight across.
+
+    Parameters
+    ----------
+    matrices : Matrices
+    forces : (3n, l) float
+        Nodal forces of unit forces on the interfaces.
+    store : Store
+    report : Reporter
+
+    Returns
+    -------
+    Shares
+    """
+
+    def make() -> dict[str, FloatArray]:
+        found = FourthOrder(matrices, report).shares(forces)
+        return {"shares": np.array([found.stretching, found.flattening])}
+
+    key = content_key(__name__, "shares", matrices.key, forces)
+    held, freed = store.arrays(key, "shares of membrane energy", report, make)["shares"]
+    return Shares(float(held), float(freed))

@@ -1,0 +1,361 @@
+"""A body in one piece, or a part of a cut one: model → modes → interfaces and frames → reduced body."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..config import BodySpec
+from ..fe.assembly import volume_matrices
+from ..fe.faces import FaceBlock, element_faces
+from ..fe.stress import point_stress
+from ..mesh.model import FloatArray
+from ..methods import Data, Mass, has_frames
+from ..model.inertia import LumpedMass
+from ..model.membrane import Membrane
+from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, StressSet, Surface, Ties
+from ..progress import Reporter
+from ..store import Store, content_key
+from .basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
+from .cut import Spring
+from .frames import body_subdomains, fixable_root, several, whole_frame
+from .inertia import element_lumps, lumped_mass
+from .interfaces import Interface, fit_interface
+from .masses import Centre, mass_centres, sub_masses
+from .membrane import Stretching, membrane_energy
+from .model import Model
+from .modes import Modes
+from .rigid_fit import by_node, modal_fit
+from .second_order import hourglass_warnings, node_readings, second_order
+from .sets import element_set
+from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operators
+from .surface import body_surface, second_order_fields, surface_nodes
+
+# Share of an interface's nodes outside the frame that carries it which is worth a warning.
+_SPREAD = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """A reduced piece, and what its whole needs beside it.
+
+    Attributes
+    ----------
+    body : ReducedBody
+        Without damping, names and properties.
+    warping_work : (w, m) float
+        Work of the nodal forces `warping` on the basis.
+    watched_mass : LumpedMass or None
+        The mass of the turned body, where constant mass is to be watched for what it leaves out.
+    """
+
+    body: ReducedBody
+    warping_work: FloatArray
+    watched_mass: LumpedMass | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Divided:
+    """A model with its frames and interfaces."""
+
+    model: Model
+    volumes: tuple[FloatArray, ...]
+    faces: tuple[FaceBlock, ...]
+    subdomains: list[Subdomain]
+    interfaces: list[Interface]
+    open_loops: bool
+
+    def unit_loads(self) -> FloatArray:
+        """Nodal loads (3n, 6i) of unit forces on all interfaces, then of unit moments."""
+        nodal = [interface.nodal_loads(len(self.model.mesh.points)) for interface in self.interfaces]
+        return np.concatenate([n[:, :3] for n in nodal] + [n[:, 3:] for n in nodal], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Basis:
+    """The modes of a divided model, and how its frames move with them."""
+
+    matrices: Matrices
+    modes: Modes
+    key: str
+    frames: FrameOperators
+
+
+def reduced_piece(
+    config: BodySpec,
+    model: Model,
+    report: Reporter,
+    store: Store,
+    springs: Sequence[Spring] = (),
+    warping: FloatArray | None = None,
+) -> Reduced:
+    """Reduce a model in one piece, or a part of a cut one.
+
+    Parameters
+    ----------
+    config : BodySpec
+        Of the piece.
+    model : Model
+    report : Reporter
+    store : Store
+    springs : sequence of Spring
+        From a part to the ground.
+    warping : (3n, w) float, optional
+        Nodal forces on a part's sections, for which the basis has room; none: the body is in one piece.
+
+    Returns
+    -------
+    Reduced
+    """
+    mesh, cut = model.mesh, warping is not None
+    divided = _divided(config, model, report)
+    volumes, subdomains, interfaces = divided.volumes, divided.subdomains, divided.interfaces
+    matrices = Matrices(model, volumes, report)
+    loads = divided.unit_loads()
+    warping = np.zeros((len(loads), 0)) if warping is None else warping
+    every = np.hstack([loads, warping])
+    residual = every if config.reduction.residual_flexibility is True else loads[:, config.residual_columns()]
+    modes, key = modal_basis(config.reduction, matrices, every, residual, store, report)
+    _tell(modes, report)
+    basis = _Basis(matrices, modes, key, frame_operators(mesh.points, modes.shapes, subdomains))
+    frames, stored = basis.frames, config.stored
+
+    # Parts of a cut body have constant mass.
+    lumps = element_lumps(mesh, volumes, subdomains) if subdomains and not cut else []
+    carried = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
+    inertia: LumpedMass | None = None
+    lump_centres: list[Centre] = []
+    if lumps and Data.INERTIA in stored:
+        inertia, lump_centres = lumped_mass(mesh, volumes, modes.shapes, lumps, frames, carried)
+    second = None
+    if Data.SECOND_ORDER in stored and subdomains:
+        second, curvature = _second_order(config, divided, basis, springs, lump_centres, report)
+        if inertia is not None:
+            inertia = replace(inertia, curvature=curvature)
+    membrane = _membrane(config, basis, loads, report, store, cut=cut) if second is not None else None
+    if membrane is not None and divided.open_loops:
+        report.warning(
+            f"{len(subdomains)} frames open a loop that stretches, one frame is more exact: take frames = 1, or "
+            'cut = "auto"'
+        )
+    surface = _surface(config, divided, basis, loads, second, report, store) if config.output.surface else None
+    motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
+    body = ReducedBody(
+        name=config.name,
+        angular_frequency=modes.angular_frequency,
+        damping_ratio=np.zeros(modes.angular_frequency.size),
+        interface_names=tuple(interface.name for interface in interfaces),
+        interface_point=np.array([interface.point for interface in interfaces]),
+        interface_displacement=motion[:, :3],
+        interface_rotation=motion[:, 3:],
+        interface_frame=np.array([interface.frame for interface in interfaces]),
+        root_interface=fixable_root(config, model),
+        floating=any(domain.floating for domain in subdomains),
+        frame_names=tuple(domain.name for domain in subdomains),
+        frame_parent=np.array([domain.parent for domain in subdomains], dtype=np.int64),
+        joint_point=np.array([domain.joint_point for domain in subdomains]),
+        joint_displacement=frames.joint_displacement,
+        joint_rotation=frames.joint_rotation,
+        frame_rotation=frames.frame_rotation,
+        whole=whole_frame(model, volumes, divided.faces, modes.shapes, config) if several(subdomains) else None,
+        masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
+        inertia=inertia,
+        stress_sets=_stress_sets(config, model, modes),
+        stiffness_by_load=stiffness_by_load(matrices, modes, key, loads, config.input.acceleration, store, report)
+        if Data.BY_LOAD in stored
+        else None,
+        stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if Data.BY_MODE in stored else None,
+        surface=surface,
+        ties=_springs(springs, divided, basis),
+        second=second,
+        membrane=membrane,
+    )
+    watched = None
+    if lumps and not body.rigid_count and config.variant.mass is Mass.CONSTANT and has_frames(config.variant.method):
+        watched = inertia or lumped_mass(mesh, volumes, modes.shapes, lumps, frames, carried)[0]
+    return Reduced(body, warping.T @ modes.shapes, watched)
+
+
+def _divided(config: BodySpec, model: Model, report: Reporter) -> _Divided:
+    """Divide a model into frames, and fit its interfaces."""
+    with report.stage("Divide into frames and fit interfaces"):
+        volumes = volume_matrices(model.mesh)
+        faces = element_faces(model.mesh)
+        subdomains, cuts = body_subdomains(config, model, volumes, faces)
+        interfaces = [fit_interface(table, model.mesh, faces, subdomains) for table in config.interface]
+    for interface in interfaces:
+        _tell_interface(interface, model, subdomains, report)
+    for text in cuts:
+        report.warning(text)
+    report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
+    if config.frames is not None and len(subdomains) < config.frames:
+        report.warning(
+            f"frames = {config.frames} were asked for, the body has layers of elements for {len(subdomains)} only: "
+            "ask for fewer, or mesh it finer"
+        )
+    return _Divided(model, volumes, faces, subdomains, interfaces, open_loops=bool(cuts))
+
+
+def _tell_interface(interface: Interface, model: Model, subdomains: Sequence[Subdomain], report: Reporter) -> None:
+    """Say what an interface is, and warn of what is hardly meant."""
+    carrier = f"frame {subdomains[interface.frame].name}" if interface.frame >= 0 else "no frame"
+    spread = "by area" if interface.by_area else "by node"
+    report.note(
+        f"interface {interface.name!r}: {interface.nodes.size} nodes, loads spread {spread}, carried by {carrier}"
+    )
+    if model.fixed[interface.nodes].all():
+        report.warning(f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing")
+    if interface.frame >= 0 and not subdomains[interface.frame].floating:
+        beyond = np.setdiff1d(interface.nodes, subdomains[interface.frame].body.nodes).size
+        if beyond > _SPREAD * interface.nodes.size:
+            report.warning(
+                f"interface {interface.name!r}: {beyond} of its {interface.nodes.size} nodes lie outside frame "
+                f"{subdomains[interface.frame].name}, which carries all of it; take a smaller set"
+            )
+    if interface.frame < 0 and subdomains:
+        report.warning(
+            f"interface {interface.name!r} touches no frame: it will move linearly; put its nodes into a [[frame]]"
+        )
+
+
+def _tell(modes: Modes, report: Reporter) -> None:
+    """Say what modes there are."""
+    hertz = modes.angular_frequency[modes.angular_frequency > 0.0] / (2.0 * np.pi)
+    rigid = modes.angular_frequency.size - hertz.size
+    report.note(
+        f"{f'{rigid} rigid motions, ' if rigid else ''}{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; "
+        f"|ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, "
+        f"frequencies to {modes.frequency_error:.1e}"
+    )
+    if modes.splits_pair:
+        report.warning(
+            "a mode that is left out has the frequency of one that is not: the body will be softer in one direction "
+            "than in the other; take both modes or none"
+        )
+
+
+def _second_order(
+    config: BodySpec,
+    divided: _Divided,
+    basis: _Basis,
+    springs: Sequence[Spring],
+    lump_centres: list[Centre],
+    report: Reporter,
+) -> tuple[SecondOrder, FloatArray]:
+    """Where places go at second order: those that the body's kinematics read, and the lumps of its mass."""
+    mesh, subdomains, modes = divided.model.mesh, divided.subdomains, basis.modes
+    for text in hourglass_warnings(mesh, subdomains):
+        report.warning(text)
+    heavy = config.input.acceleration
+    centres = mass_centres(mesh, divided.volumes, subdomains)[2] if heavy else []
+    centres = centres + lump_centres
+    turned, nodes = basis.frames.frame_rotation, [by_node(spring.nodes) for spring in springs]
+    readings = node_readings(mesh.points, modes.shapes, subdomains, turned, divided.interfaces, centres, nodes)
+    rigid = np.flatnonzero(modes.angular_frequency == 0.0)
+    floating = any(domain.floating for domain in subdomains)
+    with report.stage(f"Find where {len(readings)} places go at second order"):
+        every = second_order(mesh, basis.matrices.supported, modes.shapes, rigid, floating, readings)
+    last = len(every.displacement) - 2 * len(nodes)
+    lumped = np.arange(last - len(lump_centres), last)
+    displacement, rotation = (np.delete(part, lumped, 0) for part in (every.displacement, every.rotation))
+    return SecondOrder(displacement, rotation), every.displacement[lumped]
+
+
+def _membrane(
+    config: BodySpec, basis: _Basis, loads: FloatArray, report: Reporter, store: Store, *, cut: bool
+) -> Membrane | None:
+    """The energy of fourth order, where it is wanted and the body holds any."""
+    wanted = config.reduction.membrane
+    if wanted is False:
+        return None
+    stretching = Stretching(basis.matrices, basis.modes, loads, report)
+    return membrane_energy(stretching, basis.key, wanted is True, not cut, store)
+
+
+def _surface(
+    config: BodySpec,
+    divided: _Divided,
+    basis: _Basis,
+    loads: FloatArray,
+    second: SecondOrder | None,
+    report: Reporter,
+    store: Store,
+) -> Surface:
+    """The surface for pictures, and how it moves."""
+    model, modes, subdomains = divided.model, basis.modes, divided.subdomains
+    fields = _surface_fields(basis, loads, divided.faces, store, report) if second is not None else None
+    sets, held = [interface.nodes for interface in divided.interfaces], model.fixed | (model.spring > 0.0)
+    moved = np.flatnonzero(held.any(axis=1))
+    surface = body_surface(
+        model.mesh, modes.shapes, divided.faces, subdomains, sets, moved, fields, config.output.stress
+    )
+    rigid = modes.angular_frequency == 0.0
+    if fields is None or not rigid.any() or subdomains[0].floating:
+        return surface
+    return replace(
+        surface,
+        turn=basis.frames.frame_rotation[:1] * rigid,
+        pivot=subdomains[0].joint_point[None],
+        piece=np.zeros(len(surface.points), dtype=np.int64),
+    )
+
+
+def _surface_fields(
+    basis: _Basis, loads: FloatArray, faces: tuple[FaceBlock, ...], store: Store, report: Reporter
+) -> tuple[FloatArray, FloatArray]:
+    """What goes with q at second order all over the surface, for pictures."""
+    mesh, shapes, omega = basis.matrices.model.mesh, basis.modes.shapes, basis.modes.angular_frequency
+
+    def make() -> dict[str, FloatArray]:
+        model = basis.matrices.supported
+        with report.stage("Find where the surface goes at second order"):
+            elastic, nodes = np.flatnonzero(omega > 0.0), surface_nodes(mesh, faces)[0]
+            fields, forms = second_order_fields(mesh, model, shapes, elastic, omega**2, loads, nodes)
+            return {"fields": fields, "forms": forms}
+
+    key = content_key(__name__, "surface", basis.key, loads)
+    kept = store.arrays(key, "the surface at second order", report, make)
+    return kept["fields"], kept["forms"]
+
+
+def _springs(
+    springs: Sequence[Spring],
+    divided: _Divided,
+    basis: _Basis,
+) -> Ties | None:
+    """Springs to the ground of a part of a cut body: they pull along the axes wherever the part turns."""
+    mesh, shapes = divided.model.mesh, basis.modes.shapes
+    found = []
+    for spring in springs:
+        nodes = spring.nodes
+        weighted = by_node(nodes)
+        centre = weighted.centre(mesh.points)
+        displacement, rotation, rank = modal_fit(mesh.points, shapes, weighted, centre)
+        frame = carrying_frame(divided.subdomains, nodes)
+        if rank < 6 and frame >= 0:
+            # A line or a point tells no rotation of its own.
+            rotation = basis.frames.frame_rotation[frame]
+        arm = mesh.points[nodes] - centre
+        values, axes = np.linalg.eigh(arm.T @ arm / nodes.size)
+        lever = axes * np.sqrt(np.maximum(values, 0.0))
+        zero = np.zeros_like(displacement)
+        found.append(
+            (
+                np.array([frame, GROUND]),
+                np.array([centre, centre]),
+                np.array([displacement, zero]),
+                np.array([rotation, zero]),
+                spring.stiffness,
+                lever,
+            )
+        )
+    return Ties(*(np.array(values) for values in zip(*found, strict=True))) if found else None
+
+
+def _stress_sets(config: BodySpec, model: Model, modes: Modes) -> tuple[StressSet, ...]:
+    """Modal stress of the element sets whose stress is asked for."""
+    mesh, result = model.mesh, []
+    for table in config.stress:
+        elements = element_set(mesh, table.elements, f"stress {table.name!r}, elements")
+        result.append(StressSet(table.name, *point_stress(mesh, elements, modes.shapes)))
+    return tuple(result)

@@ -1,0 +1,119 @@
+"""Tables of numbers over time, as CSV: loads that come in, motions that go out."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import FlexfmuError, SimulationError
+from .inputs import Kind, check_input
+from .quantities import named, with_unit
+from .targets import whole_file
+
+FloatArray = NDArray[np.float64]
+
+
+def read_table(path: Path) -> tuple[list[str], FloatArray]:
+    """Read a CSV of numbers whose first column is time; units in its header are converted to SI.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    names : list of str
+        Of the columns after time.
+    values : (rows, 1 + len(names)) float
+
+    Raises
+    ------
+    SimulationError
+        Naming the line that is wrong.
+    """
+    check_input(path, SimulationError, Kind.TABLE)
+    try:
+        # Spreadsheets put a byte-order mark in front.
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
+    except (OSError, UnicodeDecodeError) as error:
+        raise SimulationError(f"{path}: cannot be read ({error})") from error
+    try:
+        columns = [named(header) for header in lines[0][1]] if lines else []
+    except FlexfmuError as error:
+        raise SimulationError(f"{path}: {error}") from error
+    if not columns or columns[0][0] != "time":
+        raise SimulationError(f"{path}: {_header_fault(lines[0][1] if lines else [])}")
+    if len(lines) < 2:
+        raise SimulationError(f"{path}: a header and nothing else, expected at least one row of numbers")
+    names = [name for name, _ in columns[1:]]
+    for name in names:
+        if names.count(name) > 1 or name == "time":
+            raise SimulationError(f"{path}: two columns are called {name!r}, expected each name once")
+    values = np.empty((len(lines) - 1, len(names) + 1))
+    for k, (line, row) in enumerate(lines[1:]):
+        if len(row) != values.shape[1]:
+            raise SimulationError(f"{path}, line {line}: {len(row)} columns, the header has {values.shape[1]}")
+        try:
+            values[k] = [factor * float(cell) for cell, (_, factor) in zip(row, columns, strict=True)]
+        except ValueError as error:
+            raise SimulationError(f"{path}, line {line}: {error}; expected numbers, units in the header") from error
+        if not np.all(np.isfinite(values[k])):
+            raise SimulationError(f"{path}, line {line}: a value is not finite")
+        if k and values[k, 0] < values[k - 1, 0]:
+            raise SimulationError(f"{path}, line {line}: time goes back from {values[k - 1, 0]} to {values[k, 0]}")
+    return names, values
+
+
+def _header_fault(cells: Sequence[str]) -> str:
+    """What is wrong with a table's first line that does not begin with "time"."""
+    first = cells[0].strip() if cells else ""
+    fault = f'the first column is called {first!r}: call it "time", in s' if cells else "nothing is in it"
+    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
+        if sign in first:
+            fault = f"its columns are separated by {name}"
+    if number(first) is not None:
+        fault = "the first line is numbers"
+    return f'{fault}; expected a header "time,NAME,…" (commas), then rows of numbers (decimal points)'
+
+
+def write_table(path: Path, names: Sequence[str], values: FloatArray, units: bool = False) -> None:
+    """Write a CSV whose first column is time; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    names : sequence of str
+        Of the columns after time.
+    values : (rows, 1 + len(names)) float
+    units : bool
+        Whether the header tells them, as in "tip.displacement.x [m]".
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([with_unit(name) if units else name for name in ("time", *names)])
+        writer.writerows([f"{x:.12g}" for x in row] for row in values)
+
+
+def number(text: str) -> float | None:
+    """The number that a text is, or None.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    float or None
+    """
+    try:
+        return float(text)
+    except ValueError:
+        return None

@@ -1,0 +1,442 @@
+"""From body file to FMU: what is refused before the work begins, reproducible bytes, and what `flexfmu info` shows."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import flexfmu.pipeline
+import flexfmu.reduction.basis
+from flexfmu.body import FlexibleBody
+from flexfmu.build import reduce_body
+from flexfmu.cli import app
+from flexfmu.errors import BodyFileError, FlexfmuError, MeshError, ModelError
+from flexfmu.fmu.package import read_packaged_body
+from flexfmu.mesh.model import ElementType
+from flexfmu.model.errors import OptionError
+from flexfmu.model.modal_file import read_modal_file
+from flexfmu.pipeline import build_fmu
+from flexfmu.progress import Reporter
+from meshes import arc, bars, body_file, box, lattice, with_sets, write_deck
+from references import relative
+
+ROOT = Path(__file__).parents[2]
+BRICK = ElementType.C3D20R
+SIZE = (1.0, 0.1, 0.13)
+BODY = """
+name = "bar"
+frames = 3
+[mesh]
+file = "bar.inp"
+[[support]]
+nodes = "ROOT"
+fix = ["x", "y", "z"]
+[[interface]]
+name = "tip"
+nodes = "TIP"
+[reduction]
+modes = 6
+[output]
+surface = true
+"""
+
+
+class Recorder(Reporter):
+    """Keeps what it is told."""
+
+    def __init__(self):
+        self.stages, self.notes, self.warnings = [], [], []
+
+    @contextmanager
+    def stage(self, title):
+        self.stages.append(title)
+        yield
+
+    def note(self, text):
+        self.notes.append(text)
+
+    def warning(self, text):
+        self.warnings.append(text)
+
+
+def bar(counts=(6, 2, 2)):
+    """Bar with an edge and one end of its far face as sets too."""
+    mesh = box(BRICK, counts, SIZE)
+    return with_sets(
+        mesh,
+        EDGE=lambda p: np.hypot(p[:, 0] - SIZE[0], p[:, 1]),
+        CORNER=lambda p: np.linalg.norm(p - [SIZE[0], 0.0, 0.0], axis=1),
+        INSIDE=lambda p: p[:, 0] - 0.5,
+    )
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Folder with the bar's deck and body file."""
+    write_deck(bar(), tmp_path / "bar.inp")
+    (tmp_path / "body.toml").write_text(BODY)
+    return tmp_path
+
+
+@pytest.fixture
+def no_factorisation(monkeypatch):
+    """Fail as soon as the stiffness is assembled: what is refused must be refused before."""
+
+    def refuse(*_):
+        raise AssertionError("the expensive work has begun")
+
+    monkeypatch.setattr(flexfmu.reduction.basis, "stiffness", refuse)
+
+
+def refused(mesh, folder, error, **changes):
+    """Message with which a body is refused."""
+    with pytest.raises(error) as caught:
+        reduce_body(body_file(mesh, folder, **({"interface": ["TIP"]} | changes)), Reporter())
+    return str(caught.value)
+
+
+@pytest.mark.usefixtures("no_factorisation")
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"support": "CLAMP"}, "support[1].nodes"),
+        ({"interface": ["TIP", "CLAMP"]}, "interface 'clamp', nodes"),
+        ({"frame": [{"name": "a", "nodes": "CLAMP"}]}, "frame 'a', nodes"),
+        ({"frame": [{"name": "a", "nodes": "ROOT", "joint": "CLAMP"}]}, "frame 'a', joint"),
+    ],
+    ids=["support", "interface", "frame", "joint"],
+)
+def test_a_set_that_is_not_there_is_named_with_those_that_are_before_the_work_begins(changes, key, tmp_path):
+    text = refused(bar(), tmp_path, BodyFileError, **changes)
+    assert text == f"{key}: the mesh has no node set 'CLAMP'; it has: CORNER, EDGE, INSIDE, ROOT, TIP"
+
+
+@pytest.mark.usefixtures("no_factorisation")
+def test_an_empty_set_is_refused_by_name(tmp_path):
+    config = body_file(bar(), tmp_path, interface=["TIP", "LOOSE"])
+    # The set's only node is none of the body's.
+    with config.mesh.file.open("a") as deck:
+        deck.write("*NODE\n9999, 5.0, 5.0, 5.0\n*NSET, NSET=LOOSE\n9999,\n")
+    with pytest.raises(BodyFileError, match=r"interface 'loose', nodes: node set 'LOOSE' is empty, expected at least"):
+        reduce_body(config, Reporter())
+
+
+def test_set_names_count_the_same_in_upper_and_lower_case(tmp_path):
+    config = body_file(bar(), tmp_path, interface=["TIP"], support="root", reduction={"modes": 2})
+    assert reduce_body(config, Reporter()).mode_count == 2
+
+
+@pytest.mark.parametrize(("name", "count"), [("EDGE", 5), ("CORNER", 1)])
+def test_an_interface_on_a_line_or_point_is_refused_with_advice(name, count, tmp_path):
+    text = refused(bar(), tmp_path, BodyFileError, interface=[name])
+    assert f"interface '{name.lower()}': the {count} nodes of '{name}' lie on a line or in one point" in text
+    assert "at least three nodes off a line" in text
+
+
+def test_weights_by_area_are_refused_for_a_set_that_is_no_face(tmp_path):
+    path = write_deck(bar(), tmp_path / "bar.inp")
+    content = BODY.replace('nodes = "TIP"', 'nodes = "INSIDE"\nweights = "area"').replace("bar.inp", str(path))
+    (tmp_path / "body.toml").write_text(content)
+    with pytest.raises(BodyFileError, match=r"weights = \"area\" needs .* whole element faces .* 'INSIDE' does not"):
+        build_fmu(tmp_path / "body.toml", tmp_path / "bar.fmu")
+    # Left to itself the same set is weighted by node, and the log says so.
+    (tmp_path / "body.toml").write_text(content.replace('"area"', '"auto"'))
+    report = Recorder()
+    build_fmu(tmp_path / "body.toml", tmp_path / "bar.fmu", report=report)
+    assert any("interface 'tip': 21 nodes, loads spread by node" in note for note in report.notes)
+
+
+@pytest.mark.usefixtures("no_factorisation")
+def test_elements_without_material_are_refused_with_the_keys_to_give(tmp_path):
+    mesh = bar()
+    config = body_file(mesh, tmp_path, interface=["TIP"])
+    write_deck(mesh, config.mesh.file, materials=False)
+    with pytest.raises(BodyFileError) as caught:
+        reduce_body(config, Reporter())
+    assert "24 of 24 elements have no material" in str(caught.value)
+    for key in ("[material]", "youngs_modulus", "poissons_ratio", "density"):
+        assert key in str(caught.value)
+
+
+def test_material_of_the_body_file_serves_elements_without_one(tmp_path):
+    mesh = bar()
+    frequencies = []
+    for factor in (1.0, 4.0):
+        table = {"youngs_modulus": factor * 2e11, "poissons_ratio": 0.3, "density": 7850.0}
+        config = body_file(mesh, tmp_path, interface=["TIP"], material=table, reduction={"modes": 3})
+        write_deck(mesh, config.mesh.file, materials=False)
+        frequencies.append(reduce_body(config, Reporter()).angular_frequency)
+    own = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], reduction={"modes": 3}), Reporter())
+    np.testing.assert_allclose(frequencies[0], own.angular_frequency, rtol=1e-9)
+    np.testing.assert_allclose(frequencies[1], 2.0 * frequencies[0], rtol=1e-9)
+
+
+@pytest.mark.usefixtures("no_factorisation")
+@pytest.mark.parametrize(
+    ("nodes", "fix", "free", "held"),
+    [
+        ("ROOT", ["x"], 3, 21),
+        ("CORNER", ["x", "y", "z"], 3, 3),
+        ("EDGE", ["x", "y", "z"], 1, 15),
+        ("EDGE", ["z"], 5, 5),
+    ],
+)
+def test_a_body_free_to_move_is_refused_with_the_number_of_rigid_motions(nodes, fix, free, held, tmp_path):
+    tables = [{"nodes": nodes, "fix": fix}]
+    config = body_file(bar(), tmp_path, interface=["TIP"])
+    config = type(config).model_validate(config.model_dump() | {"support": tables})
+    with pytest.raises(ModelError, match=rf"the body is free to move in {free} rigid motions: .* hold {held} of its"):
+        reduce_body(config, Reporter())
+
+
+@pytest.mark.usefixtures("no_factorisation")
+def test_a_body_without_supports_has_six_rigid_motions(tmp_path):
+    config = body_file(bar(), tmp_path, interface=["TIP"]).model_copy(update={"support": []})
+    with pytest.raises(ModelError, match=r"the body is free to move in 6 rigid motions: the supports hold 0 of its"):
+        reduce_body(config, Reporter())
+
+
+@pytest.mark.usefixtures("no_factorisation")
+def test_of_two_parts_the_one_that_nothing_holds_is_named_by_a_node(tmp_path):
+    mesh = lattice(ElementType.C3D8, [(0, 0, 0), (2, 0, 0)], lambda p: p)
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 0], TIP=lambda p: p[:, 0] - 3.0)
+    mesh = replace(mesh, labels=mesh.labels + 100)
+    text = refused(mesh, tmp_path, ModelError)
+    label = int(re.search(r"the part of the mesh with node (\d+) is free to move in 6 rigid motions", text)[1])
+    assert mesh.points[label - 101, 0] >= 2.0
+    assert "share nodes" in text
+
+
+def test_what_deserves_a_look_is_warned_of(tmp_path):
+    portal = bars(BRICK, [((0, 0, 0), (1, 9, 1)), ((10, 0, 0), (11, 9, 1)), ((0, 8, 0), (11, 9, 1))], 0.1)
+    portal = with_sets(portal, ROOT=lambda p: p[:, 1], TOP=lambda p: p[:, 1] - 1.0)
+    report = Recorder()
+    reduce_body(body_file(portal, tmp_path, interface=["TOP"], frames=4, reduction={"modes": 4}), report)
+    assert sum(text.startswith("closed loop cut between frames") for text in report.warnings) == 1
+
+    square = box(BRICK, (4, 2, 2), (1.0, 0.1, 0.1))
+    report = Recorder()
+    reduce_body(body_file(square, tmp_path, interface=["TIP"], reduction={"modes": 1}), report)
+    assert sum(text.startswith("a mode that is left out has the frequency") for text in report.warnings) == 1
+
+    report = Recorder()
+    half = with_sets(bar(), NEAR=lambda p: np.maximum(p[:, 0] - 0.5, 0.0))
+    frame = [{"name": "near", "nodes": "NEAR"}]
+    reduce_body(body_file(half, tmp_path, interface=["TIP"], frame=frame, reduction={"modes": 2}), report)
+    assert sum(text.startswith("interface 'tip' touches no frame") for text in report.warnings) == 1
+
+    report = Recorder()
+    reduce_body(body_file(bar(), tmp_path, interface=["TIP"], reduction={"modes": 2}), report)
+    assert report.warnings == []
+    assert len(report.stages) >= 5
+
+
+def test_building_twice_gives_the_same_bytes(folder):
+    outputs = [folder / "one.fmu", folder / "two.fmu"]
+    for output in outputs:
+        build_fmu(folder / "body.toml", output, output.with_suffix(".h5"))
+    for suffix in (".fmu", ".h5"):
+        assert len({output.with_suffix(suffix).read_bytes() for output in outputs}) == 1
+    # Another body gives other bytes.
+    (folder / "body.toml").write_text(BODY.replace("modes = 6", "modes = 5"))
+    build_fmu(folder / "body.toml", folder / "three.fmu")
+    assert (folder / "three.fmu").read_bytes() != outputs[0].read_bytes()
+
+
+def test_processes_with_other_hash_seeds_and_working_directories_build_the_same_bytes(folder):
+    elsewhere = folder / "elsewhere"
+    elsewhere.mkdir()
+    shutil.copy(folder / "body.toml", elsewhere)
+    shutil.copy(folder / "bar.inp", elsewhere)
+    script = [sys.executable, str(ROOT / "build_fmu.py")]
+    program = [shutil.which("flexfmu", path=str(Path(sys.executable).parent)), "build"]
+    # build_fmu.py and `flexfmu build` are the same; the second takes the default output.
+    jobs = [
+        (folder, "1", [*script, "body.toml", "--output", "bar.fmu"], folder / "bar.fmu"),
+        (elsewhere, "2", [*program, str(elsewhere / "body.toml")], elsewhere / "bar.fmu"),
+        (Path("/"), "3", [*script, str(folder / "body.toml"), "-o", str(folder / "c.fmu")], folder / "c.fmu"),
+    ]
+    contents = set()
+    for where, seed, command, output in jobs:
+        environment = os.environ | {"PYTHONHASHSEED": seed}
+        done = subprocess.run(command, cwd=where, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith(output.name if where != Path("/") else str(output))
+        assert "closed loop" not in done.stderr
+        assert "✓ Factorise the stiffness" in done.stderr
+        contents.add(output.read_bytes())
+    assert len(contents) == 1
+    build_fmu(folder / "body.toml", folder / "here.fmu")
+    assert (folder / "here.fmu").read_bytes() in contents
+
+
+@pytest.mark.parametrize(
+    ("edit", "error"),
+    [
+        (lambda path: path.joinpath("body.toml").write_text("name = 3"), BodyFileError),
+        (lambda path: path.joinpath("bar.inp").write_text("*NODE\n1, 0, 0, x\n"), MeshError),
+        (lambda path: path.joinpath("bar.inp").unlink(), MeshError),
+        (lambda path: path.joinpath("body.toml").write_text(BODY.replace('"x", "y", "z"', '"x"')), ModelError),
+        (lambda path: path.joinpath("body.toml").write_text(BODY.replace("modes = 6", "modes = 6000")), BodyFileError),
+    ],
+    ids=["body", "mesh", "no mesh", "free body", "too many modes"],
+)
+def test_a_failed_build_leaves_no_file_behind_and_keeps_what_was_there(folder, edit, error):
+    edit(folder)
+    (folder / "old.fmu").write_bytes(b"old")
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    for output in ("new.fmu", "old.fmu"):
+        with pytest.raises(error):
+            build_fmu(folder / "body.toml", folder / output, folder / "new.h5")
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.usefixtures("no_factorisation")
+@pytest.mark.parametrize(
+    ("output", "modal", "words"),
+    [
+        ("bar.zip", None, "bar.zip: expected a file name that ends in .fmu"),
+        ("bar.fmu", "bar.hdf", "bar.hdf: expected a file name that ends in .h5"),
+        ("away/bar.fmu", None, "away does not exist; make it first"),
+        ("bar.fmu", "away/bar.h5", "away does not exist; make it first"),
+    ],
+)
+def test_a_wrong_name_or_folder_of_the_output_is_refused_before_the_work_begins(folder, output, modal, words):
+    before = sorted(folder.iterdir())
+    with pytest.raises(FlexfmuError, match=re.escape(words)):
+        build_fmu(folder / "body.toml", folder / output, folder / modal if modal else None)
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("writer", ["package_fmu", "write_modal_file"])
+def test_of_fmu_and_modal_file_both_are_written_or_none(folder, writer, monkeypatch):
+    def fail(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(flexfmu.pipeline, writer, fail)
+    before = sorted(folder.iterdir())
+    with pytest.raises((OSError, FlexfmuError), match="no space left"):
+        build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
+    assert sorted(folder.iterdir()) == before
+
+
+def test_an_error_of_the_user_ends_the_command_in_words_without_a_traceback(folder):
+    (folder / "body.toml").write_text(BODY.replace('nodes = "TIP"', 'nodes = "TOP[1]"'))
+    result = CliRunner().invoke(app, ["build", str(folder / "body.toml"), "-o", str(folder / "bar.fmu")])
+    assert result.exit_code == 1
+    assert "error: interface 'tip', nodes: the mesh has no node set 'TOP[1]'; it has: CORNER" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert not (folder / "bar.fmu").exists()
+
+
+@pytest.mark.parametrize("file", ["bar.fmu", "bar.h5"])
+def test_info_shows_modes_interfaces_tree_and_origin(folder, file):
+    body = build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
+    result = CliRunner().invoke(app, ["info", str(folder / file)])
+    assert result.exit_code == 0
+    assert "bar: 6 modes, 1 interfaces, 3 frames; method second_order" in " ".join(result.stdout.split())
+    for frequency in body.angular_frequency / (2.0 * np.pi):
+        assert f"{frequency:.6g}" in result.stdout
+    assert re.search(r"tip .*\(1, 0\.05, 0\.065\).* frame_3", result.stdout)
+    tree = [line for line in result.stdout.splitlines() if "── frame_" in line]
+    assert [line.index("frame_") for line in tree] == [4, 8, 12]
+    assert "frame_3  (0.66667, 0.05, 0.065)  carries tip" in tree[2]
+    assert "carries" not in tree[0] + tree[1]
+    for value in body.provenance.values():
+        assert value in "".join(re.split(r"[\s│]+", result.stdout))
+
+
+def test_info_refuses_what_is_no_body(folder):
+    result = CliRunner().invoke(app, ["info", str(folder / "bar.inp")])
+    assert result.exit_code == 1
+    assert "error:" in result.stderr
+
+
+def test_the_body_in_the_fmu_is_the_body_that_was_built(folder):
+    body = build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
+    for found in (read_packaged_body(folder / "bar.fmu"), read_modal_file(folder / "bar.h5")):
+        np.testing.assert_array_equal(found.interface_displacement, body.interface_displacement)
+        assert found.provenance == body.provenance
+        assert found.frame_names == body.frame_names
+
+
+@pytest.mark.parametrize("frames", [0, 1, 4])
+def test_points_of_the_surface_go_where_the_interface_goes(frames, tmp_path):
+    mesh = arc(BRICK, (12, 2, 2), 1.0, 0.05)
+    # Of second order within frames the surface knows nothing.
+    tables = {"output": {"surface": True}, "reduction": {"second_order": False}}
+    config = body_file(mesh, tmp_path, interface=["TIP"], frames=frames, **tables)
+    model = reduce_body(config, Reporter())
+    body = FlexibleBody(model)
+    state = body.static({"tip": [0.0, 16e3, 8e3]})
+    moved, start = body.surface_positions(state), model.surface.points
+    np.testing.assert_allclose(body.surface_positions(body.rest()), start, atol=1e-15)
+    tip = np.abs(start[:, 0]) < 1e-9
+    assert tip.sum() == 9
+    displacement = body.response(state).displacement[0]
+    assert np.linalg.norm(displacement) > 0.1
+    # The nine corner nodes lie evenly about the centre of the face, which stays nearly plane.
+    assert relative((moved - start)[tip].mean(axis=0), displacement) < 1e-3
+    held = np.abs(start[:, 1]) < 1e-9
+    # Up to the square of the root frame's turn over half the width.
+    assert np.abs((moved - start)[held]).max() < 3e-3 * np.linalg.norm(displacement)
+    # Neighbouring points stay neighbours: no frame tears the surface.
+    edges = np.concatenate([model.surface.faces[:, [i, (i + 1) % 4]] for i in range(4)])
+    before, after = (np.linalg.norm(np.diff(p[edges], axis=1)[:, 0], axis=1) for p in (start, moved))
+    assert np.abs(after / before - 1.0).max() < (0.25 if frames == 0 else 0.1)
+
+
+@pytest.mark.parametrize("kind", [BRICK, ElementType.C3D10, ElementType.C3D4])
+def test_the_surface_is_closed_and_has_corner_nodes_alone(kind, tmp_path):
+    mesh = box(kind, (3, 2, 2), SIZE)
+    model = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], output={"surface": True}), Reporter())
+    faces = model.surface.faces
+    # 3 × 2 × 2 cells have 2 (3·2 + 3·2 + 2·2) squares, or twice as many triangles.
+    assert len(faces) == 32 * (1 if kind is BRICK else 2)
+    assert len(model.surface.points) == 4 * 3 * 3 - 2
+    edges = {}
+    for face in faces:
+        ring = list(dict.fromkeys(face.tolist()))
+        for first, second in zip(ring, [*ring[1:], ring[0]], strict=True):
+            key = frozenset((first, second))
+            edges[key] = edges.get(key, 0) + 1
+    assert set(edges.values()) == {2}
+
+
+def datasets(path):
+    """Shape of every dataset in a modal file."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item.shape}) if hasattr(item, "shape") else None)
+    return found
+
+
+def test_without_its_surface_a_body_is_as_large_whatever_its_mesh(folder):
+    found, sizes = {}, {}
+    for surface in (False, True):
+        text = BODY.replace("surface = true", f"surface = {str(surface).lower()}")
+        (folder / "body.toml").write_text(text)
+        for name, counts in (("coarse", (6, 2, 2)), ("fine", (18, 4, 4))):
+            write_deck(bar(counts), folder / "bar.inp")
+            build_fmu(folder / "body.toml", folder / f"{name}.fmu", folder / f"{name}.h5")
+            found[surface, name] = datasets(folder / f"{name}.h5")
+            sizes[surface, name] = (folder / f"{name}.h5").stat().st_size
+    assert found[False, "coarse"] == found[False, "fine"]
+    assert len(found[False, "coarse"]) >= 10
+    assert abs(sizes[False, "coarse"] - sizes[False, "fine"]) < 64
+    assert sizes[True, "fine"] > 1.5 * sizes[True, "coarse"]
+    body = FlexibleBody(read_modal_file(folder / "coarse.h5"))
+    assert body.model.surface is not None
+    (folder / "body.toml").write_text(BODY.replace("surface = true", "surface = false"))
+    bare = FlexibleBody(build_fmu(folder / "body.toml", folder / "bare.fmu"))
+    with pytest.raises(OptionError, match="surface = true"):
+        bare.surface_positions(bare.rest())

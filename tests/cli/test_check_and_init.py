@@ -1,0 +1,168 @@
+"""`flexfmu check` tells what a mesh offers; `flexfmu init` writes a body file that builds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from decks import BODY, COUPLING
+from flexfmu.bores import bores
+from flexfmu.build import reduce_body
+from flexfmu.cli import app
+from flexfmu.config import Place, read_body_file
+from flexfmu.errors import BodyFileError
+from flexfmu.mesh.model import ElementType
+from flexfmu.progress import Reporter
+from flexfmu.reduction.places import node_set
+from meshes import box, grid, lattice, write_deck
+
+
+@pytest.fixture
+def bar(tmp_path):
+    """A bar without sets, materials or supports."""
+    mesh = box(ElementType.C3D20R, (4, 1, 1), (0.5, 0.05, 0.02))
+    path = write_deck(mesh, tmp_path / "bar.inp", materials=False)
+    path.write_text(path.read_text().split("*NSET")[0])
+    return path
+
+
+def run(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def test_init_writes_a_body_file_of_a_bare_mesh_that_is_held_and_loaded_at_its_ends(bar):
+    assert run("init", bar).exit_code == 0
+    config = read_body_file(bar.with_suffix(".toml"))
+    body = reduce_body(config, Reporter())
+    assert body.properties.mass == pytest.approx(7850.0 * 0.5 * 0.05 * 0.02)
+    assert body.interface_point[0] == pytest.approx([0.5, 0.025, 0.01])
+    again = run("init", bar)
+    assert again.exit_code == 1
+    assert "is there already" in again.output
+
+
+def test_check_lists_sets_materials_ends_and_what_a_body_file_chooses(bar):
+    assert run("init", bar).exit_code == 0
+    text = run("check", bar.with_suffix(".toml")).output
+    for words in (
+        "4 C3D20R",
+        "no material",
+        "plane end x_min: 8 nodes",
+        "support 1: 8 nodes",
+        "interface x_max: 8 nodes",
+        "volume 0.0005 m³",
+        "mass 3.925 kg",
+        "centre of mass (0.25, 0.025, 0.01) m",
+    ):
+        assert words in text
+
+
+def test_reference_points_of_a_deck_are_offered(tmp_path):
+    deck = tmp_path / "deck.inp"
+    deck.write_text(BODY + COUPLING)
+    assert "node set Flange: 4 nodes, reference point (2, 0.5, 0.5) m" in run("check", deck).output
+    assert run("init", deck).exit_code == 0
+    assert 'nodes = "Flange"' in deck.with_suffix(".toml").read_text()
+
+
+def lug(kind, counts=(16, 2, 2), turn=0.0):
+    """A plate of 60 × 60 × 10 mm with a bore of 12 mm radius in the middle, turned about x."""
+
+    def place(p):
+        angle, out, up = -2.0 * np.pi * p[:, 0] / counts[0], p[:, 1] / counts[1], p[:, 2] / counts[2]
+        ray = np.column_stack([np.cos(angle), np.sin(angle)])
+        inner, outer = 0.012 * ray, 0.03 * ray / np.abs(ray).max(axis=1, keepdims=True)
+        flat = inner + out[:, None] * (outer - inner)
+        c, s = np.cos(turn), np.sin(turn)
+        z = 0.01 * up
+        return np.column_stack([flat[:, 0], c * flat[:, 1] - s * z, s * flat[:, 1] + c * z])
+
+    mesh = lattice(kind, grid(*counts), place)
+    # The ends of the ring are one.
+    _, first, row = np.unique(mesh.points.round(9), axis=0, return_index=True, return_inverse=True)
+    row = row.ravel()
+    blocks = tuple(replace(block, connectivity=row[block.connectivity]) for block in mesh.blocks)
+    return replace(mesh, points=mesh.points[first], labels=1 + np.arange(len(first)), blocks=blocks,
+                   fixed=mesh.fixed[first], node_sets={})  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [ElementType.C3D8, ElementType.C3D20R, ElementType.C3D10])
+@pytest.mark.parametrize("turn", [0.0, 0.5])
+def test_a_bore_is_found_with_its_axis_and_radius(kind, turn):
+    mesh = lug(kind, turn=turn)
+    ((name, place),) = bores(mesh).items()
+    assert name == "bore_1"
+    assert place.radius == pytest.approx(0.012)
+    axis = np.array([0.0, -np.sin(turn), np.cos(turn)])
+    ends = np.array(place.cylinder) @ axis
+    assert sorted(ends.tolist()) == pytest.approx([0.0, 0.01], abs=1e-8)
+    np.testing.assert_allclose(np.cross(np.array(place.cylinder), axis), 0.0, atol=1e-8)
+    away = np.linalg.norm(np.cross(mesh.points, axis), axis=1)
+    assert node_set(mesh, place, "bore").tolist() == np.flatnonzero(away < 0.01201).tolist()
+
+
+def test_a_shaft_and_a_box_have_no_bore():
+    assert bores(box(ElementType.C3D8, (4, 2, 2), (1.0, 0.2, 0.2))) == {}
+    ring = lug(ElementType.C3D8)
+    # Inside out: what was the bore is the outer face of a round bar.
+    away = np.linalg.norm(ring.points[:, :2], axis=1)
+    turned = ring.points.copy()
+    turned[:, :2] *= (0.012**2 / away**2)[:, None]
+    turned[:, 2] *= -1.0
+    found = bores(replace(ring, points=turned))
+    assert all(place.radius < 0.0119 for place in found.values())
+
+
+def test_init_offers_bores_as_interfaces(tmp_path):
+    path = write_deck(lug(ElementType.C3D8), tmp_path / "lug.inp", materials=False)
+    assert "bore_1: 48 nodes, radius 0.012 m" in run("check", path).output
+    assert run("init", path).exit_code == 0
+    config = read_body_file(path.with_suffix(".toml"))
+    assert config.interface[0].name == "bore_1"
+    assert reduce_body(config, Reporter()).interface_point[0] == pytest.approx([0.0, 0.0, 0.005], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("place", "expected"),
+    [
+        ({"box": [[0.0, 0.0, 0.0], [0.25, 0.05, 0.0]]}, lambda p: (p[:, 0] < 0.2501) & (p[:, 2] < 1e-9)),
+        ({"box": [[0.25, 0.05, 0.0], [0.0, 0.0, 0.0]]}, lambda p: (p[:, 0] < 0.2501) & (p[:, 2] < 1e-9)),
+        ({"plane": [0.5, 0.0, 0.0], "normal": [2.0, 0.0, 0.0]}, lambda p: p[:, 0] > 0.4999),
+        (
+            {"cylinder": [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]], "radius": 0.05},
+            lambda p: np.abs(np.hypot(p[:, 1], p[:, 2]) - 0.05) < 5e-5,
+        ),
+        (
+            {"patch": [0.25, 0.025, 0.02], "radius": 0.07},
+            lambda p: np.linalg.norm(p - [0.25, 0.025, 0.02], axis=1) < 0.07005,
+        ),
+        ({"nearest": [0.51, 0.06, 0.03]}, lambda p: (p > [0.4999, 0.0499, 0.0199]).all(axis=1)),
+        (
+            {"nearest": [0.51, 0.06, 0.03], "plane": [0.0, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]},
+            lambda p: (np.abs(p - [0.0, 0.05, 0.02]) < 1e-9).all(axis=1),
+        ),
+        (
+            {"plane": [0.49, 0.0, 0.0], "normal": [1.0, 0.0, 0.0], "tolerance": 0.011},
+            lambda p: p[:, 0] > 0.4999,
+        ),
+    ],
+)
+def test_nodes_are_chosen_by_box_plane_cylinder_patch_and_nearest(place, expected):
+    mesh = box(ElementType.C3D20R, (4, 1, 1), (0.5, 0.05, 0.02))
+    rows = np.flatnonzero(expected(mesh.points))
+    assert rows.size
+    assert node_set(mesh, Place(**place), "nodes").tolist() == rows.tolist()
+
+
+def test_a_patch_holds_nodes_of_the_surface_only():
+    mesh = box(ElementType.C3D8, (4, 4, 4), (1.0, 1.0, 1.0))
+    rows = node_set(mesh, Place(patch=[0.5, 0.5, 1.0], radius=0.3), "nodes")
+    assert rows.size == 5
+    assert np.all(mesh.points[rows, 2] == 1.0)
+
+
+def test_a_place_without_nodes_says_how_far_the_body_is():
+    mesh = box(ElementType.C3D8, (4, 1, 1), (0.5, 0.05, 0.02))
+    with pytest.raises(BodyFileError, match=r"reaches from \(0, 0, 0\) to \(0.5, 0.05, 0.02\) m.*misses it by 0.1 m"):
+        node_set(mesh, Place(plane=[0.6, 0.0, 0.0], normal=[1.0, 0.0, 0.0]), "tip")

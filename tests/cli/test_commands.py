@@ -1,0 +1,188 @@
+"""What people expect of commands: help, quiet, JSON, completion, a line of summary, units in tables."""
+
+import io
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from bodies import random_body, with_second_order
+from flexfmu.cli import app
+from flexfmu.cost import Cost
+from flexfmu.errors import FlexfmuError
+from flexfmu.fmu.package import package_fmu, read_packaged_body
+from flexfmu.info import cost_table, describe
+from flexfmu.methods import Method, Variant, masses_of
+from flexfmu.plain_data import json_text
+from flexfmu.quantities import factor, named, number, unit_of, with_unit
+from flexfmu.tables import read_table, write_table
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory, bodies):
+    path = tmp_path_factory.mktemp("commands") / "beam.fmu"
+    package_fmu(bodies.beam().model, path)
+    return path
+
+
+def run(*arguments, code=0):
+    result = CliRunner().invoke(app, [str(word) for word in arguments])
+    assert result.exit_code == code, result.output
+    return result
+
+
+def test_help_is_short_or_long():
+    assert run("-h").stdout == run("--help").stdout
+    assert "--input" in run("simulate", "-h").stdout
+
+
+def test_python_runs_the_package_as_the_command():
+    done = subprocess.run([sys.executable, "-m", "flexfmu", "--version"], capture_output=True, text=True, check=True)
+    assert re.fullmatch(r"flexfmu \d+\.\d+\.\d+\S*\n", done.stdout)
+
+
+def test_shells_complete_the_commands():
+    words = {"_FLEXFMU_COMPLETE": "complete_bash", "COMP_WORDS": "flexfmu si", "COMP_CWORD": "1"}
+    code = "from flexfmu.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**words, "PATH": ""})
+    assert "simulate" in done.stdout
+
+
+def test_info_as_json_holds_the_frequencies(fmu):
+    data = json.loads(run("info", fmu, "--json").stdout)
+    body = read_packaged_body(fmu)
+    found = [mode["frequency"] for mode in data["modes"]]
+    np.testing.assert_allclose(found, body.angular_frequency / (2.0 * np.pi), rtol=1e-15)
+    assert data["interfaces"] == [{"name": "tip", "point": body.interface_point[0].tolist(), "frame": "frame_8"}]
+    assert data["frames"][0]["parent"] is None
+    assert data["properties"]["material_names"] == ["STEEL"]
+
+
+def test_results_as_json_have_null_where_there_is_no_number():
+    row = {"share": float("nan"), "method": Method.FRAMES, "shape": np.eye(2)}
+    assert json.loads(json_text(row)) == {"share": None, "method": "frames", "shape": [[1.0, 0.0], [0.0, 1.0]]}
+
+
+def test_tables_of_a_body_fit_a_terminal_of_80_columns():
+    body = with_second_order(random_body(name="a_body_with_a_name_of_usual_length"))
+    costs = [Cost(Variant(method, mass), 1.2345e-3, 1e-3, 12.3) for method in Method for mass in masses_of(method)]
+    console = Console(file=io.StringIO(), width=80)
+    console.print(cost_table(costs))
+    text = console.file.getvalue()
+    assert "frames, mass configuration" in text
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= 80
+    # Nothing is folded over two lines.
+    assert len(text.splitlines()) == len(costs) + 5
+    for part in describe(body):
+        console.print(part)
+    assert "…" not in console.file.getvalue()
+
+
+LOADS = "time,tip.force.y\n0,0\n0.01,2000\n0.02,2000\n"
+
+
+def simulate(fmu, folder, text, *options):
+    (folder / "loads.csv").write_text(text)
+    result = run("simulate", fmu, "-i", folder / "loads.csv", "-o", folder / "result.csv", *options)
+    return result, read_table(folder / "result.csv")
+
+
+def test_a_run_ends_with_its_largest_motion_and_its_warnings(fmu, tmp_path):
+    result, (names, values) = simulate(fmu, tmp_path, LOADS)
+    moved = np.linalg.norm(values[:, [1 + names.index(f"tip.displacement.{axis}") for axis in "xyz"]], axis=1)
+    turned = np.linalg.norm(values[:, [1 + names.index(f"tip.rotation.{axis}") for axis in "xyz"]], axis=1)
+    line = result.stdout.splitlines()[0]
+    assert f"{1e3 * moved.max():.4g} mm of tip at {values[moved.argmax(), 0]:.4g} s" in line
+    assert f"{np.degrees(turned.max()):.4g}° of tip" in line
+    assert line.endswith("no warnings")
+    result, _ = simulate(fmu, tmp_path, LOADS, "--stop", "0.03")
+    assert result.stdout.splitlines()[0].endswith("1 warning")
+
+
+@pytest.mark.parametrize("place", ["before", "after"])
+def test_quiet_leaves_warnings_and_results(fmu, tmp_path, place):
+    (tmp_path / "loads.csv").write_text(LOADS)
+    words = ["simulate", fmu, "-i", tmp_path / "loads.csv", "-o", tmp_path / "r.csv", "--stop", "0.03"]
+    usual = run(*words)
+    assert "✓" in usual.stderr
+    quiet = run(*(["-q", *words] if place == "before" else [*words, "--quiet"]))
+    assert "✓" not in quiet.stderr
+    assert "the last loads are held" in quiet.stderr
+    assert quiet.stdout == usual.stdout
+
+
+def test_verbose_shows_where_an_error_arose(tmp_path):
+    usual, verbose = (run("info", tmp_path / "none.fmu", *more, code=1).stderr for more in ((), ("-v",)))
+    assert "no such file" in usual
+    assert "Traceback" not in usual
+    assert "Traceback" in verbose
+
+
+def test_units_in_a_header_are_converted(fmu, tmp_path):
+    _, (_, plain) = simulate(fmu, tmp_path, LOADS)
+    _, (_, units) = simulate(fmu, tmp_path, "time [ms],tip.force.y (kN)\n0,0\n10,2\n20,2\n")
+    np.testing.assert_allclose(units, plain, rtol=1e-9, atol=1e-15)
+
+
+def test_units_that_are_written_are_read_again(fmu, tmp_path):
+    _, (names, plain) = simulate(fmu, tmp_path, LOADS)
+    _, (again, values) = simulate(fmu, tmp_path, LOADS, "--units")
+    head = (tmp_path / "result.csv").read_text().splitlines()[0].split(",")
+    assert head[:2] == ["time [s]", "tip.displacement.x [m]"]
+    assert "tip.rotation.z [rad]" in head
+    assert again == names
+    np.testing.assert_array_equal(values, plain)
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "value"),
+    [
+        ("tip.force.x", "tip.force.x", 1.0),
+        ("tip.force.x [kN]", "tip.force.x", 1e3),
+        ("tip.moment.x [N mm]", "tip.moment.x", 1e-3),
+        ("tip.moment.x (N·m)", "tip.moment.x", 1.0),
+        ("tip.displacement.x[mm]", "tip.displacement.x", 1e-3),
+        ("tip.rotation.x [deg]", "tip.rotation.x", np.pi / 180.0),
+        ("tip.angular_velocity.z [rpm]", "tip.angular_velocity.z", np.pi / 30.0),
+        ("body.acceleration.z [g]", "body.acceleration.z", 9.80665),
+        ("body.acceleration.z [m/s^2]", "body.acceleration.z", 1.0),
+        ("web.von_mises [MPa]", "web.von_mises", 1e6),
+        ("time [min]", "time", 60.0),
+        ("motor.current [A]", "motor.current", 1.0),
+    ],
+)
+def test_headers_tell_names_and_units(header, name, value):
+    assert named(header) == (name, pytest.approx(value, rel=1e-12))
+
+
+def test_a_unit_of_another_quantity_is_refused():
+    with pytest.raises(FlexfmuError, match="'mm', expected one of N, mN, kN"):
+        named("tip.force.y [mm]")
+    with pytest.raises(FlexfmuError, match="expected a number"):
+        number("much", "tip.force.y")
+    assert number("5kN", "tip.force.y") == number("5e3", "tip.force.y") == 5000.0
+    assert number("-1.5e-2 N m", "tip.moment.y") == -0.015
+
+
+def test_every_variable_of_an_fmu_with_a_unit_tells_the_same_by_its_name(bodies):
+    from flexfmu.fmu.variable_table import variable_table
+    from flexfmu.fmu.variables import Group
+
+    shown = (Group.INPUT, Group.MOTION, Group.RATE, Group.STRESS)
+    variables = [v for v in variable_table(bodies.beam().model) if v.group in shown]
+    assert len(variables) >= 12
+    for variable in variables:
+        assert unit_of(variable.name) == variable.unit
+        assert factor(variable.unit, variable.unit, "") == 1.0
+        assert named(with_unit(variable.name)) == (variable.name, 1.0)
+
+
+def test_a_table_without_units_is_written_as_masters_read_it(tmp_path):
+    write_table(tmp_path / "t.csv", ["tip.force.y"], np.array([[0.0, 1.0]]))
+    assert (tmp_path / "t.csv").read_text().splitlines()[0] == "time,tip.force.y"

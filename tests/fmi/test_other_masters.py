@@ -1,0 +1,239 @@
+"""The same FMU in other masters gives the same numbers: Python packages, and a C program."""
+
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from urllib.parse import quote
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from bodies import beam_body
+from flexfmu.body import FlexibleBody
+from flexfmu.fmu.description import Runtime
+from flexfmu.fmu.package import package_fmu
+
+SCRIPTS = Path(__file__).parents[1] / "native_master"
+MARK = "RESULT "
+STEP, COUNT = 1e-3, 40
+# Before the start, and from the middle of the run on.
+LOADS = {"tip.force.x": -500.0, "tip.force.y": 2000.0}
+LATER = {"tip.force.z": 1500.0, "tip.moment.x": 40.0}
+OUTPUTS = [f"tip.{quantity}.{axis}" for quantity in ("displacement", "rotation") for axis in "xyz"]
+STARTS = {"rest": {}, "static": {"initialization": "static"}}
+# Those that set texts start in either way; the others know numbers only.
+MASTERS = [(name, start) for name in ("fmpy", "libcosimpy", "ecospy") for start in STARTS]
+MASTERS += [(name, "rest") for name in ("pathsim_fmi", "cofmupy", "gemseo_fmu")]
+RUNTIMES = {runtime.value: runtime for runtime in Runtime}
+
+
+@pytest.fixture(scope="module")
+def exports(tmp_path_factory):
+    """A damped beam, and its FMU of each export."""
+    model, folder = beam_body(3, modes=3, damping=0.02), tmp_path_factory.mktemp("fmus")
+    for name, runtime in RUNTIMES.items():
+        package_fmu(model, folder / f"{name}.fmu", runtime)
+    return model, {name: folder / f"{name}.fmu" for name in RUNTIMES}
+
+
+@pytest.fixture(scope="module")
+def beam(exports):
+    """The beam and its native FMU."""
+    return exports[0], exports[1]["native"]
+
+
+@pytest.fixture(scope="module")
+def expected(beam):
+    """Outputs after every step by the body itself, by how it starts."""
+    body = FlexibleBody(beam[0])
+    found = {}
+    for start in STARTS:
+        loads = dict(LOADS)
+        state = body.static(on_tip(loads)) if start == "static" else body.rest()
+        found[start] = []
+        for k in range(COUNT):
+            if k == COUNT // 2:
+                loads |= LATER
+            state = body.step(state, on_tip(loads), STEP)
+            response = body.response(state)
+            found[start].append([*response.displacement[0], *response.rotation[0]])
+    return found
+
+
+def on_tip(loads):
+    return {"tip": [loads.get(f"tip.{quantity}.{axis}", 0.0) for quantity in ("force", "moment") for axis in "xyz"]}
+
+
+def in_master(name, path, start):
+    """Outputs after every step in a master that is a Python package, in a process of its own."""
+    arguments = json.dumps([str(path), STARTS[start], LOADS, LATER, STEP, COUNT, OUTPUTS])
+    command = [sys.executable, str(SCRIPTS / "python_masters.py"), name, arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
+    if not lines and "libtbb" in done.stderr:
+        pytest.skip("ecospy needs oneTBB: the package tbb, or Debian's libtbb12")
+    assert lines, f"{name} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}"
+    return json.loads(lines[-1][len(MARK) :])
+
+
+@pytest.mark.parametrize("runtime", RUNTIMES)
+@pytest.mark.parametrize(("name", "start"), MASTERS)
+def test_masters_give_the_numbers_of_the_body_itself(exports, expected, name, start, runtime):
+    if importlib.util.find_spec(name) is None:
+        pytest.skip(f"{name} is not installed: pip install {name.replace('_', '-')}")
+    found = in_master(name, exports[1][runtime], start)
+    assert np.max(np.abs(expected[start])) > 0.05
+    np.testing.assert_allclose(found, expected[start], rtol=0, atol=1e-12)
+
+
+def test_every_output_is_a_real_number_as_masters_take_it_for(beam):
+    with zipfile.ZipFile(beam[1]) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    variables = {v.get("name"): v for v in root.find("ModelVariables")}
+    outputs = [v for v in variables.values() if v.get("causality") == "output"]
+    assert [v.get("name") for v in outputs] == OUTPUTS
+    assert {v[0].tag for v in outputs} == {"Real"}
+    assert variables["status.code"].get("causality") == "local"
+    assert variables["status.code"][0].tag == "Integer"
+
+
+# A master that is no Python program.
+
+
+@pytest.fixture(scope="module")
+def master(tmp_path_factory):
+    """The compiled C master."""
+    if sys.platform != "linux":
+        pytest.skip("the C master is written for dlopen and binaries/linux64")
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("there is no C compiler")
+    program = tmp_path_factory.mktemp("master") / "master"
+    command = [compiler, "-std=c11", "-Wall", "-Wextra", str(SCRIPTS / "master.c"), "-o", str(program), "-ldl"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    return program
+
+
+class Unpacked:
+    """An FMU in a folder of its own, and the C master that runs it."""
+
+    def __init__(self, master, fmu, folder):
+        self.master, self.folder = master, folder
+        with zipfile.ZipFile(fmu) as archive:
+            archive.extractall(folder)
+        root = ElementTree.parse(folder / "modelDescription.xml").getroot()
+        self.reference = {v.get("name"): v.get("valueReference") for v in root.find("ModelVariables")}
+        self.guid, name = root.get("guid"), root.find("CoSimulation").get("modelIdentifier")
+        self.library = folder / "binaries" / "linux64" / f"{name}.so"
+
+    def run(self, count, texts=None, guid=None, resources=None, **environment):
+        """Run the C master in an environment in which no Python is to be found."""
+        place = resources or (self.folder / "resources").as_uri()
+        words = [str(self.master), str(self.library), place, guid or self.guid, str(STEP), str(count)]
+        words += [f"s:{self.reference[name]}={value}" for name, value in (texts or {}).items()]
+        words += [f"r:{self.reference[name]}={value!r}" for name, value in LOADS.items()]
+        words += [f"o:{self.reference[name]}" for name in OUTPUTS]
+        return subprocess.run(
+            words, capture_output=True, text=True, timeout=120, check=False, env={"PATH": "", **environment}
+        )
+
+
+def numbers_of(done):
+    """Rows that the C master printed."""
+    *rows, last = done.stdout.splitlines() or [""]
+    assert last == "done", f"{done.returncode}\n{done.stdout}\n{done.stderr}"
+    return np.array([[float(word) for word in row.split()] for row in rows])
+
+
+@pytest.fixture
+def unpacked(beam, master, tmp_path):
+    """The beam's FMU in a folder whose path is hard to spell."""
+    return Unpacked(master, beam[1], tmp_path / "Träger für 100 % Last #1" / "中")
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_a_master_in_c_without_python_agrees_with_fmpy_to_the_last_bit(unpacked, beam, expected, start):
+    assert "%23" in (unpacked.folder / "resources").as_uri()
+    found = numbers_of(unpacked.run(COUNT // 2, STARTS[start]))
+    by_fmpy = np.array(in_master("fmpy", beam[1], start))
+    # 17 digits tell every number from its neighbours.
+    np.testing.assert_array_equal(found[1:], by_fmpy[: COUNT // 2])
+    np.testing.assert_allclose(found[1:], expected[start][: COUNT // 2], rtol=0, atol=1e-12)
+    assert np.max(np.abs(found)) > 0.05
+    if start == "rest":
+        np.testing.assert_array_equal(found[0], 0.0)
+
+
+def test_no_python_is_in_the_process_of_a_master_in_c(unpacked):
+    # The loader's own account of all libraries.
+    done = unpacked.run(1, LD_DEBUG="libs")
+    numbers_of(done)
+    loaded = {
+        Path(line.split("calling init: ")[1].strip()).name
+        for line in done.stderr.splitlines()
+        if "calling init:" in line
+    }
+    assert unpacked.library.name in loaded, done.stderr
+    assert not [name for name in loaded if "python" in name.lower()]
+
+
+def spelled(folder):
+    """Addresses of a folder as masters spell them."""
+    plain = str(folder)
+    return {
+        "plain path": plain,
+        "one slash": f"file:{quote(plain)}",
+        "host": f"file://localhost{quote(plain)}",
+        "small letters": re.sub("%[0-9A-F]{2}", lambda code: code[0].lower(), folder.as_uri()),
+        "slash at the end": folder.as_uri() + "/",
+        # Not right, but common.
+        "nothing escaped": f"file://{plain}",
+    }
+
+
+@pytest.mark.parametrize("spelling", spelled(Path("/x")))
+def test_the_address_of_the_resources_may_be_spelled_in_any_way(beam, master, tmp_path, spelling):
+    one = Unpacked(master, beam[1], tmp_path / "ü #1")
+    assert numbers_of(one.run(1, resources=spelled(one.folder / "resources")[spelling])).shape == (2, 6)
+
+
+def test_a_wrong_guid_is_refused_with_both_in_the_log(unpacked):
+    wrong = "{01234567-0123-4567-89ab-0123456789ab}"
+    done = unpacked.run(1, guid=wrong)
+    assert done.returncode == 3
+    assert "no instance" in done.stderr
+    assert wrong in done.stderr
+    assert unpacked.guid in done.stderr
+
+
+@pytest.mark.parametrize("part", ["body.prog", "linear.prog"])
+def test_the_data_of_another_body_are_refused(unpacked, tmp_path, part):
+    package_fmu(beam_body(3, modes=3, damping=0.03), tmp_path / "other.fmu")
+    with zipfile.ZipFile(tmp_path / "other.fmu") as archive:
+        (unpacked.folder / "resources" / part).write_bytes(archive.read(f"resources/{part}"))
+    done = unpacked.run(1, {"method": "linear"})
+    assert done.returncode == 3
+    assert ("different FMUs" if part == "body.prog" else "of another body") in done.stderr
+
+
+def test_resources_that_are_not_there_are_named(unpacked):
+    done = unpacked.run(1, resources=(unpacked.folder / "nowhere").as_uri())
+    assert done.returncode == 3
+    assert "nowhere" in done.stderr
+    assert "body.prog" in done.stderr
+
+
+def test_an_fmu_for_python_tells_the_loader_what_it_lacks(master, tmp_path):
+    package_fmu(beam_body(3, modes=3), tmp_path / "python.fmu", Runtime.PYTHON)
+    done = Unpacked(master, tmp_path / "python.fmu", tmp_path / "python").run(1)
+    assert done.returncode == 2
+    assert "undefined symbol" in done.stderr
+    assert "Py" in done.stderr

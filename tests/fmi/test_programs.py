@@ -1,0 +1,149 @@
+"""Programs that are cut short, altered or forged: refused, or answered without a crash, a hang or nonsense."""
+
+import os
+import shutil
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bodies import beam_body
+from flexfmu.core import Core, building
+from flexfmu.core.library import library_path
+from flexfmu.methods import Method
+from flexfmu.model.errors import OptionError
+from flexfmu.program.compile import compile_program
+from flexfmu.program.image import _HEAD, ProgramError, fields, read_image, write_image
+from program_fuzzer import places, resealed, small_programs
+
+pytestmark = pytest.mark.slow
+
+FUZZER = Path(__file__).parents[1] / "program_fuzzer.py"
+SANITIZERS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
+
+
+@pytest.fixture(scope="module")
+def small():
+    """The smallest of programs: one mode, one frame, one interface."""
+    return compile_program(beam_body(1, 1, planes="y"), Method.FRAMES)
+
+
+def refusal(image):
+    """Words with which a program is refused; None where it is opened."""
+    try:
+        Core(image)
+    except OptionError as error:
+        return str(error)
+    return None
+
+
+def test_an_image_holds_what_was_written(small):
+    held = read_image(small)
+    assert write_image(held.sizes, held.arrays) == small
+    assert refusal(small) is None
+    assert {place[1] for place in places(small)} == {field.name for field in fields()}
+
+
+def test_every_truncation_is_refused(small):
+    for size in range(len(small)):
+        assert "not a program" in refusal(small[:size])
+
+
+def test_every_truncation_that_says_its_own_size_is_refused(small):
+    """Size and checksum are those of what is left: what is missing is missed where it is read."""
+    for size in range(_HEAD.size, len(small), 8):
+        assert "shorter than it says" in refusal(resealed(small[:size]))
+    assert "longer than it says" in refusal(resealed(small + bytes(8)))
+
+
+def test_ten_thousand_flipped_bits_are_refused(small):
+    rng, words = np.random.default_rng(11), set()
+    for bit in rng.integers(0, 8 * len(small), 10**4):
+        altered = bytearray(small)
+        altered[bit // 8] ^= 1 << bit % 8
+        words.add(refusal(bytes(altered)))
+    assert None not in words
+    assert any("altered" in word for word in words)
+
+
+@pytest.mark.parametrize(
+    ("at", "layout", "value", "words"),
+    [
+        (0, "<8s", b"flexprot", "no program of flexfmu"),
+        (8, "<q", 99, "another version"),
+        (16, "<Q", 1, "its table of fields is another"),
+        (24, "<q", 2**62, "shorter than it says"),
+    ],
+)
+def test_a_program_of_another_kind_is_refused_by_what_it_is(small, at, layout, value, words):
+    altered = bytearray(small)
+    struct.pack_into(layout, altered, at, value)
+    assert words in refusal(bytes(altered))
+
+
+def test_arrays_that_make_no_program_are_refused_by_name(small):
+    held = read_image(small)
+    with pytest.raises(ProgramError, match="omega has 2 elements, expected modes = 1"):
+        write_image(held.sizes, held.arrays | {"omega": np.ones(2)})
+    with pytest.raises(ProgramError, match="'nothing' is no field"):
+        write_image(held.sizes, held.arrays | {"nothing": np.ones(2)})
+
+
+def test_curvature_that_would_lie_outside_is_refused():
+    """Where it begins is so far out that its end comes round to the front again."""
+    image = dict(small_programs())["held second_order constant"]
+    held = read_image(image)
+    start = held.arrays["core_start"].copy()
+    start[np.flatnonzero(held.arrays["part"] >= 0)[0]] = 2**63 - 1
+    assert "a curvature lies outside" in refusal(write_image(held.sizes, held.arrays | {"core_start": start}))
+
+
+def fuzzed(core, seed, count, *words, **environment):
+    """How many forged programs were refused, and how many worked, in a process of its own."""
+    command = [sys.executable, str(FUZZER), str(core), str(seed), str(count), *words]
+    variables = os.environ | {"PYTHONPATH": str(FUZZER.parent)} | environment
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=variables)
+    assert done.returncode == 0, "\n".join(done.stderr.splitlines()[-30:])
+    return [int(word) for word in done.stdout.split()]
+
+
+def test_ten_thousand_forged_programs_are_refused_or_harmless():
+    refused, worked = fuzzed(library_path(), 1, 10**4)
+    assert refused > 2000
+    assert worked > 2000
+
+
+def test_an_fmu_with_a_forged_program_is_refused_or_harmless():
+    refused, worked = fuzzed(library_path(), 3, 1000, "fmu")
+    assert min(refused, worked) > 100
+
+
+@pytest.fixture(scope="module")
+def checked_core(tmp_path_factory):
+    """The core compiled with checks of every access and every operation, and what has to be loaded before it."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no gcc for sanitizers")
+    path = tmp_path_factory.mktemp("checked") / "core.so"
+    done = subprocess.run(
+        building.command([compiler], path, extra=SANITIZERS), capture_output=True, text=True, check=False
+    )
+    found = subprocess.run([compiler, "-print-file-name=libasan.so"], capture_output=True, text=True, check=True)
+    runtime = Path(found.stdout.strip())
+    if done.returncode or not runtime.is_absolute():
+        pytest.skip(f"gcc has no sanitizers here: {done.stderr[-200:]}")
+    return path, str(runtime.resolve())
+
+
+@pytest.mark.parametrize("count", [1500, pytest.param(10**4, marks=pytest.mark.slow)])
+def test_forged_programs_touch_no_memory_but_their_own(checked_core, count):
+    path, runtime = checked_core
+    # What Python itself never gives back is no concern here. More memory than there is must be refused, not a crash.
+    options = "detect_leaks=0:allocator_may_return_null=1"
+    refused, worked = fuzzed(path, 2 + count, count, LD_PRELOAD=runtime, ASAN_OPTIONS=options)
+    assert min(refused, worked) > count // 5
+    through = fuzzed(path, 3 + count, count // 3, "fmu", LD_PRELOAD=runtime, ASAN_OPTIONS=options)
+    assert min(through) > count // 30

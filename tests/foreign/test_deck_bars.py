@@ -1,0 +1,54 @@
+"""Elements and materials of decks against CalculiX on the same meshes (tests/foreign/deck_bars.py)."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from flexfmu.fe.assembly import stiffness
+from flexfmu.fe.factorisation import Factorisation
+from flexfmu.fe.nonlinear import load_path
+from flexfmu.fe.unknowns import unknowns
+from flexfmu.mesh.checks import checked
+from flexfmu.mesh.deck import read_deck
+from flexfmu.mesh.units import UnitSystem
+from flexfmu.progress import Reporter
+from foreign.deck_bars import BARS, FORCE, HERE, LARGE, deck
+
+
+def calculix():
+    with (HERE / "deck_bars.csv").open() as file:
+        return {(r["bar"], r["load"]): [float(r[f"u{a}_m"]) for a in "xyz"] for r in csv.DictReader(file)}
+
+
+def loaded(folder, name):
+    """Mesh of a bar, its unknowns, and nodal forces."""
+    path = folder / "bar.inp"
+    path.write_text(deck(name)[0])
+    mesh = checked(read_deck(path, UnitSystem.SI))
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    fixed[mesh.node_sets["ROOT"]] = True
+    tip = mesh.node_sets["TIP"]
+    load = np.zeros((len(mesh.points), 3))
+    load[tip] = FORCE / len(tip)
+    return mesh, unknowns(fixed, None), load.ravel()
+
+
+@pytest.mark.parametrize("name", BARS)
+def test_linear_deflections_of_decks_are_those_of_calculix(name, tmp_path):
+    mesh, unknown, load = loaded(tmp_path, name)
+    stiff = unknown.matrix(stiffness(mesh))
+    u = unknown.whole(Factorisation(stiff, unknown.free // 3).solve(unknown.forces(load)))
+    tip = u.reshape(-1, 3)[mesh.node_sets["TIP"]].mean(axis=0)
+    expected = np.array(calculix()[name, "linear"])
+    assert np.linalg.norm(tip - expected) < 1e-5 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("name", [name for name in BARS if name != "wedges"])
+def test_large_deflections_of_decks_are_those_of_calculix(name, tmp_path):
+    mesh, unknown, load = loaded(tmp_path, name)
+    path = load_path(mesh, unknown, np.zeros((len(mesh.points), 3)), LARGE * load, [1.0], Reporter())
+    tip = path.displacement[-1].reshape(-1, 3)[mesh.node_sets["TIP"]].mean(axis=0)
+    expected, straight = (np.array(calculix()[name, which]) for which in ("large", "linear"))
+    assert np.linalg.norm(expected - LARGE * straight) > 0.02 * np.linalg.norm(expected)
+    assert np.linalg.norm(tip - expected) < 0.01 * np.linalg.norm(expected)

@@ -1,0 +1,267 @@
+"""Files that other programs' libraries wrote (tests/foreign/make.py): each is the same bar as a deck has it."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import flexfmu
+import flexfmu.mesh.checks
+from flexfmu.errors import MeshError
+from flexfmu.fe.assembly import stiffness, volume_matrices
+from flexfmu.mesh.formats import read_mesh
+from flexfmu.mesh.model import ElementType
+from meshes import box
+
+FOREIGN = Path(__file__).parent
+STEEL = (2.0e11, 0.3, 7850.0)
+# Sets of each file: the clamped end, the loaded end, all elements.
+SETS = {
+    "deck_{}.inp": ("ROOT", "TIP", "BAR"),
+    "gmsh_{}_msh41.msh": ("ROOT", "TIP", "BAR"),
+    "gmsh_{}_msh22.msh": ("ROOT", "TIP", "BAR"),
+    "gmsh_{}_binary.msh": ("ROOT", "TIP", "BAR"),
+    "gmsh_{}.med": ("ROOT", "TIP", "BAR"),
+    "gmsh_{}.bdf": ("Faces 1", "Faces 2", "PSOLID 1"),
+    "nastran_{}.bdf": ("SET 11", "RBE3 9001", "PSOLID 7"),
+    "ansys_{}.cdb": ("ROOT", "TIP", "BAR"),
+    "exodus_{}.e": ("ROOT", "TIP", "BAR"),
+    "meshio_{}.vtk": ("ROOT", "TIP", "BAR"),
+    "meshio_{}.vtu": ("ROOT", "TIP", "BAR"),
+    "meshio_{}.xdmf": ("ROOT", "TIP", "BAR"),
+}
+WITH_MATERIAL = ("deck_{}.inp", "nastran_{}.bdf", "ansys_{}.cdb")
+LARGE = 200.0
+LOAD = [1.0e3, 2.0e3, 3.0e3, 400.0, 500.0, 600.0]
+
+
+def mass(mesh):
+    """Mass of a mesh with materials, kg."""
+    from flexfmu.fe.assembly import volume_matrices
+    from flexfmu.reduction.masses import body_properties
+
+    return body_properties(mesh, volume_matrices(mesh)).mass
+
+
+def answer(mesh, root, tip, material=STEEL):
+    """Linear displacement and rotation of the tip under a force and a moment."""
+    end = flexfmu.Interface(tip, point=[1.0, 0.05, 0.05])
+    body = flexfmu.Body(mesh, material, [root], {"tip": end}).build("linear", modes=2, residual_flexibility=True)
+    response = body.response(body.static({"tip": LOAD}))
+    return np.concatenate([response.displacement[0], response.rotation[0]])
+
+
+@pytest.fixture(scope="module", params=["tets", "bricks"])
+def bar(request):
+    """Kind of the bar, and the linear answer of its deck."""
+    return request.param, answer(read_mesh(FOREIGN / f"deck_{request.param}.inp"), "ROOT", "TIP", None)
+
+
+@pytest.mark.parametrize("name", list(SETS)[1:])
+def test_a_foreign_file_is_the_bar_of_the_deck_with_its_sets(bar, name):
+    kind, expected = bar
+    mesh = read_mesh(FOREIGN / name.format(kind))
+    root, tip, whole = SETS[name]
+    assert np.ptp(mesh.points[mesh.node_sets[root]], axis=0) == pytest.approx([0.0, 0.1, 0.1], abs=1e-9)
+    assert mesh.points[mesh.node_sets[tip], 0] == pytest.approx(1.0)
+    assert len(mesh.element_sets[whole]) == mesh.element_count
+    material = STEEL
+    if name in WITH_MATERIAL:
+        assert mass(flexfmu.mesh.checks.checked(mesh)) == pytest.approx(78.5, rel=1e-9)
+        material = None
+    # Coordinates have 9 digits where formats have fields of 16 characters.
+    np.testing.assert_allclose(answer(mesh, root, tip, material), expected, rtol=1e-6)
+
+
+def calculix(kind, load):
+    """Mean displacement of the tip."""
+    rows = np.genfromtxt(FOREIGN / "calculix.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    (row,) = rows[(rows["bar"] == kind) & (rows["load"] == load)]
+    return np.array([row[f"u{axis}_m"] for axis in "xyz"])
+
+
+def test_the_linear_answer_of_both_bars_is_calculixs(bar):
+    kind, _ = bar
+    body = flexfmu.Body(read_mesh(FOREIGN / f"deck_{kind}.inp"), None, ["ROOT"], {"tip": "TIP"})
+    body = body.build("linear", modes=2, residual_flexibility=True)
+    found = body.response(body.static({"tip": LOAD[:3]})).displacement[0]
+    np.testing.assert_allclose(found, calculix(kind, "linear"), rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize("kind", ["tets", "bricks"])
+def test_the_bar_of_every_file_bends_far_as_in_calculix(kind, name):
+    root, tip, _ = SETS[name]
+    end = flexfmu.Interface(tip, point=[1.0, 0.05, 0.05])
+    material = None if name in WITH_MATERIAL else STEEL
+    body = flexfmu.Body(read_mesh(FOREIGN / name.format(kind)), material, [root], {"tip": end})
+    body = body.build("second_order", modes=2, residual_flexibility=True, surface=False)
+    found = body.response(body.static({"tip": LARGE * np.array(LOAD[:3])})).displacement[0]
+    expected = calculix(kind, "large")
+    assert np.linalg.norm(expected - LARGE * calculix(kind, "linear")) > 0.05 * np.linalg.norm(expected)
+    assert np.linalg.norm(found - expected) < 2e-3 * np.linalg.norm(expected)
+
+
+def nastran(folder, *bulk):
+    """Read bulk data of a tetrahedron and whatever else is given."""
+    corners = ("0.,0.,0.", "1.,0.,0.", "0.,1.,0.", "0.,0.,1.")
+    lines = [f"GRID,{k},,{place}" for k, place in enumerate(corners, 1)]
+    lines += ["CTETRA,1,1,1,2,3,4", "PSOLID,1,1", "MAT1,1,2.+11,,.3,7850."]
+    path = folder / "body.bdf"
+    path.write_text("\n".join([*lines, *bulk]) + "\n")
+    return read_mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("bulk", "message"),
+    [
+        (("CQUAD4,5,2,1,2,3,4", "PSHELL,2,1,.001"), "no solid: CQUAD4 5; supported are CTETRA"),
+        (("CBAR,6,3,1,2,0.,0.,1.",), "no solid: CBAR 6"),
+        (("MPC,1,1,1,1.,2,4,-1.",), "MPC 1 has the term 2, 4: supported are translations"),
+        (
+            ("MPC,1,1,1,1.,2,1,-1.", "MPC,2,1,1,1.,3,1,-1."),
+            "MPC sets 1, 2 are there, and the case control chooses none",
+        ),
+        (("RBE2,4,9,123,1,2", "RBE2,5,9,123,3,4", "GRID,9,,2.,2.,2."), "rigid elements 4, 5 share their reference"),
+        (("CTETRA,2,1,1,2,3,4,9,", ",,,,,,"), "CTETRA 2"),
+        (("CTETRA,2,1,1,2,3,99",), "names GRID 99, which is not there"),
+        (("PLSOLID,2,1", "CTETRA,2,2,1,2,3,4"), "property 2 is a PLSOLID, expected PSOLID"),
+        (("MAT9,2,1.", "PSOLID,2,2", "CTETRA,2,2,1,2,3,4"), r"material 2 is a MAT9, expected MAT1"),
+        (("INCLUDE 'gone.bdf'",), "gone.bdf"),
+    ],
+)
+def test_what_nastran_has_beyond_solids_is_refused_by_card_and_number(tmp_path, bulk, message):
+    with pytest.raises(MeshError, match=message):
+        nastran(tmp_path, *bulk)
+
+
+def test_constraints_and_rigid_elements_of_nastran_are_sets_and_are_told_of(tmp_path):
+    mesh = nastran(tmp_path, "SPC1,3,123,1,2", "RBE2,4,9,123456,3,4", "GRID,9,,2.,2.,2.", "GRID,10,,3.,3.,3.,,12")
+    assert mesh.labels[mesh.node_sets["SPC 3"]].tolist() == [1, 2]
+    assert mesh.labels[mesh.node_sets["RBE2 4"]].tolist() == [3, 4]
+    np.testing.assert_allclose(mesh.references["RBE2 4"], [2.0, 2.0, 2.0])
+    assert any("RBE2 4 is offered as an interface" in note and "rigid is left out" in note for note in mesh.notes)
+    assert any("SPC 3" in note and "holds nothing" in note for note in mesh.notes)
+    assert not mesh.fixed.any()
+
+
+def test_a_missing_include_leaves_no_file_behind(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MeshError, match=r"gone\.bdf"):
+        nastran(tmp_path, "INCLUDE 'gone.bdf'")
+    assert [path.name for path in tmp_path.iterdir()] == ["body.bdf"]
+
+
+def test_rigid_elements_of_nastran_are_interfaces_about_their_reference(bar):
+    kind, expected = bar
+    mesh = read_mesh(FOREIGN / f"nastran_{kind}.bdf")
+    out = mesh.references["RBE3 9001"] - [1.0, 0.05, 0.05]
+    assert np.linalg.norm(out) > 0.1
+    body = flexfmu.Body(mesh, None, ["SET 11"], {"tip": "RBE3 9001"})
+    body = body.build("linear", modes=2, residual_flexibility=True)
+    # A load at the point farther out is one at the centre with a moment more.
+    shifted = np.array(LOAD)
+    shifted[3:] -= np.cross(out, LOAD[:3])
+    response = body.response(body.static({"tip": shifted}))
+    moved = response.displacement[0] - np.cross(response.rotation[0], out)
+    np.testing.assert_allclose(np.concatenate([moved, response.rotation[0]]), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("control", "expected"), [("", 1), ("SOL 101\nCEND\nMPC = 7\nBEGIN BULK\n", 2)])
+def test_multi_point_constraints_of_nastran_are_equations(tmp_path, control, expected):
+    corners = ("0.,0.,0.", "1.,0.,0.", "0.,1.,0.", "0.,0.,1.")
+    lines = [f"GRID,{k},,{place}" for k, place in enumerate(corners, 1)]
+    lines += ["CTETRA,1,1,1,2,3,4", "PSOLID,1,1", "MAT1,1,2.+11,,.3,7850.", "MPC,5,1,1,1.,2,1,-1.", ",,3,2,.5"]
+    if control:
+        lines += ["MPC,6,4,3,2.,1,3,-2.", "MPCADD,7,5,6", "ENDDATA"]
+    path = tmp_path / "body.bdf"
+    path.write_text(control + "\n".join(lines) + "\n")
+    equations = read_mesh(path).equations.toarray()
+    assert equations.shape == (expected, 12)
+    assert {k: equations[0, k] for k in np.flatnonzero(equations[0])} == {0: 1.0, 3: -1.0, 7: 0.5}
+
+
+def ansys(folder, kind, elements, tail=""):
+    """Read an archive of a cube's corners and mid-side nodes with elements of a type."""
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
+    lines = ["/COM,ANSYS RELEASE 2024 R1", "/PREP7", f"ET,  1,{kind}", "NBLOCK,6,SOLID,  8,  8", "(3i9,6e21.13e3)"]
+    lines += [
+        f"{k:9d}{0:9d}{0:9d}" + "".join(f"{x:20.13E}".replace("E+", "E+0") for x in p) for k, p in enumerate(corners, 1)
+    ]
+    lines += ["N,R5.3,LOC,       -1,", f"EBLOCK,19,SOLID,{len(elements):10d},{len(elements):10d}", "(19i9)"]
+    for number, nodes in enumerate(elements, 1):
+        lines.append("".join(f"{value:9d}" for value in (1, 1, 1, 1, 0, 0, 0, 0, len(nodes), 0, number, *nodes)))
+    path = folder / "body.cdb"
+    path.write_text("\n".join([*lines, "       -1", tail, ""]))
+    return read_mesh(path)
+
+
+def test_bricks_of_ansys_whose_nodes_coincide_are_tetrahedra(tmp_path):
+    mesh = ansys(tmp_path, 185, [(1, 2, 4, 4, 5, 5, 5, 5)], "MP,EX,1,2e11\nMP,PRXY,1,.3\nMP,DENS,1,7850")
+    assert mesh.blocks[0].type.value == "C3D4"
+    assert mass(flexfmu.mesh.checks.checked(mesh)) == pytest.approx(7850.0 / 6.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "elements", "tail", "message"),
+    [
+        (181, [(1, 2, 3, 4)], "", "element type 181: elements 1; supported are SOLID45"),
+        (185, [(1, 2, 3, 4, 5, 5, 5, 5)], "", "pyramids of element type 185: elements 1"),
+        (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CE,R5.0,DEFI, 1, 1,  0.0", "joins nodes by CE"),
+        (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "MP,EX,1,2e11\nMP,EY,1,1e11", "material 1 is orthotropic"),
+        (185, [(1, 2, 3, 4, 5, 6, 7, 99)], "", "names node 99, which is not there"),
+    ],
+)
+def test_what_ansys_has_beyond_isotropic_solids_is_refused(tmp_path, kind, elements, tail, message):
+    with pytest.raises(MeshError, match=message):
+        ansys(tmp_path, kind, elements, tail)
+
+
+@pytest.mark.parametrize(
+    ("module", "file", "words"),
+    [
+        ("pyNastran.bdf.bdf", "nastran_tets.bdf", r'needs pyNastran .*pip install "flexfmu\[nastran\]"'),
+        ("mapdl_archive", "ansys_tets.cdb", r'needs mapdl-archive .*pip install "flexfmu\[ansys\]"'),
+    ],
+)
+def test_a_library_that_is_not_there_is_named_with_its_extra(monkeypatch, module, file, words):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MeshError, match=words):
+        read_mesh(FOREIGN / file)
+
+
+def test_input_files_of_any_program_are_told_apart_by_their_first_commands(tmp_path):
+    for source, suffix in (("ansys_bricks.cdb", ".inp"), ("ansys_bricks.cdb", ".dat"), ("gmsh_bricks.bdf", ".dat")):
+        path = tmp_path / f"body{suffix}"
+        path.write_bytes((FOREIGN / source).read_bytes())
+        assert read_mesh(path).element_count == 24
+
+
+def test_universal_files_are_refused_with_the_way_around(tmp_path):
+    (tmp_path / "body.unv").write_text("    -1\n  2411\n    -1\n")
+    with pytest.raises(MeshError, match=r"gmsh body.unv -save -format msh41 -o body.msh"):
+        read_mesh(tmp_path / "body.unv")
+
+
+def test_cells_that_are_numbered_the_other_way_round_are_turned_and_counted():
+    mesh = flexfmu.read_mesh(FOREIGN / "gmsh_bricks.med")
+    assert any("24 elements are numbered the other way round" in note for note in mesh.notes)
+
+
+@pytest.mark.parametrize(("kind", "name"), [(ElementType.C3D6, "wedge"), (ElementType.C3D15, "wedge15")])
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk"])
+def test_wedges_keep_their_nodes_in_order(tmp_path, kind, name, suffix):
+    """A wedge whose nodes come in another order has another volume, or another stiffness."""
+    own = box(kind, (2, 1, 1), (0.2, 0.1, 0.1))
+    path = tmp_path / f"wedges{suffix}"
+    meshio.Mesh(own.points, [(name, own.blocks[0].connectivity)]).write(path)
+    read = replace(read_mesh(path), materials=own.materials)
+    blocks = tuple(replace(block, material=np.zeros_like(block.labels)) for block in read.blocks)
+    read = replace(read, blocks=blocks)
+    assert [block.type for block in read.blocks] == [kind]
+    assert sum(part.sum() for part in volume_matrices(read)) == pytest.approx(0.2 * 0.1 * 0.1)
+    found, expected = (np.sort(np.linalg.eigvalsh(stiffness(mesh).toarray())) for mesh in (read, own))
+    np.testing.assert_allclose(found, expected, atol=1e-9 * expected[-1])

@@ -1,0 +1,332 @@
+"""Bodies that nothing holds, or a hinge: rigid motions of any size, interfaces that the scene fixes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from flexfmu.body import FlexibleBody, State
+from flexfmu.build import reduce_body
+from flexfmu.config import Basis, FrameTable, InputTable, InterfaceTable, SupportTable
+from flexfmu.errors import ModelError
+from flexfmu.loads import Loads
+from flexfmu.mesh.model import ElementType, Material
+from flexfmu.methods import Mass, Method
+from flexfmu.model.errors import EquilibriumError, OptionError
+from flexfmu.progress import Reporter
+from flexfmu.rotations import exponential
+from meshes import STEEL, body_file, box
+from references import BEAM, relative
+
+LENGTH, SIDE, DENSITY, YOUNG = 1.0, 0.03, 7850.0, 2.0e11
+MASS = LENGTH * SIDE**2 * DENSITY
+ROOT_AND_TIP = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
+
+
+@pytest.fixture(scope="module")
+def floating(bodies):
+    """The clamped beam without its clamp."""
+
+    def make(basis=Basis.CRAIG_BAMPTON, modes=8, frames=4, **changes):
+        reduction = bodies.config(BEAM).reduction.model_copy(update={"basis": basis, "modes": modes})
+        changes = {"interface": ROOT_AND_TIP} | changes
+        return bodies.beam(free=True, support=[], reduction=reduction, frames=frames, **changes)
+
+    return make
+
+
+def spinning(body, rate):
+    """Spin about the axis through the centre of mass, rad/s about x, y, z."""
+    model = body.model
+    v = np.zeros(model.mode_count)
+    v[:6] = np.linalg.solve(
+        np.concatenate([model.joint_displacement[0], model.frame_rotation[0]])[:, :6], [0, 0, 0, *rate]
+    )
+    return State(np.zeros_like(v), v)
+
+
+@pytest.mark.parametrize("basis", Basis)
+def test_a_free_beam_has_six_rigid_motions_and_the_frequencies_of_beam_theory(floating, basis):
+    model = floating(basis, 12).model
+    assert model.rigid_count == 6
+    # Bending of a free-free beam, twice each; shear and rotary inertia take off what a slender beam has.
+    stiffness, line = YOUNG * SIDE**4 / 12.0, SIDE**2 * DENSITY
+    expected = np.array([4.730041, 7.853205]) ** 2 / LENGTH**2 * np.sqrt(stiffness / line)
+    found = model.angular_frequency[6:10].reshape(2, 2)
+    np.testing.assert_allclose(found, np.repeat(expected, 2).reshape(2, 2), rtol=2e-2)
+    assert np.all(found < expected[:, None])
+
+
+@pytest.mark.parametrize("frames", [0, 1, 4])
+def test_fixed_by_the_scene_the_free_body_is_the_supported_one(bodies, floating, frames):
+    free = floating(frames=frames)
+    fixed = FlexibleBody(free.model, fixed=["root"])
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"basis": Basis.CRAIG_BAMPTON, "modes": 8})
+    supported = bodies.beam(reduction=reduction, frames=frames)
+    np.testing.assert_allclose(fixed.model.angular_frequency[:6], supported.model.angular_frequency[:6], rtol=3e-3)
+    np.testing.assert_allclose(fixed.model.damping_ratio, free.model.damping_ratio[0])
+    loads = {"tip": [-2e3, 8e3, 3e3, 50.0, -200.0, 300.0]}
+    found = [body.response(body.static(loads)) for body in (fixed, supported)]
+    assert np.linalg.norm(found[1].displacement) > 0.15
+    np.testing.assert_allclose(found[0].displacement[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found[0].rotation[0], 0.0, atol=1e-12)
+    # A distributing coupling holds the section's mean, a support each node.
+    assert relative(found[0].displacement[1], found[1].displacement[0]) < 5e-3
+
+
+@pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
+def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies, method):
+    reduction = {"basis": Basis.CRAIG_BAMPTON, "modes": 8, "inertia": True, "second_order": True}
+    reduction = bodies.config(BEAM).reduction.model_copy(update=reduction)
+    free = bodies.beam(free=True, support=[], interface=ROOT_AND_TIP, reduction=reduction, frames=4).model
+    fixed = FlexibleBody(free, method, Mass.CONFIGURATION, fixed=["root"])
+    supported = FlexibleBody(bodies.beam(reduction=reduction, frames=4).model, method, Mass.CONFIGURATION)
+    states = [body.rest() for body in (fixed, supported)]
+    for _ in range(10):
+        states = [b.step(s, {"tip": [0.0, 5e3, 0.0]}, 2e-3) for b, s in zip((fixed, supported), states, strict=True)]
+    moved = [b.response(s).displacement[-1] for b, s in zip((fixed, supported), states, strict=True)]
+    assert np.linalg.norm(moved[1]) > 0.1
+    assert relative(moved[0], moved[1]) < 1e-2
+    masses = [np.linalg.eigvalsh(b.mass(b.static({"tip": [0.0, 5e3, 0.0]}))) for b in (fixed, supported)]
+    assert masses[1][-1] > 1.01
+    np.testing.assert_allclose(masses[0][-3:], masses[1][-3:], rtol=2e-3)
+
+
+def test_what_hung_on_the_floating_frame_keeps_its_mass_where_the_scene_fixes_the_root(bodies):
+    """One frame at the root, the rest of the beam on none: undeformed, its modes have unit mass in any case."""
+    wanted = {"basis": Basis.CRAIG_BAMPTON, "modes": 4, "inertia": True}
+    reduction = bodies.config(BEAM).reduction.model_copy(update=wanted)
+    frame = [FrameTable(name="first", nodes="SEG1")]
+    changes = {"free": True, "support": [], "interface": ROOT_AND_TIP, "frames": None, "frame": frame}
+    free = bodies.beam(reduction=reduction, **changes).model
+    body = FlexibleBody(free, mass=Mass.CONFIGURATION, fixed=["root"])
+    assert set(body.model.inertia.frame) == {0}
+    assert body.model.inertia.mass.sum() < 0.5 * free.inertia.mass.sum()
+    count = body.model.mode_count
+    for v in [*np.eye(count), np.ones(count)]:
+        assert sum(body.energies(State(np.zeros(count), v))) == pytest.approx(0.5 * float(v @ v), rel=1e-9)
+
+
+def test_a_free_body_falls_as_one(floating):
+    body = floating(input=InputTable(acceleration=True))
+    loads = Loads(np.zeros((2, 3)), np.zeros((2, 3)), np.array([0.0, 9.81, 0.0]))
+    state = body.rest()
+    for _ in range(10):
+        state = body.step(state, loads, 0.05)
+    moved = body.response(state).displacement
+    np.testing.assert_allclose(moved, np.tile([0.0, -0.5 * 9.81 * 0.25, 0.0], (2, 1)), atol=1e-9)
+
+
+def test_a_spinning_body_turns_about_its_centre_of_mass_without_growing(floating):
+    body = floating()
+    # Slow against the first bending frequency: no centrifugal force in this model to stretch it.
+    state = spinning(body, [0.0, 0.0, 1.0])
+    for angle in (0.5, 1.0, 2.0):
+        state = body.step(state, {}, 0.5 if angle < 2.0 else 1.0)
+        points = body.model.interface_point + body.response(state).displacement
+        along = LENGTH * np.array([np.cos(angle), np.sin(angle), 0.0])
+        np.testing.assert_allclose(points[1] - points[0], along, atol=1e-9)
+        np.testing.assert_allclose(points.mean(axis=0), body.model.interface_point.mean(axis=0), atol=1e-9)
+        np.testing.assert_allclose(body.response(state).rotation[1], [0.0, 0.0, angle], atol=1e-9)
+
+
+def test_a_push_moves_the_centre_of_mass_as_newton_says_while_the_body_turns(floating):
+    body = floating()
+    state, step, count = body.rest(), 2e-3, 100
+    force = np.array([0.0, 20.0, 0.0])
+    for _ in range(count):
+        state = body.step(state, {"tip": force}, step)
+    centre = body.model.joint_displacement[0] @ state.q
+    np.testing.assert_allclose(centre, 0.5 * force / MASS * (count * step) ** 2, rtol=1e-6, atol=1e-12)
+    assert body.response(state).rotation[1, 2] > 0.3
+
+
+def test_a_free_body_keeps_its_energy_under_a_dead_force(floating):
+    body = FlexibleBody(floating().model, damping_scale=0.0)
+    loads, state = {"tip": [0.0, 200.0, 100.0]}, body.rest()
+    start = body.response(state).displacement
+    for _ in range(400):
+        state = body.step(state, loads, 1e-3)
+        work = np.vdot([0.0, 200.0, 100.0], body.response(state).displacement[1] - start[1])
+        assert sum(body.energies(state)) == pytest.approx(work, rel=1e-9, abs=1e-12)
+    assert np.linalg.norm(body.response(state).rotation[1]) > 1.0
+
+
+def test_a_hinged_beam_swings_like_the_large_angle_pendulum(bodies):
+    """Period 4 √(I/(m g l)) K(sin²(θ₀/2)) of a rigid pendulum that swings from 90°."""
+    config = bodies.config(BEAM)
+    mesh_support = [SupportTable(nodes="ROOT_LINE", fix=["x", "y", "z"])]
+    body = hinged_beam(config, mesh_support)
+    gravity = 9.81
+    # The beam lies along x; weight along −y swings it from the horizontal to the horizontal on the other side.
+    loads = Loads(np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.0, gravity, 0.0]))
+    inertia = MASS * (LENGTH**2 / 3.0 + SIDE**2 / 12.0)
+    period = 4.0 * np.sqrt(inertia / (MASS * gravity * LENGTH / 2.0)) * ellipk(0.5)
+    state, count = body.rest(), 400
+    tips = []
+    for _ in range(count):
+        state = body.step(state, loads, period / count)
+        tips.append(body.response(state).displacement[0])
+    tips = np.array(tips)
+    assert np.ptp(tips[:, 0]) == pytest.approx(2.0, abs=5e-3)
+    # Hanging down after a quarter, on the other side after a half, back after a period.
+    np.testing.assert_allclose(tips[count // 4 - 1], [-1.0, -1.0, 0.0], atol=1e-2)
+    np.testing.assert_allclose(tips[count // 2 - 1], [-2.0, 0.0, 0.0], atol=1e-2)
+    np.testing.assert_allclose(tips[count - 1], [0.0, 0.0, 0.0], atol=1e-2)
+
+
+def hinged_beam(config, support):
+    """The beam held on the line across its root's middle."""
+    from flexfmu import build
+    from flexfmu.progress import Reporter
+
+    original = build.read_mesh
+
+    def with_line(*arguments):
+        mesh = original(*arguments)
+        x, y, _ = (mesh.points - mesh.points.min(axis=0)).T
+        line = np.flatnonzero((x < 1e-9) & (np.abs(y - 0.5 * SIDE) < 1e-9))
+        return replace(mesh, node_sets=dict(mesh.node_sets) | {"ROOT_LINE": line})
+
+    build.read_mesh = with_line
+    try:
+        changes = {"support": support, "free": True, "frames": 2, "input": InputTable(acceleration=True)}
+        return FlexibleBody(build.reduce_body(config.model_copy(update=changes), Reporter()))
+    finally:
+        build.read_mesh = original
+
+
+def test_no_equilibrium_is_promised_to_a_body_that_can_float_away(floating):
+    with pytest.raises(EquilibriumError, match="free to move in 6 rigid motions"):
+        floating().static({"tip": [0.0, 1.0, 0.0]})
+
+
+def test_what_cannot_be_fixed_is_refused_with_the_reason(floating, bodies):
+    with pytest.raises(OptionError, match="frames hang on 'root'"):
+        FlexibleBody(floating().model, fixed=["tip"])
+    both = FlexibleBody(floating().model, Method.LINEAR, fixed=["tip", "root"])
+    moved = both.response(both.static({"tip": [0.0, 1e5, 0.0]})).displacement
+    np.testing.assert_allclose(moved, 0.0, atol=1e-12)
+    with pytest.raises(OptionError, match="Craig-Bampton"):
+        FlexibleBody(floating(Basis.NORMAL).model, fixed=["root"])
+    with pytest.raises(OptionError, match="Craig-Bampton"):
+        FlexibleBody(bodies.beam().model, fixed=["tip"])
+
+
+def test_a_body_floats_only_when_its_file_says_so(bodies):
+    with pytest.raises(ModelError, match=r"free to move in 6 rigid motions.*free = true"):
+        bodies.beam(support=[])
+    with pytest.raises(ModelError, match="the supports hold the body"):
+        bodies.beam(free=True)
+
+
+def test_a_support_on_springs_gives_by_force_over_stiffness(bodies):
+    stiffness = np.array([2e7, 5e6, 1e7])
+    reduction = bodies.config(BEAM).reduction.model_copy(update={"residual_flexibility": True})
+    clamped = bodies.beam(reduction=reduction, frames=0)
+    # Springs at every node of the section hold it against turning too, far less stiffly than a clamp.
+    springs = [SupportTable(nodes="ROOT", stiffness=list(stiffness))]
+    sprung = bodies.beam(reduction=reduction, frames=0, support=springs)
+    found = [body.response(body.static({"tip": [1e4, 0.0, 0.0]})).displacement[0, 0] for body in (clamped, sprung)]
+    assert found[1] - found[0] == pytest.approx(1e4 / stiffness[0], rel=1e-2)
+    with pytest.raises(ModelError, match="free to move in 3 rigid motions"):
+        bodies.beam(support=[SupportTable(nodes="ROOT", stiffness=[1e6, 0.0, 0.0])])
+
+
+# Steel at the one end, aluminium at the other: the centre of mass lies well off the middle.
+ALLOY = Material("ALLOY", 7e10, 0.33, 2700.0)
+HALVES = ((0.5, STEEL), (1.5, ALLOY))
+
+
+@pytest.fixture(scope="module")
+def two_materials(tmp_path_factory):
+    """A free bar of 2 × 0.1 × 0.1 m along x, the first metre of steel, the second of aluminium."""
+    mesh = box(
+        ElementType.C3D20,
+        (8, 1, 1),
+        (2.0, 0.1, 0.1),
+        materials=(STEEL, ALLOY),
+        material=lambda centres: (centres[:, 0] > 4.0).astype(int),
+    )
+    config = body_file(
+        mesh,
+        tmp_path_factory.mktemp("two"),
+        interface=["ROOT", "TIP"],
+        support="ROOT",
+        free=True,
+        frames=2,
+        input={"acceleration": True},
+        reduction={"basis": "craig_bampton", "modes": 6, "inertia": True},
+    ).model_copy(update={"support": []})
+    return FlexibleBody(reduce_body(config, Reporter()))
+
+
+def test_a_free_body_of_two_materials_turns_about_its_centre_of_mass(two_materials):
+    centre = sum(x * part.density for x, part in HALVES) / sum(part.density for _, part in HALVES)
+    assert centre < 0.8
+    for axis in (1, 2):
+        spin = np.zeros(3)
+        spin[axis] = 1.0
+        state = spinning(two_materials, spin)
+        for angle in (0.5, 1.0, 2.0):
+            state = two_materials.step(state, {}, 0.5 if angle < 2.0 else 1.0)
+            points = two_materials.model.interface_point + two_materials.response(state).displacement
+            # Each end stays as far from the centre of mass as it was, on the two sides of it.
+            middle = np.array([centre, 0.05, 0.05])
+            along = exponential(angle * spin) @ [1.0, 0.0, 0.0]
+            np.testing.assert_allclose(points, middle + np.outer([-centre, 2.0 - centre], along), atol=1e-8)
+
+
+def test_a_free_body_of_two_materials_falls_without_turning_or_bending(two_materials):
+    loads = Loads(np.zeros((2, 3)), np.zeros((2, 3)), np.array([0.0, 9.81, 3.0]))
+    state = two_materials.rest()
+    for _ in range(5):
+        state = two_materials.step(state, loads, 0.1)
+    found = two_materials.response(state)
+    np.testing.assert_allclose(found.displacement, np.tile([0.0, -0.5 * 9.81 * 0.25, -0.375], (2, 1)), atol=1e-8)
+    np.testing.assert_allclose(found.rotation, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("mass", Mass)
+def test_a_spinning_body_of_two_materials_has_the_energy_of_both(two_materials, mass):
+    """½ J ω², J of two blocks, each about its own centre and then about the common one."""
+    blocks = [(0.01 * part.density, x) for x, part in HALVES]
+    centre = sum(m * x for m, x in blocks) / sum(m for m, _ in blocks)
+    moment = sum(m * ((1.0 + 0.1**2) / 12.0 + (x - centre) ** 2) for m, x in blocks)
+    body = FlexibleBody(two_materials.model, Method.FRAMES, mass)
+    state = spinning(body, [0.0, 0.0, 3.0])
+    assert sum(body.energies(state)) == pytest.approx(0.5 * moment * 9.0, rel=1e-6)
+    turned = State(0.3 * state.v, state.v)
+    assert sum(body.energies(turned)) == pytest.approx(0.5 * moment * 9.0, rel=1e-6)
+
+
+def test_lumps_of_two_materials_have_the_mass_of_their_own(two_materials):
+    lumps = two_materials.model.inertia
+    for part, half in ((STEEL, lumps.point[:, 0] < 1.0), (ALLOY, lumps.point[:, 0] > 1.0)):
+        assert lumps.mass[half].sum() == pytest.approx(0.01 * part.density, rel=1e-9)
+
+
+def test_a_push_along_a_free_body_of_two_materials_moves_its_mass_as_newton_says(two_materials):
+    """Sideways at the steel end, while the bar turns by half a radian."""
+    mass = 0.01 * sum(part.density for _, part in HALVES)
+    centre = sum(x * part.density for x, part in HALVES) / sum(part.density for _, part in HALVES)
+    state, force = two_materials.rest(), np.array([0.0, 500.0, 0.0])
+    for _ in range(50):
+        state = two_materials.step(state, {"root": force}, 1e-2)
+    found = two_materials.response(state)
+    turn = found.rotation[0]
+    assert abs(turn[2]) > 0.5
+    # Bending is a thousandth of the motion: the centre of mass lies on the line between the ends.
+    place = two_materials.model.interface_point + found.displacement
+    share = centre / 2.0
+    moved = (1.0 - share) * place[0] + share * place[1] - [centre, 0.05, 0.05]
+    np.testing.assert_allclose(moved, 0.5 * force / mass * 0.25, atol=2e-3)
+
+
+def test_a_free_body_has_its_rigid_motions_once_in_a_craig_bampton_basis(floating):
+    """Of 6 constraint modes an interface, 6 are the rigid motions: as many modes as of the supported body."""
+    body = floating(modes=8).model
+    assert body.mode_count == 8 + 6 * len(ROOT_AND_TIP)
+    assert body.rigid_count == 6
+    assert FlexibleBody(body, fixed=["root"]).model.mode_count == 8 + 6

@@ -1,0 +1,222 @@
+"""Loops between supports: where they are cut, and how right the cut bodies are."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from demo.loops.calculix.run_calculix import FEET, INTERFACES
+from demo.loops.make_mesh import HERE
+
+from flexfmu.body import FlexibleBody
+from flexfmu.build import reduce_body
+from flexfmu.config import BodyFile, FormulationTable, read_body_file
+from flexfmu.fe.faces import element_faces
+from flexfmu.mesh.formats import read_mesh
+from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.units import UnitSystem
+from flexfmu.methods import Method
+from flexfmu.progress import Reporter
+from flexfmu.reduction.loops import loop_sections
+from meshes import box, renumbered, with_sets
+from references import DEMO, calculix, displacement, relative
+
+pytestmark = pytest.mark.slow
+
+SI = UnitSystem.SI
+SIDE = 0.02  # m, of the section
+CLAMPED = DEMO / "clamped_clamped"
+
+
+class Notes(Reporter):
+    """What a build says."""
+
+    def __init__(self):
+        self.notes, self.warnings = [], []
+
+    def note(self, text):
+        self.notes.append(text)
+
+    def warning(self, text):
+        self.warnings.append(text)
+
+
+def demo_body(name, cut="auto", frames=2, **reduction):
+    interface = INTERFACES[name]
+    tables = {
+        "name": name,
+        "frames": frames,
+        "cut": cut,
+        "mesh": {"file": HERE / f"{name}.inp"},
+        "support": [{"nodes": foot, "fix": ["x", "y", "z"]} for foot in FEET],
+        "interface": [{"name": interface, "nodes": interface.upper()}],
+        "reduction": {"residual_flexibility": True, **reduction},
+    }
+    report = Notes()
+    return reduce_body(BodyFile.model_validate(tables), report), report.notes
+
+
+def error(body, case, row, method=Method.SECOND_ORDER):
+    """Error of the interface's displacement, of CalculiX's."""
+    table = np.genfromtxt(HERE / "calculix" / f"{case}.csv", delimiter=",", names=True)[row]
+    axis = {"portal": "x", "portal_across": "y"}.get(case)
+    force = [
+        table["force_N"] * (letter == axis) if axis else table[f"f{letter}_N"] if letter in "xz" else 0.0
+        for letter in "xyz"
+    ]
+    model = FlexibleBody(body, method)
+    found = model.response(model.static({body.interface_names[0]: force})).displacement[0]
+    return relative(found, np.array([table[f"u{letter}_m"] for letter in "xyz"]))
+
+
+@pytest.fixture(scope="module")
+def portal():
+    return demo_body("portal")[0]
+
+
+@pytest.mark.parametrize("case", ["portal", "portal_across"])
+def test_a_portal_frame_is_right_however_it_sways(portal, case):
+    """By 17 % of its height, in its plane and out of it."""
+    assert error(portal, case, -1) < 2e-3
+    assert error(portal, case, -1, Method.LINEAR) > 0.09
+
+
+@pytest.mark.parametrize("membrane", ["auto", True])
+def test_sections_of_a_portal_frame_stay_flat_whatever_modes_are_missing(membrane):
+    """Stress that turns bends its members; taken for flattening, ten modes buckled at 45 % of the load."""
+    body, _ = demo_body("portal", cut=[], frames=1, modes=10, membrane=membrane)
+    assert error(body, "portal", -1) < 6e-3
+    assert error(body, "portal_across", -1) < 2.5e-3
+
+
+@pytest.mark.parametrize("name", ["portal", "ring"])
+def test_what_a_body_s_stretch_holds_is_the_same_in_every_basis(name):
+    told = [
+        [text for text in demo_body(name, cut=[], frames=1, **basis)[1] if "membrane energy over" in text]
+        for basis in (
+            {"modes": 10},
+            {"modes": 3, "residual_flexibility": False},
+            {"basis": "craig_bampton", "modes": 4},
+        )
+    ]
+    assert len(told[0]) == 1
+    assert told[0] == told[1] == told[2]
+    assert told[0][0].count("left out") == 2
+
+
+@pytest.mark.parametrize(("name", "case", "row", "limit"), [("portal", "portal", -1, 6e-3), ("ring", "ring", 5, 4e-3)])
+def test_loops_whose_parts_turn_alike_stay_in_one_piece_with_one_frame(name, case, row, limit):
+    """A body file that says nothing of cuts or frames."""
+    body, notes = demo_body(name, cut=None, frames=None)
+    assert body.frame_count == 1
+    assert body.ties is None
+    assert error(body, case, row) < limit
+    (told,) = [text for text in notes if "close a loop" in text]
+    assert "stays in one piece" in told
+
+
+def test_stretch_keeps_a_beam_held_at_both_ends_in_one_piece():
+    config = read_body_file(CLAMPED / "body.toml")
+    report = Notes()
+    few = config.reduction.model_copy(update={"residual_flexibility": True})
+    told = {"frames": None, "formulation": FormulationTable(), "reduction": few}
+    body = reduce_body(config.model_copy(update=told).without_pictures, report)
+    table = calculix(CLAMPED / "calculix" / "static_y.csv")[-1]
+    model = FlexibleBody(body)
+    moved = model.response(model.static({"middle": [0.0, table["force_N"], 0.0]})).displacement[0]
+    assert relative(moved, displacement(table)) < 5e-4
+    assert any("stretch stops it" in text for text in report.notes)
+
+
+def test_frames_that_open_a_loop_that_stretches_are_warned_of():
+    config = read_body_file(CLAMPED / "body.toml")
+    report = Notes()
+    told = {"frames": 2, "formulation": FormulationTable()}
+    reduce_body(config.model_copy(update=told).without_pictures, report)
+    assert any("one frame is more exact" in text for text in report.warnings)
+
+
+@pytest.mark.parametrize(
+    "said", [{"frames": 2}, {"cut": []}, {"reduction": {"modes": [1, 2]}}, {"formulation": {"method": "frames"}}]
+)
+def test_a_body_file_that_says_how_it_is_divided_is_never_cut_unasked(said):
+    tables = {
+        "name": "arm",
+        "mesh": {"file": "arm.inp"},
+        "support": [{"nodes": "A", "fix": ["x", "y", "z"]}],
+        "interface": [{"name": "tip", "nodes": "B"}],
+    }
+    assert BodyFile.model_validate(tables).open_to_cuts
+    assert not BodyFile.model_validate(tables | said).open_to_cuts
+
+
+def test_halves_of_a_portal_frame_stretch_as_little_as_cantilevers(portal):
+    assert portal.membrane is None
+
+
+def test_a_ring_on_two_feet_is_cut_in_both_arcs_beside_its_interface():
+    """At half of the load its top has moved by 8 % of its radius; near all of it, it buckles."""
+    body, notes = demo_body("ring", frames=1)
+    cuts = [text for text in notes if text.startswith("cut = ")]
+    assert len(cuts) == 2
+    assert error(body, "ring", 5) < 3e-3
+    assert error(body, "ring", 5, Method.LINEAR) > 0.1
+
+
+def sections(mesh, *supports, clear=()):
+    nodes = np.concatenate([mesh.node_sets[name] for name in supports])
+    return loop_sections(mesh, element_faces(mesh), nodes, {name: mesh.node_sets[name] for name in clear})
+
+
+def bar(length=1.0, cells=20, **sets):
+    mesh = box(ElementType.C3D20, (cells, 1, 1), (length, SIDE, SIDE))
+    ends = {"NEAR": lambda p: p[:, 0], "FAR": lambda p: p[:, 0] - length}
+    return with_sets(mesh, **ends, **sets)
+
+
+def test_a_bar_between_two_supports_is_cut_in_the_middle_through_a_flat_section():
+    mesh = bar()
+    (found,) = sections(mesh, "NEAR", "FAR")
+    np.testing.assert_allclose(mesh.points[found.nodes, 0], 0.5, atol=1e-12)
+    np.testing.assert_array_equal(found.nodes, np.flatnonzero(np.isclose(mesh.points[:, 0], 0.5)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_section_does_not_depend_on_the_order_of_nodes_and_elements(seed):
+    mesh = box(ElementType.C3D20, (20, 2, 2), (1.0, SIDE, SIDE))
+    mesh = with_sets(mesh, NEAR=lambda p: p[:, 0], FAR=lambda p: p[:, 0] - 1.0)
+    other, _ = renumbered(mesh, np.random.default_rng(seed))
+    (found,) = sections(other, "NEAR", "FAR")
+    np.testing.assert_array_equal(found.nodes, np.flatnonzero(np.isclose(other.points[:, 0], 0.5)))
+
+
+def test_a_cut_keeps_clear_of_an_interface_and_leaves_it_on_one_side():
+    mesh = bar(MID=lambda p: np.where(np.abs(p[:, 0] - 0.5) < 0.051, p[:, 2], 1.0))
+    (found,) = sections(mesh, "NEAR", "FAR", clear=["MID"])
+    assert not np.intersect1d(found.nodes, mesh.node_sets["MID"]).size
+    assert 0.0 < abs(mesh.points[found.nodes, 0].mean() - 0.5) < 0.2
+
+
+@pytest.mark.parametrize(("size", "supports"), [((1.0, 0.4, 0.02), ("NEAR", "FAR")), ((1.0, 0.02, 0.02), ("NEAR",))])
+def test_plates_and_cantilevers_have_no_section_to_cut(size, supports):
+    """A plate's section is as wide as the way from edge to edge; one support closes no loop."""
+    mesh = box(ElementType.C3D20, (10, 4, 1), size)
+    mesh = with_sets(mesh, NEAR=lambda p: p[:, 0], FAR=lambda p: p[:, 0] - 1.0)
+    assert sections(mesh, *supports) == []
+
+
+def test_bolts_of_one_flange_are_one_support():
+    """Two patches side by side at one end, and a support far away: one cut, between the flange and the far end."""
+    mesh = box(ElementType.C3D20, (20, 4, 1), (1.0, 0.08, 0.02))
+    mesh = with_sets(
+        mesh,
+        BOLTS=lambda p: np.where((p[:, 0] < 1e-9) & (np.abs(p[:, 1] - 0.04) > 0.019), 0.0, 1.0),
+        FAR=lambda p: p[:, 0] - 1.0,
+    )
+    (found,) = sections(mesh, "BOLTS", "FAR")
+    assert abs(found.place[0] - 0.5) < 0.1
+
+
+def test_the_decks_are_those_of_the_script():
+    for name in INTERFACES:
+        mesh = read_mesh(Path(HERE) / f"{name}.inp", SI)
+        assert {*FEET, INTERFACES[name].upper()} <= set(mesh.node_sets)

@@ -1,0 +1,49 @@
+"""The whole finite element model with geometric nonlinearity, against CalculiX and a limit load."""
+
+import numpy as np
+import pytest
+
+from flexfmu.config import read_body_file
+from flexfmu.errors import AccuracyError
+from flexfmu.fe.faces import element_faces
+from flexfmu.fe.nonlinear import load_path
+from flexfmu.mesh.checks import checked
+from flexfmu.mesh.formats import read_mesh
+from flexfmu.progress import Reporter
+from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.model import assemble_model
+from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
+
+pytestmark = pytest.mark.slow
+
+
+def path(folder, direction, forces):
+    """Displacement (f, 3) of the first interface under forces (N) along a direction."""
+    config = read_body_file(folder / "body.toml")
+    model = assemble_model(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
+    interface = fit_interface(config.interface[0], model.mesh, element_faces(model.mesh), [])
+    load = max(forces) * interface.nodal_loads(len(model.mesh.points))[:, :3] @ np.asarray(direction, dtype=float)
+    factors = np.asarray(forces) / max(forces)
+    found = load_path(model.mesh, model.unknowns, model.spring, load, factors.tolist(), Reporter())
+    return interface.motion(found.displacement.T)[:3].T, found
+
+
+@pytest.mark.parametrize(
+    ("folder", "table", "direction", "column"),
+    [(BEAM, "static_y", [0, 1, 0], "force_N"), (L_FRAME, "static_z", [0, 0, 1], "force_N")],
+)
+def test_large_deflections_are_those_of_calculix(folder, table, direction, column):
+    reference = calculix(folder / "calculix" / f"{table}.csv")
+    chosen = reference[[len(reference) // 3, -1]]
+    moved, found = path(folder, direction, chosen[column].tolist())
+    assert np.linalg.norm(moved[-1]) > 0.08
+    for row, expected in zip(moved, displacement(chosen), strict=True):
+        assert relative(row, expected) < 1e-6
+    assert found.iterations < 40
+
+
+def test_beyond_a_limit_load_there_is_no_equilibrium_to_be_found():
+    folder = DEMO / "shallow_arch"
+    limit = abs(calculix(folder / "calculix" / "static_y.csv")["force_N"][-1]) / 0.9
+    with pytest.raises(AccuracyError, match=r"beyond 9[78]\.\d+ % of the load"):
+        path(folder, [0, -1, 0], [1.02 * limit])

@@ -1,0 +1,85 @@
+"""Thin bodies, whose stiffness spans so many decades that round-off shows: sound ones pass, others are told why not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from flexfmu.body import FlexibleBody
+from flexfmu.build import reduce_body
+from flexfmu.errors import AccuracyError
+from flexfmu.fe.assembly import mass, stiffness, volume_matrices
+from flexfmu.fe.unknowns import unknowns
+from flexfmu.mesh.model import ElementType
+from flexfmu.progress import Reporter
+from flexfmu.reduction.modes import normal_modes
+from flexfmu.reduction.supported import supported
+from meshes import STEEL, body_file, box, held
+
+LENGTH, WIDTH = 0.3, 0.03
+COUNTS = (40, 4, 1)
+
+
+def strip(folder, thickness, kind=ElementType.C3D20R, turn=(0.0, 0.0, 0.0), **reduction):
+    """A clamped strip, turned in space, and the direction across it."""
+    axes = Rotation.from_rotvec(turn).as_matrix()
+    mesh = box(kind, COUNTS, (LENGTH, WIDTH, thickness))
+    mesh = replace(mesh, points=mesh.points @ axes.T)
+    tables = {"frames": 2, "reduction": {"modes": 6} | reduction}
+    return reduce_body(body_file(mesh, folder, interface=["TIP"], **tables), Reporter()), axes[:, 2]
+
+
+@pytest.mark.parametrize("reduction", [{}, {"residual_flexibility": True}, {"basis": "craig_bampton"}])
+@pytest.mark.parametrize("kind", [ElementType.C3D20R, ElementType.C3D10])
+@pytest.mark.parametrize("thickness", [1e-3, 0.6e-3])
+def test_a_steel_strip_swings_and_bends_as_beam_theory_says(tmp_path, thickness, kind, reduction):
+    body, across = strip(tmp_path, thickness, kind, **reduction)
+    wave = np.sqrt(STEEL.youngs_modulus / 12.0 / STEEL.density) * thickness / LENGTH**2
+    # Held against lateral contraction at its root, a strip is up to 2 % stiffer than a beam.
+    assert body.angular_frequency[0] == pytest.approx(3.5160 * wave, rel=0.02)
+    force, bending = 1e-6, STEEL.youngs_modulus * WIDTH * thickness**3 / 12.0
+    model = FlexibleBody(body)
+    moved = model.response(model.static({"tip": force * across})).displacement[0] @ across
+    assert moved == pytest.approx(force * LENGTH**3 / (3.0 * bending), rel=0.03)
+
+
+def test_round_off_moves_a_frequency_by_about_what_is_told(tmp_path):
+    """The frequency of a strip does not depend on where it points, but for round-off."""
+    told = []
+
+    class Notes(Reporter):
+        def note(self, text):
+            told.extend(text.split("frequencies to ")[1:])
+
+    turns = np.random.default_rng(1).uniform(-1.0, 1.0, (4, 3))
+    mesh = box(ElementType.C3D20R, COUNTS, (LENGTH, WIDTH, 0.3e-3))
+    frequency = []
+    for turn in turns:
+        turned = replace(mesh, points=mesh.points @ Rotation.from_rotvec(turn).as_matrix().T)
+        config = body_file(turned, tmp_path, interface=["TIP"], frames=1, reduction={"modes": 6})
+        frequency.append(reduce_body(config, Notes()).angular_frequency)
+    changes = np.ptp(frequency, axis=0) / np.mean(frequency, axis=0)
+    bounds = [float(words.split()[0]) for words in told]
+    assert len(bounds) == len(turns)
+    # Round-off of the stiffness itself, which the residual does not see, is of the size of that of the solution.
+    assert 0.1 * max(bounds) < changes.max() < 10.0 * max(bounds)
+    assert 1e-6 < max(bounds) < 1e-3
+
+
+@pytest.mark.parametrize("basis", ["normal", "craig_bampton"])
+def test_a_foil_whose_stiffness_double_precision_cannot_hold_is_refused_with_advice(tmp_path, basis):
+    with pytest.raises(AccuracyError, match=r"%.*round-off.*one layer of elements across"):
+        strip(tmp_path, 0.06e-3, basis=basis)
+
+
+def test_one_layer_of_elements_leaves_a_thin_strip_more_digits_than_two():
+    """What the refusal advises helps: twice as many layers of half the thickness are an order of magnitude worse."""
+    told = []
+    for layers in (1, 2):
+        mesh = held(box(ElementType.C3D20R, (40, 4, layers), (LENGTH, WIDTH, 0.3e-3)), "ROOT")
+        k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+        told.append(
+            normal_modes(supported(k, m, unknowns(mesh.fixed, None), np.zeros((k.shape[0], 0))), 6).frequency_error
+        )
+    assert told[1] > 3.0 * told[0]

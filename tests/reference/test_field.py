@@ -1,0 +1,164 @@
+"""Published problems of the field, as docs/benchmarks.md lists them."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from benchmarks.field import bodies, convergence, mechanisms, motion, others, statics
+
+pytestmark = pytest.mark.slow
+
+
+@cache
+def records(name):
+    """Records of a problem, by quantity and model."""
+    return {(r.quantity, r.model): r for r in getattr(statics, f"{name}_records")()}
+
+
+def errors(name, model, quantity=""):
+    """Errors to CalculiX on the same mesh, or to the published value, of one model."""
+    found = [r for (q, m), r in records(name).items() if m == model and quantity in q]
+    assert found
+    return np.array([r.error_calculix if r.calculix else r.error for r in found])
+
+
+@pytest.mark.parametrize(
+    ("name", "one", "two", "linear"),
+    [
+        ("bend", (0.007, 0.010, 0.012), (0.001, 0.0015, 0.002), 0.5),
+        ("elastica", (0.004, 0.009, 0.017, 0.022), (5e-4, 1e-3, 2.5e-3, 6e-3), 0.2),
+        ("princeton", (0.005,), (0.001,), 0.08),
+    ],
+)
+def test_large_deflections_of_published_problems_are_those_of_calculix(name, one, two, linear):
+    assert np.all(errors(name, "second order, 1 frame") < one)
+    assert np.all(errors(name, "second order, 2 frames") < two)
+    assert np.all(errors(name, "linear") > linear)
+
+
+@pytest.mark.parametrize(("name", "bound"), [("bend", 0.013), ("elastica", 5e-4), ("princeton", 0.005)])
+def test_finite_elements_on_the_benchmarks_meshes_are_what_was_published(name, bound):
+    for record in records(name).values():
+        assert np.linalg.norm(np.subtract(record.calculix, record.published)) < bound * np.linalg.norm(record.published)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "one", "two", "four"),
+    [(30, 3e-4, 1e-4, 5e-5), (90, 6e-3, 5e-4, 2e-4), (180, 0.05, 3e-3, 5e-4), (330, None, 0.02, 2e-3)],
+)
+def test_a_cantilever_rolls_up_to_a_circle(degrees, one, two, four):
+    """One frame is good to a quarter turn of the tip, two to half a turn."""
+    for frames, bound in ((1, one), (2, two), (4, four)):
+        found = errors("rolling", f"second order, {frames} frame{'s' if frames > 1 else ''}", f"at {degrees}°")[0]
+        assert np.isnan(found) if bound is None else found < bound
+
+
+@pytest.mark.parametrize("way", ["away from", "towards"])
+def test_a_right_angle_frame_goes_sideways_at_the_load_of_finite_elements(way):
+    for frames in ("1 frame", "2 frames"):
+        assert errors("right_angle", f"second order, {frames}", way)[0] < 2e-3
+
+
+@pytest.mark.parametrize("problem", ["Hinged arch", "Clamped arch"])
+def test_shallow_arches_have_the_limit_load_of_finite_elements(problem):
+    for (quantity, _), record in records("arch").items():
+        if record.problem == problem:
+            assert record.error_calculix < (0.006 if "displacement" in quantity else 0.002)
+
+
+def test_a_hinged_roof_has_the_limit_load_of_finite_elements():
+    """Displacement at 89 % of it is off by 2.4 %."""
+    assert errors("roof", "second order, 1 frame", "limit load, N")[0] < 2e-3
+    assert errors("roof", "second order, 1 frame", "displacement")[0] < 0.03
+
+
+def test_lee_s_frame_wants_a_cut_and_four_frames_a_part():
+    """Its parts turn by more than a right angle against each other; without a cut the loop is not closed."""
+    name = "second order, 4 frames a part, cut"
+    assert errors("lee", name, "displacement")[0] < 0.006
+    assert errors("lee", name, "limit load, EI")[0] < 0.01
+    assert records("lee")["limit load, EI/L²", name].error < 0.01
+    assert errors("lee", "second order, 1 frame", "limit load, EI")[0] > 0.1
+
+
+def test_the_decks_are_those_of_the_script():
+    for make in bodies.BODIES:
+        body = make()
+        kept = body.deck.read_bytes()
+        assert body.write().read_bytes() == kept
+
+
+def test_the_spin_up_of_simo_and_vu_quoc_is_right_with_one_frame_and_the_deformed_body_s_mass():
+    """It turns at 1.6 times the beam's first frequency in the end, where models without stiffening diverge."""
+    found = {(r.quantity, "configuration" in r.model): r for r in motion.rotating_beam_records()}
+    assert len(found) == 10
+    for (words, deformed), record in found.items():
+        if deformed:
+            assert record.error < (0.05 if "stretch" in words else 0.012), words
+    assert found["lag at 10 s, m", False].error > 0.25
+    assert found["steady stretch, m", False].error > 0.9
+
+
+def test_momenta_and_energy_are_kept_over_fifty_turns():
+    for record in motion.tumbling_records():
+        assert record.ours[0] < 1e-9, record.quantity
+
+
+def test_a_sudden_load_wants_two_frames_and_the_deformed_body_s_mass():
+    found = {r.model: r.error_calculix for r in others.sudden_records(step=5e-4)}
+    assert found["linear"] > 0.15
+    assert found["second order, 1 frame, constant mass"] < 0.015
+    assert found["second order, 2 frames, configuration mass"] < 0.005
+    assert found["Exudyn 1.13.6, 8 elements"] < 0.03
+
+
+def test_the_two_codes_agree_on_the_spin_up():
+    """Lag of a geometrically exact beam of another code, kept with its version."""
+    for record in others.exudyn_records():
+        assert record.error < 0.04, record.quantity
+
+
+def test_a_beam_in_free_flight_keeps_its_momenta_and_energy_and_bends_as_another_code_says():
+    """Thrown by a force and a moment on one end it bends by half its length; constant mass is off by 3 %."""
+    found = {(r.quantity, r.model): r for r in motion.flight_records(numbers=(4,))}
+    for (words, name), record in found.items():
+        if "drift" in words:
+            assert record.ours[0] < 1e-9, name
+    words = "ends over 8 s, rms"
+    assert found[words, "second order, 4 frames, configuration mass"].error_calculix < 0.008
+    assert found[words, "second order, 4 frames, constant mass"].error_calculix > 0.02
+
+
+def test_kane_s_beam_spins_beyond_twice_its_first_frequency_without_diverging():
+    for record in motion.kane_records():
+        if "lag" in record.quantity:
+            assert record.error < 0.03 if "configuration" in record.model else record.error > 0.02
+
+
+def test_two_near_rigid_bars_coupled_by_a_spring_fall_as_a_double_pendulum():
+    times, found = mechanisms.pendulum(mechanisms.STIFF, 0.3, 4e-3)
+    rigid = mechanisms.rigid_pendulum(mechanisms.STIFF, times)
+    assert np.linalg.norm(found - rigid) < 5e-4 * np.linalg.norm(rigid)
+    assert rigid[-1, 3] < -0.4
+
+
+@pytest.mark.slow
+def test_coupled_mechanisms_move_as_rigid_bodies_and_as_beams_of_another_code():
+    found = {(r.problem, r.model == "rigid"): r.error for r in mechanisms.mechanism_records()}
+    for problem, bound in (("Double pendulum", 1e-3), ("Slider-crank", 0.02)):
+        assert found[f"{problem}, near-rigid", False] < 1e-3
+        assert found[f"{problem}, flexible", False] < bound
+        # Bending matters.
+        assert found[f"{problem}, flexible", True] > 5e-3
+
+
+def test_errors_fall_with_the_square_of_the_frames_and_faster_at_second_order():
+    records = [{k: str(v) for k, v in row.items()} for row in convergence.measure(["clamped beam"], (1, 2, 4), ())]
+    orders = {method: convergence.order(*curve) for (_, method, _), curve in convergence.curves(records).items()}
+    assert orders["frames"] > 1.8
+    assert orders["second_order"] > 2.5
+
+
+def test_the_picture_of_convergence_shows_the_kept_records(tmp_path):
+    convergence.draw(convergence.read_records(convergence.RECORDS), tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 10_000

@@ -1,0 +1,194 @@
+"""Decks of parts and instances, as Abaqus/CAE writes them; faces and names of other elements; materials left open."""
+
+import numpy as np
+import pytest
+
+from decks import ASSEMBLY, BODY, BRICK, CAE, COUPLING, MATERIAL, NODES, PART, STEEL, line_of, read, refuse, set_labels
+from flexfmu.api import Body
+from flexfmu.config import BodySpec
+from flexfmu.errors import BodyFileError, DeckError
+from flexfmu.fe.faces import element_faces
+from flexfmu.mesh.checks import checked
+from flexfmu.mesh.deck import read_deck
+from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.units import UnitSystem
+from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.model import assemble_model
+from flexfmu.reduction.places import node_set
+
+
+def test_instances_are_moved_and_then_turned_about_their_axis(tmp_path):
+    mesh = read(tmp_path, CAE)
+    first, second = mesh.points[:8], mesh.points[8:16]
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(second, first @ turn.T + [10.0, 0.0, 0.0], atol=1e-12)
+    assert [block.labels.tolist() for block in mesh.blocks] == [[11, 111]]
+    assert mesh.labels.tolist() == [*range(1, 9), *range(101, 109), 201]
+    assert mesh.blocks[0].material.tolist() == [0, 0]
+
+
+def test_sets_of_instances_carry_their_name_and_those_of_the_assembly_do_not(tmp_path):
+    mesh = read(tmp_path, CAE)
+    assert set_labels(mesh, "Bar-1.Root") == [1, 2, 3, 4]
+    assert set_labels(mesh, "Bar-2.Root") == [101, 102, 103, 104]
+    assert set_labels(mesh, "Both") == [1, 2, 3, 4, 105, 106]
+    assert set_labels(mesh, "Face") == [101, 102, 103, 104]
+    assert set_labels(mesh, "Bar-2.Top") == [105, 106, 107, 108]
+    assert set_labels(mesh, "Point") == [201]
+    assert mesh.element_sets["Bar-2.Solid"].tolist() == [1]
+
+
+def test_a_set_is_found_without_its_instance_where_one_only_has_it(tmp_path):
+    mesh = read(tmp_path, CAE)
+    with pytest.raises(BodyFileError, match=r"several node sets: Bar-1\.Root, Bar-2\.Root"):
+        node_set(mesh, "Root", "nodes")
+    single = CAE.replace(ASSEMBLY, "*Assembly, name=A\n*Instance, name=Bar-1, part=Bar\n*End Instance\n*End Assembly\n")
+    assert node_set(read(tmp_path, single), "root", "nodes").tolist() == [0, 1, 2, 3]
+
+
+def test_supports_of_the_model_name_instances_and_their_numbers(tmp_path):
+    mesh = read(tmp_path, CAE + "*Boundary\nBar-1.Root, 1, 3\nBar-2.8, 2\nBoth, 3\n")
+    assert mesh.labels[mesh.fixed[:, 0]].tolist() == [1, 2, 3, 4]
+    assert mesh.labels[mesh.fixed[:, 1]].tolist() == [1, 2, 3, 4, 108]
+
+
+def test_meshes_may_stand_in_the_instance_and_parts_without_one_are_told(tmp_path):
+    spare = PART.replace("name=Bar", "name=Spare")
+    moved = PART.split("\n", 1)[1].replace("*End Part\n", "")
+    text = "*Part, name=Bar\n*End Part\n" + spare + MATERIAL
+    text += f"*Assembly, name=A\n*Instance, name=I, part=Bar\n0., 0., 3.\n{moved}*End Instance\n*End Assembly\n"
+    mesh = read(tmp_path, text)
+    assert mesh.points[0].tolist() == [0.0, 0.0, 3.0]
+    assert any("part 'Spare' has no *INSTANCE" in note for note in mesh.notes)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "culprit", "words"),
+    [
+        ("*End Part\n", "", "*Part", "no *END PART"),
+        ("*End Assembly\n", "", "*Assembly", "no *END ASSEMBLY"),
+        (ASSEMBLY, "", "*Part", "no *ASSEMBLY"),
+        ("name=Bar-2, part=Bar", "name=Bar-2, part=Bat", "name=Bar-2", "part 'Bat' is not defined (known: Bar)"),
+        ("name=Bar-2, part=Bar", "name=bar-1, part=Bar", "name=bar-1", "defined again"),
+        ("10., 0., 0., 10., 0., 1., 90.", "10., 0., 0., 10., 0., 0., 90.", "name=Bar-2", "two equal points"),
+        ("10., 0., 0., 10., 0., 1., 90.", "1., 2.", "name=Bar-2", "up to two rows"),
+        ("internal, instance=Bar-2", "internal, instance=Bar-3", "instance=Bar-3", "no instance 'Bar-3'"),
+        (PART, "*End Part\n" + PART, "*End Part", "outside"),
+    ],
+)
+def test_a_malformed_assembly_is_refused_at_its_line(tmp_path, before, after, culprit, words):
+    refuse(tmp_path, CAE.replace(before, after, 1), culprit, words)
+
+
+def test_faces_without_a_section_serve_sets(tmp_path):
+    faces = "*ELEMENT, TYPE=CPS4, ELSET=Surface1\n21, 1, 2, 3, 4\n*ELEMENT, TYPE=T3D2, ELSET=Line1\n31, 1, 2\n"
+    mesh = read(tmp_path, NODES + faces + BRICK + STEEL + "*NSET, NSET=Named, ELSET=Surface1\n")
+    assert set_labels(mesh, "Surface1") == set_labels(mesh, "Named") == [1, 2, 3, 4]
+    assert set_labels(mesh, "Line1") == [1, 2]
+    assert list(mesh.element_sets) == ["Eall"]
+    assert any("2 elements of type CPS4, T3D2 without a section are no solids" in note for note in mesh.notes)
+
+
+@pytest.mark.parametrize(
+    "section", ["*SHELL SECTION, ELSET=Skin, MATERIAL=Steel\n0.1\n", "*MEMBRANE SECTION, ELSET=Skin"]
+)
+def test_shells_beside_solids_are_refused_instead_of_lost(tmp_path, section):
+    refuse(tmp_path, BODY + "*ELEMENT, TYPE=S4, ELSET=Skin\n21, 1, 2, 3, 4\n" + section, section.split(",")[0], "shell")
+
+
+def test_bars_of_a_solid_section_are_refused_instead_of_lost(tmp_path):
+    text = BODY + "*ELEMENT, TYPE=T3D2, ELSET=Rod\n21, 1, 2\n*SOLID SECTION, ELSET=Rod, MATERIAL=Steel\n1.\n"
+    refuse(tmp_path, text, "*SOLID SECTION, ELSET=Rod", "bars of 1 elements of type T3D2")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("C3D8R", "C3D8I"), ("C3D8RH", "C3D8I"), ("C3D8H", "C3D8"), ("C3D8IH", "C3D8I"), ("C3D8T", "C3D8")],
+)
+def test_other_names_are_read_as_an_element_of_small_strains_with_a_note(tmp_path, name, kind):
+    mesh = read(tmp_path, BODY.replace("C3D8", name))
+    assert mesh.blocks[0].type is ElementType(kind)
+    assert any(f"elements of type {name} are read as {kind}" in note for note in mesh.notes)
+
+
+def completed(body, **tables):
+    spec = BodySpec.model_validate(
+        {"name": "b", "interface": [{"name": "tip", "nodes": {"plane": [2.0, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}}],
+         "support": [{"nodes": {"numbers": [1, 4, 5, 8]}, "fix": ["x", "y", "z"]}], **tables}
+    )  # fmt: skip
+    return assemble_model(checked(body), spec)
+
+
+def test_a_body_file_completes_and_replaces_what_a_deck_says_of_materials(tmp_path):
+    without = read(tmp_path, BODY.replace("*DENSITY\n7850.\n", ""))
+    with pytest.raises(BodyFileError, match=r"does not tell density of the material 'Steel'.*kg/m³"):
+        completed(without)
+    assert completed(without, material={"density": 8000.0}).mesh.materials[0].density == 8000.0
+    named = {"name": "STEEL", "youngs_modulus": 7e10}
+    steel = completed(read(tmp_path, BODY), material=named).mesh.materials[0]
+    assert (steel.youngs_modulus, steel.poissons_ratio, steel.density) == (7e10, 0.3, 7850.0)
+    with pytest.raises(BodyFileError, match="'brass': the mesh file names no such material; it has: Steel"):
+        completed(read(tmp_path, BODY), material=[{"name": "brass", "density": 1.0}])
+    undefined = BODY[: BODY.index("*MATERIAL")] + "*SOLID SECTION, ELSET=Eall, MATERIAL=Steel\n"
+    constants = {"youngs_modulus": 2e11, "poissons_ratio": 0.3, "density": 7850.0}
+    assert completed(read(tmp_path, undefined), material=constants).mesh.materials[0].name == "Steel"
+
+
+def test_the_supports_of_a_deck_can_be_left_out(tmp_path):
+    mesh = read(tmp_path, BODY + "*BOUNDARY\n7, 1, 3\n")
+    assert completed(mesh).fixed[6].all()
+    assert not completed(mesh, mesh={"boundary": False}).fixed[6].any()
+
+
+def test_cards_that_do_not_bear_on_the_body_are_passed_over_with_a_note(tmp_path):
+    text = BODY + "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nNall, 20.\n*PLASTIC\n2e8, 0.\n"
+    notes = read(tmp_path, text).notes
+    assert [f"line {line_of(text, card)}: {card} is left unused" in note for card, note in
+            zip(("*INITIAL CONDITIONS", "*PLASTIC"), notes, strict=True)] == [True, True]  # fmt: skip
+
+
+def test_a_range_mistyped_by_many_digits_does_not_hang(tmp_path):
+    text = BODY + "*NSET, NSET=Tail, GENERATE\n7, 1200000000000\n"
+    assert set_labels(read(tmp_path, text), "Tail") == [7, 8]
+    with pytest.raises(DeckError, match="whole number"):
+        read(tmp_path, BODY + "*NSET, NSET=A\n+-5\n")
+
+
+def test_an_assembly_becomes_a_body(tmp_path):
+    single = CAE.replace(ASSEMBLY, "*Assembly, name=A\n*Instance, name=Bar-1, part=Bar\n*End Instance\n*End Assembly\n")
+    path = tmp_path / "cae.inp"
+    path.write_text(single)
+    body = Body(
+        read_deck(path, UnitSystem.SI),
+        supports=[{"plane": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}],
+        interfaces={"tip": "Top"},
+    )
+    assert body.build(modes=3).model.properties.mass == pytest.approx(7850.0 * 2.0)
+
+
+def test_a_coupling_is_an_interface_under_its_names_at_its_reference_node(tmp_path):
+    mesh = read(tmp_path, BODY + COUPLING)
+    assert set_labels(mesh, "Flange") == set_labels(mesh, "RP") == [2, 3, 6, 7]
+    spec = BodySpec.model_validate({"name": "b", "interface": [{"name": "tip", "nodes": "flange"}]})
+    moved = read(tmp_path, BODY + COUPLING.replace("100, 2.,", "100, 3.,"))
+    for body, x in ((mesh, 2.0), (moved, 3.0)):
+        body = checked(body)
+        interface = fit_interface(spec.interface[0], body, element_faces(body), ())
+        np.testing.assert_allclose(interface.point, [x, 0.5, 0.5])
+    assert any("keeps its nodes rigid, the interface lets them deform" in note for note in mesh.notes)
+
+
+def test_a_rigid_body_whose_reference_node_is_held_is_a_support(tmp_path):
+    rigid = (
+        COUPLING[: COUPLING.index("*COUPLING")] + "*NSET, NSET=Face\n2, 3, 6, 7\n*RIGID BODY, NSET=Face, REF NODE=100\n"
+    )
+    mesh = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 6\n")
+    assert mesh.labels[mesh.fixed.all(axis=1)].tolist() == [2, 3, 6, 7, 100]
+    partly = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 3\n")
+    assert not partly.fixed[:8].any()
+    assert any("is left out: hold the nodes with a [[support]]" in note for note in partly.notes)
+
+
+def test_two_couplings_of_one_reference_node_are_refused_instead_of_lost(tmp_path):
+    second = "*SURFACE, NAME=Root\n11, S6\n*COUPLING, REF NODE=100, SURFACE=Root\n*DISTRIBUTING\n"
+    refuse(tmp_path, BODY + COUPLING + second, "SURFACE=Root", "joins their nodes rigidly")

@@ -1,0 +1,350 @@
+"""Finite element matrices against closed forms, for every element type."""
+
+from itertools import product
+
+import felupe
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from benchmarks import large
+from scipy.sparse.linalg import splu
+
+from flexfmu.errors import ModelError
+from flexfmu.fe import factorisation, memory
+from flexfmu.fe.assembly import mass, stiffness, volume_matrices
+from flexfmu.fe.elements import face_rule, rule
+from flexfmu.fe.faces import element_faces
+from flexfmu.fe.factorisation import Factorisation
+from flexfmu.fe.memory import factor_entries
+from flexfmu.mesh.model import ElementType, Material
+from meshes import DECK_TYPES, EVERY_TYPE, QUADRATIC, STEEL, box, distorted
+from references import relative
+
+SIZE = (1.5, 1.0, 0.8)
+EVERY = pytest.mark.parametrize("kind", EVERY_TYPE + DECK_TYPES, ids=lambda kind: kind.value)
+
+
+def skewed(kind, random):
+    """Box of 2 × 2 × 2 cells none of which is a brick any more."""
+    return distorted(box(kind, (2, 2, 2), SIZE), 0.12, random)
+
+
+def elasticity(material, gradient):
+    """Stress (3, 3), N/m², of an isotropic body with a constant displacement gradient."""
+    strain = 0.5 * (gradient + gradient.T)
+    shear = material.youngs_modulus / (2.0 * (1.0 + material.poissons_ratio))
+    lame = 2.0 * shear * material.poissons_ratio / (1.0 - 2.0 * material.poissons_ratio)
+    return lame * np.trace(strain) * np.eye(3) + 2.0 * shear * strain, strain
+
+
+def spread_evenly(mesh, name, force):
+    """Nodal forces (3n,): each node of a set takes the same share, for checks of the resultant alone."""
+    result = np.zeros((len(mesh.points), 3))
+    nodes = mesh.node_sets[name]
+    result[nodes] = np.asarray(force) / nodes.size
+    return result.ravel()
+
+
+def solve(mesh, fixed, force):
+    """Displacements (n, 3) with some translations (n, 3) held."""
+    k = stiffness(mesh)
+    free = np.flatnonzero(~fixed.ravel())
+    result = np.zeros(3 * len(mesh.points))
+    result[free] = Factorisation(k[free][:, free], free // 3).solve(force[free])
+    return result.reshape(-1, 3)
+
+
+def cantilever_tip(kind, counts, size, force=1.0):
+    """Mean tip deflection along y under a tip force along y; the root keeps plane and may contract."""
+    mesh = box(kind, counts, size)
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    root = mesh.node_sets["ROOT"]
+    fixed[root, 0] = True
+    for axis in (1, 2):
+        fixed[root, axis] = np.abs(mesh.points[root, axis] - 0.5 * size[axis]) < 1e-9
+    u = solve(mesh, fixed, spread_evenly(mesh, "TIP", (0.0, force, 0.0)))
+    return u[mesh.node_sets["TIP"], 1].mean()
+
+
+def monomials(points, degree):
+    """Values (k, n) and gradients (k, n, d) of all monomials up to a degree at points (n, d)."""
+    count = points.shape[1]
+    powers = [p for p in product(range(degree + 1), repeat=count) if sum(p) <= degree]
+    value = np.array([np.prod(points ** np.array(p), axis=1) for p in powers])
+    gradient = []
+    for p in powers:
+        lower = np.maximum(np.array(p) - np.eye(count, dtype=int), 0)
+        gradient.append(np.stack([p[i] * np.prod(points ** lower[i], axis=1) for i in range(count)], axis=1))
+    return value, np.array(gradient)
+
+
+def check_completeness(value, gradient, nodes, points, degree):
+    """Shape functions (p, n) and their gradients (p, n, d) give back every polynomial of their degree."""
+    at_nodes, _ = monomials(nodes, degree)
+    expected, slope = monomials(points, degree)
+    np.testing.assert_allclose(value @ at_nodes.T, expected.T, atol=1e-12)
+    np.testing.assert_allclose(np.einsum("pnd,kn->kpd", gradient, at_nodes), slope, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("element", "quadrature"),
+    [
+        (felupe.Triangle(), felupe.TriangleQuadrature(2)),
+        (felupe.QuadraticTriangle(), felupe.TriangleQuadrature(5)),
+        (felupe.Quad(), felupe.GaussLegendre(order=2, dim=2)),
+        (felupe.QuadraticQuad(), felupe.GaussLegendre(order=2, dim=2)),
+    ],
+    ids=["tri3", "tri6", "quad4", "quad8"],
+)
+def test_face_shape_functions_and_their_gradients_are_complete(element, quadrature):
+    nodes = np.asarray(element.points, dtype=float)
+    value, gradient, weight = face_rule(len(nodes))
+    check_completeness(value, gradient, nodes, quadrature.points, 2 if len(nodes) in (6, 8) else 1)
+    assert weight.sum() == pytest.approx(0.5 if len(nodes) in (3, 6) else 4.0, rel=1e-9)
+
+
+@EVERY
+def test_element_shape_functions_and_their_gradients_are_complete(kind):
+    choice = rule(kind)
+    nodes = np.asarray(choice.element.points, dtype=float)
+    for quadrature in (choice.stiffness, choice.mass):
+        value = np.array([choice.element.function(point) for point in quadrature.points])
+        gradient = np.array([choice.element.gradient(point) for point in quadrature.points])
+        check_completeness(value, gradient, nodes, quadrature.points, 2 if kind in QUADRATIC else 1)
+
+
+@EVERY
+def test_mass_and_centre_of_a_box_are_exact(kind):
+    mesh = box(kind, (3, 2, 2), SIZE)
+    m = mass(mesh, volume_matrices(mesh))
+    total = STEEL.density * np.prod(SIZE)
+    moving = np.kron(np.ones(len(mesh.points)), np.array([1.0, 0.0, 0.0]))
+    assert moving @ m @ moving == pytest.approx(total, rel=1e-12)
+    centre = (m @ moving).reshape(-1, 3)[:, 0] @ mesh.points / total
+    np.testing.assert_allclose(centre, np.array(SIZE) / 2.0, rtol=1e-12)
+
+
+@EVERY
+def test_turning_inertia_of_a_box_is_exact(kind):
+    mesh = box(kind, (3, 2, 2), SIZE)
+    spin = np.cross([0.0, 0.0, 1.0], mesh.points).ravel()
+    expected = STEEL.density * np.prod(SIZE) * (SIZE[0] ** 2 + SIZE[1] ** 2) / 3.0
+    # felupe tabulates points of tetrahedra to nine digits.
+    assert spin @ mass(mesh, volume_matrices(mesh)) @ spin == pytest.approx(expected, rel=1e-9)
+
+
+@EVERY
+def test_matrices_are_symmetric_and_mass_is_positive(kind, random):
+    mesh = skewed(kind, random)
+    k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+    assert abs(k - k.T).max() == 0.0
+    assert abs(m - m.T).max() < 1e-14 * abs(m).max()
+    # Reduced integration leaves the mass of a single brick singular, never negative.
+    assert np.linalg.eigvalsh(m.toarray())[0] > -1e-12 * abs(m).max()
+
+
+@EVERY
+def test_rigid_motions_give_no_force(kind, random):
+    mesh = skewed(kind, random)
+    k = stiffness(mesh)
+    motions = [np.tile(axis, (len(mesh.points), 1)) for axis in np.eye(3)]
+    motions += [np.cross(axis, mesh.points) for axis in np.eye(3)]
+    scale = abs(k).max()
+    for motion in motions:
+        assert np.abs(k @ motion.ravel()).max() < 1e-13 * scale
+    assert np.linalg.matrix_rank(k.toarray(), tol=1e-9 * scale) == 3 * len(mesh.points) - 6
+
+
+@EVERY
+def test_linear_displacements_give_the_exact_constant_stress_on_a_distorted_mesh(kind, random):
+    mesh = skewed(kind, random)
+    k = stiffness(mesh)
+    gradient = 1e-3 * random.standard_normal((3, 3))
+    displacement = mesh.points @ gradient.T
+    force = (k @ displacement.ravel()).reshape(-1, 3)
+    stress, strain = elasticity(STEEL, gradient)
+
+    outer = np.zeros(len(mesh.points), dtype=bool)
+    for faces in element_faces(mesh):
+        outer[faces.nodes[faces.outer]] = True
+    assert (~outer).sum() > 0
+    assert np.abs(force[~outer]).max() < 1e-12 * np.abs(force).max()
+
+    # ∫ t ⊗ x dA over the surface is stress times volume, and so is the energy stress : strain.
+    volume = sum(float(part.sum()) for part in volume_matrices(mesh))
+    np.testing.assert_allclose(force.T @ mesh.points, stress * volume, atol=1e-11 * np.abs(stress).max() * volume)
+    energy = 0.5 * displacement.ravel() @ force.ravel()
+    assert energy == pytest.approx(0.5 * np.sum(stress * strain) * volume, rel=1e-11)
+
+
+@pytest.mark.parametrize("kind", QUADRATIC, ids=lambda kind: kind.value)
+def test_quadratic_elements_bend_as_a_timoshenko_beam(kind):
+    length, width = 1.0, 0.1
+    inertia, area = width**4 / 12.0, width**2
+    shear = STEEL.youngs_modulus / (2.0 * (1.0 + STEEL.poissons_ratio))
+    theory = length**3 / (3.0 * STEEL.youngs_modulus * inertia) + 1.2 * length / (shear * area)
+    assert cantilever_tip(kind, (10, 2, 2), (length, width, width)) == pytest.approx(theory, rel=0.01)
+
+
+def test_linear_elements_lock_in_bending_and_tetrahedra_most():
+    counts, size = (10, 2, 2), (1.0, 0.1, 0.1)
+    tip = {kind: cantilever_tip(kind, counts, size) for kind in EVERY_TYPE + DECK_TYPES}
+    assert tip[ElementType.C3D6] < 0.6 * tip[ElementType.C3D8]
+    # Incompatible modes bend as quadratic elements do.
+    assert tip[ElementType.C3D8I] == pytest.approx(tip[ElementType.C3D20], rel=0.015)
+    assert tip[ElementType.C3D4] < 0.6 * tip[ElementType.C3D8]
+    assert tip[ElementType.C3D8] < 0.9 * tip[ElementType.C3D20]
+    # Full integration is the stiffer one, by little.
+    assert tip[ElementType.C3D20] < (1.0 - 1e-5) * tip[ElementType.C3D20R]
+    assert tip[ElementType.C3D20] > 0.98 * tip[ElementType.C3D20R]
+
+
+def test_reduced_integration_is_that_of_both_matrices():
+    full, reduced = (box(kind, (1, 1, 1), SIZE) for kind in (ElementType.C3D20, ElementType.C3D20R))
+    ranks = [np.linalg.matrix_rank(stiffness(mesh).toarray(), tol=1e-3) for mesh in (full, reduced)]
+    # Eight points with six strains each leave twelve motions of 60, six of them rigid.
+    assert ranks == [54, 48]
+    scalar = [volume_matrices(mesh)[0][0] for mesh in (full, reduced)]
+    assert [np.linalg.matrix_rank(matrix) for matrix in scalar] == [20, 8]
+
+
+@EVERY
+def test_two_materials_in_series_stretch_as_springs_do(kind):
+    # Without lateral contraction the state is uniaxial, whatever the element.
+    soft = Material("SOFT", 1e9, 0.0, 1000.0)
+    stiff = Material("STIFF", 4e9, 0.0, 2000.0)
+    mesh = box(
+        kind, (3, 2, 2), (3.0, 0.5, 0.5), materials=(soft, stiff), material=lambda c: (c[:, 0] > 1.0).astype(int)
+    )
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    fixed[mesh.node_sets["ROOT"]] = True
+    k = stiffness(mesh)
+    x = mesh.points[:, 0]
+    # 1 N: 1 m of the soft one, then 2 m of the stiff one.
+    u = np.zeros((len(x), 3))
+    u[:, 0] = np.minimum(x, 1.0) / (1e9 * 0.25) + np.maximum(x - 1.0, 0.0) / (4e9 * 0.25)
+    force = (k @ u.ravel()).reshape(-1, 3)
+    assert force[mesh.node_sets["TIP"], 0].sum() == pytest.approx(1.0, rel=1e-12)
+    ends = np.concatenate([mesh.node_sets["ROOT"], mesh.node_sets["TIP"]])
+    assert np.abs(np.delete(force, ends, axis=0)).max() < 1e-12
+    assert relative(solve(mesh, fixed, force.ravel()), u) < 1e-10
+    m = mass(mesh, volume_matrices(mesh))
+    assert m.sum() / 3.0 == pytest.approx(0.25 * (1.0 * 1000.0 + 2.0 * 2000.0), rel=1e-12)
+
+
+@pytest.fixture(params=["SuperLU", "PARDISO"])
+def solver(request, monkeypatch):
+    """Each solver in turn; PARDISO where pypardiso is installed."""
+    if request.param == "SuperLU":
+        monkeypatch.setattr(factorisation, "_pardiso", lambda: None)
+    elif factorisation.solver_name() != request.param:
+        pytest.skip("pypardiso is not installed")
+    return request.param
+
+
+@pytest.mark.usefixtures("solver")
+@EVERY
+def test_factorisation_solves_one_or_several_right_sides_to_round_off(kind, random):
+    mesh = skewed(kind, random)
+    free = np.setdiff1d(np.arange(3 * len(mesh.points)), 3 * mesh.node_sets["ROOT"][:, None] + np.arange(3))
+    k = stiffness(mesh)[free][:, free]
+    factor = Factorisation(k, free // 3)
+    expected = random.standard_normal((free.size, 3))
+    assert relative(factor.solve(k @ expected), expected) < 1e-10
+    assert relative(factor.solve(k @ expected[:, 0]), expected[:, 0]) < 1e-10
+    assert factor.solve(np.zeros((free.size, 0))).shape == (free.size, 0)
+
+
+@pytest.mark.usefixtures("solver")
+def test_an_exactly_singular_matrix_is_refused_with_its_cause():
+    chain = sp.diags_array([[1.0, *[2.0] * 4, 1.0], [-1.0] * 5, [-1.0] * 5], offsets=[0, 1, -1]).tocsr()
+    with pytest.raises(ModelError, match=r"singular.*free to move"):
+        Factorisation(chain, np.arange(6))
+    held = chain[1:][:, 1:].tocsr()
+    np.testing.assert_allclose(Factorisation(held, np.arange(5)).solve(np.ones(5)), [5.0, 9.0, 12.0, 14.0, 15.0])
+
+
+@pytest.mark.usefixtures("solver")
+def test_static_response_to_many_loads_is_that_to_each():
+    mesh = box(ElementType.C3D10, (3, 2, 2), (1.0, 0.3, 0.3))
+    free = np.flatnonzero(np.repeat(mesh.points[:, 0] > 0.0, 3))
+    k = sp.csr_array(stiffness(mesh)[free][:, free])
+    factor = Factorisation(k, free // 3)
+    # More than are solved at a time, and none.
+    loads = np.random.default_rng(0).standard_normal((free.size, 2 * factorisation._AT_A_TIME + 3))
+    found = factor.solve(loads)
+    np.testing.assert_allclose(k @ found, loads, atol=1e-9)
+    for column in (0, factorisation._AT_A_TIME, loads.shape[1] - 1):
+        np.testing.assert_allclose(factor.solve(loads[:, column]), found[:, column], rtol=1e-9, atol=1e-24)
+    assert factor.solve(loads[:, :0]).shape == (free.size, 0)
+
+
+@pytest.mark.usefixtures("solver")
+def test_the_same_matrix_gets_the_same_bits_each_time():
+    mesh = box(ElementType.C3D10, (10, 4, 4), (1.0, 0.3, 0.3))
+    free = np.flatnonzero(np.repeat(mesh.points[:, 0] > 0.0, 3))
+    k = sp.csr_array(stiffness(mesh)[free][:, free])
+    found = [Factorisation(k, free // 3).solve(np.ones((free.size, 4))) for _ in range(3)]
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+
+
+@pytest.mark.usefixtures("solver")
+def test_a_stiffness_under_a_load_beyond_the_critical_one_is_told_to_be_indefinite():
+    chain = sp.diags_array([[2.0] * 5, [-1.0] * 4, [-1.0] * 4], offsets=[0, 1, -1]).tocsr()
+    assert Factorisation(chain, np.arange(5)).positive_definite
+    # Smallest eigenvalue of the chain: 2 − 2 cos(π/6).
+    below, above = (chain - x * sp.eye_array(5, format="csr") for x in (0.267, 0.269))
+    assert Factorisation(sp.csr_array(below), np.arange(5)).positive_definite
+    beyond = Factorisation(sp.csr_array(above), np.arange(5))
+    assert not beyond.positive_definite
+    np.testing.assert_allclose(above @ beyond.solve(np.ones(5)), np.ones(5), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [ElementType.C3D10, ElementType.C3D20R])
+def test_the_size_of_the_factor_is_known_before_it_is_made(kind):
+    mesh = box(kind, (6, 3, 2), (2.0, 1.0, 1.0))
+    free = np.flatnonzero(np.repeat(mesh.points[:, 0] > 0.0, 3))
+    k = sp.csr_array(stiffness(mesh)[free][:, free])
+    order = factorisation.dissection_order(k, free // 3)
+    # The pattern of the graph's factor: with numbers that cannot cancel.
+    full = sp.csc_matrix(abs(k) + sp.diags_array(np.asarray(abs(k).sum(axis=1)).ravel()))[order][:, order]
+    made = splu(full, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).L.nnz
+    assert factor_entries(k, free // 3, order) == pytest.approx(made, rel=0.05)
+
+
+def test_what_does_not_fit_into_memory_is_refused_with_its_size_before_it_is_begun(monkeypatch, solver):
+    mesh = box(ElementType.C3D8, (6, 6, 6), (1.0, 1.0, 1.0))
+    free = np.flatnonzero(np.repeat(mesh.points[:, 0] > 0.0, 3))
+    k = sp.csr_array(stiffness(mesh)[free][:, free])
+    monkeypatch.setattr(factorisation, "_LARGE", 100)
+    told = []
+    Factorisation(k, free // 3, tell=told.append)
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e5)
+    with pytest.raises(ModelError, match=rf"factorising {free.size} unknowns takes 0.0 GB of memory, 0.0 GB are free"):
+        Factorisation(k, free // 3)
+    if solver == "SuperLU":
+        assert 'pip install "flexfmu[fast]"' in told[0]
+
+
+@pytest.mark.parametrize("unknowns", [10_000, 40_000])
+def test_the_arm_whose_build_is_timed_is_a_quarter_ring_of_any_size(unknowns):
+    arm = large.body(unknowns)
+    mesh = arm.mesh
+    assert not mesh.notes
+    assert 3 * len(mesh.points) == pytest.approx(unknowns, rel=0.5)
+    volume = sum(float(matrices.sum()) for matrices in volume_matrices(mesh))
+    # Guldin's rule, less what quadratic sides leave of the arc.
+    assert volume == pytest.approx(0.5 * np.pi * large.RADIUS * large.WIDTH * large.THICKNESS, rel=1e-4)
+
+
+def test_records_of_a_build_that_was_ended_are_kept_and_completed(tmp_path):
+    path = tmp_path / "1000_pardiso.csv"
+    first = large.StageRecords(path, 1000, "pardiso")
+    for title in ("mesh", "modes"):
+        first.add(title, 1.0, 0.5, 0.25)
+    second = large.StageRecords(path, 1000, "pardiso")
+    second.add("mesh", 2.0, 0.5, 0.125)
+    assert [(row["stage"], row["seconds"]) for row in large.records(path)] == [("mesh", "2.0"), ("modes", "1.0")]
+    assert second.largest_peak == 0.25
+    assert "| 1000 | pardiso | modes | 1.0 | 0.5 | 0.25 |" in large.table(tmp_path)

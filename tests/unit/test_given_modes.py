@@ -1,0 +1,203 @@
+"""Bodies of modes that another program found."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import flexfmu
+from flexfmu.cli import app
+from flexfmu.errors import BodyFileError, FlexfmuError
+from flexfmu.given import GivenModesError
+from flexfmu.model.errors import OptionError
+from given_bars import LENGTH, MODES, SIDE, bar, eigenmodes, motion
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """The same body built from its mesh."""
+    body = flexfmu.Body(bar(), None, ["ROOT"], {"tip": "TIP"}, name="bar")
+    return {frames: body.build("frames", modes=MODES, frames=frames) for frames in (1, 4)}
+
+
+@pytest.mark.parametrize("frames", [1, 4])
+def test_given_modes_bend_far_as_the_body_that_is_built_from_its_mesh(clamped, reference, frames):
+    packed = flexfmu.pack(clamped, {"tip": "TIP"}, frames=frames)
+    assert abs(motion(packed)[1]) > 0.05
+    np.testing.assert_allclose(motion(packed), motion(reference[frames]), rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(packed.reduced.angular_frequency, reference[frames].reduced.angular_frequency, rtol=1e-6)
+
+
+def test_modes_without_cells_in_other_units_and_of_any_size_make_one_frame(clamped, reference):
+    scaled = flexfmu.GivenModes(
+        1000.0 * clamped.nodes,
+        clamped.modes * np.arange(2.0, 2.0 + MODES)[:, None, None],
+        clamped.frequency,
+        # Lumped, in tonnes.
+        1e-3 * clamped.nodal_mass,
+        clamped.sets,
+        units="mm-t-s",
+    )
+    with pytest.warns(UserWarning, match="lumped masses are coarse here"):
+        packed = flexfmu.pack(scaled, {"tip": flexfmu.Interface("TIP", weights="node")})
+    assert packed.model.frame_count == 1
+    # Lumped masses and weights by node cost some %.
+    np.testing.assert_allclose(motion(packed)[1], motion(reference[1])[1], rtol=0.05)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5"])
+@pytest.mark.parametrize("lumped", [False, True])
+def test_files_of_given_modes_keep_everything(clamped, tmp_path, suffix, lumped):
+    given = clamped
+    if lumped:
+        given = flexfmu.GivenModes(
+            clamped.nodes, clamped.modes, clamped.frequency, np.full(len(clamped.nodes), 0.1), clamped.sets,
+            damping=np.full(MODES, 0.02), units="in-lbf-s", name="lumped",
+        )  # fmt: skip
+    back = flexfmu.read_given(given.save(tmp_path / f"modes{suffix}"))
+    for key in ("nodes", "modes", "frequency", "damping", "units", "name"):
+        np.testing.assert_array_equal(getattr(back, key), getattr(given, key))
+    assert set(back.sets) == set(given.sets)
+    assert set(back.cells) == set(given.cells)
+    assert abs(back.mass - given.mass).max() == 0.0
+
+
+@pytest.mark.parametrize("with_rigid", [True, False])
+def test_a_free_body_keeps_its_momentum_whether_or_not_its_rigid_motions_are_given(with_rigid):
+    mesh = bar()
+    modes, frequency, mass = eigenmodes(mesh, np.zeros(0, dtype=int))
+    chosen = slice(None) if with_rigid else slice(6, None)
+    cells = {"hexahedron20": mesh.blocks[0].connectivity}
+    given = flexfmu.GivenModes(mesh.points, modes[chosen], frequency[chosen], mass, mesh.node_sets, cells)
+    body = flexfmu.pack(given, {"tip": "TIP", "root": "ROOT"}, frames=2)
+    assert body.reduced.rigid_count == 6
+    state, force, step = body.rest(), 50.0, 1e-3
+    for _ in range(40):
+        state = body.step(state, {"tip": [0.0, force, 0.0], "root": [0.0, force, 0.0]}, step)
+    # Centre of mass: half the acceleration times the time squared.
+    weight = 7850.0 * LENGTH * SIDE**2
+    expected = 0.5 * 2.0 * force / weight * (40 * step) ** 2
+    assert body.response(state).displacement[:, 1].mean() == pytest.approx(expected, rel=0.02)
+
+
+def changed(given, **changes):
+    """The same modes with changes."""
+    from dataclasses import replace
+
+    return replace(given, **changes)
+
+
+def test_a_mass_that_is_not_that_of_the_modes_is_refused(clamped, random):
+    order = random.permutation(len(clamped.nodes))
+    wrong = np.asarray(clamped.mass.sum(axis=1)).reshape(-1, 3)[order, 0] ** 2
+    with pytest.raises(GivenModesError, match=r"have the product .* the mass is not that of these"):
+        flexfmu.pack(changed(clamped, mass=np.abs(wrong) * np.linspace(0.0, 9.0, len(order)) ** 3), {"tip": "TIP"})
+
+
+def test_slow_modes_that_are_no_rigid_motions_are_refused(clamped):
+    frequency = clamped.frequency.copy()
+    frequency[:6] = 1e-4
+    loose = clamped.modes + 1e-3
+    with pytest.raises(GivenModesError, match=r"no rigid motions|have the product"):
+        flexfmu.pack(changed(clamped, modes=loose, frequency=frequency), {"tip": "TIP"})
+    frequency[1:6] = clamped.frequency[1:6]
+    with pytest.raises(GivenModesError, match=r"1 modes below 0\.01 of the next frequency"):
+        flexfmu.pack(changed(clamped, frequency=frequency), {"tip": "TIP"})
+
+
+def test_units_that_make_no_body_are_warned_of(clamped):
+    with pytest.warns(UserWarning, match=r"implausible. Give the units of the modes \(found m-kg-s"):
+        flexfmu.pack(changed(clamped, nodes=1000.0 * clamped.nodes), {"tip": "TIP"}, frames=1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "message"),
+    [
+        ({}, {"method": "second_order"}, "needs the body's stiffness"),
+        ({}, {"interfaces": {"tip": "NOSE"}}, "no node set 'NOSE'; it has: ROOT, TIP"),
+        ({"cells": {}}, {"frames": 3}, "come without cells"),
+        ({"cells": {}, "sets": {}}, {"frames": 1}, "no node set 'TIP'"),
+    ],
+)
+def test_what_modes_alone_cannot_do_is_said(clamped, changes, options, message):
+    with pytest.raises(FlexfmuError if "method" not in options else OptionError, match=message):
+        flexfmu.pack(changed(clamped, **changes), **({"interfaces": {"tip": "TIP"}} | options))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"modes": np.zeros((2, 3, 3))}, r"modes has shape \(2, 3, 3\), expected \(2, \d+, 3\)"),
+        ({"mass": np.ones(5)}, r"mass has shape \(5,\)"),
+        ({"sets": {"TIP": [10**6]}}, "counted from zero, not the other program's numbers"),
+        ({"frequency": -np.ones(MODES)}, "negative values"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(clamped, changes, message):
+    with pytest.raises(GivenModesError, match=message):
+        changed(clamped, **changes)
+
+
+def test_a_file_that_lacks_something_says_what_it_has(tmp_path):
+    np.savez(tmp_path / "modes.npz", nodes=np.zeros((2, 3)), eigenvectors=np.zeros((1, 2, 3)))
+    with pytest.raises(GivenModesError, match="lacks modes, frequency, mass; it holds nodes, eigenvectors"):
+        flexfmu.read_given(tmp_path / "modes.npz")
+
+
+def test_frames_of_node_sets_need_no_cells(clamped, reference):
+    x = clamped.nodes[:, 0]
+    sets = {**clamped.sets, "NEAR": np.flatnonzero(x <= 0.5 + 1e-9), "FAR": np.flatnonzero(x >= 0.5 - 1e-9)}
+    frames = [{"name": "near", "nodes": "NEAR"}, {"name": "far", "nodes": "FAR", "parent": "near"}]
+    packed = flexfmu.pack(changed(clamped, cells={}, sets=sets), {"tip": flexfmu.Interface("TIP")}, frames=frames)
+    assert packed.model.frame_names == ("near", "far")
+    assert motion(packed)[1] == pytest.approx(motion(reference[4])[1], rel=0.02)
+
+
+def test_springs_need_a_place_where_frames_hang(clamped):
+    loose = changed(clamped, modes=clamped.modes + 1e-6 * np.abs(clamped.modes).max(axis=(1, 2), keepdims=True))
+    with pytest.raises(BodyFileError, match="no node is held by all modes"):
+        flexfmu.pack(loose, {"tip": "TIP"})
+    assert flexfmu.pack(loose, {"tip": "TIP"}, ["ROOT"]).model.frame_count == 1
+
+
+def test_modes_of_a_mesh_by_node_number_in_any_order_bring_cells_sets_and_mass(clamped, random):
+    order = random.permutation(len(clamped.nodes))
+    mesh = bar()
+    given = flexfmu.GivenModes.of_mesh(mesh, mesh.labels[order], 3.0 * clamped.modes[:, order], clamped.frequency)
+    whole, parts = flexfmu.pack(clamped, {"tip": "TIP"}, frames=4), flexfmu.pack(given, {"tip": "TIP"}, frames=4)
+    np.testing.assert_allclose(motion(parts), motion(whole), rtol=1e-9)
+    with pytest.raises(GivenModesError, match="the modes lack nodes of the mesh: "):
+        flexfmu.GivenModes.of_mesh(mesh, mesh.labels[order[1:]], clamped.modes[:, order[1:]], clamped.frequency)
+
+
+def test_the_command_packs_modes_and_modal_files_alike(clamped, tmp_path):
+    clamped.save(tmp_path / "bar.npz")
+    run = CliRunner().invoke(
+        app,
+        ["pack", str(tmp_path / "bar.npz"), "--interface=tip=TIP", "--frames=4", "-o", str(tmp_path / "a.fmu")],
+    )
+    assert run.exit_code == 0, run.output
+    body = flexfmu.load(tmp_path / "a.fmu")
+    assert body.model.frame_count == 4
+    body.save(tmp_path / "modal.h5")
+    run = CliRunner().invoke(app, ["pack", str(tmp_path / "modal.h5"), "-o", str(tmp_path / "b.fmu")])
+    assert run.exit_code == 0, run.output
+    assert (tmp_path / "b.fmu").read_bytes() == (tmp_path / "a.fmu").read_bytes()
+    run = CliRunner().invoke(app, ["pack", str(tmp_path / "bar.npz")])
+    assert run.exit_code == 1
+    assert "sets of" in run.output
+    assert "ROOT, TIP" in run.output
+
+
+def test_the_script_of_the_docs_finds_the_beams_deflection(tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "given-modes.md").read_text(encoding="utf-8")
+    script = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)[-1]
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    # F L³/3EI; the modes left out and the rotation of sections cost a little.
+    exact = 10.0 / (3.0 * 2.1e11 * 0.02**4 / 12.0)
+    assert float(done.stdout) == pytest.approx(exact, rel=0.01)

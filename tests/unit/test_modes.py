@@ -1,0 +1,208 @@
+"""Normal modes: orthonormal, converged, reproducible, and with fixed axes where frequencies coincide."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+
+from flexfmu.errors import AccuracyError, BodyFileError, ModelError
+from flexfmu.fe.assembly import mass, stiffness, volume_matrices
+from flexfmu.fe.unknowns import unknowns
+from flexfmu.mesh.model import ElementType, Material, Mesh
+from flexfmu.reduction.modes import Modes, normal_modes, with_residual_flexibility
+from flexfmu.reduction.supported import supported
+from meshes import EVERY_TYPE, STEEL, box, held, lattice, renumbered, with_sets
+
+BRICK = ElementType.C3D20R
+SIZE = (1.0, 0.1, 0.1)
+BEAM = ((6, 2, 2), SIZE)
+UNEQUAL = ((6, 2, 2), (1.0, 0.1, 0.13))
+# Relative distance of the mass-normal shapes of two runs that differ by round-off alone.
+ROUND_OFF = 1e-7
+
+
+@dataclass
+class Reduced:
+    """Modes with what they came from."""
+
+    mesh: Mesh
+    stiffness: sp.csr_array
+    mass: sp.csr_array
+    modes: Modes
+
+
+def reduced(mesh, count):
+    k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+    motions = np.zeros((k.shape[0], 0))
+    return Reduced(mesh, k, m, normal_modes(supported(k, m, unknowns(mesh.fixed, None), motions), count))
+
+
+def clamped(kind, counts, size):
+    return held(box(kind, counts, size), "ROOT")
+
+
+@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+def test_modes_are_mass_orthonormal_and_solve_the_eigenvalue_problem(kind):
+    found = reduced(clamped(kind, *UNEQUAL), 8)
+    shapes, squares = found.modes.shapes, found.modes.angular_frequency**2
+    np.testing.assert_allclose(shapes.T @ found.mass @ shapes, np.eye(8), atol=1e-12)
+    np.testing.assert_allclose(shapes.T @ found.stiffness @ shapes, np.diag(squares), atol=1e-10 * squares[-1])
+    free = ~found.mesh.fixed.ravel()
+    forces = (found.stiffness @ shapes)[free]
+    residual = np.linalg.norm(forces - (found.mass @ shapes)[free] * squares, axis=0) / np.linalg.norm(forces, axis=0)
+    assert residual.max() < 1e-7
+    assert found.modes.frequency_error < 1e-10
+    assert found.modes.orthonormality_error < 1e-12
+    assert np.all(np.diff(found.modes.angular_frequency) >= 0.0)
+    assert not shapes[~free].any()
+
+
+@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+def test_modes_are_the_lowest_of_the_whole_dense_problem(kind):
+    found = reduced(clamped(kind, (2, 2, 2), (0.3, 0.1, 0.13)), 5)
+    free = np.flatnonzero(~found.mesh.fixed.ravel())
+    k, m = (matrix[free][:, free].toarray() for matrix in (found.stiffness, found.mass))
+    # The mass of reduced bricks is singular, so the inverse problem is the one to solve: Mφ = Kφ/ω².
+    largest = scipy.linalg.eigh(m, k, eigvals_only=True)[::-1][:5]
+    np.testing.assert_allclose(found.modes.angular_frequency, 1.0 / np.sqrt(largest), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+def test_a_guided_rod_swings_lengthwise_at_a_quarter_wave(kind):
+    # Without lateral contraction and with lateral motion held, the body is a rod: ω = (2 j − 1) π c / (2 L).
+    material = Material("ROD", 2e11, 0.0, 8000.0)
+    mesh = lattice(kind, [(i, 0, 0) for i in range(24)], lambda p: p / np.array([24.0, 10.0, 10.0]), (material,))
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 0])
+    fixed = np.ones((len(mesh.points), 3), dtype=bool)
+    fixed[:, 0] = False
+    fixed[mesh.node_sets["ROOT"], 0] = True
+    found = reduced(replace(mesh, fixed=fixed), 3).modes
+    expected = np.array([0.5, 1.5, 2.5]) * np.pi * np.sqrt(2e11 / 8000.0)
+    np.testing.assert_allclose(found.angular_frequency, expected, rtol=5e-3)
+    # Displacement-based elements with their full mass can only be too stiff.
+    assert np.all(found.angular_frequency > expected * (1.0 - 1e-9))
+
+
+def test_first_bending_frequency_is_that_of_a_slender_beam():
+    # Without lateral contraction, which the clamp would hinder; shear and turning inertia take a part in a thousand.
+    size, material = (2.0, 0.05, 0.05), replace(STEEL, poissons_ratio=0.0)
+    expected = 1.8751041**2 * np.sqrt(STEEL.youngs_modulus * 0.05**2 / (12.0 * STEEL.density)) / size[0] ** 2
+    found = reduced(held(box(BRICK, (16, 1, 1), size, materials=(material,)), "ROOT"), 1).modes
+    assert found.angular_frequency[0] == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize(("kind", "order"), [(ElementType.C3D8, 2.0), (ElementType.C3D20, 4.0)])
+def test_frequencies_fall_towards_the_limit_as_the_mesh_is_refined(kind, order):
+    # Thick and guided sideways, so that the clamp's singular corners do not set the rate.
+    def frequency(n):
+        mesh = box(kind, (n, n, 1), (1.0, 1.0, 1.0), materials=(Material("SOFT", 1e9, 0.0, 1e3),))
+        fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+        fixed[:, 2] = True
+        for axis in (0, 1):
+            rim = (np.abs(mesh.points[:, axis]) < 1e-9) | (np.abs(mesh.points[:, axis] - 1.0) < 1e-9)
+            fixed[rim] = True
+        return reduced(replace(mesh, fixed=fixed), 4).modes.angular_frequency[0]
+
+    values = np.array([frequency(n) for n in (4, 8, 16)])
+    assert values[0] > values[1] > values[2]
+    assert np.log2((values[0] - values[1]) / (values[1] - values[2])) == pytest.approx(order, abs=0.4)
+
+
+@pytest.mark.parametrize("counts", [(4, 2, 2), (8, 2, 2)])
+def test_square_beam_bends_in_one_plane_alone_at_the_deciding_degree_of_freedom(counts):
+    found = reduced(clamped(BRICK, counts, SIZE), 2)
+    squares = found.modes.angular_frequency**2
+    assert squares[1] - squares[0] < 1e-7 * squares[1]
+    size = np.linalg.norm(found.modes.shapes, axis=1)
+    row = int(np.argmax(size >= 0.9 * size.max()))
+    assert found.modes.shapes[row, 0] == pytest.approx(size[row], rel=1e-12)
+    assert abs(found.modes.shapes[row, 1]) < 1e-12 * size[row]
+    # Of a tip node's three translations y comes before z.
+    assert row % 3 == 1
+    tip = found.modes.shapes.reshape(-1, 3, 2)[found.mesh.node_sets["TIP"]].mean(axis=0)
+    assert abs(tip[2, 0]) < 0.05 * abs(tip[1, 0])
+
+
+def test_every_mode_is_positive_where_it_is_first_large():
+    shapes = reduced(clamped(BRICK, *UNEQUAL), 10).modes.shapes
+    for shape in shapes.T:
+        size = np.abs(shape)
+        assert shape[np.argmax(size >= 0.9 * size.max())] > 0.0
+
+
+def test_a_rebuild_gives_identical_numbers():
+    first, second = (reduced(clamped(BRICK, *BEAM), 6).modes for _ in range(2))
+    assert first.angular_frequency.tobytes() == second.angular_frequency.tobytes()
+    assert first.shapes.tobytes() == second.shapes.tobytes()
+
+
+def test_single_modes_do_not_depend_on_the_numbering_of_nodes_and_elements(random):
+    mesh = clamped(BRICK, *UNEQUAL)
+    other, old = renumbered(mesh, random)
+    one, two = reduced(mesh, 6).modes, reduced(other, 6).modes
+    np.testing.assert_allclose(two.angular_frequency, one.angular_frequency, rtol=1e-9)
+    shapes = one.shapes.reshape(-1, 3, 6)[old].reshape(-1, 6)
+    # The sign goes by the first large component, which is another node now.
+    shapes = shapes * np.sign(np.sum(shapes * two.shapes, axis=0))
+    assert np.abs(two.shapes - shapes).max() < ROUND_OFF * np.abs(shapes).max()
+
+
+def test_a_pair_of_equal_frequency_spans_the_same_plane_in_any_numbering(random):
+    mesh = clamped(BRICK, *BEAM)
+    other, old = renumbered(mesh, random)
+    one, two = reduced(mesh, 2), reduced(other, 2)
+    before = one.modes.shapes.reshape(-1, 3, 2)[old].reshape(-1, 2)
+    overlap = before.T @ two.mass @ two.modes.shapes
+    assert np.abs(overlap.T @ overlap - np.eye(2)).max() < ROUND_OFF
+
+
+def test_a_pair_torn_apart_by_the_number_of_modes_is_told():
+    square = clamped(BRICK, *BEAM)
+    assert [reduced(square, count).modes.splits_pair for count in (1, 2, 3, 4)] == [True, False, True, False]
+    assert not reduced(clamped(BRICK, *UNEQUAL), 1).modes.splits_pair
+
+
+def test_more_modes_than_degrees_of_freedom_are_refused_with_their_number():
+    mesh = clamped(ElementType.C3D8, (1, 1, 1), (1.0, 1.0, 1.0))
+    assert reduced(mesh, 10).modes.angular_frequency.size == 10
+    with pytest.raises(BodyFileError, match=r"\[reduction\] modes = 11: the mesh has 12 free degrees of freedom"):
+        reduced(mesh, 11)
+
+
+def test_a_part_that_hangs_by_an_edge_is_refused():
+    # Two bricks with one edge in common: the outer one swings about it without strain.
+    for kind in EVERY_TYPE:
+        mesh = held(with_sets(lattice(kind, [(0, 0, 0), (1, 1, 0)], lambda p: p), ROOT=lambda p: p[:, 0]), "ROOT")
+        with pytest.raises((ModelError, AccuracyError), match=r"free to move|hang on the rest by a single edge"):
+            reduced(mesh, 3)
+
+
+class Noisy:
+    """A model whose static solutions are off by round-off: each in its own way, by so much of its energy."""
+
+    def __init__(self, model, share, random):
+        self._model, self._share, self._random = model, share, random
+
+    def __getattr__(self, name):
+        return getattr(self._model, name)
+
+    def static(self, loads):
+        found, noise = self._model.static(loads), self._random.standard_normal(loads.shape)
+        k = self._model.stiffness
+        size = [np.sqrt(np.einsum("ij,ij->j", x, k @ x)) for x in (found, noise)]
+        return found + np.sqrt(self._share) * noise * size[0] / size[1]
+
+
+def test_one_load_given_twice_adds_a_shape_once_whatever_the_round_off_of_its_solution(random):
+    mesh = clamped(ElementType.C3D20, (6, 1, 1), (1.0, 0.1, 0.1))
+    k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+    model = supported(k, m, unknowns(mesh.fixed, None), np.zeros((k.shape[0], 0)))
+    load = np.zeros((k.shape[0], 1))
+    load[3 * int(np.argmax(mesh.points.sum(axis=1))) + 1] = 1.0
+    modes = normal_modes(model, 3)
+    once = with_residual_flexibility(model, modes, load)
+    twice = with_residual_flexibility(Noisy(model, 5e-12, random), modes, np.hstack([load, load]))
+    assert once.angular_frequency.size == twice.angular_frequency.size == 4
+    np.testing.assert_allclose(twice.angular_frequency, once.angular_frequency, rtol=1e-5)
