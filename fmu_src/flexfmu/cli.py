@@ -15,7 +15,7 @@ from . import __version__
 from .errors import INTERRUPTED, NOT_MET, FlexfmuError
 from .fmu.runtime import Runtime
 from .model.errors import RuntimeBodyError
-from .progress import ConsoleReporter
+from .progress import ConsoleReporter, keeps_interrupts
 
 
 class _Loudness(Enum):
@@ -81,7 +81,8 @@ def _options(
 def _run(job: Callable[[], None], kept: str = "nothing was written") -> None:
     """Turn a user's errors, and Ctrl-C, into a message and an exit code; `kept` says what is left after Ctrl-C."""
     try:
-        job()
+        with keeps_interrupts():
+            job()
     except (FlexfmuError, RuntimeBodyError, OSError) as error:
         console = Console(stderr=True, highlight=False)
         if _LOUDNESS.get() is _Loudness.VERBOSE:

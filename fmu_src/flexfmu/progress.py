@@ -21,6 +21,8 @@ _HOURS, _MINUTES = 3600.0, 60.0
 Tell = Callable[[float], None]
 """Says how much of a counted stage is done."""
 
+_PRESSED = threading.Event()
+
 
 class Reporter:
     """Says nothing; the base of those that do."""
@@ -134,6 +136,7 @@ class ConsoleReporter(Reporter):
                 self._lines.stop()
 
     def _done(self, title: str, start: float) -> None:
+        _end_if_interrupted()
         if not self._quiet:
             self._console.print(f"[green]✓[/] {escape(title)} [dim]{self._clock() - start:.2f} s[/]")
 
@@ -171,6 +174,7 @@ class _Count:
 
     def tell(self, done: float) -> None:
         """Show it, unless something was shown a moment ago."""
+        _end_if_interrupted()
         now = self._reporter._clock()
         if now - self._said >= self._pause:
             self._said = now
@@ -206,6 +210,40 @@ def duration_words(seconds: float) -> str:
 
 def tell_nobody(_done: float) -> None:
     """Say nothing."""
+
+
+@contextmanager
+def keeps_interrupts() -> Iterator[None]:
+    """Let no Ctrl-C be lost in what is enclosed.
+
+    Python drops a KeyboardInterrupt that rises amid a callback of its own (of a weak reference, or `__del__`). One that
+    was dropped rises anew where a `ConsoleReporter` is told of progress next.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:
+        yield
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        _PRESSED.set()
+        signal.default_int_handler(number, frame)
+
+    _PRESSED.clear()
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        _PRESSED.clear()
+
+
+def _end_if_interrupted() -> None:
+    if _PRESSED.is_set():
+        _PRESSED.clear()
+        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -3,11 +3,19 @@
 import io
 import os
 import signal
+import time
 
 import pytest
 from rich.console import Console
 
-from flexfmu.progress import ConsoleReporter, Reporter, duration_words, ends_on_interrupt, progress_words
+from flexfmu.progress import (
+    ConsoleReporter,
+    Reporter,
+    duration_words,
+    ends_on_interrupt,
+    keeps_interrupts,
+    progress_words,
+)
 
 
 class _Clock:
@@ -81,4 +89,28 @@ def test_a_second_ctrl_c_ends_at_once():
         assert pressed()
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_ctrl_c_that_python_drops_ends_the_job_at_its_next_stage():
+    class Dropping:
+        """Python prints what rises here, and goes on."""
+
+        def __del__(self):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+
+    reporter, steps, before = ConsoleReporter(quiet=True), [], signal.getsignal(signal.SIGINT)
+
+    def job():
+        with reporter.counted("Models", 4, "models") as tell:
+            for step in range(4):
+                Dropping()
+                steps.append(step)
+                tell(step + 1)
+
+    with pytest.raises(KeyboardInterrupt), keeps_interrupts():
+        job()
+    assert steps == [0]
     assert signal.getsignal(signal.SIGINT) is before

@@ -264,9 +264,12 @@ def _second_order(
 def _membrane(
     config: BodySpec, basis: _Basis, loads: FloatArray, report: Reporter, store: Store, *, cut: bool
 ) -> Membrane | None:
-    """The energy of fourth order, where it is wanted and the body holds any."""
+    """The energy of fourth order, where it is wanted and the body holds any.
+
+    Parts of a cut body hold little, and their steps would take six times as long with it: only where it is asked for.
+    """
     wanted = config.reduction.membrane
-    if wanted is False:
+    if wanted is False or (cut and wanted is not True):
         return None
     stretching = Stretching(basis.matrices, basis.modes, loads, report)
     return membrane_energy(stretching, basis.key, wanted is True, not cut, store)
