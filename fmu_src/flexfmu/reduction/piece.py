@@ -135,7 +135,7 @@ def reduced_piece(
     membrane = _membrane(config, basis, loads, report, store, cut=cut) if second is not None else None
     if membrane is not None and divided.open_loops:
         report.warning(
-            f"{len(subdomains)} frames open a loop that stretches, one frame is more exact: take frames = 1, or "
+            f"{len(subdomains)} frames open a loop that stretches, one frame keeps it closed: take frames = 1, or "
             'cut = "auto"'
         )
     surface = _surface(config, divided, basis, loads, second, report, store) if config.output.surface else None
