@@ -1,5 +1,6 @@
 """Linear bodies of condensed matrices: six degrees of freedom an interface, and modal ones behind them."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from .model.reduced_body import GROUND, ReducedBody
 # Relative size of what is not symmetric, and of a smallest eigenvalue that is round-off.
 _ASYMMETRIC, _ROUND_OFF = 1e-6, 1e-10
 _EACH = 6
+# Of a substructure's text.
+_CARD = re.compile(r"^\*MATRIX *, *TYPE *= *(\w+)[^\n]*\n", re.IGNORECASE | re.MULTILINE)
 
 
 class MatrixError(FlexfmuError):
@@ -38,7 +41,8 @@ def linear_body(
 
     Parameters
     ----------
-    stiffness, mass : (k, k) array, sparse, or path of a Matrix Market file
+    stiffness, mass : (k, k) array, sparse, or path
+        Of a Matrix Market file, or of the text that *SUBSTRUCTURE MATRIX OUTPUT of Abaqus writes.
         Rows: x, y, z and rotations about x, y, z of each interface in turn (k ≥ 6 I), then modal coordinates.
     points : mapping of str to 3 float
         Places of the interfaces by name, in the rows' order, m.
@@ -93,11 +97,7 @@ def linear_body(
 def _matrix(given: Any, title: str) -> FloatArray:
     """A matrix as an array, symmetric."""
     if isinstance(given, str | Path):
-        try:
-            given = scipy.io.mmread(given)
-        # SciPy's reader raises whatever the text leads it to.
-        except Exception as error:
-            raise MatrixError(f"{given} cannot be read as a Matrix Market file ({error})") from error
+        given = _read(Path(given), title)
     value = np.asarray(given.toarray() if sp.issparse(given) else given, dtype=float)
     if value.ndim != 2 or value.shape[0] != value.shape[1] or not value.size or not np.isfinite(value).all():
         raise MatrixError(f"{title} has shape {value.shape}, expected a square matrix of finite numbers")
@@ -106,3 +106,30 @@ def _matrix(given: Any, title: str) -> FloatArray:
             f"{title} is not symmetric: one triangle alone? expected both, or a symmetric Matrix Market file"
         )
     return np.asarray(0.5 * (value + value.T))
+
+
+def _read(path: Path, title: str) -> Any:
+    """A matrix of a file."""
+    try:
+        if cards := _CARD.split(path.read_text(encoding="utf-8", errors="replace"))[1:]:
+            return _lower_triangle(dict(zip((kind.lower() for kind in cards[::2]), cards[1::2], strict=True)), title)
+        return scipy.io.mmread(path)
+    # SciPy's reader raises whatever the text leads it to.
+    except Exception as error:
+        raise MatrixError(
+            f"{path} cannot be read as a Matrix Market file, nor as text with *MATRIX, TYPE={title.upper()} ({error})"
+        ) from error
+
+
+def _lower_triangle(texts: Mapping[str, str], title: str) -> FloatArray:
+    """The matrix of a substructure: its lower triangle row by row, after the card that names it."""
+    if title not in texts:
+        raise ValueError(f"it holds {', '.join(texts)}, no {title}")
+    values = np.array(texts[title].partition("*")[0].replace(",", " ").split(), dtype=float)
+    size = int(np.sqrt(2.0 * values.size))
+    if size * (size + 1) != 2 * values.size:
+        raise ValueError(f"{values.size} numbers are no lower triangle")
+    result = np.zeros((size, size))
+    rows, columns = np.tril_indices(size)
+    result[rows, columns] = result[columns, rows] = values
+    return result

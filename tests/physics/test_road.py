@@ -20,31 +20,6 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 MARK = "RESULT "
-# Of the models of the chart those that were hardest to couple: method, modes and frames (−1: those of
-# the body file). The benchmark axle_ride rides with all of them.
-CHARTED = [
-    ("second_order", 2, 1),
-    ("frames", 2, -1),
-    ("frames", 2, 1),
-]
-CHART = """
-import json, shutil, sys
-from pathlib import Path
-from benchmarks.axle_ride import ride
-from demo.rear_axle.road.models import build_model, chart_models, parameters
-from demo.rear_axle.road.scene import WHEEL
-from flexfmu.progress import Reporter
-
-folder, preload, wanted = Path(sys.argv[1]), float(sys.argv[2]), json.loads(sys.argv[3])
-for reduction, models in chart_models():
-    for model in models:
-        words = [model.variant.method.value, reduction.modes, reduction.frames]
-        if words == wanted and model.internal_step_word == "0.01":
-            here = folder / f"{reduction.modes}_{reduction.frames}"
-            build_model(reduction, models, here, Reporter())
-            shutil.copy(folder / WHEEL, here / WHEEL)
-            print("RESULT", json.dumps(ride(here, preload, parameters(model), stop=0.1)))
-"""
 BUILD = """
 import sys
 from pathlib import Path
@@ -187,15 +162,3 @@ def test_strong_dampers_where_the_body_vibrates_faster_than_steps_take_energy_al
     late = found["time"] > 0.2
     assert np.abs(np.diff(travel[late])).max() < 1e-3
     assert np.abs(found["master.created_energy"]).max() < 5.0
-
-
-@pytest.mark.parametrize("model", CHARTED, ids=lambda model: "-".join(map(str, model)))
-def test_the_ride_over_the_bump_settles_within_a_few_rounds_a_step(scene, model):
-    found = json.loads(python(CHART, *scene, json.dumps(model)))
-    assert found["note"] == ""
-    assert found["steps"] == 100
-    assert found["rounds"] < 5.0
-    assert found["most_rounds"] <= 8
-    # The road prescribes the travel: 80 mm and what the wheel leaves it by.
-    assert 0.08 < found["travel"] < 0.1
-    assert 0.2 < found["toe"] < 1.0

@@ -47,3 +47,22 @@ def test_a_beam_of_matrices_bends_by_the_textbook_linearly_however_far(tmp_path)
 def test_matrices_of_no_held_body_are_refused(change, message):
     with pytest.raises(MatrixError, match=message):
         flexfmu.linear_body(*change(*beam()), {"tip": (LENGTH, 0.0, 0.0)})
+
+
+def test_a_substructure_s_text_holds_mass_beside_stiffness(tmp_path):
+    k, m = beam()
+    text = "** ANY NAME\n*USER ELEMENT, NODES=6, LINEAR\n** ELEMENT NODES\n1, 2, 3\n"
+    for kind, matrix in (("STIFFNESS", k), ("MASS", m)):
+        rows = [", ".join(f"{value!r}" for value in row[: i + 1]) for i, row in enumerate(matrix.tolist())]
+        text += f"*MATRIX, TYPE={kind}\n" + ",\n".join(rows) + "\n"
+    (tmp_path / "sub.mtx").write_text(text)
+    expected = flexfmu.linear_body(k, m, {"tip": (LENGTH, 0.0, 0.0)})
+    found = flexfmu.linear_body(tmp_path / "sub.mtx", str(tmp_path / "sub.mtx"), {"tip": (LENGTH, 0.0, 0.0)})
+    np.testing.assert_allclose(found.reduced.angular_frequency, expected.reduced.angular_frequency, rtol=1e-12)
+    for spoiled, message in (
+        (text.rpartition(",")[0], "20 numbers are no lower triangle"),
+        (text.partition("*MATRIX, TYPE=MASS")[0], "it holds stiffness, no mass"),
+    ):
+        (tmp_path / "sub.mtx").write_text(spoiled)
+        with pytest.raises(MatrixError, match=message):
+            flexfmu.linear_body(k, tmp_path / "sub.mtx", {"tip": (LENGTH, 0.0, 0.0)})
