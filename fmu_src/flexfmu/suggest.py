@@ -86,7 +86,7 @@ def mesh_lines(mesh: Mesh) -> list[str]:
 
 
 def mass_lines(mesh: Mesh) -> list[str]:
-    """Volume, mass and centre in words; the mass where every element has a density.
+    """Volume, mass with masses at points, and centre in words; the mass where every element has a density.
 
     Parameters
     ----------
@@ -108,7 +108,10 @@ def mass_lines(mesh: Mesh) -> list[str]:
         moment += np.einsum("ea,eai->i", weight, mesh.points[block.connectivity])
     lines = [f"volume {volume:.5g} m³"]
     if weighed:
-        lines.append(f"mass {total:.5g} kg")
+        at_points = sum(one.mass for one in mesh.masses)
+        total += at_points
+        moment += sum((one.mass * one.point for one in mesh.masses), np.zeros(3))
+        lines.append(f"mass {total:.5g} kg" + (f", {at_points:.5g} kg of it at points" if mesh.masses else ""))
     return [*lines, f"centre of {'mass' if weighed else 'volume'} {_point(moment / total)}"]
 
 

@@ -58,6 +58,17 @@ def test_check_lists_sets_materials_ends_and_what_a_body_file_chooses(bar):
         assert words in text
 
 
+def test_check_weighs_masses_at_points(bar):
+    assert run("init", bar).exit_code == 0
+    rows = (line.split(",") for line in bar.read_text().splitlines() if line.count(",") == 3 and line[0].isdigit())
+    node = next(int(row[0]) for row in rows if [float(x) for x in row[1:]] == [0.5, 0.0, 0.0])
+    with bar.open("a") as deck:
+        deck.write(f"*ELEMENT, TYPE=MASS, ELSET=LUMP\n9001, {node}\n*MASS, ELSET=LUMP\n3.925\n")
+    text = run("check", bar.with_suffix(".toml")).output
+    assert "mass 7.85 kg, 3.925 kg of it at points" in text
+    assert "centre of mass (0.375, 0.0125, 0.005) m" in text
+
+
 def test_reference_points_of_a_deck_are_offered(tmp_path):
     deck = tmp_path / "deck.inp"
     deck.write_text(BODY + COUPLING)
