@@ -8,13 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from flexfmu.progress import Reporter
 from flexfmu.scenes.record_file import RecordFile
 from flexfmu.stability import buckling, coupling, picture, rotation
 from flexfmu.stability.maps import chart_stability
 from flexfmu.stability.picture import pictures
-from flexfmu.stability.records import LAYOUT, StabilityError, Verdict, verdict
+from flexfmu.stability.records import LAYOUT, Run, StabilityError, Verdict, verdict
 from flexfmu.stability.subject import read_subject
 from flexfmu.store import Store
 from scene_tools import Listening
@@ -118,11 +120,19 @@ def test_cells_are_shaded_by_error_and_every_panel_has_its_axes(mapped, monkeypa
         assert not any(axes.get_legend() for axes in panels)
         (legend,) = drawn[f"m_{kind}"].legends
         assert legend.get_texts()
-    shades = [picture._shade(error) for error in (0.0, 1e-3, 0.01, 0.1, 1.0, 7.0, float("nan"))]
-    np.testing.assert_allclose(shades, [0.0, 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 1.0, 1.0], atol=1e-12)
+    shades = [picture._shade(error) for error in (0.0, 1e-3, 0.01, 0.1, 1.0, 7.0)]
+    np.testing.assert_allclose(shades, [0.0, 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 1.0], atol=1e-12)
     for sign in (Verdict.WARNED, Verdict.REFUSED, Verdict.SILENT):
         assert picture._sign(sign, 0.0, 0.0, 1.0, 1.0)
     assert not picture._sign(Verdict.RIGHT, 0.0, 0.0, 1.0, 1.0)
+
+
+def test_a_run_that_nothing_is_known_to_compare_with_has_no_shade_and_says_so():
+    axes = Figure().add_subplot()
+    runs = [Run("", "bar", "buckling", "", x, "linear", word) for x, word in (("1", "warned"), ("2", "refused"))]
+    picture._panel(axes, runs, named=True)
+    assert [text.get_text() for text in axes.texts] == ["–"]
+    assert to_hex(axes.patches[0].get_facecolor()) == "#ffffff"
 
 
 def test_runs_shared_among_processes_are_those_of_one(mapped):

@@ -30,7 +30,7 @@ _WORDS = {
     Verdict.SILENT: "wrong in silence",
 }
 _AXES = {
-    Map.BUCKLING: ("load / critical load", "method"),
+    Map.BUCKLING: ("load / critical load", "frames × method"),
     Map.ROTATION: ("rotation in linear theory / °", "frames × method"),
     Map.COUPLING: ("spring / interface stiffness", "steps a period"),
 }
@@ -100,7 +100,8 @@ def _draw(kind: Map, rows: Sequence[Run], target: Path) -> None:
         handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small", frameon=False,
         handler_map={_Sign: _SignInLegend()},
     )  # fmt: skip
-    figure.suptitle(f"{rows[0].body}: {kind.value}; numbers are errors in %", fontsize="medium")
+    unknown = "; –: no equilibrium to compare with" if any(_is_unknown(run) for run in rows) else ""
+    figure.suptitle(f"{rows[0].body}: {kind.value}; numbers are errors in %{unknown}", fontsize="medium")
     save(figure, target)
 
 
@@ -113,11 +114,11 @@ def _panel(axes: Axes, rows: Sequence[Run], named: bool) -> None:
         x, y = across.index(run.x), up.index(run.y)
         verdict = Verdict(run.verdict)
         shade = _shade(run.error)
-        face = _REFUSED if verdict is Verdict.REFUSED else _SHADES(shade)
+        face = _REFUSED if verdict is Verdict.REFUSED else "white" if math.isnan(run.error) else _SHADES(shade)
         axes.add_patch(Rectangle((x, y), 1, 1, facecolor=face, edgecolor="white", linewidth=0.8))
         for patch in _sign(verdict, x, y, 1.0, 1.0):
             axes.add_patch(patch)
-        words = _words(run.error)
+        words = "–" if _is_unknown(run) else _words(run.error)
         if words:
             dark = verdict is not Verdict.REFUSED and shade > _DARK
             box = {"facecolor": _REFUSED, "edgecolor": "none", "pad": 0.6} if verdict is Verdict.REFUSED else None
@@ -130,10 +131,13 @@ def _panel(axes: Axes, rows: Sequence[Run], named: bool) -> None:
     axes.tick_params(length=0)
 
 
+def _is_unknown(run: Run) -> bool:
+    """Whether a run that went on has nothing to be compared with."""
+    return math.isnan(run.error) and run.verdict != Verdict.REFUSED.value
+
+
 def _shade(error: float) -> float:
-    """Place of an error between white and dark; what is no number is dark."""
-    if math.isnan(error):
-        return 1.0
+    """Place of an error between white and dark; no number where it is none."""
     return float(np.clip(np.log(max(error, 1e-12) / _LEAST) / np.log(_MOST / _LEAST), 0.0, 1.0))
 
 
