@@ -1,6 +1,7 @@
 """Fixtures shared by the tests."""
 
 import os
+import signal
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from references import BEAM, L_FRAME
 
 # Builds in tests find everything anew, and leave nothing in the user's folders.
 os.environ["FLEXFMU_CACHE"] = ""
+# A shell's background jobs ignore Ctrl-C, and so would the jobs that tests interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 class Bodies:

@@ -262,7 +262,7 @@ def answer(folder, mistake, monkeypatch):
             cwd=folder,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             check=False,
             env={**os.environ, "COLUMNS": "400"},
         )
@@ -311,7 +311,7 @@ def test_a_pipe_that_never_ends_is_refused_instead_of_waited_for(name, arguments
     os.mkfifo(folder / name)
     before = sorted(path.name for path in folder.iterdir())
     command = [sys.executable, "-m", "flexfmu.cli", *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1
     assert f"{name} cannot be read: it is a pipe or a device" in done.stderr
     assert sorted(path.name for path in folder.iterdir()) == before

@@ -71,18 +71,17 @@ def test_ctrl_c_ends_all_processes_and_leaves_whole_records(tmp_path):
         start_new_session=True,
     )
     records = tmp_path / "r.csv"
-    limit = time.monotonic() + 60.0
-    while time.monotonic() < limit and not (records.exists() and records.read_text().count("\n") > 3):
+    while job.poll() is None and not (records.exists() and records.read_text().count("\n") > 3):
         time.sleep(0.02)
     # As a terminal does: to the whole group.
     os.killpg(job.pid, signal.SIGINT)
-    _, said = job.communicate(timeout=30)
+    _, said = job.communicate(timeout=300)
     assert job.returncode == 130, said
     assert "goes on from there" in " ".join(said.split())
     assert "Traceback" not in said
     rows = LAYOUT.read(records)
     assert 3 <= len(rows) < 36
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + 300.0
     while _alive(job.pid) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not _alive(job.pid)
