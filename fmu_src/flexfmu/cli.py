@@ -414,7 +414,7 @@ def chart(
             return
         for number, row in enumerate(shown.named, start=1):
             words = describe(row, shown.axis, several=len(records) > 1)
-            typer.echo(f"#{number:<2} {row.share:8.2g} × tolerance  {words}")
+            typer.echo(f"#{number:<2} {row.share:8.2g} × tolerance, {words}")
         typer.echo(shown.finding)
 
     _run(job, f"what was tried is in {records[0]}, and the same command goes on from there")

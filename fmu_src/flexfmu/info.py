@@ -10,6 +10,7 @@ from rich.tree import Tree
 
 from .build import NUMBERS
 from .cost import Cost
+from .counts import plural
 from .methods import chosen, offered_variants
 from .model.reduced_body import GROUND, ReducedBody
 from .summary import first_frequency, point, summary
@@ -27,11 +28,11 @@ def describe(body: ReducedBody) -> list[RenderableType]:
     list of rich renderables
     """
     head = (
-        f"[bold]{body.name}[/]: {body.mode_count} modes, {body.interface_count} interfaces, {body.frame_count} frames; "
-        f"method {chosen(body).words}"
+        f"[bold]{body.name}[/]: {plural(body.mode_count, 'mode')}, {plural(body.interface_count, 'interface')}, "
+        f"{plural(body.frame_count, 'frame')}; method {chosen(body).words}"
     )
-    aboard = f"methods: {', '.join(variant.words for variant in offered_variants(body))}"
-    return [head, aboard, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
+    offered = f"methods: {', '.join(variant.words for variant in offered_variants(body))}"
+    return [head, offered, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
 
 
 def data(body: ReducedBody) -> dict[str, object]:

@@ -15,6 +15,7 @@ from .choices import Interface as Choice
 from .choices import NodeChoices, Nodes, checked_spec, interface_table, support_table
 from .choices import plain as plain_value
 from .config import BodySpec
+from .counts import plural
 from .errors import BodyFileError
 from .fe.assembly import volume_matrices
 from .fe.faces import FaceBlock, element_faces
@@ -234,8 +235,8 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": __version__},
     )
     report.note(
-        f"{body.mode_count} modes, {body.frame_count} frames, {given.nodal_mass.sum():.4g} kg; first frequency "
-        f"{first_frequency(body.angular_frequency)}"
+        f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg; "
+        f"first frequency {first_frequency(body.angular_frequency)}"
     )
     return body
 

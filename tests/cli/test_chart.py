@@ -397,10 +397,10 @@ def drawn(tmp_path):
 def test_the_fastest_model_within_the_tolerance_is_the_one_to_take(drawn):
     rows = [row for row in LAYOUT.read(drawn / "r.csv") if row.status == "ok" and row.solver == "reduced"]
     assert recommended(rows, RATIO).modes == 2
-    assert finding(rows, RATIO) == "take #2: 2 × frames; normal 2; 5 %, 4 ×"
+    assert finding(rows, RATIO) == "take #2: frames, 2 frames; 2 normal modes; 5 %, 4 × empty FMU"
     # Over the cheapest linear model.
     linear = made_up(1, method="linear", static_displacement=0.4, share=8.0, fmu_ratio=2.0)
-    assert finding([linear, *rows], RATIO) == "take #3: 2 × frames; normal 2; 5 %, 2 × linear"
+    assert finding([linear, *rows], RATIO) == "take #3: frames, 2 frames; 2 normal modes; 5 %, 2 × linear"
     outside = [row for row in rows if row.share > 1.0]
     assert recommended(outside, RATIO) is None
     assert "none meets the tolerance; nearest, 2 × it" in finding(outside, RATIO)
@@ -434,7 +434,7 @@ def test_charts_are_made_of_records_alone(drawn):
     # Legend, tolerance and finding are those of the picture.
     assert data["look"]["colours"] == look.COLOURS
     assert data["tolerances"]["share"] == 1.0
-    assert "take #2: 2 × frames" in text.split("<h1>")[1].split("</h1>")[0]
+    assert "take #2: frames, 2 frames" in text.split("<h1>")[1].split("</h1>")[0]
     assert next(iter(data["costs"])) == "fmu_ratio"
     assert "transient_displacement" not in data["errors"]
     with pytest.raises(OutputError, match="expected a file name"):

@@ -38,7 +38,7 @@ class Axis:
     per_second: str
 
 
-RATIO = Axis("fmu_ratio", "time of a step over that of an empty FMU", "×", "fmu_ms_per_s")
+RATIO = Axis("fmu_ratio", "time of a step over that of an empty FMU", "× empty FMU", "fmu_ms_per_s")
 BARE = Axis("step_us", "time of a step, without FMI / µs", "µs", "bare_ms_per_s")
 
 
@@ -63,7 +63,7 @@ def finding(rows: Sequence[Record], axis: Axis) -> str:
     several = len(bodies(rows)) > 1
     if best is None:
         nearest = min(rows, key=lambda row: row.share)
-        return f"none meets the tolerance; nearest, {short(nearest.share)} × it: {describe(nearest, axis, several)}"
+        return f"none meets the tolerance; nearest, {short(nearest.share)} × it, {describe(nearest, axis, several)}"
     first = next(q for q in (*QUANTITIES, "share") if any(getattr(row, q) > 0.0 for row in rows))
     members = front(rows, first, axis)
     number = f"#{members.index(best) + 1}: " if best in members else ""
@@ -97,7 +97,7 @@ def tolerance(rows: Sequence[Record], quantity: str) -> float | None:
 
 
 def describe(row: Record, axis: Axis, several: bool = False) -> str:
-    """A model and its cost in a few words.
+    """What a model costs, and which it is, in a few words.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def describe(row: Record, axis: Axis, several: bool = False) -> str:
     """
     name = f"{row.body}: {row.label}" if several else row.label
     cost, per_second = getattr(row, axis.column), getattr(row, axis.per_second)
-    return f"{name}: {short(cost)} {axis.unit}, {short(per_second)} ms/s"
+    return f"{short(cost)} {axis.unit}, {short(per_second)} ms/s: {name}"
 
 
 def bodies(rows: Sequence[Record]) -> list[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -16,7 +17,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 from ..figures import save
 from ..methods import Method
 from ..scenes.words import short
-from .front import QUANTITIES, Axis, bodies, describe, recommended, tolerance
+from .front import QUANTITIES, Axis, bodies, recommended, tolerance
 from .look import BASES, BEATEN, BEATEN_WORDS, COLOURS, MARKERS, OTHER, SOLVERS, STARS, TAKEN, TAKEN_WORDS, WHOLE
 from .records import Record
 
@@ -24,8 +25,8 @@ from .records import Record
 _WIDTH, _STRIP, _HEIGHT = 5.6, 0.9, 3.6
 # Axes of less than so many times their start: two decades nearly, and less than one.
 _FEW, _SHORT = 60.0, 6.0
-# Room of a letter and of a line of names beside points, as parts of a panel.
-_LETTER, _LINE = 0.0115, 0.045
+# Room of a letter and of a line of names beside points, half of a point's and the gap between them, parts of a panel.
+_LETTER, _LINE, _DOT, _GAP = 0.0125, 0.04, 0.012, 0.022
 # Names of the front that are longer, in characters, are set smaller.
 _LONG_LINE = 95
 
@@ -153,24 +154,23 @@ class Picture:
         costs = [getattr(row, self._axis.column) for row in members]
         found = [100.0 * getattr(row, quantity) for row in members]
         axes.step(costs, found, where="post", color="k", linewidth=0.8, zorder=1.5)
-        taken: list[tuple[float, float, float]] = []
-        for number, (row, cost, value) in enumerate(zip(members, costs, found, strict=True), start=1):
-            # Below the front no model is: names go there, to the left where there is room, and not over each other.
-            x, y = axes.transAxes.inverted().transform(axes.transData.transform((cost, value)))
-            name = f"#{number} {row.short_label}"
-            right = x < 0.45
-            start = x if right else x - _LETTER * len(name)
-            if any(abs(y - v) < _LINE and start < w and u < start + _LETTER * len(name) for u, v, w in taken):
-                name, right = f"#{number}", False
-            else:
-                taken.append((start, y, start + _LETTER * len(name)))
+        # Scales follow the data only now.
+        axes.autoscale_view()
+        marked = members if self._best is None or self._best in members else [*members, self._best]
+        points = [(getattr(row, self._axis.column), 100.0 * getattr(row, quantity)) for row in marked]
+        place = axes.transAxes.inverted().transform(axes.transData.transform(np.array(points))).tolist()
+        taken = [(x - _DOT, y - _DOT, x + _DOT, y + _DOT) for x, y in place]
+        # The model to take has the first choice.
+        for k in sorted(range(len(members)), key=lambda k: members[k] is not self._best):
+            name, box, right, below = _room(f"#{k + 1}", members[k].short_label, place[k], taken)
+            taken.append(box)
             text = axes.annotate(
                 name,
-                (cost, value),
-                xytext=(-2 if right else -3, -7),
+                points[k],
+                xytext=(-2 if right else 2, -7 if below else 7),
                 textcoords="offset points",
                 ha="left" if right else "right",
-                va="top",
+                va="top" if below else "bottom",
                 fontsize="x-small",
                 zorder=5,
             )
@@ -201,8 +201,8 @@ class Picture:
         """Who is on the front, one line each, and what the finite element model takes."""
         several = len(self._bodies) > 1
         lines = [
-            f"#{n}  {describe(row, self._axis, several)}, {100.0 * getattr(row, quantity):.2g} %"
-            + ("" if row.share <= 1.0 else " (misses it)")
+            f"#{n}  {f'{row.body}: ' if several else ''}{row.label}; {short(getattr(row, self._axis.column))} ×, "
+            f"{100.0 * getattr(row, quantity):.2g} %" + ("" if row.share <= 1.0 else " (misses the tolerance)")
             for n, row in enumerate(members, start=1)
         ]
         for row in self._finite_elements(quantity):
@@ -235,6 +235,32 @@ class Picture:
             red = {"markerfacecolor": WHOLE, "markeredgecolor": WHOLE, "markersize": 7}
             handles.append(dot(SOLVERS.get(solver, solver), marker=STARS.get(solver, "*"), **red))
         return handles
+
+
+_Box = tuple[float, float, float, float]
+
+
+def _room(number: str, label: str, point: tuple[float, float], taken: Sequence[_Box]) -> tuple[str, _Box, bool, bool]:
+    """A name beside a point where nothing else is: the name, its box, and whether it goes to the right and below.
+
+    Below the front no model is: names go there, to the left where there is room; where there is none, the number alone.
+    """
+    (x, y), found = point, None
+    for name, sides in ((f"{number} {label}", (True,)), (number, (True, False))):
+        wide = _LETTER * len(name)
+        for below in sides:
+            for right in (x < 0.45, x >= 0.45):
+                left, top = (x if right else x - wide), (y - _GAP if below else y + _GAP + _LINE)
+                box = (left, top - _LINE, left + wide, top)
+                found = name, box, right, below
+                if left > 0.0 and left + wide < 1.0 and not any(_overlap(box, other) for other in taken):
+                    return found
+    assert found is not None
+    return found
+
+
+def _overlap(one: _Box, other: _Box) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 def _mark(axis: Any, low: float, high: float) -> None:

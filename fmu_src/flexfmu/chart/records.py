@@ -3,11 +3,12 @@
 import math
 from dataclasses import dataclass, field
 
+from ..counts import plural
 from ..methods import Method, has_frames
 from ..scenes.candidates import REDUCED
 from ..scenes.errors import SceneError
 from ..scenes.record_file import Layout
-from ..scenes.words import BASES, plural
+from ..scenes.words import modes_words
 
 KEY = (
     "solver",
@@ -124,26 +125,24 @@ class Record:
         if self.solver != REDUCED:
             who = {"results": "your results", "calculix": "CalculiX"}.get(self.solver, self.solver)
             return f"finite elements ({who}), {self.case}"
-        modes = f"{BASES.get(self.basis, self.basis)} {self.modes}"
-        words = [Method(self.method).label]
-        if self.on_frames:
-            own = f"own {self.frame_count}" if self.frames < 0 else str(self.frames)
-            words = [f"{own} × {words[0]}"]
+        words = [self.short_label]
         if self.mass != "constant":
             words.append(f"mass {self.mass}")
         if self.internal_step == "single":
             words.append("one internal step")
         elif self.internal_step not in _USUAL_STEPS:
             words.append(f"step error {self.internal_step}")
-        return f"{', '.join(words)}; {modes}"
+        return f"{', '.join(words)}; {modes_words(self.basis, self.modes)}"
 
     @property
     def short_label(self) -> str:
         """Method and frames, for a point of a chart."""
         if self.solver != REDUCED:
             return self.label
-        words = f", {plural(self.frame_count if self.frames < 0 else self.frames, 'frame')}" if self.on_frames else ""
-        return Method(self.method).label + words
+        if not self.on_frames:
+            return Method(self.method).label
+        count = f"its own {plural(self.frame_count, 'frame')}" if self.frames < 0 else plural(self.frames, "frame")
+        return f"{Method(self.method).label}, {count}"
 
     @property
     def on_frames(self) -> bool:

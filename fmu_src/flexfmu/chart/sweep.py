@@ -7,20 +7,21 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ..body import FlexibleBody
+from ..counts import plural
 from ..errors import AccuracyError, SimulationError
 from ..methods import lean
 from ..model.errors import RuntimeBodyError
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import ReducedBody
 from ..progress import Reporter
-from ..scenes.candidates import GIVEN, REDUCED, Candidate, Reduction, candidates, grouped
+from ..scenes.candidates import REDUCED, Candidate, Reduction, candidates, grouped
 from ..scenes.cost import equilibrium_time, step_cost
 from ..scenes.fmu_cost import FmuTimer, fmu_timer
 from ..scenes.jobs import Crew
 from ..scenes.measure import Errors
 from ..scenes.record_file import RecordFile
 from ..scenes.scene import Scene
-from ..scenes.words import plural
+from ..scenes.words import BASES, frames_words
 from ..scenes.workshop import Built, Workshop
 from ..store import Store
 from .extent import Grid, members
@@ -184,8 +185,7 @@ def try_models(
 def _words(members: Sequence[Candidate]) -> str:
     first = members[0].reduction
     modes = ", ".join(str(modes) for modes in dict.fromkeys(member.reduction.modes for member in members))
-    count = "own" if first.frames == GIVEN else first.frames
-    return f"{first.basis.value}, {modes} modes, {count} frames: {plural(len(members), 'model')}"
+    return f"{BASES[first.basis.value]}, {modes} modes, {frames_words(first.frames)}: {plural(len(members), 'model')}"
 
 
 def measure(workshop: Workshop, members: Sequence[Candidate]) -> list[tuple[Built, Errors]] | str:

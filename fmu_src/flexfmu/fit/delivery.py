@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..body import FlexibleBody, StepLimits
 from ..config import read_body_file
+from ..counts import plural
 from ..fmu.package import package_fmu
 from ..methods import Variant, chosen
 from ..model.errors import RuntimeBodyError
@@ -16,7 +17,7 @@ from ..scenes.candidates import Reduction, reduction_config
 from ..scenes.config import BasisChoice
 from ..scenes.fmu_cost import fmu_timer
 from ..scenes.measure import Errors
-from ..scenes.words import in_percent, plural, times
+from ..scenes.words import in_percent, times
 from ..scenes.workshop import Workshop, build
 from ..targets import whole_file
 from .body_text import body_text

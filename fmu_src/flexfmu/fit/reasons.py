@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body import FlexibleBody
+from ..counts import plural
 from ..errors import AccuracyError
 from ..methods import Data, Mass, Method, Variant, has_frames, lean, masses_of, needs
 from ..model.errors import RuntimeBodyError
@@ -13,7 +14,7 @@ from ..scenes.candidates import GIVEN, Candidate, Joints, Reduction, has_meaning
 from ..scenes.config import BasisChoice
 from ..scenes.scene import Scene
 from ..scenes.subspace import normal_frequencies
-from ..scenes.words import basis_words, frames_words, plural, times
+from ..scenes.words import basis_words, frames_words, times
 from ..scenes.workshop import Workshop
 from .choice import Choice
 from .frames import HELPS, Tried

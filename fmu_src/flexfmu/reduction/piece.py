@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..config import BodySpec
+from ..counts import plural
 from ..fe.assembly import volume_matrices
 from ..fe.faces import FaceBlock, element_faces
 from ..fe.stress import point_stress
@@ -187,7 +188,7 @@ def _divided(config: BodySpec, model: Model, report: Reporter) -> _Divided:
         _tell_interface(interface, model, subdomains, report)
     for text in cuts:
         report.warning(text)
-    report.note(f"{len(subdomains)} frames, {len(interfaces)} interfaces")
+    report.note(f"{plural(len(subdomains), 'frame')}, {plural(len(interfaces), 'interface')}")
     if config.frames is not None and len(subdomains) < config.frames:
         report.warning(
             f"frames = {config.frames} were asked for, the body has layers of elements for {len(subdomains)} only: "

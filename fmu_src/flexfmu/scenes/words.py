@@ -2,16 +2,24 @@
 
 import math
 
+from ..counts import plural
 from .candidates import GIVEN, Joints, Reduction
 from .measure import Errors
 
 BASES = {"normal": "normal", "residual": "normal + residual", "craig_bampton": "Craig-Bampton"}
 """Bases by the word of a scene file."""
+_MODES = {"normal": "normal mode", "residual": "normal mode", "craig_bampton": "mode"}
+_STATIC_SHAPES = {"residual": " + residual", "craig_bampton": ", Craig-Bampton"}
 
 
 def basis_words(reduction: Reduction) -> str:
     """A basis, with the loads whose residual flexibility it has if not all of them."""
     return BASES[reduction.basis.value] + (f" of {', '.join(reduction.residual)}" if reduction.residual else "")
+
+
+def modes_words(basis: str, modes: int) -> str:
+    """A number of modes of a basis."""
+    return plural(modes, _MODES.get(basis, "mode")) + _STATIC_SHAPES.get(basis, "")
 
 
 def frames_words(division: int | Joints) -> str:
@@ -21,11 +29,6 @@ def frames_words(division: int | Joints) -> str:
             f"{', '.join(f'{place:g}' for place in places)} m toward {toward}" for toward, places in division
         )
     return "the body's own frames" if division == GIVEN else plural(division, "frame")
-
-
-def plural(count: int, word: str) -> str:
-    """A number of things; none is "no"."""
-    return f"{count or 'no'} {word}{'' if count == 1 else 's'}"
 
 
 def short(value: float) -> str:

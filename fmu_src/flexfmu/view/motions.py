@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..body import FlexibleBody
+from ..counts import plural
 from ..loads import Loads
 from ..model.errors import EquilibriumError, OptionError
 from ..model.reduced_body import GROUND, FloatArray
@@ -47,7 +48,7 @@ def body_view(body: FlexibleBody, cases: Sequence[Case] = (), **more: object) ->
         number = np.where((number < 0) & (surface.support > 0), model.interface_count, number)
         regions.append(Region(INTERFACES, (*model.interface_names, "supports"), number))
     marks = marks_of(body)
-    words = f"{model.mode_count} modes, {model.frame_count} frames, method {body.variant.words}"
+    words = f"{plural(model.mode_count, 'mode')}, {plural(model.frame_count, 'frame')}, method {body.variant.words}"
     return View(
         title=model.name,
         subtitle=words,
