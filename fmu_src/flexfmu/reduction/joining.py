@@ -1,6 +1,6 @@
 """Parts of a cut body, each reduced by itself, joined to one reduced body (docs/theory.md, section 10)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -47,10 +47,18 @@ class Weld:
 
 @dataclass(frozen=True, slots=True)
 class _Stack:
-    """Coordinates of all parts, laid end to end."""
+    """Coordinates and frames of all parts, laid end to end."""
 
+    parts: Sequence[ReducedBody]
     first: IntArray
+    first_frame: IntArray
     size: int
+
+    @classmethod
+    def of(cls, parts: Sequence[ReducedBody]) -> "_Stack":
+        """Lay the parts end to end."""
+        ends = np.cumsum([[0, 0], *([part.mode_count, part.frame_count] for part in parts)], axis=0, dtype=np.int64)
+        return cls(parts, ends[:-1, 0], ends[:-1, 1], int(ends[-1, 0]))
 
     def widened(self, part: int, operator: FloatArray) -> FloatArray:
         """Operator (..., m_p) of a part's coordinates on those of all parts (..., m)."""
@@ -58,8 +66,29 @@ class _Stack:
         result[..., self.first[part] : self.first[part] + operator.shape[-1]] = operator
         return result
 
+    def own(self, part: int, modes: FloatArray) -> FloatArray:
+        """Rows of a part's coordinates (m_p, k) in modes (m, k) of all."""
+        start = self.first[part]
+        return modes[start : start + self.parts[part].mode_count]
 
-def joined(
+    def on(self, part: int, frame: IntArray) -> IntArray:
+        """Numbers of a part's frames as those of the whole body."""
+        return np.where(frame >= 0, frame + self.first_frame[part], GROUND)
+
+    def motion(self, part: int, interface: int) -> FloatArray:
+        """Displacement and rotation (6, m) of a part's interface."""
+        body = self.parts[part]
+        own = np.concatenate([body.interface_displacement[interface], body.interface_rotation[interface]])
+        return self.widened(part, own)
+
+    def every(self, name: str, modes: FloatArray) -> FloatArray:
+        """Operators of that name of all parts, by the modes of the whole."""
+        wide = np.concatenate([self.widened(p, getattr(part, name)) for p, part in enumerate(self.parts)])
+        result: FloatArray = wide @ modes
+        return result
+
+
+def join_parts(
     parts: Sequence[ReducedBody], welds: Sequence[Weld], loose: Sequence[NDArray[np.bool_]], interfaces: Sequence[str]
 ) -> tuple[ReducedBody, str]:
     """Join parts by stiff springs between their sections, and take the modes of the whole.
@@ -86,26 +115,48 @@ def joined(
     ModelError
         Parts that can move although they are joined.
     """
-    counts = [part.mode_count for part in parts]
-    stack = _Stack(np.concatenate([[0], np.cumsum(counts)[:-1]]), sum(counts))
-    frames = np.concatenate([[0], np.cumsum([part.frame_count for part in parts])[:-1]]).astype(np.int64)
-
-    def on(part: int, frame: IntArray) -> IntArray:
-        return np.where(frame >= 0, frame + frames[part], GROUND)
-
-    def motion(part: int, interface: int) -> FloatArray:
-        body = parts[part]
-        own = np.concatenate([body.interface_displacement[interface], body.interface_rotation[interface]])
-        return stack.widened(part, own)
-
+    stack = _Stack.of(parts)
     places = [
         next((p, b.interface_names.index(n)) for p, b in enumerate(parts) if n in b.interface_names) for n in interfaces
     ]
-    moved = np.array([motion(*place) for place in places])
-    gap = np.array([motion(*weld.first) - motion(*weld.second) for weld in welds])
-    squares = np.concatenate([part.angular_frequency for part in parts]) ** 2
+    moved = np.array([stack.motion(*place) for place in places])
+    values, modes, pull, turn = _modes_of_whole(stack, welds, loose, moved)
+    body = ReducedBody(
+        name=parts[0].name,
+        angular_frequency=np.sqrt(values),
+        damping_ratio=np.zeros(len(values)),
+        interface_names=tuple(interfaces),
+        interface_point=np.array([parts[p].interface_point[i] for p, i in places]),
+        interface_displacement=moved[:, :3] @ modes,
+        interface_rotation=moved[:, 3:] @ modes,
+        interface_frame=np.array([stack.on(p, parts[p].interface_frame)[i] for p, i in places]),
+        frame_names=tuple(name for part in parts for name in part.frame_names),
+        frame_parent=np.concatenate([stack.on(p, part.frame_parent) for p, part in enumerate(parts)]),
+        joint_point=np.concatenate([part.joint_point for part in parts]),
+        joint_displacement=stack.every("joint_displacement", modes),
+        joint_rotation=stack.every("joint_rotation", modes),
+        frame_rotation=stack.every("frame_rotation", modes),
+        masses=_masses(stack, modes),
+        stress_sets=_stress_sets(stack, modes),
+        surface=_surface(stack, modes, interfaces),
+        ties=_ties(stack, welds, pull, turn, modes),
+        second=_second_order(stack, welds, places, modes),
+        membrane=_membrane(stack, modes),
+    )
+    return body, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
+
+
+def _modes_of_whole(
+    stack: _Stack, welds: Sequence[Weld], loose: Sequence[NDArray[np.bool_]], moved: FloatArray
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Eigenvalues (k,) and modes (m, k) of the joined parts, and the stiffness of their joints (N/m, N m).
+
+    Interfaces move by `moved` (i, 6, m).
+    """
+    gap = np.array([stack.motion(*weld.first) - stack.motion(*weld.second) for weld in welds])
+    squares = np.concatenate([part.angular_frequency for part in stack.parts]) ** 2
     stiffness = np.diag(squares)
-    for p, part in enumerate(parts):
+    for p, part in enumerate(stack.parts):
         if part.ties is not None:
             rows = stack.widened(p, _stretch(part.ties, loose[p]))
             stiffness = stiffness + rows.T @ rows
@@ -119,29 +170,28 @@ def joined(
     if values[0] <= 0.0:
         raise ModelError(f"the lowest eigenvalue of the joined parts is {values[0]:.3e} 1/s²: they are free to move")
     large = np.argmax(np.abs(modes) >= _NEARLY_LARGEST * np.abs(modes).max(axis=0), axis=0)
-    modes = alike @ (modes * np.sign(modes[large, np.arange(len(values))]))
+    return values, alike @ (modes * np.sign(modes[large, np.arange(len(values))])), pull, turn
 
-    def every(name: str) -> FloatArray:
-        wide = np.concatenate([stack.widened(p, getattr(part, name)) for p, part in enumerate(parts)])
-        result: FloatArray = wide @ modes
-        return result
 
+def _ties(stack: _Stack, welds: Sequence[Weld], pull: float, turn: float, modes: FloatArray) -> Ties:
+    """Springs of the parts to the ground, then those of the joints."""
     ends = [
         Ties(
-            on(p, t.frame),
+            stack.on(p, t.frame),
             t.point,
             stack.widened(p, t.displacement),
             stack.widened(p, t.rotation),
             t.stiffness,
             t.lever,
         )
-        for p, part in enumerate(parts)
+        for p, part in enumerate(stack.parts)
         if (t := part.ties) is not None
     ]
-    sections = np.array([[motion(*weld.first), motion(*weld.second)] for weld in welds])
+    sections = np.array([[stack.motion(*weld.first), stack.motion(*weld.second)] for weld in welds])
+    parts = stack.parts
     ends.append(
         Ties(
-            np.array([[on(p, parts[p].interface_frame)[i] for p, i in (w.first, w.second)] for w in welds]),
+            np.array([[stack.on(p, parts[p].interface_frame)[i] for p, i in (w.first, w.second)] for w in welds]),
             np.array([[parts[p].interface_point[i] for p, i in (w.first, w.second)] for w in welds]),
             sections[:, :, :3],
             sections[:, :, 3:],
@@ -151,30 +201,7 @@ def joined(
         )
     )
     ties = Ties(*(np.concatenate([getattr(end, name) for end in ends]) for name in Ties.__slots__))
-    ties = replace(ties, displacement=ties.displacement @ modes, rotation=ties.rotation @ modes)
-    body = ReducedBody(
-        name=parts[0].name,
-        angular_frequency=np.sqrt(values),
-        damping_ratio=np.zeros(len(values)),
-        interface_names=tuple(interfaces),
-        interface_point=np.array([parts[p].interface_point[i] for p, i in places]),
-        interface_displacement=moved[:, :3] @ modes,
-        interface_rotation=moved[:, 3:] @ modes,
-        interface_frame=np.array([on(p, parts[p].interface_frame)[i] for p, i in places]),
-        frame_names=tuple(name for part in parts for name in part.frame_names),
-        frame_parent=np.concatenate([on(p, part.frame_parent) for p, part in enumerate(parts)]),
-        joint_point=np.concatenate([part.joint_point for part in parts]),
-        joint_displacement=every("joint_displacement"),
-        joint_rotation=every("joint_rotation"),
-        frame_rotation=every("frame_rotation"),
-        masses=_masses(parts, stack, on, modes),
-        stress_sets=_stress_sets(parts, stack, modes),
-        surface=_surface(parts, stack, on, modes, interfaces),
-        ties=ties,
-        second=_second_order(parts, welds, places, stack, modes),
-        membrane=_membrane(parts, stack, modes),
-    )
-    return body, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
+    return replace(ties, displacement=ties.displacement @ modes, rotation=ties.rotation @ modes)
 
 
 def _null_space(rows: FloatArray, squares: FloatArray) -> FloatArray:
@@ -224,13 +251,10 @@ def _stiffness(stiffness: FloatArray, gap: FloatArray, loads: FloatArray) -> tup
 
 
 def _second_order(
-    parts: Sequence[ReducedBody],
-    welds: Sequence[Weld],
-    places: Sequence[tuple[int, int]],
-    stack: _Stack,
-    modes: FloatArray,
+    stack: _Stack, welds: Sequence[Weld], places: Sequence[tuple[int, int]], modes: FloatArray
 ) -> SecondOrder | None:
     """Second-order parts of the motions of all parts' nodes, in the order of the joined tree."""
+    parts = stack.parts
     found = [part.second for part in parts]
     if any(second is None for second in found):
         return None
@@ -249,19 +273,19 @@ def _second_order(
     def of_whole(name: str) -> FloatArray:
         turned = []
         for p, second in enumerate(found):
-            own = modes[stack.first[p] : stack.first[p] + parts[p].mode_count]
+            own = stack.own(p, modes)
             turned.append(np.einsum("kiab,ac,bd->kicd", getattr(second, name), own, own, optimize=True))
         return np.array([turned[p][k] for p, k in rows])
 
     return SecondOrder(of_whole("displacement"), of_whole("rotation"))
 
 
-def _membrane(parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray) -> Membrane | None:
+def _membrane(stack: _Stack, modes: FloatArray) -> Membrane | None:
     """Stretches of all parts, which have no shapes of their own."""
     found = []
-    for p, part in enumerate(parts):
+    for p, part in enumerate(stack.parts):
         if part.membrane is not None:
-            own = modes[stack.first[p] : stack.first[p] + part.mode_count]
+            own = stack.own(p, modes)
             found.append((own.T @ part.membrane.quadratic @ own, part.membrane.sign))
     if not found:
         return None
@@ -269,38 +293,31 @@ def _membrane(parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray) ->
     return Membrane(quadratic, np.zeros(quadratic.shape[:2]), sign)
 
 
-def _masses(
-    parts: Sequence[ReducedBody], stack: _Stack, on: Callable[[int, IntArray], IntArray], modes: FloatArray
-) -> Masses | None:
-    found = [(p, part.masses) for p, part in enumerate(parts) if part.masses is not None]
+def _masses(stack: _Stack, modes: FloatArray) -> Masses | None:
+    found = [(p, part.masses) for p, part in enumerate(stack.parts) if part.masses is not None]
     if not found:
         return None
     return Masses(
         np.concatenate([m.mass for _, m in found]),
         np.concatenate([m.point for _, m in found]),
         np.concatenate([stack.widened(p, m.displacement) for p, m in found]) @ modes,
-        np.concatenate([on(p, m.frame) for p, m in found]),
+        np.concatenate([stack.on(p, m.frame) for p, m in found]),
     )
 
 
-def _stress_sets(parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray) -> tuple[StressSet, ...]:
+def _stress_sets(stack: _Stack, modes: FloatArray) -> tuple[StressSet, ...]:
     """Stress sets, put together where several parts have a share."""
-    names = dict.fromkeys(own.name for part in parts for own in part.stress_sets)
+    names = dict.fromkeys(own.name for part in stack.parts for own in part.stress_sets)
     result = []
     for name in names:
-        found = [(p, own) for p, part in enumerate(parts) for own in part.stress_sets if own.name == name]
+        found = [(p, own) for p, part in enumerate(stack.parts) for own in part.stress_sets if own.name == name]
         stress = np.concatenate([stack.widened(p, own.stress) for p, own in found]) @ modes
         result.append(StressSet(name, np.concatenate([own.point for _, own in found]), stress))
     return tuple(result)
 
 
-def _surface(
-    parts: Sequence[ReducedBody],
-    stack: _Stack,
-    on: Callable[[int, IntArray], IntArray],
-    modes: FloatArray,
-    interfaces: Sequence[str],
-) -> Surface | None:
+def _surface(stack: _Stack, modes: FloatArray, interfaces: Sequence[str]) -> Surface | None:
+    parts = stack.parts
     found = [(p, part.surface) for p, part in enumerate(parts) if part.surface is not None]
     if not found:
         return None
@@ -310,14 +327,14 @@ def _surface(
         parts_of = [getattr(surface, name) for _, surface in found]
         return None if any(part is None for part in parts_of) else np.concatenate(parts_of)
 
-    fields, forms = _second_order_fields(parts, stack, modes)
+    fields, forms = _second_order_fields(stack, modes)
     stress = [(p, s.stress) for p, s in found if s.stress is not None]
     numbers = [_renumbered(parts[p].interface_names, s.interface, interfaces) for p, s in found]
     return Surface(
         every("points"),
         np.concatenate([s.faces + start for (_, s), start in zip(found, first, strict=True)]),
         np.concatenate([stack.widened(p, s.modes) for p, s in found]) @ modes,
-        np.concatenate([on(p, s.frame) for p, s in found]),
+        np.concatenate([stack.on(p, s.frame) for p, s in found]),
         np.concatenate(numbers),
         every("support"),
         fields,
@@ -340,15 +357,13 @@ def _renumbered(names: Sequence[str], number: IntArray | None, kept: Sequence[st
     return np.zeros(0, dtype=np.int64) if number is None else table[number]
 
 
-def _second_order_fields(
-    parts: Sequence[ReducedBody], stack: _Stack, modes: FloatArray
-) -> tuple[FloatArray | None, FloatArray | None]:
+def _second_order_fields(stack: _Stack, modes: FloatArray) -> tuple[FloatArray | None, FloatArray | None]:
     """Second-order fields of the surfaces of all parts, each zero on the others, and their forms."""
     fields, forms = [], []
-    for p, part in enumerate(parts):
+    for p, part in enumerate(stack.parts):
         if part.surface is None or part.surface.second is None or part.surface.form is None:
             return None, None
-        own = modes[stack.first[p] : stack.first[p] + part.mode_count]
+        own = stack.own(p, modes)
         fields.append(part.surface.second)
         forms.append(np.einsum("rab,ac,bd->rcd", part.surface.form, own, own, optimize=True))
     widths = np.cumsum([0, *(field.shape[2] for field in fields)])

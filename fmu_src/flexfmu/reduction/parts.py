@@ -15,7 +15,7 @@ from ..store import Store, content_key
 from .basis import Matrices
 from .cut import SIDES, cut_parts, on_section, part_configs, section_tractions, side_set
 from .interfaces import fit_interface
-from .joining import Weld, joined
+from .joining import Weld, join_parts
 from .model import Model
 from .piece import reduced_piece
 
@@ -81,7 +81,7 @@ def reduced_parts(config: BodySpec, model: Model, report: Reporter, store: Store
         welds.append(Weld(first, second, first_work, second_work))
     loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
     with report.stage(f"Join {len(parts)} parts"):
-        body, note = joined(bodies, welds, loose, [table.name for table in config.interface])
+        body, note = join_parts(bodies, welds, loose, [table.name for table in config.interface])
     hertz = body.angular_frequency / (2.0 * np.pi)
     report.note(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
     return body
