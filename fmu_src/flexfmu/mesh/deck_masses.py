@@ -63,9 +63,30 @@ class MassTable:
         DeckError
             Numbers are missing or negative, elements are of another type, or nothing carries a node.
         """
-        mass: dict[int, float] = {}
-        inertia: dict[int, FloatArray] = {}
-        lines: dict[int, Line] = {}
+        given = self._given(element_sets, others, first, nodes, units)
+        found = []
+        labels = nodes.labels()
+        for row in sorted(given):
+            one, on = given[row], carriers.of(row)
+            if on is None:
+                raise one.line.error(
+                    f"node {labels[row]} has a mass and belongs to no solid and no coupling, which would carry it; "
+                    "couple it (*COUPLING), or take the mass out"
+                )
+            if on.size == 1 and np.any(one.inertia):
+                place = f"{one.line.place}: node {labels[row]}"
+                self.notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
+            found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, one.mass, one.inertia))
+        if found:
+            total = sum(one.mass for one in found)
+            self.notes.append(f"masses at {len(found)} nodes: {listed(one.name for one in found)}; {total:.5g} kg")
+        return tuple(found)
+
+    def _given(
+        self, element_sets: SetTable, others: Sequence[Other], first: int, nodes: NodeTable, units: UnitSystem
+    ) -> dict[int, "_Given"]:
+        """What the cards give a node, by its row."""
+        given: dict[int, _Given] = {}
         for card in self.cards:
             members = element_sets.find(card.required("ELSET"), card.line, card.scope)
             chosen = [others[place - first] for place in sorted(members) if place >= first]
@@ -76,30 +97,22 @@ class MassTable:
                 )
             values = _values(card)
             for row in (nodes.rows_of(other)[0] for other in chosen):
-                lines[row] = card.line
+                one = given.setdefault(row, _Given(card.line))
+                one.line = card.line
                 if card.key == "MASS":
-                    mass[row] = mass.get(row, 0.0) + values[0] * units.density * units.length**3
+                    one.mass += values[0] * units.density * units.length**3
                 else:
-                    own = _matrix(values) * units.density * units.length**5
-                    inertia[row] = inertia.get(row, np.zeros((3, 3))) + own
-        found = []
-        labels = nodes.labels()
-        for row in sorted({*mass, *inertia}):
-            on = carriers.of(row)
-            if on is None:
-                raise lines[row].error(
-                    f"node {labels[row]} has a mass and belongs to no solid and no coupling, which would carry it; "
-                    "couple it (*COUPLING), or take the mass out"
-                )
-            if on.size == 1 and row in inertia:
-                place = f"{lines[row].place}: node {labels[row]}"
-                self.notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
-            own = inertia.get(row, np.zeros((3, 3)))
-            found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, mass.get(row, 0.0), own))
-        if found:
-            total = sum(one.mass for one in found)
-            self.notes.append(f"masses at {len(found)} nodes: {listed(one.name for one in found)}; {total:.5g} kg")
-        return tuple(found)
+                    one.inertia = one.inertia + _matrix(values) * units.density * units.length**5
+        return given
+
+
+@dataclass(slots=True)
+class _Given:
+    """Mass (kg) and inertia (kg m²) of a node, and the last line that gave it some."""
+
+    line: Line
+    mass: float = 0.0
+    inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 @dataclass(frozen=True, slots=True)
