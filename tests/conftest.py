@@ -12,6 +12,7 @@ from flexfmu.config import read_body_file
 from flexfmu.progress import Reporter
 from flexfmu.store import Store
 from references import BEAM, L_FRAME
+from scene_tools import SMALL_SWEEP, with_results
 
 # Builds in tests find everything anew, and leave nothing in the user's folders.
 os.environ["FLEXFMU_CACHE"] = ""
@@ -56,6 +57,18 @@ def bodies(tmp_path_factory):
     # The folder of a process lies in that of the run.
     shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
     return Bodies(Store(shared / "reductions"))
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """What the tests of a file keep of their builds."""
+    return Store(tmp_path_factory.mktemp("kept"))
+
+
+@pytest.fixture
+def bent_beam(tmp_path):
+    """Scene of the bent beam with CalculiX's results as the user's own, and few combinations."""
+    return with_results(tmp_path, SMALL_SWEEP)
 
 
 @pytest.fixture

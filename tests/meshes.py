@@ -9,6 +9,25 @@ from flexfmu.config import BodyFile
 from flexfmu.mesh.model import ElementBlock, ElementType, Material, Mesh
 
 STEEL = Material("STEEL", 2.0e11, 0.3, 7850.0)
+BAR = """
+name = "bar"
+frames = 3
+[mesh]
+file = "bar.inp"
+[[support]]
+nodes = "ROOT"
+fix = ["x", "y", "z"]
+[[interface]]
+name = "tip"
+nodes = "TIP"
+[reduction]
+modes = 6
+[damping]
+ratio = 0.01
+[output]
+surface = true
+"""
+"""Body file of a bar whose deck has these sets."""
 HEXAHEDRA = (ElementType.C3D8, ElementType.C3D20, ElementType.C3D20R)
 TETRAHEDRA = (ElementType.C3D4, ElementType.C3D10)
 EVERY_TYPE = (*HEXAHEDRA, *TETRAHEDRA)

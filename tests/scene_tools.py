@@ -69,6 +69,6 @@ def calculix_results(folder, table, peak, factors, interface="tip"):
 
 
 def with_results(folder, text):
-    """The bent beam, its results brought by the user, so that nothing large is solved."""
+    """The bent beam with results of the user's own, so that nothing large is solved."""
     results = calculix_results(folder, BEAM / "calculix" / "static_y.csv", 10e3, (0.3, 1.0))
     return scene_of(folder, BEND + results + text)

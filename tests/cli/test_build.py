@@ -26,28 +26,12 @@ from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file
 from flexfmu.pipeline import build_fmu
 from flexfmu.progress import Reporter
-from meshes import arc, bars, body_file, box, lattice, with_sets, write_deck
+from meshes import BAR, arc, bars, body_file, box, lattice, with_sets, write_deck
 from references import relative
 
 ROOT = Path(__file__).parents[2]
 BRICK = ElementType.C3D20R
 SIZE = (1.0, 0.1, 0.13)
-BODY = """
-name = "bar"
-frames = 3
-[mesh]
-file = "bar.inp"
-[[support]]
-nodes = "ROOT"
-fix = ["x", "y", "z"]
-[[interface]]
-name = "tip"
-nodes = "TIP"
-[reduction]
-modes = 6
-[output]
-surface = true
-"""
 
 
 class Recorder(Reporter):
@@ -83,7 +67,7 @@ def bar(counts=(6, 2, 2)):
 def folder(tmp_path):
     """Folder with the bar's deck and body file."""
     write_deck(bar(), tmp_path / "bar.inp")
-    (tmp_path / "body.toml").write_text(BODY)
+    (tmp_path / "body.toml").write_text(BAR)
     return tmp_path
 
 
@@ -144,7 +128,7 @@ def test_an_interface_on_a_line_or_point_is_refused_with_advice(name, count, tmp
 
 def test_weights_by_area_are_refused_for_a_set_that_is_no_face(tmp_path):
     path = write_deck(bar(), tmp_path / "bar.inp")
-    content = BODY.replace('nodes = "TIP"', 'nodes = "INSIDE"\nweights = "area"').replace("bar.inp", str(path))
+    content = BAR.replace('nodes = "TIP"', 'nodes = "INSIDE"\nweights = "area"').replace("bar.inp", str(path))
     (tmp_path / "body.toml").write_text(content)
     with pytest.raises(BodyFileError, match=r"weights = \"area\" needs .* whole element faces .* 'INSIDE' does not"):
         build_fmu(tmp_path / "body.toml", tmp_path / "bar.fmu")
@@ -247,7 +231,7 @@ def test_building_twice_gives_the_same_bytes(folder):
     for suffix in (".fmu", ".h5"):
         assert len({output.with_suffix(suffix).read_bytes() for output in outputs}) == 1
     # Another body gives other bytes.
-    (folder / "body.toml").write_text(BODY.replace("modes = 6", "modes = 5"))
+    (folder / "body.toml").write_text(BAR.replace("modes = 6", "modes = 5"))
     build_fmu(folder / "body.toml", folder / "three.fmu")
     assert (folder / "three.fmu").read_bytes() != outputs[0].read_bytes()
 
@@ -285,8 +269,11 @@ def test_processes_with_other_hash_seeds_and_working_directories_build_the_same_
         (lambda path: path.joinpath("body.toml").write_text("name = 3"), BodyFileError),
         (lambda path: path.joinpath("bar.inp").write_text("*NODE\n1, 0, 0, x\n"), MeshError),
         (lambda path: path.joinpath("bar.inp").unlink(), MeshError),
-        (lambda path: path.joinpath("body.toml").write_text(BODY.replace('"x", "y", "z"', '"x"')), ModelError),
-        (lambda path: path.joinpath("body.toml").write_text(BODY.replace("modes = 6", "modes = 6000")), BodyFileError),
+        (lambda path: path.joinpath("body.toml").write_text(BAR.replace('"x", "y", "z"', '"x"')), ModelError),
+        (
+            lambda path: path.joinpath("body.toml").write_text(BAR.replace("modes = 6", "modes = 6000")),
+            BodyFileError,
+        ),
     ],
     ids=["body", "mesh", "no mesh", "free body", "too many modes"],
 )
@@ -330,7 +317,7 @@ def test_of_fmu_and_modal_file_both_are_written_or_none(folder, writer, monkeypa
 
 
 def test_an_error_of_the_user_ends_the_command_in_words_without_a_traceback(folder):
-    (folder / "body.toml").write_text(BODY.replace('nodes = "TIP"', 'nodes = "TOP[1]"'))
+    (folder / "body.toml").write_text(BAR.replace('nodes = "TIP"', 'nodes = "TOP[1]"'))
     result = CliRunner().invoke(app, ["build", str(folder / "body.toml"), "-o", str(folder / "bar.fmu")])
     assert result.exit_code == 1
     assert "error: interface 'tip', nodes: the mesh has no node set 'TOP[1]'; it has: CORNER" in result.stderr
@@ -423,7 +410,7 @@ def datasets(path):
 def test_without_its_surface_a_body_is_as_large_whatever_its_mesh(folder):
     found, sizes = {}, {}
     for surface in (False, True):
-        text = BODY.replace("surface = true", f"surface = {str(surface).lower()}")
+        text = BAR.replace("surface = true", f"surface = {str(surface).lower()}")
         (folder / "body.toml").write_text(text)
         for name, counts in (("coarse", (6, 2, 2)), ("fine", (18, 4, 4))):
             write_deck(bar(counts), folder / "bar.inp")
@@ -436,7 +423,7 @@ def test_without_its_surface_a_body_is_as_large_whatever_its_mesh(folder):
     assert sizes[True, "fine"] > 1.5 * sizes[True, "coarse"]
     body = FlexibleBody(read_modal_file(folder / "coarse.h5"))
     assert body.model.surface is not None
-    (folder / "body.toml").write_text(BODY.replace("surface = true", "surface = false"))
+    (folder / "body.toml").write_text(BAR.replace("surface = true", "surface = false"))
     bare = FlexibleBody(build_fmu(folder / "body.toml", folder / "bare.fmu"))
     with pytest.raises(OptionError, match="surface = true"):
         bare.surface_positions(bare.rest())

@@ -32,9 +32,8 @@ from flexfmu.scenes.fmu_cost import FmuTimer
 from flexfmu.scenes.record_file import RecordFile
 from flexfmu.scenes.scene import read_scene
 from flexfmu.scenes.workshop import Workshop
-from flexfmu.store import Store
 from references import BEAM, DEMO
-from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of, with_results
+from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of
 
 FRAMES = Variant(Method.FRAMES)
 SUDDEN = """
@@ -44,17 +43,6 @@ loads = { "tip.force.y" = 1e3 }
 duration = 0.02
 step = 1e-3
 """
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    return Store(tmp_path_factory.mktemp("kept"))
-
-
-@pytest.fixture
-def brought(tmp_path):
-    """The bent beam, its results brought, and few combinations."""
-    return with_results(tmp_path, SMALL_SWEEP)
 
 
 # --- what is tried
@@ -149,7 +137,7 @@ def test_frames_given_by_hand_are_tried_in_their_place(tmp_path):
 # --- sweeps and records
 
 
-def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store, monkeypatch):
+def test_an_interrupted_sweep_goes_on_where_it_stopped(bent_beam, tmp_path, store, monkeypatch):
     target, plain, done = tmp_path / "records.csv", sweeping.record, []
 
     def interrupted(workshop, *arguments):
@@ -161,7 +149,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store,
     with monkeypatch.context() as patch:
         patch.setattr(sweeping, "record", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            sweep(brought, target, Reporter(), store)
+            sweep(bent_beam, target, Reporter(), store)
     begun = target.read_text(encoding="utf-8")
     assert len(begun.splitlines()) == 1 + 3
     # Cut off while it was written.
@@ -169,11 +157,11 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store,
     tried = []
     monkeypatch.setattr(sweeping, "record", lambda shop, *a: tried.append(a[0]) or plain(shop, *a))
     report = Listening()
-    rows = sweep(brought, target, report, store)
+    rows = sweep(bent_beam, target, report, store)
     # What is left is counted, not what was recorded before.
     assert ("Try 3 models", 3, "models", [1, 2, 3]) in report.counts
     assert target.read_text(encoding="utf-8").startswith(begun)
-    assert {row.key for row in rows} == {candidate.key for candidate in candidates(brought)}
+    assert {row.key for row in rows} == {candidate.key for candidate in candidates(bent_beam)}
     assert len(tried) == len(rows) - 3 == 3
     for row in rows:
         assert row.status == "ok"
@@ -183,7 +171,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(brought, tmp_path, store,
         assert row.bare_ms_per_s == pytest.approx(1e-3 * row.step_us / row.step, rel=1e-4)
     errors_found = {(row.frames, row.modes): row.static_displacement for row in rows}
     assert errors_found[0, 6] > errors_found[1, 6] > errors_found[2, 6]
-    assert sweep(brought, target, Reporter(), store) == LAYOUT.read(target)
+    assert sweep(bent_beam, target, Reporter(), store) == LAYOUT.read(target)
     assert len(tried) == 3
 
 
@@ -264,8 +252,8 @@ def test_a_file_of_another_kind_is_not_written_over(tmp_path):
 
 
 @pytest.mark.parametrize("basis", list(BasisChoice))
-def test_models_that_share_a_reduction_are_as_exact_as_those_of_their_own(brought, store, basis):
-    scene = replace(brought, file=brought.file.model_copy(update={"sweep": SweepTable(modes=[4, 9])}))
+def test_models_that_share_a_reduction_are_as_exact_as_those_of_their_own(bent_beam, store, basis):
+    scene = replace(bent_beam, file=bent_beam.file.model_copy(update={"sweep": SweepTable(modes=[4, 9])}))
     workshop, second = Workshop(scene, Reporter(), store), Variant(Method.SECOND_ORDER)
     reduction = Reduction(basis, 4, 2)
     shared, own = workshop.shared(reduction, [second]), workshop.build(reduction, [second])
@@ -276,7 +264,7 @@ def test_models_that_share_a_reduction_are_as_exact_as_those_of_their_own(brough
     assert shared.body.mode_count < workshop.shared(replace(reduction, modes=9), [second]).body.mode_count
 
 
-def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_are_tried_next(brought, tmp_path, store, monkeypatch):
+def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_come_next(bent_beam, tmp_path, store, monkeypatch):
     """Of made-up timings, so that the front is known: cost grows with modes and frames."""
 
     def timed(workshop, candidate, built, errors, _timer=None):
@@ -287,7 +275,7 @@ def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_are_tried_next
     monkeypatch.setattr(sweeping, "record", timed)
     monkeypatch.setattr(sweeping, "_costs", lambda *_: {"step": 1e-3})
     table = SweepTable(basis=[BasisChoice.NORMAL], modes=[2, 4, 8], frames=[1, 2, 4, 8], finite_elements=[])
-    scene = replace(brought, file=brought.file.model_copy(update={"sweep": table}))
+    scene = replace(bent_beam, file=bent_beam.file.model_copy(update={"sweep": table}))
     looks = []
     rows = sweep(scene, tmp_path / "r.csv", Reporter(), store, False, None, False, looks.append)
     total = len(candidates(scene))
@@ -327,21 +315,21 @@ def test_half_of_the_models_find_the_front_of_all_of_them(demo):
 # --- what it costs
 
 
-def test_a_body_is_packaged_once_for_all_its_methods(brought, tmp_path, store, monkeypatch):
+def test_a_body_is_packaged_once_for_all_its_methods(bent_beam, tmp_path, store, monkeypatch):
     packaged, plain = [], fmu_cost.package_fmu
     monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, path: packaged.append(body) or plain(body, path))
     variants = [FRAMES, Variant(Method.LINEAR)]
-    body = Workshop(brought, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 3, 1), variants).body
+    body = Workshop(bent_beam, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 3, 1), variants).body
     with FmuTimer(tmp_path) as timer:
         for variant in variants:
-            found = timer.times(body, brought, 1e-3, variant, StepLimits())
+            found = timer.times(body, bent_beam, 1e-3, variant, StepLimits())
             assert found["fmu_ratio"] == pytest.approx(found["fmu_us"] / found["empty_us"])
             assert found["empty_us"] > 0.0
         assert len(packaged) == 1
         with pytest.raises(SimulationError, match="the FMU does not run"):
-            timer.times(body, brought, 1e-3, Variant(Method.FRAMES_STIFFNESS), StepLimits())
+            timer.times(body, bent_beam, 1e-3, Variant(Method.FRAMES_STIFFNESS), StepLimits())
         # It goes on after that.
-        assert timer.times(body, brought, 1e-3, FRAMES, StepLimits())["fmu_us"] > 0.0
+        assert timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())["fmu_us"] > 0.0
 
 
 def test_memory_grows_with_the_model_and_not_with_its_steps(bodies):
@@ -497,13 +485,13 @@ def test_the_page_filters_finds_the_front_of_what_is_shown_and_tells_each_point(
     assert "static displacement: 0.05" in tip
 
 
-def test_what_cannot_be_timed_is_said_and_the_sweep_goes_on(brought, tmp_path, store, monkeypatch):
+def test_what_cannot_be_timed_is_said_and_the_sweep_goes_on(bent_beam, tmp_path, store, monkeypatch):
     def fails(*_):
         raise SimulationError("the FMU does not run: no Python")
 
     monkeypatch.setattr(FmuTimer, "times", fails)
     listening = Listening()
-    rows = sweep(brought, tmp_path / "r.csv", listening, store)
+    rows = sweep(bent_beam, tmp_path / "r.csv", listening, store)
     assert all(row.status == "ok" and math.isnan(row.fmu_ratio) and "no Python" in row.note for row in rows)
     assert listening.warnings
 

@@ -12,24 +12,8 @@ from typer.testing import CliRunner
 from flexfmu.cli import app
 from flexfmu.mesh.model import ElementType
 from flexfmu.pipeline import build_fmu
-from meshes import box, write_deck
+from meshes import BAR, box, write_deck
 
-BODY = """
-name = "bar"
-frames = 2
-[mesh]
-file = "bar.inp"
-[[support]]
-nodes = "ROOT"
-fix = ["x", "y", "z"]
-[[interface]]
-name = "tip"
-nodes = "TIP"
-[reduction]
-modes = 4
-[damping]
-ratio = 0.01
-"""
 SCENE = '[[static]]\nname = "bend"\nloads = { "tip.force.y" = 100.0 }\n'
 COUPLING = """
 [experiment]
@@ -58,8 +42,8 @@ class Mistake(NamedTuple):
 
 def body(old, new, *words, code=1):
     """Build a body file with a change."""
-    assert old in BODY
-    return Mistake(["build", "body.toml", "-o", "out.fmu"], {"body.toml": BODY.replace(old, new)}, list(words), code)
+    assert old in BAR
+    return Mistake(["build", "body.toml", "-o", "out.fmu"], {"body.toml": BAR.replace(old, new)}, list(words), code)
 
 
 def files(command, *words):
@@ -96,7 +80,7 @@ def coupling(old, new, *words):
 FIX, MESH, RATIO, TIP = 'fix = ["x", "y", "z"]', 'file = "bar.inp"', "ratio = 0.01", 'nodes = "TIP"'
 MISTAKES = {
     # Keys and tables of the body file.
-    "frame for frames": body("frames = 2", "frame = 8", "frame: found 8", "expected [[frame]]", "or the key frames"),
+    "frame for frames": body("frames = 3", "frame = 8", "frame: found 8", "expected [[frame]]", "or the key frames"),
     "capital letters": body("frames", "Frames", "Frames: unknown key", "did you mean 'frames'"),
     "key below a table": body(
         MESH, f"{MESH}\nfree = true", "mesh.free: unknown key", "at the top, above the first table"
@@ -132,13 +116,13 @@ MISTAKES = {
     "units by one word": body(MESH, f'{MESH}\nunits = "mm"', "mesh.units: found 'mm'", "'mm-t-s'"),
     "a set that is not there": body(TIP, 'nodes = "TOP"', "interface 'tip', nodes", "no node set 'TOP'", "ROOT, TIP"),
     # Sizes.
-    "modes = 1e9": body("modes = 4", "modes = 1e9", "reduction.modes: found 1000000000.0", "at most 1000"),
-    "a thousand million modes": body("modes = 4", "modes = 1_000_000_000", "reduction.modes", "equal to 1000"),
-    "a mode of that number": body("modes = 4", "modes = [1, 1_000_000_000]", "reduction.modes[2]", "equal to 1000"),
-    "frames = 1e9": body("frames = 2", "frames = 1e9", "frames: found 1000000000.0", "at most 1000"),
-    "a thousand million frames": body("frames = 2", "frames = 1_000_000_000", "frames: found", "equal to 1000"),
+    "modes = 1e9": body("modes = 6", "modes = 1e9", "reduction.modes: found 1000000000.0", "at most 1000"),
+    "a thousand million modes": body("modes = 6", "modes = 1_000_000_000", "reduction.modes", "equal to 1000"),
+    "a mode of that number": body("modes = 6", "modes = [1, 1_000_000_000]", "reduction.modes[2]", "equal to 1000"),
+    "frames = 1e9": body("frames = 3", "frames = 1e9", "frames: found 1000000000.0", "at most 1000"),
+    "a thousand million frames": body("frames = 3", "frames = 1_000_000_000", "frames: found", "equal to 1000"),
     "more frames than layers": body(
-        "frames = 2", "frames = 900", "frames = 900", "layers of elements for 4 only", code=0
+        "frames = 3", "frames = 900", "frames = 900", "layers of elements for 4 only", code=0
     ),
     # Values that mean something else.
     "damping of 2 percent as 2": body(
@@ -246,7 +230,7 @@ def sound(tmp_path_factory):
     """A folder in which nothing is wrong: deck, body file, FMU, modal file, scene, coupling and loads."""
     folder = tmp_path_factory.mktemp("sound")
     write_deck(box(ElementType.C3D20R, (4, 1, 1), (1.0, 0.1, 0.13)), folder / "bar.inp")
-    for name, text in {"body": BODY, "scene": SCENE, "coupling": COUPLING}.items():
+    for name, text in {"body": BAR, "scene": SCENE, "coupling": COUPLING}.items():
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     (folder / "loads.csv").write_text(LOADS, encoding="utf-8")
     build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
@@ -306,7 +290,7 @@ def test_a_pipe_that_never_ends_is_refused_instead_of_waited_for(name, arguments
     folder = tmp_path / "work"
     shutil.copytree(sound, folder)
     if name == "bar.vtk":
-        (folder / "body.toml").write_text(BODY.replace("bar.inp", name), encoding="utf-8")
+        (folder / "body.toml").write_text(BAR.replace("bar.inp", name), encoding="utf-8")
     (folder / name).unlink(missing_ok=True)
     os.mkfifo(folder / name)
     before = sorted(path.name for path in folder.iterdir())

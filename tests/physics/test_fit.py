@@ -40,24 +40,13 @@ from flexfmu.scenes.workshop import Workshop
 from flexfmu.store import Store
 from meshes import bars, body_file, box, with_sets
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
-from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of, with_results
+from scene_tools import BEND, Listening, calculix_results, scene_of, with_results
 
 pytestmark = pytest.mark.slow
 
 FRAMES = Variant(Method.FRAMES)
 # s, of the motion under a sudden load: six periods.
 SUDDEN_END = 0.25
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    return Store(tmp_path_factory.mktemp("kept"))
-
-
-@pytest.fixture
-def brought(tmp_path):
-    """The bent beam, its results brought, and few combinations."""
-    return with_results(tmp_path, SMALL_SWEEP)
 
 
 @pytest.mark.parametrize(
@@ -122,9 +111,9 @@ def test_info_counts_modes_as_a_body_file_names_them(bodies):
     assert [row for row in rows if row.isdigit()] == ["1", "2", "5", "6"]
 
 
-def test_modes_across_the_load_move_nothing(brought, store):
-    body = Workshop(brought, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 6, 2), [FRAMES]).body
-    part = contributions(brought, body, FRAMES)
+def test_modes_across_the_load_move_nothing(bent_beam, store):
+    body = Workshop(bent_beam, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 6, 2), [FRAMES]).body
+    part = contributions(bent_beam, body, FRAMES)
     assert part.max() > 0.9
     # The other of each pair bends across; the square section holds their axes to some digits.
     assert np.sum(part < 1e-4) == 3
@@ -225,7 +214,7 @@ def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store, monke
     assert moved == pytest.approx(table["uy_m"], rel=0.005)
 
 
-def test_processes_that_share_the_search_find_the_same_model(brought, tmp_path, store, monkeypatch):
+def test_processes_that_share_the_search_find_the_same_model(bent_beam, tmp_path, store, monkeypatch):
     # Timings are the machine's: here they grow with the modes.
     monkeypatch.setattr(
         Workshop, "cost", lambda _, body, __: StepCost(1e-6 * body.mode_count, 1e-6 * body.mode_count, 1.0, 1.0)
@@ -233,7 +222,7 @@ def test_processes_that_share_the_search_find_the_same_model(brought, tmp_path, 
     found = []
     for jobs in ("1", "2"):
         with Crew(jobs) as crew:
-            found.append(fit(brought, tmp_path / "fitted.toml", Reporter(), store, crew=crew))
+            found.append(fit(bent_beam, tmp_path / "fitted.toml", Reporter(), store, crew=crew))
     one, two = found
     assert (one.plan, one.variant, one.tried, one.met) == (two.plan, two.variant, two.tried, two.met)
     assert repr(one.measured) == repr(two.measured)
@@ -603,7 +592,7 @@ def test_modes_above_the_frequencies_that_count_give_way_to_residual_flexibility
 # --- the command
 
 
-@pytest.mark.usefixtures("brought")
+@pytest.mark.usefixtures("bent_beam")
 def test_the_command_writes_a_body_file_and_its_fmu(tmp_path):
     command = ["fit", "body.toml", "--scene", "scene.toml", "--output", "lean.toml"]
     program = str(Path(sys.executable).parent / "flexfmu")
@@ -633,15 +622,15 @@ def test_the_command_fails_by_exit_code_last_line_and_json_where_no_model_meets_
     assert found["measured"]["share"] > 1.0
 
 
-def test_nothing_is_left_where_the_fmu_cannot_be_written(brought, tmp_path, store, monkeypatch):
+def test_nothing_is_left_where_the_fmu_cannot_be_written(bent_beam, tmp_path, store, monkeypatch):
     target = tmp_path / "lean.toml"
     with pytest.raises(OutputError, match="expected a file name that ends in"):
-        fit(brought, target, Reporter(), store, tmp_path / "lean.zip")
+        fit(bent_beam, target, Reporter(), store, tmp_path / "lean.zip")
 
     def refuse(*_):
         raise OutputError("no room")
 
     monkeypatch.setattr(delivery, "package_fmu", refuse)
     with pytest.raises(OutputError, match="no room"):
-        fit(brought, target, Reporter(), store, tmp_path / "lean.fmu")
+        fit(bent_beam, target, Reporter(), store, tmp_path / "lean.fmu")
     assert not list(tmp_path.glob("*lean*"))

@@ -17,21 +17,8 @@ from flexfmu.scenes.reference import references
 from flexfmu.scenes.scene import read_scene
 from flexfmu.scenes.whole_model import finite_motion
 from flexfmu.scenes.workshop import Workshop
-from flexfmu.store import Store
 from references import BEAM, calculix, displacement, relative
-from scene_tools import BEND, SMALL_SWEEP, Listening, scene_of, with_results
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    return Store(tmp_path_factory.mktemp("kept"))
-
-
-@pytest.fixture
-def brought(tmp_path):
-    """The bent beam, its results brought, and few combinations."""
-    return with_results(tmp_path, SMALL_SWEEP)
-
+from scene_tools import BEND, Listening, scene_of, with_results
 
 # --- what a scene file may say
 
@@ -154,8 +141,8 @@ def test_the_motion_of_a_section_that_turns_far_is_that_of_its_best_rigid_motion
     assert np.linalg.norm(rotation_vector(exponential(turn)) - turn) < 1e-12
 
 
-def test_results_that_are_brought_must_tell_every_factor(brought, tmp_path):
-    known = references(brought, Reporter())["bend"]
+def test_results_of_the_user_s_own_must_give_every_factor(bent_beam, tmp_path):
+    known = references(bent_beam, Reporter())["bend"]
     assert known.motion.shape == (2, 1, 6)
     lines = (tmp_path / "results.csv").read_text(encoding="utf-8").splitlines()
     (tmp_path / "results.csv").write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
