@@ -270,6 +270,8 @@ def test_size_grows_with_modes_interfaces_and_frames_alone(tmp_path):
         ({"angular_frequency": np.array([3.0, 2.0, 4.0, 5.0, 6.0, 7.0])}, "ascending"),
         ({"angular_frequency": np.array([-1.0, 2.0, 4.0, 5.0, 6.0, 7.0])}, "not negative"),
         ({"angular_frequency": np.zeros(6)}, "rigid motions only"),
+        ({"angular_frequency": np.array([1e-310, 2.0, 4.0, 5.0, 6.0, 7.0])}, "is 1e-310 to 7 rad/s, expected"),
+        ({"angular_frequency": np.array([1.0, 2.0, 4.0, 5.0, 6.0, 1e200])}, "is 1 to 1e.200 rad/s, expected"),
         ({"angular_frequency": np.array([np.nan, 2.0, 4.0, 5.0, 6.0, 7.0])}, "angular_frequency.*not finite"),
         ({"damping_ratio": np.full(6, -0.1)}, "damping_ratio"),
         ({"damping_ratio": np.zeros(5)}, r"damping_ratio has shape \(5,\), expected \(6,\)"),

@@ -17,6 +17,8 @@ IntArray = NDArray[np.int64]
 
 # Steps per period of the lowest mode: smooth curves without waste.
 _STEPS_PER_PERIOD = 40
+# rad/s: a vibration of two centuries, and one far beyond any mesh; their squares are numbers.
+_SLOWEST, _FASTEST = 1e-9, 1e15
 
 GROUND = -1
 """Parent of a root frame, and frame of an interface that no frame carries."""
@@ -360,6 +362,12 @@ class ReducedBody:
             raise ModalFileError("angular_frequency must be ascending and not negative")
         if self.angular_frequency[-1] == 0.0:
             raise ModalFileError("the body has rigid motions only, expected at least one elastic mode")
+        slowest, fastest = self.angular_frequency[self.rigid_count], self.angular_frequency[-1]
+        if slowest < _SLOWEST or fastest > _FASTEST:
+            raise ModalFileError(
+                f"angular_frequency of elastic modes is {slowest:.3g} to {fastest:.3g} rad/s, expected "
+                f"{_SLOWEST:.0e} to {_FASTEST:.0e}"
+            )
         if self.mass not in masses_of(self.method):
             raise ModalFileError(f'mass is "{self.mass.value}", which method "{self.method.value}" does not know')
         if self.missed_inertia is not None:
