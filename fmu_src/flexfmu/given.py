@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from .errors import FlexfmuError
 from .fe.assembly import mass as mass_matrix
 from .fe.assembly import volume_matrices
+from .inputs import Kind, kind_of
 from .mesh.checks import checked
 from .mesh.in_memory import ELEMENT_TYPES
 from .mesh.listing import listed
@@ -283,6 +284,9 @@ def read_given(path: str | Path) -> GivenModes:
     source = Path(path)
     if not source.is_file():
         raise GivenModesError(f"{source}: no such file, expected modes (.npz or .h5); correct the path")
+    found = kind_of(source)
+    if found not in (None, Kind.MODAL):
+        raise GivenModesError(f"{source} is {found.value}, expected modes (.npz or .h5): {found.use}")
     try:
         contents = _npz(source) if source.suffix.lower() == ".npz" else _hdf5(source)
     # NumPy, zipfile and h5py raise whatever damaged bytes lead them to.

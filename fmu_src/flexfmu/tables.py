@@ -49,19 +49,30 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
     if len(lines) < 2:
         raise SimulationError(f"{path}: a header and nothing else, expected at least one row of numbers")
     names = [name for name, _ in columns[1:]]
+    if "" in names:
+        raise SimulationError(
+            f'{path}: column {names.index("") + 2} of the header has no name, expected "time,NAME,…"; take out commas '
+            "at the ends of lines"
+        )
     for name in names:
         if names.count(name) > 1 or name == "time":
             raise SimulationError(f"{path}: two columns are called {name!r}, expected each name once")
     values = np.empty((len(lines) - 1, len(names) + 1))
     for k, (line, row) in enumerate(lines[1:]):
         if len(row) != values.shape[1]:
-            raise SimulationError(f"{path}, line {line}: {len(row)} columns, the header has {values.shape[1]}")
+            raise SimulationError(
+                f"{path}, line {line}: {len(row)} columns, the header has {values.shape[1]}; expected commas between "
+                "columns only, and decimal points"
+            )
         try:
             values[k] = [factor * float(cell) for cell, (_, factor) in zip(row, columns, strict=True)]
         except ValueError as error:
             raise SimulationError(f"{path}, line {line}: {error}; expected numbers, units in the header") from error
         if not np.all(np.isfinite(values[k])):
-            raise SimulationError(f"{path}, line {line}: a value is not finite")
+            worst = int(np.argmin(np.isfinite(values[k])))
+            raise SimulationError(
+                f"{path}, line {line}: {lines[0][1][worst].strip()} is {row[worst].strip()}, expected a finite number"
+            )
         if k and values[k, 0] < values[k - 1, 0]:
             raise SimulationError(f"{path}, line {line}: time goes back from {values[k - 1, 0]} to {values[k, 0]}")
     return names, values

@@ -27,6 +27,9 @@ class Table(BaseModel):
 
 File = TypeVar("File", bound=Table)
 
+# In what pydantic says of a number that is too large or too small.
+_OF_SIZE = " than "
+
 
 def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[str, Any]:
     """Contents of a TOML file.
@@ -113,7 +116,7 @@ def explain(error: ValidationError, model: type[BaseModel], data: Any, document:
     lines = []
     for key in deepest:
         # What is wrong with a value of the right kind says more than that it is of no other kind.
-        told = [reason for reason in reasons[key] if not reason[1]] or reasons[key]
+        told = [r for r in reasons[key] if not r[1]] or [r for r in reasons[key] if _OF_SIZE in r[1]] or reasons[key]
         found = told[0][0]
         wanted = " or ".join(dict.fromkeys(text for _, text, _ in told if text))
         example = next((text for *_, text in told if text), "")
@@ -182,8 +185,10 @@ def _reason(
                 "",
             )
         case "list_type":
-            single = f", such as {key} = [{found}]" if isinstance(found, int | float) else ""
-            return shown, "should be a valid list", example or single
+            usual = None if field is None else field.default
+            plain = isinstance(usual, list) and all(isinstance(one, int | float | str) for one in usual)
+            single = [found] if isinstance(found, int | float) else usual if plain else []
+            return shown, "should be a valid list", example or (f", such as {key} = {_toml(single)}" if single else "")
         case "too_short" | "too_long":
             bound, words = context.get("min_length"), "at least "
             if kind == "too_long":

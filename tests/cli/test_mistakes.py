@@ -26,6 +26,20 @@ file = "bar.fmu"
 a = "arm.tip"
 stiffness = [1, 1, 1, 0, 0, 0]
 """
+DECK_IN_T_AND_MM = """*NODE
+1, 0, 0, 0
+2, 10, 0, 0
+3, 0, 10, 0
+4, 0, 0, 10
+*ELEMENT, TYPE=C3D4, ELSET=ALL
+1, 1, 2, 3, 4
+*MATERIAL, NAME=STEEL
+*ELASTIC
+210000, 0.3
+*DENSITY
+7.85e-9
+*SOLID SECTION, ELSET=ALL, MATERIAL=STEEL
+"""
 LOADS = "time,tip.force.y\n0,10\n0.01,10\n"
 
 
@@ -118,6 +132,7 @@ MISTAKES = {
     # Sizes.
     "modes = 1e9": body("modes = 6", "modes = 1e9", "reduction.modes: found 1000000000.0", "at most 1000"),
     "a thousand million modes": body("modes = 6", "modes = 1_000_000_000", "reduction.modes", "equal to 1000"),
+    "no modes": body("modes = 6", "modes = 0", "reduction.modes: found 0; should be greater than or equal to 1\n"),
     "a mode of that number": body("modes = 6", "modes = [1, 1_000_000_000]", "reduction.modes[2]", "equal to 1000"),
     "frames = 1e9": body("frames = 3", "frames = 1e9", "frames: found 1000000000.0", "at most 1000"),
     "a thousand million frames": body("frames = 3", "frames = 1_000_000_000", "frames: found", "equal to 1000"),
@@ -137,12 +152,18 @@ MISTAKES = {
         "take one of them out",
         code=0,
     ),
+    "a deck in t, mm and s as one in kg, m and s": Mistake(
+        ["build", "body.toml", "-o", "out.fmu"],
+        {"bar.inp": DECK_IN_T_AND_MM},
+        ["density 7.85e-09 means 7.85e-09 kg/m³", 'in mm-t-s, where it is 7850 kg/m³, set units = "mm-t-s" in [mesh]'],
+    ),
     # One file for another.
     "build a deck": files("build bar.inp -o out.fmu", "bar.inp is a mesh", "expected a body file", "in [mesh]"),
     "build an FMU": files("build bar.fmu -o out.fmu", "bar.fmu is an FMU", "expected a body file"),
     "build a scene": files("build scene.toml -o out.fmu", "scene.toml is a scene file", "chart` and `fit` as --scene"),
     "build nothing": files("build nobody.toml -o out.fmu", "nobody.toml: no such file", "expected a body file"),
     "FMU of another ending": files("build body.toml -o out.zip", "out.zip", "ends in .fmu"),
+    "pack a body file": files("pack body.toml -o out.fmu", "body.toml is a body file, expected modes (.npz or .h5)"),
     "info on a body file": files(
         "info body.toml", "body.toml is a body file", "an FMU or a modal file", "`flexfmu build`"
     ),
@@ -160,6 +181,11 @@ MISTAKES = {
         LOADS.replace(",", ";"), "loads.csv: its columns are separated by semicolons", '"time,NAME,…" (commas)'
     ),
     "tabs": loads(LOADS.replace(",", "\t"), "separated by tabs", "commas"),
+    "decimal commas": loads("time,tip.force.y\n0,0,10,0\n0,01,10,0\n", "line 2: 4 columns", "decimal points"),
+    "comma at the end of the header": loads(
+        LOADS.replace("y\n", "y,\n"), "column 3 of the header has no name", "commas at the ends of lines"
+    ),
+    "no number": loads(LOADS.replace("10", "nan"), "line 2: tip.force.y is nan, expected a finite number"),
     "unit of time": loads(LOADS.replace("time", "time [kg]"), "time [kg]: the unit is 'kg'", "one of s, ms"),
     "unit of a force": loads(
         LOADS.replace("y", "y [mm]"), "tip.force.y [mm]: the unit is 'mm'", "expected one of N, mN, kN"
@@ -182,6 +208,9 @@ MISTAKES = {
     "misspelt parameter": options(
         "--set damping=2", "'damping' is no parameter of bar.fmu", "did you mean 'damping.scale'"
     ),
+    "input as a parameter": options(
+        "--set tip.force.y=3", "'tip.force.y' is no parameter of bar.fmu", "give it a column of the table"
+    ),
     "text for a number": options("--set damping.scale=two", "--set damping.scale=two", "a finite number ≥ 0"),
     "negative damping": options("--set damping.scale=-1", "--set damping.scale=-1", "a finite number ≥ 0"),
     "unknown choice": options(
@@ -201,6 +230,7 @@ MISTAKES = {
         SCENE, f"{SCENE}[tolerance.static]\ndisplacement = 3", "tolerance.static.displacement: is 3", "3 % is 0.03"
     ),
     "[static]": scene("[[static]]", "[static]", "static: found one table", "expected [[static]], in double brackets"),
+    "factors as a text": scene(SCENE, f'{SCENE}factors = "half"\n', "found 'half'", "such as factors = [0.5, 1.0]"),
     "loads as a number": scene(
         '{ "tip.force.y" = 100.0 }', "100.0", "static[1].loads: found 100.0", '"tip.force.y" = 1000.0'
     ),

@@ -251,7 +251,9 @@ def _known(description: ModelDescription, causality: str, names: Iterable[str], 
     for name in names:
         if name in every and every[name].causality == causality:
             continue
-        if name in every:
+        if name in every and every[name].causality == "input":
+            help_ = "it is an input: give it a column of the table of loads"
+        elif name in every:
             help_ = f"it is of causality {every[name].causality}; {nearest('', [v.name for v in there])}"
         else:
             help_ = nearest(name, [v.name for v in there])

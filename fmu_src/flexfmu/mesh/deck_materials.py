@@ -11,6 +11,7 @@ from flexfmu.mesh.deck_orientation import Orientation, orientation
 from flexfmu.mesh.deck_sets import SetTable
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, FloatArray, IntArray, Material
+from flexfmu.mesh.plausibility import is_likely_density
 from flexfmu.mesh.units import UnitSystem
 
 # Hardly any solid lies outside, kg/m³; a deck whose units are not the declared ones misses by 1e6 and more.
@@ -145,10 +146,16 @@ class MaterialTable:
             self.notes.append(f"{line.place}: the density of the first row is taken, {value:g}, at all temperatures")
         density = value * self.units.density
         if not DENSITY_RANGE[0] <= density <= DENSITY_RANGE[1]:
+            likely = [
+                f"; if the file is in {other.value}, where it is {value * other.density:g} kg/m³, set units = "
+                f'"{other.value}" in [mesh]'
+                for other in UnitSystem
+                if is_likely_density(value * other.density)
+            ]
             raise line.error(
                 f"density {value:g} means {density:g} kg/m³ in the declared units {self.units.value}, "
-                f"expected {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}; "
-                f"correct the density or the units given for this file"
+                f"expected {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}"
+                + ("".join(likely) or "; correct the density or the units given for this file")
             )
         self._current(card).density = density
 

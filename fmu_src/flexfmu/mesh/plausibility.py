@@ -61,12 +61,17 @@ def implausible(mesh: Mesh, units: UnitSystem) -> tuple[str, ...]:
     return tuple(f"{fault}: implausible. {cause}" for fault, cause in doubts)
 
 
+def is_likely_density(density: float) -> bool:
+    """Whether machine parts have such a density, kg/m³."""
+    return _within(density, _LIKELY_DENSITY)
+
+
 def _plausible_in(other: UnitSystem, mesh: Mesh, units: UnitSystem) -> bool:
     """Whether the same numbers are a likely body throughout in another system."""
     stress, density = other.stress / units.stress, other.density / units.density
     return _within(_size(mesh) * other.length / units.length, _LIKELY_SIZE) and all(
         _solid(material.youngs_modulus * stress, material.density * density)
-        and _within(material.density * density, _LIKELY_DENSITY)
+        and is_likely_density(material.density * density)
         for material in mesh.materials
     )
 
@@ -114,7 +119,7 @@ def _material_doubt(material: Material, units: UnitSystem) -> tuple[str, str] | 
         fits = [
             f"in {name}, {_number(density / units.density * factor, units.density)} {units.factors.density_name}"
             for name, factor in _DENSITIES.items()
-            if factor != units.density and _within(density / units.density * factor, _LIKELY_DENSITY)
+            if factor != units.density and is_likely_density(density / units.density * factor)
         ]
         causes.append(_cause(fits, "the density"))
     if not _within(modulus, MODULUS_RANGE) or (density > _DENSE and modulus < _SOFT):

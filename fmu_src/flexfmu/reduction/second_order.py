@@ -111,7 +111,7 @@ def hourglass_warnings(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[str
             found.append(
                 f"frame {domain.name}: its joint is the face of a single C3D20R element, expected several: zero-energy "
                 "modes of the elements spoil second order there; mesh two elements across the section, take C3D20 "
-                'elements, frames = 1, or kinematics "corotated"'
+                'elements, frames = 1, or method "frames"'
             )
     return tuple(found)
 
