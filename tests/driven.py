@@ -13,7 +13,7 @@ import numpy as np
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.python_slave import BodySlave, SlaveError
-from flexfmu.fmu.variable_table import variable_table
+from flexfmu.program.variable_table import variable_table
 from native_master.bare_fmi2 import DISCARD, ERROR, OK, WARNING, Fmu
 
 # Mark, size, phase and checksum of a state, then mark, owner, checksum and length of its numbers, bytes.

@@ -16,11 +16,11 @@ import numpy as np
 from bodies import body_of_everything, random_ties
 from flexfmu.core import Core, StepAnswer, StepLimits
 from flexfmu.core import library as core_library
+from flexfmu.core.image import _HEAD, checksum, fields, read_image
 from flexfmu.fmu.python_slave import SlaveError, core_file
 from flexfmu.methods import Mass, Method, missing
 from flexfmu.model.errors import OptionError
 from flexfmu.program.compile import compile_program
-from flexfmu.program.image import _HEAD, checksum, fields, read_image
 from flexfmu.stability.slave import Aboard
 
 # Seconds that one program may take, with every call and under sanitizers.

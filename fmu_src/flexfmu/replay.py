@@ -12,7 +12,10 @@ import numpy as np
 
 from .body import FlexibleBody
 from .core import StepLimits
-from .fmu.variables import (
+from .loads import Loads
+from .model.errors import StepError
+from .model.reduced_body import FloatArray, ReducedBody
+from .program.variables import (
     DAMPING_SCALE,
     FIXED,
     INITIALIZATION,
@@ -24,9 +27,6 @@ from .fmu.variables import (
     Initialization,
     Interpolation,
 )
-from .loads import Loads
-from .model.errors import StepError
-from .model.reduced_body import FloatArray, ReducedBody
 from .progress import Reporter
 
 # Relative difference of times that are the same.

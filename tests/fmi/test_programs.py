@@ -12,11 +12,11 @@ import pytest
 
 from bodies import beam_body
 from flexfmu.core import Core, building
+from flexfmu.core.image import _HEAD, ProgramError, fields, read_image, write_image
 from flexfmu.core.library import library_path
 from flexfmu.methods import Method
 from flexfmu.model.errors import OptionError
 from flexfmu.program.compile import compile_program
-from flexfmu.program.image import _HEAD, ProgramError, fields, read_image, write_image
 from program_fuzzer import places, resealed, small_programs
 
 pytestmark = pytest.mark.slow

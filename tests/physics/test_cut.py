@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from flexfmu.body import FlexibleBody, State, StepLimits
 from flexfmu.build import reduce_body
 from flexfmu.config import CutTable, MeshTable, read_body_file
+from flexfmu.core.image import read_image
 from flexfmu.errors import BodyFileError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.formats import read_mesh
@@ -24,7 +25,6 @@ from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.reduced_body import Ties
 from flexfmu.program.compile import compile_program
-from flexfmu.program.image import read_image
 from flexfmu.progress import Reporter
 from flexfmu.view.mesh import body_file_view
 from masters import description, master, motion

@@ -11,10 +11,10 @@ from driven import Driven
 from flexfmu.body import FlexibleBody, State, StepLimits
 from flexfmu.build import reduce_body
 from flexfmu.config import InterfaceTable
-from flexfmu.fmu.variable_table import variable_table
 from flexfmu.methods import Mass, Method
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.program.variable_table import variable_table
 from flexfmu.progress import Reporter
 from flexfmu.rotations import exponential
 from references import BEAM

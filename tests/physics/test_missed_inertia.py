@@ -8,9 +8,9 @@ import pytest
 from driven import Driven
 from flexfmu.body import FlexibleBody, State
 from flexfmu.build import reduce_body
-from flexfmu.fmu.variable_table import variable_table
 from flexfmu.methods import Mass, Method
 from flexfmu.model.errors import ModalFileError
+from flexfmu.program.variable_table import variable_table
 from flexfmu.progress import Reporter
 from references import L_FRAME, relative
 

@@ -9,10 +9,10 @@ from scipy.linalg import expm
 
 from bodies import beam_body, body_of_everything, random_body, random_ties
 from flexfmu.body import FlexibleBody, State, StepLimits
+from flexfmu.core.image import read_image
 from flexfmu.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
 from flexfmu.program.compile import compile_program
-from flexfmu.program.image import read_image
 from reference import Reference
 
 # One internal step, whatever its error.

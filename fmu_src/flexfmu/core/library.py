@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.errors import OptionError
-from ..program.image import read_image
 from .building import PLATFORMS, source_hash, sources, this_platform
+from .image import read_image
 
 FloatArray = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from .. import __version__
 from ..core.building import sources
 from ..model.reduced_body import ReducedBody
+from ..program.variable_table import variable_table
+from ..program.variables import Variable
 from .runtime import Runtime
-from .variable_table import variable_table
-from .variables import Variable
 
 LOG_CATEGORIES = {
     "logStatusWarning": "something that the user should look at",

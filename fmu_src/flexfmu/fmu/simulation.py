@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ..errors import INTERRUPTED, SimulationError
 from ..inputs import Kind, check_input
 from ..names import nearest
+from ..program.variables import STEP_TOLERANCE
 from ..progress import Reporter, ends_on_interrupt
 from ..tables import number, read_table, write_table
 from ..targets import check_target
-from .variables import STEP_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 

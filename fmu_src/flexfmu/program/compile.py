@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Core
+from ..core.image import write_image
 from ..methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
 from ..model.errors import ModalFileError, OptionError
 from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND, ReducedBody
 from ..rotations import skew
-from .image import write_image
 from .tree import Tree, bends, build_tree
 
 FloatArray = NDArray[np.float64]

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..fmu.variables import CORE_DIAGNOSTICS, CORE_PARAMETERS, FIXED, Group, Variable
 from ..model.reduced_body import ReducedBody
 from .compile import Draft
+from .variables import CORE_DIAGNOSTICS, CORE_PARAMETERS, FIXED, Group, Variable
 
 _TYPES = ("Real", "Integer", "Boolean", "String")
 

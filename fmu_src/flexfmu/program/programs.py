@@ -4,7 +4,7 @@ import struct
 from collections.abc import Mapping
 from itertools import combinations
 
-from ..fmu.variable_table import variable_table
+from ..core.image import read_image
 from ..methods import Mass, Method, chosen, has_frames, masses_of, offered
 from ..model.division import divided
 from ..model.errors import OptionError
@@ -12,7 +12,7 @@ from ..model.fixing import with_fixed_interfaces
 from ..model.reduced_body import GROUND, ReducedBody
 from .compile import Draft, compile_draft
 from .description import variable_fields
-from .image import read_image
+from .variable_table import variable_table
 
 DESCRIPTION = "body.prog"
 """The program of the method that the FMU starts with; it describes the variables, too."""

@@ -11,9 +11,9 @@ from ..inputs import Kind
 from ..limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
 from ..methods import Mass, Method
 from ..old_keys import OLD_KEYS, replaced_lists
-from ..stability.config import StabilityTable
 from ..toml_files import Name, Positive, Table, read_toml, validated
 from .errors import SceneError
+from .map_config import StabilityTable
 
 Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
 Frames = Annotated[int, Field(ge=1, le=MOST_FRAMES)]

@@ -21,9 +21,9 @@ from pythonfmu.builder import FmuBuilder
 from ..body import StepLimits
 from ..errors import SimulationError
 from ..fmu.package import package_fmu
-from ..fmu.variables import METHOD, STEP_LIMIT, STEP_TOLERANCE
 from ..methods import Variant
 from ..model.reduced_body import ReducedBody
+from ..program.variables import METHOD, STEP_LIMIT, STEP_TOLERANCE
 from .cost import timing_loads
 from .fmu_worker import MARK
 from .scene import AXES, Scene

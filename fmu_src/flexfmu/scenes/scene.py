@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..config import BodyFile, read_body_file
-from ..fmu.variables import ACCELERATION
 from ..loads import Loads
 from ..mesh.model import FloatArray
+from ..program.variables import ACCELERATION
 from ..tables import read_table
 from .config import SceneFile, TransientTable, check_steps, read_scene_file
 from .errors import SceneError

@@ -11,7 +11,7 @@ from ..mesh.model import FloatArray
 from ..methods import Method
 from ..model.reduced_body import ReducedBody
 from ..program.compile import compile_draft
-from .config import Map
+from ..scenes.map_config import Map
 from .records import Run, StabilityError
 from .statics import Rows, StaticMap
 from .subject import Subject, Task, linear_response, unit

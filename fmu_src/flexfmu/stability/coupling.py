@@ -19,8 +19,8 @@ from ..master.results import Result
 from ..mesh.model import FloatArray
 from ..methods import Method
 from ..model.reduced_body import ReducedBody
+from ..scenes.map_config import Map
 from ..scenes.reports import Heard
-from .config import Map
 from .records import Run, verdict
 from .subject import Subject, Task, linear_response, period, unit
 

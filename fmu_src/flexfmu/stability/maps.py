@@ -7,11 +7,11 @@ from pathlib import Path
 
 from ..progress import Reporter, Tell
 from ..scenes.jobs import Crew
+from ..scenes.map_config import Map
 from ..scenes.record_file import RecordFile
 from ..store import Store
 from ..targets import PICTURE_SUFFIXES, check_target
 from . import buckling, coupling, rotation
-from .config import Map
 from .picture import pictures
 from .records import LAYOUT, Run, Verdict
 from .subject import Subject, read_subject

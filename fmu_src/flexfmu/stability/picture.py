@@ -13,8 +13,8 @@ from matplotlib.legend_handler import HandlerPatch
 from matplotlib.patches import Patch, Polygon, Rectangle
 
 from ..figures import ORANGE, VERMILION, save
+from ..scenes.map_config import Map
 from ..targets import PICTURE_SUFFIXES, check_target
-from .config import Map
 from .records import LAYOUT, Run, StabilityError, Verdict
 
 # Errors are shades, which grey and colour-blind eyes keep apart; verdicts are signs.

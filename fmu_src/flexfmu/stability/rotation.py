@@ -9,7 +9,7 @@ from ..body import FlexibleBody
 from ..mesh.model import FloatArray
 from ..methods import Method
 from ..model.reduced_body import ReducedBody
-from .config import Map
+from ..scenes.map_config import Map
 from .records import Run
 from .statics import Rows, StaticMap
 from .subject import Subject, Task, linear_response, unit

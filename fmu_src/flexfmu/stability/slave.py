@@ -9,11 +9,11 @@ import numpy as np
 
 from ..core.library import library_path
 from ..fmu.python_slave import BodySlave, SlaveError, core_file
-from ..fmu.variable_table import variable_table
-from ..fmu.variables import STATUS_CODE
 from ..mesh.model import FloatArray
 from ..model.reduced_body import ReducedBody
 from ..program.programs import programs, with_guid
+from ..program.variable_table import variable_table
+from ..program.variables import STATUS_CODE
 
 
 class Aboard:

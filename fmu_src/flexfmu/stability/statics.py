@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 
 from ..body import FlexibleBody
-from ..fmu.variables import METHOD
 from ..loads import Loads
 from ..mesh.model import FloatArray
 from ..methods import Method, Variant, lean
 from ..model.errors import RuntimeBodyError
-from .config import Map
+from ..program.variables import METHOD
+from ..scenes.map_config import Map
 from .records import Run, verdict
 from .slave import Aboard, Told
 from .subject import Subject, Task

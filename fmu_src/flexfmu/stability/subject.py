@@ -14,10 +14,10 @@ from ..methods import Method
 from ..model.reduced_body import ReducedBody
 from ..progress import Reporter
 from ..scenes.config import SceneFile, read_scene_file
+from ..scenes.map_config import Map, StabilityTable
 from ..scenes.reports import Heard
 from ..scenes.workshop import build
 from ..store import Store
-from .config import Map, StabilityTable
 from .records import Run, StabilityError
 
 _AXES = ("x", "y", "z")

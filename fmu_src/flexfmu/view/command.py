@@ -12,11 +12,11 @@ from ..build import reduce_body
 from ..config import read_body_file
 from ..errors import FlexfmuError
 from ..fmu.package import read_packaged_body
-from ..fmu.variables import ACCELERATION
 from ..inputs import Kind, check_input, kind_of
 from ..loads import Loads
 from ..model.reduced_body import FloatArray, IntArray, ReducedBody
 from ..names import nearest
+from ..program.variables import ACCELERATION
 from ..progress import Reporter
 from ..quantities import number
 from ..replay import body_with, communication_points, replay

@@ -1,0 +1,67 @@
+"""The order of packages is that of ARCHITECTURE.md, and imports make no circle."""
+
+import ast
+import re
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "fmu_src" / "flexfmu"
+
+
+def modules():
+    """Every module's name and file."""
+    found = {}
+    for path in PACKAGE.rglob("*.py"):
+        parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def statements(tree):
+    """Nodes of a module, within functions too, but for what is there for type checkers only."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        yield node
+        yield from statements(node)
+
+
+def imports(name, path, known):
+    """Modules of the package that a module imports."""
+    package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
+    found = set()
+    for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            inner = {f"{base}.{alias.name}" for alias in node.names} & known.keys()
+            found |= inner or {base}
+    return (found & known.keys()) - {name}
+
+
+def test_no_module_imports_one_that_imports_it():
+    known = modules()
+    graph = {name: imports(name, path, known) for name, path in known.items()}
+    assert sum(map(len, graph.values())) > 2 * len(graph)
+    # It raises where there is a circle, and names it.
+    assert len(list(TopologicalSorter(graph).static_order())) == len(graph)
+
+
+def test_packages_import_from_those_above_them_only():
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \|", text.split("| package |")[1].split("\n\n")[0], re.M)
+    rank = {name: number for number, row in enumerate(rows) for name in re.findall(r"\w+", row)}
+    folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    # What a user sees comes last of all, and nothing imports it.
+    assert set(rank) >= folders - {"view"}
+    known = modules()
+    downward = []
+    for name, path in known.items():
+        own = rank.get(name.split(".")[1]) if "." in name else None
+        others = {other.split(".")[1] for other in imports(name, path, known) if "." in other}
+        if own is not None:
+            downward += [f"{name} imports {other}" for other in others if rank.get(other, -1) > own or other == "view"]
+    assert downward == []
