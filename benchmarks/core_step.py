@@ -79,10 +79,10 @@ def compiled(folder: Path, source: str, name: str, *flags: str) -> Path:
     return target
 
 
-def beam(interfaces: dict[str, str], frames: int, inertia: bool = False) -> ReducedBody:
-    """The clamped beam with some interfaces and frames, and the data of every method timed here."""
+def beam(interfaces: dict[str, str], frames: int, **wanted: object) -> ReducedBody:
+    """The clamped beam with some interfaces and frames, and the data that methods timed here need."""
     config = read_body_file(ROOT / "demo" / "clamped_beam" / "body.toml")
-    wanted = {"modes": MODES, "second_order": True, "inertia": inertia}
+    wanted = {"modes": MODES, "second_order": True} | wanted
     changes = {
         "interface": [InterfaceTable(name=name, nodes=nodes) for name, nodes in interfaces.items()],
         "reduction": config.reduction.model_copy(update=wanted),
@@ -167,6 +167,11 @@ def measure(output: Path) -> None:
                     cases.append((f"linear, {label}", fmu, "linear"))
                 cases.append((f"frames, {frames} frames, {label}", fmu, "frames"))
                 cases.append((f"second_order, {frames} frames, {label}", fmu, "second_order"))
+        every = folder / "every_method.fmu"
+        package_fmu(beam(INTERFACES, 8, geometric_stiffness=["by_load", "by_mode"]), every)
+        for method in Method:
+            if method not in (Method.LINEAR, Method.FRAMES, Method.SECOND_ORDER):
+                cases.append((f"{method.value}, 8 frames, 4 interfaces", every, method.value))
         for frames in (8, 2):
             body = beam(INTERFACES, frames, inertia=True)
             for method in (Method.FRAMES, Method.SECOND_ORDER):
@@ -199,12 +204,15 @@ def measure(output: Path) -> None:
         # In turns, since other programs disturb a machine for a while.
         passes = [[driver.time(fmu, what, method) for what, fmu, method in cases] for _ in range(PASSES)]
         records += [min(found, key=lambda record: record.fastest) for found in zip(*passes, strict=True)]
-    print("| | inputs, outputs | µs, median | µs, least | rounds | kflop | Gflop/s |")
-    print("|---|---|---|---|---|---|---|")
+    print("| | inputs, outputs | µs, median | µs, least | rounds | kflop | Gflop/s | over empty: native | pythonfmu |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    still = {record.what: record.fastest for record in records}
+    slave = still.get("empty pythonfmu FMU", float("nan"))
     for r in records:
         times = f"{1e6 * r.median:.3g} | {1e6 * r.fastest:.3g}"
         work = f"{1e-3 * r.operations:.3g} | {1e-9 * r.rate:.3g}"
-        print(f"| {r.what} | {r.inputs}, {r.outputs} | {times} | {r.iterations:.1f} | {work} |")
+        ratios = f"{r.fastest / still['empty native FMU']:.3g} | {r.fastest / slave:.2g}"
+        print(f"| {r.what} | {r.inputs}, {r.outputs} | {times} | {r.iterations:.1f} | {work} | {ratios} |")
     write_records(output, [asdict(record) | {"rate": record.rate} for record in records])
 
 

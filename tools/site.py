@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 
@@ -32,7 +33,12 @@ def modal_file() -> str:
     return "\n".join(["| dataset | unit | shape, meaning |", "|---|---|---|", *rows])
 
 
-PARTS_OF_PAGES = {"commands": commands, "exports": exports, "modal file": modal_file}
+def architecture() -> str:
+    """ARCHITECTURE.md, without its title."""
+    return (Path(__file__).parents[1] / "ARCHITECTURE.md").read_text(encoding="utf-8").split("\n", 1)[1]
+
+
+PARTS_OF_PAGES = {"architecture": architecture, "commands": commands, "exports": exports, "modal file": modal_file}
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
