@@ -333,3 +333,9 @@ def test_errors_at_two_to_twenty_kilonewton_are_those_of_the_page(beam):
         found = [100.0 * tip_error(beam(), method, force) for force in (2e3, 5e3, 10e3, 20e3)]
         # The page has three digits.
         np.testing.assert_allclose(found, expected, rtol=5e-3, atol=6e-3, err_msg=method.value)
+
+
+def test_the_page_of_methods_has_a_row_for_each_and_no_other():
+    page = (DEMO.parent / "docs" / "methods.md").read_text(encoding="utf-8")
+    table = page.split("| method | what it is |", 1)[1].split("\n\n", 1)[0]
+    assert re.findall(r"^\| `(\w+)` \|", table, re.M) == [method.value for method in Method]

@@ -194,8 +194,6 @@ double instance_time(const Instance *x) { return x->single[S_TIME]; }
 
 void instance_begin_at(Instance *x, double time) { x->single[S_TIME] = time; }
 
-double get_parameter(const Instance *x, int64_t index) { return x->parameter[index]; }
-
 void set_parameter(Instance *x, int64_t index, double value) {
     x->parameter[index] = value;
     if (parameter_is_tunable(index) && runs(x)) return;

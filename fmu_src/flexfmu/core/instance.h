@@ -43,7 +43,6 @@ const char *variable_text(const Instance *instance, int64_t variable, int64_t in
 
 /* Values. References and types are checked by the caller. ANSWER_FAILED with words in `why`. */
 Answer get_number(Instance *instance, int64_t variable, double *value, char *why);
-double get_parameter(const Instance *instance, int64_t index);
 void set_parameter(Instance *instance, int64_t index, double value);
 /* Whether a parameter may be set between steps. */
 int parameter_is_tunable(int64_t index);

@@ -100,7 +100,6 @@ void add_stretch_stiffness(const Body *body, const Stretch *at, double *out);
 
 /* propagation.c */
 const Rule *rule_of(Body *body, double step);
-int64_t rule_size(const Body *body);
 void take_rules(Body *body, Arena *arena);
 
 /* step_*.c: equal internal steps; DONE, INACCURATE or UNSETTLED. */

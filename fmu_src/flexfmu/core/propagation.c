@@ -73,8 +73,6 @@ static void tie_rule(Body *body, Rule *r) {
         for (int64_t i = 0; i < m * m; i++) r->response[i] = NAN;
 }
 
-int64_t rule_size(const Body *body) { return 9 * body->p.modes + body->p.tied * body->p.modes * body->p.modes; }
-
 void take_rules(Body *body, Arena *arena) {
     const int64_t m = body->p.modes;
     body->rule_limit = body->p.tied ? TIED_RULES : RULES;
