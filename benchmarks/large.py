@@ -1,7 +1,7 @@
 """What each stage of a build takes, in time and memory, of a curved arm of ten-node tetrahedra of any size.
 
 Run from the repository's root: python -m benchmarks.large [SIZE ...] [--solver pardiso|superlu] [--folder DIR], SIZE
-being degrees of freedom (default: 50 000, 150 000, 300 000 and 1 000 000), on Linux. Every build is a process of its
+being unknowns (default: 50 000, 150 000, 300 000 and 1 000 000), on Linux. Every build is a process of its
 own, of the default method with default keys: one support, two interfaces. Stages are told while they run. What a
 build has found is kept in DIR, so that one that was ended goes on where it was (but for the factors); so are the
 records of its stages. Finished builds are not made anew before DIR is removed. Prints a table of all.
@@ -35,13 +35,14 @@ GIGA = 1e9
 
 
 def arm(unknowns: int) -> tuple[FloatArray, IntArray]:
-    """Points (n, 3) and ten-node tetrahedra (e, 10) of a quarter ring, with about so many unknowns.
+    """Points (n, 3) and ten-node tetrahedra (e, 10) of a quarter ring: unknowns once one end is held, and hardly more.
 
     Cells of a grid become six tetrahedra each, along the paths from corner to corner; mid-side nodes lie on the arc.
     """
     sides = np.array([0.5 * np.pi * RADIUS, WIDTH, THICKNESS])
     cell = (8.0 * sides.prod() / (unknowns / 3.0)) ** (1.0 / 3.0)
     counts = np.maximum(1, np.rint(sides / cell)).astype(np.int64)
+    counts[0] = np.ceil(unknowns / (6.0 * np.prod(2 * counts[1:] + 1)))
     shape = 2 * counts + 1
     steps = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
     share = steps / (2.0 * counts)

@@ -1,5 +1,7 @@
 """Stiffness and mass of the mesh, and the scalar volume matrices that weigh averages over sub-domains."""
 
+from collections.abc import Iterable
+
 import felupe
 import numpy as np
 import scipy.sparse as sp
@@ -30,11 +32,11 @@ def stiffness(mesh: Mesh) -> sp.csr_array:
         N/m; degree of freedom 3 i + j is node i in direction j.
     """
     size = 3 * len(mesh.points)
-    parts = [sp.csr_array((size, size))]
-    for block in mesh.blocks:
-        for _, some in cells(mesh, block, CHUNK):
-            parts.append(assembled(some.nodes, some.eliminated(some.stiffness())[0], size))
-    total = summed(parts)
+    total = summed(
+        assembled(some.nodes, some.eliminated(some.stiffness())[0], size)
+        for block in mesh.blocks
+        for _, some in cells(mesh, block, CHUNK)
+    )
     return _without_forces_of_translations(sp.csr_array(0.5 * (total + total.T)))
 
 
@@ -43,8 +45,8 @@ def _without_forces_of_translations(matrix: sp.csr_array) -> sp.csr_array:
     count = matrix.shape[0] // 3
     forces = (matrix @ np.tile(np.eye(3), (count, 1))).reshape(count, 3, 3)
     blocks = 0.5 * (forces + forces.swapaxes(1, 2))
-    order = np.arange(count)
-    return sp.csr_array(matrix - sp.bsr_array((blocks, order, np.arange(count + 1)), shape=matrix.shape))
+    ends = np.arange(count + 1, dtype=np.int32)
+    return sp.csr_array(matrix - sp.bsr_array((blocks, ends[:-1], ends), shape=matrix.shape))
 
 
 def assembled(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
@@ -67,12 +69,19 @@ def assembled(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((matrices.ravel(), (rows, columns)), shape=(size, size)))
 
 
-def summed(parts: list[sp.csr_array]) -> sp.csr_array:
-    """Sum of sparse matrices, in pairs: those of neighbouring elements overlap."""
-    while len(parts) > 1:
-        pairs = [a + b for a, b in zip(parts[::2], parts[1::2], strict=False)]
-        parts = pairs + parts[len(parts) - len(parts) % 2 :]
-    return parts[0]
+def summed(parts: Iterable[sp.csr_array]) -> sp.csr_array:
+    """Sum of sparse matrices, one at least, in pairs as they come: those of neighbouring elements overlap."""
+    # Sums of 2^level parts each, levels descending.
+    waiting: list[tuple[int, sp.csr_array]] = []
+    for part in parts:
+        total, level = part, 0
+        while waiting and waiting[-1][0] == level:
+            total, level = waiting.pop()[1] + total, level + 1
+        waiting.append((level, total))
+    total = waiting.pop()[1]
+    while waiting:
+        total = waiting.pop()[1] + total
+    return total
 
 
 def volume_matrices(mesh: Mesh) -> tuple[FloatArray, ...]:
@@ -169,4 +178,11 @@ def mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> sp.csr_array:
     density = np.array([material.density for material in mesh.materials])
     for block, matrices in zip(mesh.blocks, volumes, strict=True):
         scalar = scalar + scatter(block, density[block.material][:, None, None] * matrices, size)
-    return sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr"))
+    return in_short(sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr")))
+
+
+def in_short(matrix: sp.csr_array) -> sp.csr_array:
+    """The same matrix in 32-bit indices, where they are enough."""
+    kind = np.int32 if matrix.nnz <= np.iinfo(np.int32).max else np.int64
+    arrays = matrix.data, matrix.indices.astype(kind, copy=False), matrix.indptr.astype(kind, copy=False)
+    return sp.csr_array(arrays, shape=matrix.shape)

@@ -8,9 +8,8 @@ of the time and of the memory: it knows that the matrix is symmetric, and works 
 
 import weakref
 from collections.abc import Callable
+from ctypes import CDLL, c_void_p
 from functools import cache
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pymetis
@@ -50,17 +49,17 @@ def dissection_order(matrix: sp.csr_array, node: IntArray) -> IntArray:
 
 
 @cache
-def _pardiso() -> ModuleType | None:
-    """PARDISO of the MKL, where pypardiso and the MKL are installed."""
+def _pardiso() -> CDLL | None:
+    """The MKL with its PARDISO, where pypardiso has brought and finds it."""
     try:
         from pypardiso import pardiso_wrapper
 
+        library: CDLL = pardiso_wrapper.PyPardisoSolver().libmkl
         # On several threads the machine's load decides the order of its sums: the same body would get other bits.
-        pardiso_wrapper.PyPardisoSolver().libmkl.MKL_Set_Num_Threads(1)
+        library.MKL_Set_Num_Threads(1)
     except (ImportError, OSError, AttributeError):
         return None
-    module: ModuleType = pardiso_wrapper
-    return module
+    return library
 
 
 def solver_name() -> str:
@@ -76,53 +75,98 @@ _LARGE = 80_000
 _AT_A_TIME = 16
 # Residual of a solution for forces of one everywhere, relative to them, beyond which a factorisation is worth nothing.
 _PROBE = 1e-3
-# PARDISO's numbers: matrices that are positive definite, and symmetric ones; phases; what it reports, from 0, in KiB.
+# PARDISO's numbers: matrices that are positive definite, and symmetric ones; phases.
 _POSITIVE, _SYMMETRIC = 2, -2
-_ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
-_PEAK, _KEPT, _FACTOR, _NEGATIVE = 14, 15, 16, 22
+_ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
+# What it is told, from 0: these settings, METIS' order, pivots of 1e-8 at least, of 1 × 1 and 2 × 2, indices from 0.
+_SETTINGS = {0: 1, 1: 2, 9: 8, 20: 1, 34: 1}
+# What it reports, from 0: KiB that factors will take beside what the analysis has taken, negative eigenvalues.
+_FACTOR, _NEGATIVE = 16, 22
+_NO_MEMORY = -2
 
 
-def _by_pardiso(pardiso: ModuleType, matrix: sp.csr_array, checked: bool, owner: object) -> tuple[Solve, bool]:
-    """Solve, and whether the matrix is positive definite; of the upper triangle, in an order of PARDISO's own."""
-    upper = sp.csr_matrix(sp.triu(matrix, format="csr"))
+class _Pardiso:
+    """The MKL's PARDISO for one symmetric matrix.
+
+    Parameters
+    ----------
+    library : CDLL
+    upper : (n, n) sparse
+        Its upper triangle, as of `upper_triangle`. PARDISO reads its arrays, without copies.
+    kind : int
+        `_POSITIVE` or `_SYMMETRIC`.
+    """
+
+    def __init__(self, library: CDLL, upper: sp.csr_array, kind: int):
+        # Not the attribute, whose types pypardiso has set.
+        self._call, self._upper = library["pardiso"], upper
+        self._handle = np.zeros(64, dtype=np.intp)
+        self._kind = kind
+        self.settings = np.zeros(64, dtype=np.int32)
+        for place, value in _SETTINGS.items():
+            self.settings[place] = value
+
+    def run(self, phase: int, right: FloatArray | None = None) -> FloatArray:
+        """Run a phase; return the solution (n, k) for right-hand sides (n, k), where there are any."""
+        upper = self._upper
+        b = np.zeros((upper.shape[0], 1)) if right is None else np.asfortranarray(right, dtype=np.float64)
+        x, columns = np.zeros_like(b, order="F"), b.size // len(b)
+        # One factor, the first; of the order, nothing; it prints nothing.
+        before = [np.array(value, dtype=np.int32) for value in (1, 1, self._kind, phase, len(b))]
+        after = [np.array(value, dtype=np.int32) for value in (0, columns)]
+        error = np.array(0, dtype=np.int32)
+        matrix = (upper.data, upper.indptr, upper.indices)
+        every = (self._handle, *before, *matrix, *after, self.settings, np.array(0, dtype=np.int32), b, x, error)
+        self._call(*(c_void_p(array.ctypes.data) for array in every))
+        if error == _NO_MEMORY:
+            raise ModelError(f"no memory for the factors of {len(b)} unknowns: end other programs")
+        if error:
+            raise RuntimeError(f"PARDISO's error {error}")
+        return x
+
+
+def upper_triangle(matrix: sp.csr_array) -> sp.csr_array:
+    """The upper triangle of a symmetric matrix, columns ascending, in 32-bit indices."""
+    size = matrix.shape[0]
+    rows = np.repeat(np.arange(size, dtype=np.int32), np.diff(matrix.indptr))
+    kept = matrix.indices >= rows
+    ends = np.concatenate([[0], np.cumsum(np.bincount(rows[kept], minlength=size))]).astype(np.int32)
+    upper = sp.csr_array((matrix.data[kept], matrix.indices[kept].astype(np.int32), ends), shape=matrix.shape)
     upper.sort_indices()
+    return upper
+
+
+def _by_pardiso(library: CDLL, matrix: sp.csr_array, checked: bool, owner: object) -> tuple[Solve, bool]:
+    """Solve, and whether the matrix is positive definite; of the upper triangle, in an order of PARDISO's own."""
+    upper = upper_triangle(matrix)
+    if not np.diff(upper.indptr).all():
+        raise RuntimeError("a row is empty")
     for kind in (_POSITIVE, _SYMMETRIC):
-        solver = pardiso.PyPardisoSolver(mtype=kind)
-        release = weakref.finalize(owner, _free, solver)
-        none = np.zeros((matrix.shape[0], 1))
+        solver = _Pardiso(library, upper, kind)
+        release = weakref.finalize(owner, solver.run, _RELEASE)
         try:
             # The two phases by themselves: what it takes is known after the first.
-            solver.set_phase(_ANALYSE)
-            solver._check_A(upper)
-            solver._call_pardiso(upper, none)
+            solver.run(_ANALYSE)
             if not checked:
-                needed = 1024.0 * max(solver.iparm[_PEAK], solver.iparm[_KEPT] + solver.iparm[_FACTOR])
-                refuse_what_does_not_fit(matrix.shape[0], needed, "")
-            solver.set_phase(_FACTORISE)
-            solver._call_pardiso(upper, none)
-        except (pardiso.PyPardisoError, ValueError) as error:
+                refuse_what_does_not_fit(matrix.shape[0], 1024.0 * solver.settings[_FACTOR], "")
+            solver.run(_FACTORISE)
+        except RuntimeError as error:
             release()
-            failure = RuntimeError(str(error))
+            failure = error
             continue
         except BaseException:
             release()
             raise
 
-        def solve(right: FloatArray, solver: Any = solver) -> FloatArray:
-            solver.set_phase(_SOLVE)
-            result: FloatArray = solver._call_pardiso(upper, np.asfortranarray(right))
-            return result
+        def solve(right: FloatArray, solver: _Pardiso = solver) -> FloatArray:
+            return solver.run(_SOLVE, right)
 
-        probe = np.ones(matrix.shape[0])
+        probe = np.ones((matrix.shape[0], 1))
         if np.linalg.norm(matrix @ solve(probe) - probe) < _PROBE * np.linalg.norm(probe):
-            return solve, bool(kind == _POSITIVE or solver.iparm[_NEGATIVE] == 0)
+            return solve, bool(kind == _POSITIVE or solver.settings[_NEGATIVE] == 0)
         release()
         failure = RuntimeError("its solution leaves a residual")
     raise failure
-
-
-def _free(solver: Any) -> None:
-    solver.free_memory(everything=True)
 
 
 def _check_fill(matrix: sp.csr_array, node: IntArray, order: IntArray, tell: Callable[[str], None] | None) -> None:

@@ -51,8 +51,11 @@ def turned_stress(
             tell(done)
     spin /= np.where(volume > 0.0, volume, 1.0)[:, None, None, None]
     applied = forces.reshape(count, 3, modes)
-    for a, b in (pairs.T, pairs.T[::-1]):
-        result -= 0.5 * np.einsum("nijp,njp->nip", spin[..., a], applied[..., b])
+    # One by one: rotations of all pairs at once would take three times what the forces do.
+    for pair, (a, b) in enumerate(pairs):
+        both = np.einsum("nij,nj->ni", spin[..., a], applied[..., b])
+        both += np.einsum("nij,nj->ni", spin[..., b], applied[..., a])
+        result[..., pair] -= 0.5 * both
     return result.reshape(3 * count, -1)
 
 

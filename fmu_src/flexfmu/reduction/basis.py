@@ -16,7 +16,7 @@ from ..store import Store, content_key
 from .model import Model
 from .modes import Modes, chosen_modes, craig_bampton, normal_modes, with_residual_flexibility
 from .point_masses import model_mass
-from .supported import Supported, supported
+from .supported import Supported, eliminated, supported
 
 
 class Matrices:
@@ -48,19 +48,18 @@ class Matrices:
         return content_key(__name__, mesh.points, *blocks, *materials, *supports, *tied, *hung)
 
     @cached_property
-    def mass(self) -> sp.csr_array:
-        """Consistent mass (3n, 3n), kg."""
-        return model_mass(self.model.mesh, self._volumes)
-
-    @cached_property
     def supported(self) -> Supported:
         """Both without the supports, factorised."""
         model = self.model
         with self._report.stage("Assemble stiffness and mass"):
-            k = stiffness(model.mesh) + sp.diags_array(model.spring.ravel())
-            m = self.mass
+            # Without names for those of all degrees of freedom, which are not kept beside the factors.
+            matrices = eliminated(
+                stiffness(model.mesh) + sp.diags_array(model.spring.ravel()),
+                model_mass(model.mesh, self._volumes),
+                model.unknowns,
+            )
         with self._report.stage(f"Factorise the stiffness ({solver_name()})"):
-            return supported(k, m, model.unknowns, model.rigid, self._report.note)
+            return supported(matrices, model.rigid, self._report.note)
 
 
 def modal_basis(
@@ -173,8 +172,7 @@ def stiffness_by_load(
         every = loads
         if acceleration:
             # What the mass of the body does under a unit acceleration of its supports.
-            inertia = -(matrices.mass @ np.tile(np.eye(3), (len(mesh.points), 1)))
-            every = np.hstack([loads, inertia])
+            every = np.hstack([loads, -model.inertia])
         with report.stage(f"Geometric stiffness of {every.shape[1]} unit loads"):
             fields = model.whole(model.static(model.forces(every)))
             return {"by_load": geometric_stiffness(mesh, fields, modes.shapes)}

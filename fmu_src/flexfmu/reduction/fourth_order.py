@@ -18,7 +18,7 @@ _STIFF = 1e-2
 # Energy below this share of the largest: a load on a support.
 _NONE = 1e-12
 # Right-hand sides at a time.
-_COLUMNS = 64
+_COLUMNS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +128,7 @@ class FourthOrder:
     def responses(self, forces: FloatArray) -> Responses:
         """Static responses to nodal forces (3n, l) and accelerations along the axes that are no mere stretch."""
         model = self.matrices.supported
-        weight = self.matrices.mass @ np.tile(np.eye(3), (len(self._mesh.points), 1))
-        found = model.static(model.forces(np.hstack([forces, weight])))
+        found = model.static(model.forces(np.hstack([forces, model.inertia])))
         fields = model.whole(found)
         energy = 0.5 * np.einsum("ij,ij->j", found, model.stiffness @ found)
         scale = turning_scale(energy, np.diag(mean_spin(self._mesh, fields)))

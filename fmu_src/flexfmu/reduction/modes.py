@@ -293,7 +293,9 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
             "edge or corner, or ask for fewer modes"
         ) from error
     softest = np.abs(vectors @ small[:, 0])
-    if squares[0] <= _ROUND_OFF * float(softest @ (abs(k) @ softest)):
+    # Its indices are no copies.
+    sizes = sp.csr_array((np.abs(k.data), k.indices, k.indptr), shape=k.shape)
+    if squares[0] <= _ROUND_OFF * float(softest @ (sizes @ softest)):
         raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
     return squares, vectors @ small
 

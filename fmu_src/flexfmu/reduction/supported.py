@@ -19,32 +19,45 @@ from ..mesh.model import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
-class Supported:
-    """Matrices of the free degrees of freedom, with the stiffness factorised.
+class Eliminated:
+    """Matrices of the free degrees of freedom.
 
     Attributes
     ----------
     stiffness, mass : (k, k) sparse
         N/m, kg.
-    factor : Factorisation
-        Of the stiffness at the degrees of freedom `kept`.
     unknowns : Unknowns
         How all 3n displacements follow from those of the free degrees of freedom.
-    rigid : (k, r) float
-        Mass-orthonormal rigid motions, kg^-1/2.
-    kept : (k - r,) int
-        Rows of `free` that remain when just these motions are prevented.
-    whole_stiffness : (3n, 3n) sparse, optional
+    inertia : (3n, 3) float
+        Nodal forces that accelerate the mass by one along each axis, kg.
+    whole_stiffness : (3n, 3n) sparse or None
         Where there are equations, which exert forces of their own.
     """
 
     stiffness: sp.csr_array
     mass: sp.csr_array
-    factor: Factorisation
     unknowns: Unknowns
+    inertia: FloatArray
+    whole_stiffness: sp.csr_array | None
+
+
+@dataclass(frozen=True, slots=True)
+class Supported(Eliminated):
+    """Matrices of the free degrees of freedom, with the stiffness factorised.
+
+    Attributes
+    ----------
+    factor : Factorisation
+        Of the stiffness at the degrees of freedom `kept`.
+    rigid : (k, r) float
+        Mass-orthonormal rigid motions, kg^-1/2.
+    kept : (k - r,) int
+        Rows of `free` that remain when just these motions are prevented.
+    """
+
+    factor: Factorisation
     rigid: FloatArray
     kept: IntArray
-    whole_stiffness: sp.csr_array | None = None
 
     @property
     def free(self) -> IntArray:
@@ -81,19 +94,19 @@ class Supported:
         return result
 
 
-def supported(
-    stiffness: sp.csr_array,
-    mass: sp.csr_array,
-    unknowns: Unknowns,
-    motions: FloatArray,
-    tell: Callable[[str], None] | None = None,
-) -> Supported:
-    """Take out supports and equations, and factorise.
+def eliminated(stiffness: sp.csr_array, mass: sp.csr_array, unknowns: Unknowns) -> Eliminated:
+    """Take supports and equations out of stiffness and mass (3n, 3n)."""
+    inertia = mass @ np.tile(np.eye(3), (mass.shape[0] // 3, 1))
+    whole = None if unknowns.transform is None else stiffness
+    return Eliminated(unknowns.matrix(stiffness), unknowns.matrix(mass), unknowns, inertia, whole)
+
+
+def supported(matrices: Eliminated, motions: FloatArray, tell: Callable[[str], None] | None = None) -> Supported:
+    """Factorise the stiffness.
 
     Parameters
     ----------
-    stiffness, mass : (3n, 3n) sparse
-    unknowns : Unknowns
+    matrices : Eliminated
     motions : (3n, r) float
         Rigid motions that no support resists.
     tell : callable, optional
@@ -108,7 +121,7 @@ def supported(
     ModelError
         The stiffness is singular in other motions than these.
     """
-    k, m, free = unknowns.matrix(stiffness), unknowns.matrix(mass), unknowns.free
+    k, m, free = matrices.stiffness, matrices.mass, matrices.unknowns.free
     rigid = motions[free]
     # Orthonormal in the order given: rotations come out about the centre of mass, translations as they are.
     lower = np.linalg.cholesky(rigid.T @ (m @ rigid)) if rigid.shape[1] else np.zeros((0, 0))
@@ -120,5 +133,5 @@ def supported(
     # A copy of a large matrix counts beside its factors.
     held = k[kept][:, kept] if rigid.shape[1] else k
     factor = Factorisation(held, free[kept] // 3, tell=tell)
-    whole = None if unknowns.transform is None else stiffness
-    return Supported(k, m, factor, unknowns, np.ascontiguousarray(rigid), kept, whole)
+    held_back = matrices.unknowns, matrices.inertia, matrices.whole_stiffness
+    return Supported(k, m, *held_back, factor, np.ascontiguousarray(rigid), kept)
