@@ -163,10 +163,13 @@ def cells(mesh: Mesh, block: ElementBlock, size: int) -> Iterator[tuple[slice, C
     for first in range(0, len(block.labels), size):
         places = slice(first, min(first + size, len(block.labels)))
         nodes = block.connectivity[places]
-        region = felupe.Region(felupe.Mesh(mesh.points, nodes, "unused"), choice.element, choice.stiffness)
+        corners = mesh.points[nodes]
+        # On points of their own: felupe looks at all points of its mesh, for each part anew.
+        own = felupe.Mesh(corners.reshape(-1, 3), np.arange(nodes.size).reshape(nodes.shape), "unused")
+        region = felupe.Region(own, choice.element, choice.stiffness)
         gradient, volume = np.ascontiguousarray(region.dhdX.transpose(3, 2, 0, 1)), np.ascontiguousarray(region.dV.T)
         if choice.incompatible:
-            gradient = np.concatenate([gradient, _incompatible(mesh.points[nodes], volume, choice)], axis=2)
+            gradient = np.concatenate([gradient, _incompatible(corners, volume, choice)], axis=2)
         value = np.array([choice.element.function(point) for point in choice.stiffness.points])
         chosen = block.part(np.arange(places.start, places.stop))
         yield places, Cells(nodes, value, gradient, volume, elasticity(mesh, chosen))

@@ -73,15 +73,17 @@ _LARGE = 80_000
 # Right-hand sides at a time: one alone reads all of the factor and takes as long as three of these; more gain nothing,
 # and every copy of them counts.
 _AT_A_TIME = 16
-# Residual of a solution for forces of one everywhere, relative to them, beyond which a factorisation is worth nothing.
+# Residual of a solution for forces of one everywhere, relative to them, beyond which a matrix is singular, or that of a
+# body so thin that round-off leaves as much. Only the factorisation of symmetric ones tells which: it counts the pivots
+# that it has put in place of none.
 _PROBE = 1e-3
 # PARDISO's numbers: matrices that are positive definite, and symmetric ones; phases.
 _POSITIVE, _SYMMETRIC = 2, -2
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 # What it is told, from 0: these settings, METIS' order, pivots of 1e-8 at least, of 1 × 1 and 2 × 2, indices from 0.
 _SETTINGS = {0: 1, 1: 2, 9: 8, 20: 1, 34: 1}
-# What it reports, from 0: KiB that factors will take beside what the analysis has taken, negative eigenvalues.
-_FACTOR, _NEGATIVE = 16, 22
+# What it reports, from 0: pivots replaced, KiB that factors will take beside the analysis, negative eigenvalues.
+_REPLACED, _FACTOR, _NEGATIVE = 13, 16, 22
 _NO_MEMORY = -2
 
 
@@ -162,7 +164,8 @@ def _by_pardiso(library: CDLL, matrix: sp.csr_array, checked: bool, owner: objec
             return solver.run(_SOLVE, right)
 
         probe = np.ones((matrix.shape[0], 1))
-        if np.linalg.norm(matrix @ solve(probe) - probe) < _PROBE * np.linalg.norm(probe):
+        exact = kind == _SYMMETRIC and solver.settings[_REPLACED] == 0
+        if exact or np.linalg.norm(matrix @ solve(probe) - probe) < _PROBE * np.linalg.norm(probe):
             return solve, bool(kind == _POSITIVE or solver.settings[_NEGATIVE] == 0)
         release()
         failure = RuntimeError("its solution leaves a residual")
