@@ -138,7 +138,7 @@ def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     row = cKDTree(table[:, :3]).query(rest.points)[1]
     solved = table[:, :3][row] + table[:, 3:][row]
     draw_outline(panel, solved, own, camera, CALCULIX, width=0.8, order=4.0)
-    panel.set_aspect("equal")
+    panel.set_aspect("equal", adjustable="datalim")
     panel.set_axis_off()
     panel.margins(0.04)
     panel.autoscale_view()
@@ -169,7 +169,7 @@ def main(folder: Path) -> None:
     """Draw all scenes: one picture of three bodies, and one for each."""
     folder.mkdir(parents=True, exist_ok=True)
     shown = [scene for scene in SCENES if scene.name in ("beam", "plate", "axle")]
-    figure = Figure(figsize=(11.0, 4.6))
+    figure = Figure(figsize=(11.0, 3.1))
     for k, scene in enumerate(shown):
         draw(scene, figure.add_axes((0.01 + 0.33 * k, 0.1, 0.31, 0.74)))
     legend(figure, 4)
