@@ -111,9 +111,10 @@ def draw(records: Sequence[dict[str, str]], path: Path) -> None:
         name = f"{title}, order {order(counts, errors):.1f}".replace(", order nan", "")
         style = "o--" if first else "o-"
         panel.loglog(counts, [100.0 * e for e in errors], style, color=colours[title], label=None if first else name)
-    panels[0].set_xlabel("frames (dashed: method frames)")
+    panels[0].set_xlabel("frames (full lines: second order, dashed: frames)")
     panels[1].set_xlabel("normal modes (4 frames, no static shapes)")
-    panels[0].set_ylabel("error at full load, %")
+    panels[0].set_ylabel("error at full load / %")
+    panels[0].yaxis.set_major_formatter("{x:g}")
     for panel, ticks in zip(panels, (FRAMES, MODES), strict=True):
         panel.set_xticks(ticks, [str(n) for n in ticks])
         panel.minorticks_off()
