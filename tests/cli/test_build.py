@@ -236,6 +236,7 @@ def test_building_twice_gives_the_same_bytes(folder):
     assert (folder / "three.fmu").read_bytes() != outputs[0].read_bytes()
 
 
+@pytest.mark.slow
 def test_processes_with_other_hash_seeds_and_working_directories_build_the_same_bytes(folder):
     elsewhere = folder / "elsewhere"
     elsewhere.mkdir()
@@ -407,6 +408,7 @@ def datasets(path):
     return found
 
 
+@pytest.mark.slow
 def test_without_its_surface_a_body_is_as_large_whatever_its_mesh(folder):
     found, sizes = {}, {}
     for surface in (False, True):

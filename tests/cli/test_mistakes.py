@@ -310,8 +310,8 @@ def test_a_mistake_is_answered_with_what_was_found_and_what_would_do(case, sound
     ("name", "arguments"),
     [
         ("bar.inp", ["build", "body.toml", "-o", "out.fmu"]),
-        ("bar.vtk", ["build", "body.toml", "-o", "out.fmu"]),
-        ("body.toml", ["build", "body.toml", "-o", "out.fmu"]),
+        pytest.param("bar.vtk", ["build", "body.toml", "-o", "out.fmu"], marks=pytest.mark.slow),
+        pytest.param("body.toml", ["build", "body.toml", "-o", "out.fmu"], marks=pytest.mark.slow),
         ("loads.csv", ["simulate", "bar.fmu", "-i", "loads.csv", "-o", "out.csv"]),
         ("bar.fmu", ["info", "bar.fmu"]),
     ],

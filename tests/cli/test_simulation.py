@@ -24,7 +24,11 @@ def table(path, text):
     return path
 
 
-@pytest.fixture(scope="module", params=list(Runtime), ids=lambda runtime: runtime.value)
+@pytest.fixture(
+    scope="module",
+    params=[Runtime.NATIVE, pytest.param(Runtime.PYTHON, marks=pytest.mark.slow)],
+    ids=lambda runtime: runtime.value,
+)
 def fmu(request, tmp_path_factory):
     """The beam's FMU of each export."""
     path = tmp_path_factory.mktemp("fmu") / "beam.fmu"

@@ -79,6 +79,7 @@ def joined(folder, stiffness):
     return np.array([values[f"second.tip.displacement.{axis}"] for axis in "xyz"])
 
 
+@pytest.mark.slow
 def test_the_chain_approaches_the_whole_as_its_joint_gets_stiffer(halves):
     folder, whole = halves
     assert whole[1] > 0.12

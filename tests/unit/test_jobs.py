@@ -43,6 +43,7 @@ def test_jobs_are_a_number_or_an_address(jobs, words):
         Crew(jobs)
 
 
+@pytest.mark.slow
 def test_errors_are_the_same_whoever_measures_them(tmp_path):
     scene = with_results(tmp_path, SMALL_SWEEP)
     groups = [(members,) for members in grouped(candidates(scene))]
@@ -57,6 +58,7 @@ def test_errors_are_the_same_whoever_measures_them(tmp_path):
     assert all(np.isfinite(e.share) for one in found["1"] for e in one)
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_all_processes_and_leaves_whole_records(tmp_path):
     with_results(tmp_path, SMALL_SWEEP.replace("[1, 2]", "[1, 2, 3, 4, 5, 6, 7, 8]").replace("[3, 6]", "[3, 6, 9, 12]"))
     code = "from flexfmu.cli import main; main()"

@@ -387,6 +387,7 @@ def test_the_description_lists_each_c_file_of_the_fmu(native):
     assert listed == [path.name for path in sources()]
 
 
+@pytest.mark.slow
 @needs_cc
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the command is that of Linux")
 def test_the_command_in_an_fmus_sources_makes_a_library_that_runs_the_same(native, tmp_path):

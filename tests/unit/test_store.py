@@ -165,7 +165,17 @@ def test_other_code_or_libraries_take_nothing(store, monkeypatch):
             assert build(store)[1] == [], change
 
 
-@pytest.mark.parametrize("module", ["reduction.basis", "build", "scenes.reference", "chart.sweep", "stability.maps"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "build",
+        "stability.maps",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("reduction.basis", "scenes.reference", "chart.sweep")
+        ),
+    ],
+)
 def test_the_code_of_a_result_is_all_that_its_module_loads(module):
     words = "import sys, flexfmu; before = set(sys.modules); import flexfmu.{0}\n"
     words += "print(*(name for name in set(sys.modules) - before if name.startswith('flexfmu.')))"
