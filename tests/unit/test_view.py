@@ -67,6 +67,7 @@ def test_a_page_holds_the_places_of_the_bent_body(folder, bent):
     assert "largest displacement" in said
     data = content(folder / "bent.html")
     case = data["cases"][0]
+    assert case["name"] == f"tip.force.y = {FORCE} N"
     moved = np.frombuffer(base64.b64decode(case["moved"]), "<i2").reshape(len(case["position"]), -1, 3)
     places, _, points = bent
     np.testing.assert_allclose(moved[-1] * case["quantum"], places - points, atol=case["quantum"])

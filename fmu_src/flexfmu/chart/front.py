@@ -39,7 +39,7 @@ class Axis:
 
 
 RATIO = Axis("fmu_ratio", "time of a step over that of an empty FMU", "× empty FMU", "fmu_ms_per_s")
-BARE = Axis("step_us", "time of a step, without FMI / µs", "µs", "bare_ms_per_s")
+BARE = Axis("step_us", "time of a step from Python / µs", "µs", "bare_ms_per_s")
 
 
 def cost_axis(rows: Sequence[Record]) -> Axis:

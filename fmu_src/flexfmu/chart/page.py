@@ -27,9 +27,9 @@ _FILTERS = (
 _COSTS = {
     "fmu_ratio": "time of a step over that of an empty FMU",
     "fmu_ms_per_s": "ms per simulated second, through the FMU",
-    "bare_ms_per_s": "ms per simulated second, without FMI",
-    "step_us": "time of a step, without FMI / µs",
-    "equilibrium_ms": "one equilibrium from rest, without FMI / ms",
+    "bare_ms_per_s": "ms per simulated second, from Python",
+    "step_us": "time of a step from Python / µs",
+    "equilibrium_ms": "one equilibrium from rest, from Python / ms",
     "memory_bytes": "memory of the running model / bytes",
     "modal_bytes": "modal file / bytes",
     "mode_count": "modes",

@@ -41,17 +41,9 @@ class Record:
         Result, interface modes included; for finite elements the degrees of freedom, and none.
     status, note : str
         "ok", or "no answer" and why; for finite elements the increments and iterations.
-    static_displacement, static_rotation, static_rotation_rad : float
-        Error of the worst interface, case and factor: relative, relative, rad.
-    static_at : str
-        Where the displacement is worst.
-    transient_displacement, transient_rotation, transient_rotation_rad : float
-        The same over time, rms.
-    transient_at : str
-    share : float
-        Largest error over its tolerance: at most 1 meets the scene.
-    limited_by : str
-        Where that is.
+    static_displacement, static_rotation, static_rotation_rad, static_at, transient_displacement, transient_rotation, \
+transient_rotation_rad, transient_at, share, limited_by
+        As of `Errors`.
     step : float
         Communication step of the timing, s.
     step_us, step_us_median : float

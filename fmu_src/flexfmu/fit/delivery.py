@@ -26,6 +26,8 @@ from .modes import loaded_inputs
 from .other_loads import load_names, missed
 
 _TIMINGS = 2
+# Natural logarithm of the ratio of two paces that are the same: timings of one model differ by as much.
+_SAME_PACE = 0.03
 # Part of the static displacement that is missing under a load from which on the user is told.
 _STIFF = 0.1 + 1e-6
 
@@ -96,7 +98,7 @@ class Fit:
         lines = [
             f"Error over tolerance: predicted {times(self.predicted.share)}, measured {times(self.measured.share)}"
             f"{where}; {in_percent(self.measured)}.",
-            f"{_counts(self.mode_count, self.frame_count)}; a step without FMI takes {1e6 * self.step:.3g} µs.",
+            f"{_counts(self.mode_count, self.frame_count)}; a step from Python takes {1e6 * self.step:.3g} µs.",
         ]
         if math.isfinite(self.given_step):
             gain = self.given_step / self.step
@@ -126,6 +128,8 @@ def _counts(modes: int, frames: int) -> str:
 
 
 def _faster(gain: float) -> str:
+    if abs(math.log(gain)) < _SAME_PACE:
+        return "as fast"
     return f"{gain:.2g} times as fast" if gain >= 1.0 else f"{1.0 / gain:.2g} times as slow"
 
 

@@ -68,6 +68,12 @@ class _Worst:
         self.share = 0.0
         self.share_at = ""
 
+    @property
+    def told(self) -> tuple[float, float, float, str]:
+        """Displacement and rotation, relative, rotation in rad, and where the displacement is worst."""
+        relative = self.relative
+        return relative["displacement"], relative["rotation"], self.absolute["rotation"], self.at["displacement"]
+
     def look(self, kind: str, error: FloatArray, size: FloatArray, accepted: AcceptedTable, where: list[str]) -> None:
         """Take in errors (I,) of motions of sizes (I,)."""
         limit = getattr(accepted, kind)
@@ -127,18 +133,7 @@ def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> Er
     except RuntimeBodyError as error:
         return Errors(failure=str(error))
     worst = max(static, moving, key=lambda one: one.share)
-    return Errors(
-        static.relative["displacement"],
-        static.relative["rotation"],
-        static.absolute["rotation"],
-        static.at["displacement"],
-        moving.relative["displacement"],
-        moving.relative["rotation"],
-        moving.absolute["rotation"],
-        moving.at["displacement"],
-        worst.share,
-        worst.share_at,
-    )
+    return Errors(*static.told, *moving.told, worst.share, worst.share_at)
 
 
 def equilibria_errors(scene: Scene, case: StaticCase, motion: FloatArray, known: Reference) -> Errors:
@@ -159,14 +154,7 @@ def equilibria_errors(scene: Scene, case: StaticCase, motion: FloatArray, known:
     worst = _Worst()
     for factor, found, expected in zip(case.factors, motion, known.motion, strict=True):
         _look_at_rest(worst, scene, case, factor, found, expected)
-    return Errors(
-        worst.relative["displacement"],
-        worst.relative["rotation"],
-        worst.absolute["rotation"],
-        worst.at["displacement"],
-        share=worst.share,
-        limited_by=worst.share_at,
-    )
+    return Errors(*worst.told, share=worst.share, limited_by=worst.share_at)
 
 
 def on_interfaces(scene: Scene, model: FlexibleBody, loads: Loads) -> Loads:

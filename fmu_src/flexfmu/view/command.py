@@ -18,7 +18,7 @@ from ..model.reduced_body import FloatArray, IntArray, ReducedBody
 from ..names import nearest
 from ..program.variables import ACCELERATION
 from ..progress import Reporter
-from ..quantities import number
+from ..quantities import number, unit_of
 from ..replay import body_with, communication_points, replay
 from ..store import Store, default_folder
 from ..tables import read_table
@@ -279,6 +279,7 @@ def loads_of(body: FlexibleBody, texts: Sequence[str]) -> tuple[Loads, str]:
         row.append(number(value, name))
     packed = packed_rows(body.model, names, np.array([[0.0, *row]]))[0]
     words = [re.sub(r"\s*=\s*([-+.\de]*\d)\s*", r" = \1 ", text).strip() for text in texts]
+    words = [f"{word} {unit_of(name)}" if word[-1].isdigit() else word for word, name in zip(words, names, strict=True)]
     return Loads.unpacked(packed, body.model.interface_count), ", ".join(words)
 
 
