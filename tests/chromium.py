@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import tempfile
 
 import matplotlib.image
 import numpy as np
@@ -20,27 +21,32 @@ def browser():
     return pytest.skip("no Chromium here to look at the page with")
 
 
+def opened(page, *words):
+    """Open a page in Chromium without a window; what it wrote. It hangs once in a while: then it is begun anew."""
+    left = 3
+    while True:
+        # A profile that another process has not let go of yet would be waited for.
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+            command = [browser(), "--headless=new", "--no-sandbox", f"--user-data-dir={profile}", *words, page.as_uri()]
+            try:
+                return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+            except subprocess.TimeoutExpired:
+                left -= 1
+                if not left:
+                    raise
+
+
 def look(page, picture, width, height=800):
     """Draw a page to a picture; its pixels (height, width, 3) in 0 … 1, and what the console said."""
-    done = subprocess.run(
-        [
-            browser(),
-            "--headless=new",
-            "--no-sandbox",
-            "--use-angle=swiftshader",
-            "--enable-unsafe-swiftshader",
-            "--hide-scrollbars",
-            "--enable-logging=stderr",
-            f"--user-data-dir={picture.parent / 'profile'}",
-            f"--window-size={width},{height}",
-            "--virtual-time-budget=2000",
-            f"--screenshot={picture}",
-            page.as_uri(),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
+    done = opened(
+        page,
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--hide-scrollbars",
+        "--enable-logging=stderr",
+        f"--window-size={width},{height}",
+        "--virtual-time-budget=2000",
+        f"--screenshot={picture}",
     )
     said = re.findall(r"CONSOLE[^\]]*\] (.*)", done.stderr)
     return np.asarray(matplotlib.image.imread(picture))[:, :, :3], said

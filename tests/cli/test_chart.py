@@ -3,14 +3,13 @@
 import json
 import math
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from demo.rear_axle import scene_tables
 
+from chromium import opened
 from flexfmu.body import FlexibleBody, StepLimits
 from flexfmu.chart import look
 from flexfmu.chart import sweep as sweeping
@@ -438,7 +437,6 @@ def test_records_of_several_bodies_share_a_chart(drawn):
     assert len(data_of(drawn / "c.html")["rows"]) == 8
 
 
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ASK = """
 <script>
 const filter = (name, value) => document.querySelector(`input[name="${name}"][value="${value}"]`).click();
@@ -458,14 +456,11 @@ document.body.replaceChildren(JSON.stringify(told));
 """
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium on the path")
 def test_the_page_filters_finds_the_front_of_what_is_shown_and_tells_each_point(drawn):
     page = drawn / "c.html"
     chart([drawn / "r.csv", drawn / "other.csv"], html=page)
     page.write_text(page.read_text(encoding="utf-8").replace("</body>", f"{ASK}</body>"), encoding="utf-8")
-    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--dump-dom"]
-    command += [f"--user-data-dir={drawn / 'profile'}", page.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    done = opened(page, "--disable-gpu", "--disable-dev-shm-usage", "--dump-dom")
     found = re.search(r"<body>(\[.*\])\s*</body>", done.stdout, flags=re.DOTALL)
     assert found is not None, done.stdout[-500:]
     everything, fewer, met, tip = json.loads(found[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
