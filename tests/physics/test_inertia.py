@@ -352,7 +352,7 @@ MOTIONS = {
 }
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", ["beam", pytest.param("L-frame", marks=pytest.mark.slow), "quarter arc"])
 def test_to_second_order_the_deformed_body_s_mass_follows_the_nonlinear_transient(bodies, motion):
     """CalculiX's, with one and two frames; the constant mass leaves what frames cannot mend."""
     folder, mesh, results, modes, residual, force, hertz, far, errors = MOTIONS[motion]

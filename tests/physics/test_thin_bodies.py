@@ -32,7 +32,7 @@ def strip(folder, thickness, kind=ElementType.C3D20R, turn=(0.0, 0.0, 0.0), **re
 
 @pytest.mark.parametrize("reduction", [{}, {"residual_flexibility": True}, {"basis": "craig_bampton"}])
 @pytest.mark.parametrize("kind", [ElementType.C3D20R, ElementType.C3D10])
-@pytest.mark.parametrize("thickness", [1e-3, 0.6e-3])
+@pytest.mark.parametrize("thickness", [pytest.param(1e-3, marks=pytest.mark.slow), 0.6e-3])
 def test_a_steel_strip_swings_and_bends_as_beam_theory_says(tmp_path, thickness, kind, reduction):
     body, across = strip(tmp_path, thickness, kind, **reduction)
     wave = np.sqrt(STEEL.youngs_modulus / 12.0 / STEEL.density) * thickness / LENGTH**2

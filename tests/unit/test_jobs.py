@@ -25,6 +25,7 @@ def slow_first(number):
     return number, os.getpid()
 
 
+@pytest.mark.slow
 def test_results_come_in_the_order_of_the_tasks_from_other_processes():
     with Crew("2") as crew:
         found = list(crew.each([partial(slow_first, number) for number in range(4)]))

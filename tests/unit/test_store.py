@@ -169,10 +169,9 @@ def test_other_code_or_libraries_take_nothing(store, monkeypatch):
     "module",
     [
         "build",
-        "stability.maps",
         *(
             pytest.param(name, marks=pytest.mark.slow)
-            for name in ("reduction.basis", "scenes.reference", "chart.sweep")
+            for name in ("reduction.basis", "scenes.reference", "chart.sweep", "stability.maps")
         ),
     ],
 )
