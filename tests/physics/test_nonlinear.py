@@ -9,17 +9,23 @@ from flexfmu.fe.faces import element_faces
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.formats import read_mesh
+from flexfmu.mesh.model import ElementType
 from flexfmu.progress import Reporter
 from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.model import assemble_model
+from meshes import body_file, box
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 
 pytestmark = pytest.mark.slow
 
 
 def path(folder, direction, forces):
-    """Displacement (f, 3) of the first interface under forces (N) along a direction."""
-    config = read_body_file(folder / "body.toml")
+    """Displacement (f, 3) of the first interface of a demo body under forces (N) along a direction."""
+    return path_of(read_body_file(folder / "body.toml"), direction, forces)
+
+
+def path_of(config, direction, forces):
+    """The same of a body file."""
     model = assemble_model(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
     interface = fit_interface(config.interface[0], model.mesh, element_faces(model.mesh), [])
     load = max(forces) * interface.nodal_loads(len(model.mesh.points))[:, :3] @ np.asarray(direction, dtype=float)
@@ -47,3 +53,16 @@ def test_beyond_a_limit_load_there_is_no_equilibrium_to_be_found():
     limit = abs(calculix(folder / "calculix" / "static_y.csv")["force_N"][-1]) / 0.9
     with pytest.raises(AccuracyError, match=r"beyond 9[78]\.\d+ % of the load"):
         path(folder, [0, -1, 0], [1.02 * limit])
+
+
+@pytest.mark.parametrize("kind", [ElementType.C3D20, ElementType.C3D10])
+def test_a_nanonewton_moves_the_whole_model_as_a_newton_does(kind, tmp_path):
+    config = body_file(box(kind, (4, 1, 1), (1.0, 0.1, 0.13)), tmp_path, interface=["TIP"])
+    moved = [path_of(config, [0, 1, 0], [force])[0][0] / force for force in (1e-9, 1.0)]
+    assert relative(moved[0], moved[1]) < 1e-6
+
+
+def test_of_elements_that_move_without_energy_the_way_around_is_told(tmp_path):
+    config = body_file(box(ElementType.C3D20R, (4, 1, 1), (1.0, 0.1, 0.13)), tmp_path, interface=["TIP"])
+    with pytest.raises(AccuracyError, match=r"beyond 0\.00 % .*move without energy.*mesh two across it"):
+        path_of(config, [0, 1, 0], [1.0])

@@ -34,6 +34,9 @@ _FIRST = 0.25
 _JUMP = 3.0
 # The smallest part of the load that an increment may be.
 _SMALLEST = 1e-4
+_NO_ENERGY = (
+    "elements may move without energy, as a single C3D20R across a section does: mesh two across it, or take C3D20"
+)
 # Rounds in which the elements' own shape functions settle, to this part of the displacement.
 _OWN_ROUNDS, _OWN_SETTLED = 12, 1e-12
 
@@ -89,12 +92,10 @@ class _Body:
         part, local = self._parts[number], displacement.reshape(-1, 3)[self._parts[number].nodes]
         own = self._own[number]
         for _ in range(_OWN_ROUNDS):
-            deformation = np.einsum(
-                "eai,eqaJ->eqiJ", np.concatenate([local, own], axis=1), part.gradient, optimize=True
-            )
-            deformation = deformation + np.eye(3)
-            strain = 0.5 * (deformation.swapaxes(2, 3) @ deformation - np.eye(3))
-            stress = part.stress(strain)
+            slope = np.einsum("eai,eqaJ->eqiJ", np.concatenate([local, own], axis=1), part.gradient, optimize=True)
+            # Of the slopes themselves: in FᵀF − 1 small strains would be round-off.
+            strain = 0.5 * (slope + slope.swapaxes(2, 3) + slope.swapaxes(2, 3) @ slope)
+            deformation, stress = slope + np.eye(3), part.stress(strain)
             if not own.size:
                 break
             inner = part.nodes.shape[1]
@@ -173,6 +174,7 @@ def load_path(
                     raise AccuracyError(
                         f"no equilibrium of the finite element model beyond {100.0 * reached:.2f} % of the load: it is "
                         "near a limit or critical load; lower the load"
+                        + ("" if reached else f". If less does not help, {_NO_ENERGY}")
                     )
                 continue
             u, reached = solution, target
