@@ -19,13 +19,16 @@ import flexfmu.reduction.basis
 from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.cli import app
+from flexfmu.config import InterfaceTable
 from flexfmu.errors import BodyFileError, FlexfmuError, MeshError, ModelError
+from flexfmu.fe.faces import element_faces
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.mesh.model import ElementType
 from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file
 from flexfmu.pipeline import build_fmu
 from flexfmu.progress import Reporter
+from flexfmu.reduction.interfaces import fit_interface
 from meshes import BAR, arc, bars, body_file, box, lattice, with_sets, write_deck
 from references import relative
 
@@ -126,17 +129,27 @@ def test_an_interface_on_a_line_or_point_is_refused_with_advice(name, count, tmp
     assert "at least three nodes off a line" in text
 
 
-def test_weights_by_area_are_refused_for_a_set_that_is_no_face(tmp_path):
-    path = write_deck(bar(), tmp_path / "bar.inp")
-    content = BAR.replace('nodes = "TIP"', 'nodes = "INSIDE"\nweights = "area"').replace("bar.inp", str(path))
+def test_weights_by_area_are_refused_for_a_piece_of_the_body(tmp_path):
+    mesh = with_sets(bar(), PIECE=lambda p: np.minimum(p[:, 0] - 0.5, 0.0))
+    path = write_deck(mesh, tmp_path / "bar.inp")
+    content = BAR.replace('nodes = "TIP"', 'nodes = "PIECE"\nweights = "area"').replace("bar.inp", str(path))
     (tmp_path / "body.toml").write_text(content)
-    with pytest.raises(BodyFileError, match=r"weights = \"area\" needs .* whole element faces .* 'INSIDE' does not"):
+    with pytest.raises(BodyFileError, match=r"weights = \"area\" needs .* whole element faces, .* 'PIECE' does not"):
         build_fmu(tmp_path / "body.toml", tmp_path / "bar.fmu")
     # Left to itself the same set is weighted by node, and the log says so.
     (tmp_path / "body.toml").write_text(content.replace('"area"', '"auto"'))
     report = Recorder()
     build_fmu(tmp_path / "body.toml", tmp_path / "bar.fmu", report=report)
-    assert any("interface 'tip': 21 nodes, loads spread by node" in note for note in report.notes)
+    assert any("interface 'tip'" in note and "loads spread by node" in note for note in report.notes)
+
+
+def test_a_force_on_a_section_inside_the_body_is_a_uniform_traction():
+    mesh = bar()
+    interface = fit_interface(InterfaceTable(name="inside", nodes="INSIDE"), mesh, element_faces(mesh), ())
+    assert interface.by_area
+    forces = interface.nodal_loads(len(mesh.points)).reshape(-1, 3, 6)[interface.nodes, 0, 0]
+    # Of four 8-node faces around one corner: a third of a face's share between corners, twice that where two meet.
+    np.testing.assert_allclose(np.unique(np.round(48.0 * forces, 9)), [-4.0, -2.0, -1.0, 4.0, 8.0])
 
 
 @pytest.mark.usefixtures("no_factorisation")

@@ -25,7 +25,7 @@ def main() -> None:
     """Write the model deck anew and run the cases."""
     make_mesh.main()
     mesh, sets = make_mesh.build()
-    # Equal weights of all nodes: the section lies inside the body, where flexfmu spreads loads by node.
+    # Equal weights of all nodes, as the body file has it.
     nodes = sets["CROWN"]
     crown = TipFace(nodes=nodes, points=mesh.points[nodes], weights=np.full(nodes.size, 1.0 / nodes.size))
     body = ReferenceBody(

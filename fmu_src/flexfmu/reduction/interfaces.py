@@ -11,7 +11,7 @@ from ..fe.faces import FaceBlock, area_matrix, select
 from ..mesh.model import FloatArray, IntArray, Mesh
 from .places import node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
-from .subdomains import Subdomain, carrying_frame
+from .subdomains import Subdomain, carrying_frame, elements_within
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +92,15 @@ def fit_interface(
 def _weighted(table: InterfaceTable, mesh: Mesh, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:
     if table.weights == "node":
         return by_node(nodes)
-    matrix = area_matrix(mesh.points, select(faces, nodes, outer=True), nodes)
-    if matrix is not None:
-        return Weighted(nodes, matrix)
+    # A section inside the body is an area too; a set that holds whole elements is a piece of it.
+    for outer in (True, False) if not elements_within(mesh, nodes).size else (True,):
+        matrix = area_matrix(mesh.points, select(faces, nodes, outer=outer), nodes)
+        if matrix is not None:
+            return Weighted(nodes, matrix)
     if table.weights == "area":
         raise BodyFileError(
-            f'interface {table.name!r}: weights = "area" needs a set that consists of whole element faces on the '
-            f'surface, and {table.nodes!r} does not; add the missing nodes or take weights = "node"'
+            f'interface {table.name!r}: weights = "area" needs a set that consists of whole element faces, '
+            f"on the surface or across the body, and {table.nodes!r} does not; add the missing nodes or take "
+            'weights = "node"'
         )
     return by_node(nodes)
