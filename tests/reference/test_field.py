@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from benchmarks.field import bodies, convergence, mechanisms, motion, others, statics
 
+from flexfmu.methods import Mass
+
 pytestmark = pytest.mark.slow
 
 
@@ -67,9 +69,8 @@ def test_shallow_arches_have_the_limit_load_of_finite_elements(problem):
 
 
 def test_a_hinged_roof_has_the_limit_load_of_finite_elements():
-    """Displacement at 89 % of it is off by 2.4 %."""
     assert errors("roof", "second order, 1 frame", "limit load, N")[0] < 2e-3
-    assert errors("roof", "second order, 1 frame", "displacement")[0] < 0.03
+    assert errors("roof", "second order, 1 frame", "displacement")[0] < 2e-3
 
 
 def test_lee_s_frame_wants_a_cut_and_four_frames_a_part():
@@ -94,7 +95,10 @@ def test_the_spin_up_of_simo_and_vu_quoc_is_right_with_one_frame_and_the_deforme
     assert len(found) == 10
     for (words, deformed), record in found.items():
         if deformed:
-            assert record.error < (0.05 if "stretch" in words else 0.012), words
+            assert record.error < (0.005 if "stretch" in words else 0.01 if "at 5 s" not in words else 0.013), words
+    # There another code's beam differs from the published lag as much.
+    beams = [r for r in others.exudyn_records() if r.quantity == "lag at 5 s, m" and r.model.endswith(" 8 elements")]
+    assert found["lag at 5 s, m", True].ours[0] == pytest.approx(beams[0].ours[0], rel=2e-3)
     assert found["lag at 10 s, m", False].error > 0.25
     assert found["steady stretch, m", False].error > 0.9
 
@@ -131,8 +135,19 @@ def test_a_beam_in_free_flight_keeps_its_momenta_and_energy_and_bends_as_another
 
 def test_kane_s_beam_spins_beyond_twice_its_first_frequency_without_diverging():
     for record in motion.kane_records():
-        if "lag" in record.quantity:
-            assert record.error < 0.03 if "configuration" in record.model else record.error > 0.02
+        if "configuration" in record.model:
+            assert record.error < (0.007 if "lag" in record.quantity else 0.02), record.quantity
+        else:
+            assert record.error > 0.02
+
+
+def test_the_lag_of_kane_s_beam_does_not_depend_on_how_many_modes_there_are():
+    found = [
+        motion.spin_up(motion.rotating_beam(motion.KANE, modes=n), motion.KANE.length, Mass.CONFIGURATION)[0]
+        for n in (24, 40)
+    ]
+    for at in motion.TIMES:
+        np.testing.assert_allclose(found[1][at], found[0][at], rtol=3e-3, atol=1e-5)
 
 
 def test_two_near_rigid_bars_coupled_by_a_spring_fall_as_a_double_pendulum():
