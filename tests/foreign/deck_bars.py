@@ -1,7 +1,8 @@
 """Clamped bars of the elements and materials that only decks have; as a script, it writes deck_bars.csv by CalculiX.
 
 The bar reaches along x from ROOT to TIP, whose nodes take equal shares of a force; CalculiX (ccx 2.20) finds the mean
-displacement of the tip, linear under FORCE and with geometric nonlinearity under LARGE times that.
+displacement of the tip, linear under FORCE and with geometric nonlinearity under LARGE times that, or more for
+elements that lock.
 """
 
 import csv
@@ -18,6 +19,7 @@ HERE = Path(__file__).parent
 SIZE, COUNTS = (1.0, 0.05, 0.1), (10, 2, 2)
 FORCE = np.array([1e3, 2e3, 1e3])
 LARGE = 20.0
+LOCKING = {"wedges": 200.0, "tets": 100.0, "bricks": 60.0}
 STEEL = "*MATERIAL, NAME=M\n*ELASTIC\n2.1e11, 0.3\n*DENSITY\n7850.\n*SOLID SECTION, ELSET=BAR, MATERIAL=M\n"
 PLY = """*MATERIAL, NAME=M
 *ELASTIC, TYPE={kind}
@@ -35,7 +37,12 @@ ANISOTROPIC = """1.5e11, 6.e9, 1.3e10, 5.e9, 5.5e9, 1.1e10, 1.e9, 2.e8
 3.e8, 5.e9, 2.e8, 1.e8, 3.e8, 1.e8, 4.e9, 5.e8
 2.e8, 1.e8, 3.e8, 2.e8, 3.e9"""
 BARS = {
+    "tets": (ElementType.C3D4, STEEL),
+    "bricks": (ElementType.C3D8, STEEL),
     "incompatible": (ElementType.C3D8I, STEEL),
+    "quadratic_tets": (ElementType.C3D10, STEEL),
+    "quadratic_bricks": (ElementType.C3D20, STEEL),
+    "reduced_bricks": (ElementType.C3D20R, STEEL),
     "wedges": (ElementType.C3D6, STEEL),
     "quadratic_wedges": (ElementType.C3D15, STEEL),
     "engineering": (ElementType.C3D20R, PLY.format(kind="ENGINEERING CONSTANTS", constants=CONSTANTS)),
@@ -86,7 +93,8 @@ def write_table(file, bars):
         writer = csv.writer(stream)
         writer.writerow(["bar", "load", "ux_m", "uy_m", "uz_m"])
         for name, (text, tip) in bars.items():
-            for load, factor, options in (("linear", 1.0, ""), ("large", LARGE, ", NLGEOM, INC=100")):
+            large = LOCKING.get(name, LARGE)
+            for load, factor, options in (("linear", 1.0, ""), ("large", large, ", NLGEOM, INC=100")):
                 writer.writerow([name, load, *solved(text, tip, factor, options).tolist()])
 
 
