@@ -14,7 +14,7 @@ GIGA = 1e9
 SUPERLU_BYTES = 40.0
 # PARDISO keeps one factor in blocks: measured 8.2 to 9.
 PARDISO_BYTES = 9.0
-# Vectors of all unknowns that modes and pairs of them take once the factors are there: 110 to 130 measured on a million.
+# Vectors of all unknowns that modes and their pairs take beside the factors: 110 to 150 measured on a million.
 _VECTORS = 150
 _MEMINFO = Path("/proc/meminfo")
 
