@@ -4,11 +4,13 @@ On a terminal a stage is a line that moves; elsewhere (a file, a pipe) a counted
 """
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -216,8 +218,8 @@ def tell_nobody(_done: float) -> None:
 def keeps_interrupts() -> Iterator[None]:
     """Let no Ctrl-C be lost in what is enclosed.
 
-    Python drops a KeyboardInterrupt that rises amid a callback of its own (of a weak reference, or `__del__`). One that
-    was dropped rises anew where a `ConsoleReporter` is told of progress next.
+    Python drops a KeyboardInterrupt that rises amid a callback of its own (of a weak reference, or `__del__`), and
+    prints it. Here it is not printed, and rises anew where a `ConsoleReporter` is told of progress next.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -227,16 +229,24 @@ def keeps_interrupts() -> Iterator[None]:
         yield
         return
 
+    hook = sys.unraisablehook
+
     def note(number: int, frame: FrameType | None) -> None:
         _PRESSED.set()
         signal.default_int_handler(number, frame)
 
+    def dropped(what: Any) -> None:
+        if what.exc_type is not KeyboardInterrupt:
+            hook(what)
+
     _PRESSED.clear()
     signal.signal(signal.SIGINT, note)
+    sys.unraisablehook = dropped
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+        sys.unraisablehook = hook
         _PRESSED.clear()
 
 
