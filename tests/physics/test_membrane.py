@@ -19,13 +19,16 @@ from flexfmu.model.membrane import Membrane
 from flexfmu.progress import Reporter
 from flexfmu.reduction import membrane
 from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING
+from flexfmu.scenes.measure import errors
+from flexfmu.scenes.reference import references
 from references import BEAM, DEMO, L_FRAME, calculix, relative
+from scene_tools import scene_of
 
 SECOND = Method.SECOND_ORDER
 X, Y, Z = np.eye(3)
 LEAN = {"residual_flexibility": True, "second_order": True}
 CLAMPED, ARCH, PLATE = DEMO / "clamped_clamped", DEMO / "shallow_arch", DEMO / "plate"
-ROOF, TUBE = DEMO / "shallow_roof", DEMO / "thin_tube"
+ROOF, TUBE, BRACKET = DEMO / "shallow_roof", DEMO / "thin_tube", DEMO / "bracket"
 CORNERS = ("corner_left", "corner_right")
 
 
@@ -80,6 +83,16 @@ def test_shapes_by_which_a_body_evades_its_stretch_stay_coordinates(reduced, fol
     held = body.membrane
     without = Membrane(held.quadratic[~shapes], held.linear[~shapes], held.sign[~shapes])
     assert error(replace(body, membrane=without), case, {"crown": way}) > 0.15
+
+
+@pytest.mark.parametrize("modes", [3, 6])
+def test_a_body_whose_only_shape_along_itself_bends_as_well_is_not_locked_by_it(reduced, tmp_path, modes):
+    """A bent sheet: static shapes hold its shortening, and turn its material by six times the square of the angle."""
+    text = '[[static]]\nname = "push"\nloads = { "tip.force.x" = 60.0 }\nfactors = [1.0]\n'
+    scene = scene_of(tmp_path, text, BRACKET / "body.toml")
+    body = reduced(BRACKET, modes=modes)
+    assert body.membrane is not None
+    assert errors(scene, references(scene, Reporter()), FlexibleBody(body, SECOND)).static_displacement < 5e-3
 
 
 @pytest.mark.parametrize(("frames", "limit", "without"), [(1, 5e-3, 0.015), (2, 2e-3, 0.013)])

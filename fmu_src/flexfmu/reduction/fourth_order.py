@@ -125,6 +125,16 @@ class FourthOrder:
                 tell(first)
         return 0.5 * (result + result.T)
 
+    def turns(self, forces: FloatArray) -> FloatArray:
+        """Rotation (p,) of the material, rms over its volume, in static responses to nodal forces (3n, p)."""
+        model, count = self.matrices.supported, forces.shape[1]
+        result = np.empty(count)
+        for first in range(0, count, _COLUMNS):
+            part = slice(first, first + _COLUMNS)
+            fields = model.whole(model.static(model.forces(forces[:, part])))
+            result[part] = np.sqrt(np.diag(mean_spin(self._mesh, fields)))
+        return result
+
     def responses(self, forces: FloatArray) -> Responses:
         """Static responses to nodal forces (3n, l) and accelerations along the axes that are no mere stretch."""
         model = self.matrices.supported
