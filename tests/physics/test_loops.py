@@ -132,7 +132,7 @@ def test_frames_that_open_a_loop_that_stretches_are_warned_of():
     report = Notes()
     told = {"frames": 2, "formulation": FormulationTable()}
     reduce_body(config.model_copy(update=told).without_pictures, report)
-    assert any("one frame is more exact" in text for text in report.warnings)
+    assert any("one frame keeps it closed" in text for text in report.warnings)
 
 
 @pytest.mark.parametrize(
