@@ -63,6 +63,7 @@ def counted(tmp_path_factory):
     return library
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", fuzzed.KINDS)
 def test_a_step_allocates_nothing(kind, counted, tmp_path):
     fmu = tmp_path / f"{kind}.fmu"

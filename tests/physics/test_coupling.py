@@ -21,6 +21,8 @@ from flexfmu.master import springs as master_springs
 from flexfmu.progress import progress_words
 from references import BEAM
 
+pytestmark = pytest.mark.slow
+
 MARK = "RESULT "
 
 # A mass on a spring of its own, exact under a load held over the step.
@@ -1043,7 +1045,6 @@ couple(read_coupling_file(Path(sys.argv[1])), Words())
 """
 
 
-@pytest.mark.slow
 def test_a_long_coupling_says_how_far_it_is_and_how_long_it_takes(folder):
     (folder / "told.toml").write_text(experiment("jacobi", 1e-3, 0.02) + pair(), encoding="utf-8")
     done = python(folder, TOLD, "told.toml")

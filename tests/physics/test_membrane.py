@@ -85,6 +85,7 @@ def test_shapes_by_which_a_body_evades_its_stretch_stay_coordinates(reduced, fol
     assert error(replace(body, membrane=without), case, {"crown": way}) > 0.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [3, 6])
 def test_a_body_whose_only_shape_along_itself_bends_as_well_is_not_locked_by_it(reduced, tmp_path, modes):
     """A bent sheet: static shapes hold its shortening, and turn its material by six times the square of the angle."""

@@ -82,6 +82,7 @@ def test_a_page_fetches_nothing(folder):
     assert not re.search(r"""(src|href)\s*=|@import|fetch\(|XMLHttp|https?://""", text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1400, 400])
 @pytest.mark.parametrize("name", ["bent", "modes", "mesh"])
 def test_a_page_draws_the_body_on_desk_and_phone(folder, name, width):
