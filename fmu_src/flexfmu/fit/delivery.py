@@ -27,7 +27,7 @@ from .other_loads import load_names, missed
 
 _TIMINGS = 2
 # Natural logarithm of the ratio of two paces that are the same: timings of one model differ by as much.
-_SAME_PACE = 0.03
+_SAME_PACE = 0.05
 # Part of the static displacement that is missing under a load from which on the user is told.
 _STIFF = 0.1 + 1e-6
 
