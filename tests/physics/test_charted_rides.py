@@ -1,32 +1,14 @@
 """The ride over the bump with every model of the axle's chart: the coupling settles, and the road is followed."""
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 from demo.rear_axle.road.models import chart_models
 
+from road import built, python
+
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
-MARK = "RESULT "
 STOP = 0.1
 MODELS = dict(chart_models())
-# FMUs end up in the process that runs them.
-BEGIN = """
-import sys
-from pathlib import Path
-from demo.rear_axle.road.scene import Ride, build_axle, build_wheel, coil_preload
-from flexfmu.progress import Reporter
-
-folder = Path(sys.argv[1])
-body = build_axle(folder, Reporter())
-build_wheel(folder)
-print("RESULT", coil_preload(body, Ride()))
-"""
 RIDES = """
 import json, shutil, sys
 from pathlib import Path
@@ -49,28 +31,16 @@ print("RESULT", json.dumps(found))
 
 
 @pytest.fixture(scope="module")
-def python(tmp_path_factory):
-    """Run code; modes that it finds are kept from one to the next."""
-    cache = tmp_path_factory.mktemp("cache")
-
-    def run(code, *arguments):
-        command = [sys.executable, "-c", code, *map(str, arguments)]
-        environment = {**os.environ, "FLEXFMU_CACHE": str(cache)}
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=600, check=False, cwd=ROOT, env=environment
-        )
-        lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
-        assert lines, done.stderr
-        return json.loads(lines[-1].removeprefix(MARK))
-
-    return run
+def cache(tmp_path_factory):
+    """Folder of modes that one reduction keeps for the next."""
+    return tmp_path_factory.mktemp("cache")
 
 
 @pytest.fixture(scope="module")
-def scene(python, tmp_path_factory):
+def scene(cache, tmp_path_factory):
     """Folder of the wheel's FMU, and what the coil springs bear before."""
     folder = tmp_path_factory.mktemp("road")
-    return folder, python(BEGIN, folder)
+    return folder, built(folder, cache)
 
 
 def words(reduction):
@@ -85,8 +55,8 @@ def test_the_chart_has_models_of_all_kinds():
 
 
 @pytest.mark.parametrize("place", range(len(MODELS)), ids=[words(reduction) for reduction in MODELS])
-def test_the_ride_over_the_bump_settles_within_a_few_rounds_a_step(python, scene, place):
-    rides = python(RIDES, *scene, place, STOP)
+def test_the_ride_over_the_bump_settles_within_a_few_rounds_a_step(cache, scene, place):
+    rides = python(RIDES, *scene, place, STOP, cache=cache)
     assert len(rides) == len(list(MODELS.values())[place])
     for method, internal_step, found in rides:
         case = f"{method}, {internal_step}: {found}"

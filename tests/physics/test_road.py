@@ -1,10 +1,7 @@
 """The rear axle between car and road under the master: statics that it settles in, symmetry, and arcs of wheels."""
 
 import json
-import subprocess
-import sys
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,22 +12,10 @@ from flexfmu.body import FlexibleBody
 from flexfmu.build import reduce_body
 from flexfmu.config import SupportTable, read_body_file
 from flexfmu.progress import Reporter
+from road import built, python
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
-MARK = "RESULT "
-BUILD = """
-import sys
-from pathlib import Path
-from demo.rear_axle.road.scene import Ride, build_axle, build_wheel, coil_preload
-from flexfmu.progress import Reporter
-
-folder = Path(sys.argv[1])
-body = build_axle(folder, Reporter())
-build_wheel(folder)
-print("RESULT", coil_preload(body, Ride()))
-"""
 RUN = """
 import json, sys
 from pathlib import Path
@@ -47,26 +32,17 @@ print("RESULT", json.dumps({"time": result.time.tolist(), **found}))
 TYRE, CORNERING, RADIUS = 200e3, 12.0, 0.3
 
 
-def python(code, *arguments):
-    """What Python prints in a process of its own, since FMUs end up in it."""
-    command = [sys.executable, "-c", code, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=ROOT)
-    lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
-    assert lines, done.stderr
-    return lines[-1].removeprefix(MARK)
-
-
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     """Folder of the FMUs, and what the coil springs bear before."""
     folder = tmp_path_factory.mktemp("road")
-    return folder, float(python(BUILD, folder))
+    return folder, built(folder)
 
 
 @pytest.fixture(scope="module")
 def drive(scene):
     def run(ride):
-        found = json.loads(python(RUN, *scene, json.dumps(asdict(ride))))
+        found = python(RUN, *scene, json.dumps(asdict(ride)))
         return {name: np.array(values) for name, values in found.items()}
 
     return run
