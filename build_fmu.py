@@ -2,7 +2,7 @@
 
 import sys
 
-from flexfmu.cli import app
+from flexfmu.commands.cli import app
 
 if __name__ == "__main__":
     app(["build", *sys.argv[1:]], prog_name="build_fmu.py")

@@ -19,15 +19,15 @@ from pathlib import Path
 
 import fmpy
 
-from flexfmu.build import reduce_body
-from flexfmu.config import DampingTable, FormulationTable, InterfaceTable, OutputTable, read_body_file
+from flexfmu.build.config import DampingTable, FormulationTable, InterfaceTable, OutputTable, read_body_file
+from flexfmu.build.reduce import reduce_body
 from flexfmu.core import building
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
-from flexfmu.methods import Mass, Method
+from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
-from flexfmu.store import Store
 
 from .fmu_step import INTERFACES, build_empty
 from .records import write_records

@@ -58,11 +58,11 @@ class Record:
 
 def build_body(folder: Path) -> dict[str, Path]:
     """The clamped beam with four interfaces: its FMU by runtime."""
-    from flexfmu.build import reduce_body
-    from flexfmu.config import InterfaceTable, OutputTable, read_body_file
+    from flexfmu.build.config import InterfaceTable, OutputTable, read_body_file
+    from flexfmu.build.reduce import reduce_body
+    from flexfmu.files.progress import Reporter
     from flexfmu.fmu.description import Runtime
     from flexfmu.fmu.package import package_fmu
-    from flexfmu.progress import Reporter
 
     config = read_body_file(ROOT / "demo" / "clamped_beam" / "body.toml")
     stored = {"geometric_stiffness": ["by_load", "by_mode"], "second_order": True}
@@ -171,7 +171,7 @@ def measure(output: Path) -> list[Record]:
     """Build everything, time everything, write the records."""
     import fmpy
 
-    from flexfmu.methods import Method
+    from flexfmu.model.methods import Method
 
     records: list[Record] = []
     with tempfile.TemporaryDirectory() as name:

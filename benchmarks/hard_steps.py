@@ -16,13 +16,13 @@ import numpy as np
 from demo.clamped_beam.run import HERE as BEAM
 from demo.rear_axle.run import HERE as AXLE
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
 from flexfmu.core import StepAnswer
-from flexfmu.methods import Method
-from flexfmu.progress import Reporter
-from flexfmu.store import Store, default_folder
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store, default_folder
+from flexfmu.model.methods import Method
 
 from .records import write_records
 

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
-from flexfmu.progress import Reporter
 
 from .records import write_records
 

@@ -12,13 +12,13 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import FormulationTable, read_body_file
-from flexfmu.figures import BLUE, GREEN, ORANGE, SKY, VERMILION
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import FormulationTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.figures import BLUE, GREEN, ORANGE, SKY, VERMILION
+from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu
-from flexfmu.methods import Method
-from flexfmu.progress import Reporter
+from flexfmu.model.methods import Method
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

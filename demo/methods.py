@@ -16,13 +16,13 @@ import numpy as np
 from demo.fmu_study import reference
 from numpy.typing import NDArray
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import BodyFile, read_body_file
-from flexfmu.methods import Method, has_frames
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import BodyFile, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import EquilibriumError, OptionError
+from flexfmu.model.methods import Method, has_frames
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
 
 HERE = Path(__file__).parent
 FloatArray = NDArray[np.float64]

@@ -20,8 +20,8 @@ from demo.calculix_results import read_displacements
 from demo.calculix_tools import find_ccx
 
 from flexfmu.fe.faces import element_faces
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.units import UnitSystem
 from flexfmu.reduction.surface import surface_nodes
 from flexfmu.view.picture import corner_edges
 

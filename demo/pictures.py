@@ -19,13 +19,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import BodyFile, read_body_file
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.body.recovery import surface_of, surface_places
+from flexfmu.build.config import BodyFile, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import IntArray
-from flexfmu.progress import Reporter
-from flexfmu.recovery import surface_of, surface_places
 from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface, face_normals
 
 HERE = Path(__file__).parent

@@ -6,11 +6,11 @@ import signal
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
-from flexfmu.progress import Reporter
-from flexfmu.store import Store
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store
 from references import BEAM, L_FRAME
 from scene_tools import SMALL_SWEEP, with_results
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from flexfmu.errors import DeckError
-from flexfmu.mesh.deck import read_deck
-from flexfmu.mesh.units import UnitSystem
+from flexfmu.files.errors import DeckError
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.decks.deck import read_deck
 
 NODES = """*NODE, NSET=Nall
 1, 0., 0., 0.

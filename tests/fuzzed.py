@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from bodies import random_body
-from flexfmu.build import reduce_body
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.model import ElementType
-from flexfmu.methods import Mass, Method
+from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, StressSet, Ties
-from flexfmu.progress import Reporter
 from meshes import body_file, box
 
 KINDS = ("plain", "free", "cut", "masses", "stress")

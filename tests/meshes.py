@@ -5,7 +5,7 @@ from itertools import permutations
 
 import numpy as np
 
-from flexfmu.config import BodyFile
+from flexfmu.build.config import BodyFile
 from flexfmu.mesh.model import ElementBlock, ElementType, Material, Mesh
 
 STEEL = Material("STEEL", 2.0e11, 0.3, 7850.0)

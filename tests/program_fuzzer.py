@@ -18,10 +18,10 @@ from flexfmu.core import Core, StepAnswer, StepLimits
 from flexfmu.core import library as core_library
 from flexfmu.core.image import _HEAD, checksum, fields, read_image
 from flexfmu.fmu.python_slave import SlaveError, core_file
-from flexfmu.methods import Mass, Method, missing
 from flexfmu.model.errors import OptionError
+from flexfmu.model.methods import Mass, Method, missing
 from flexfmu.program.compile import compile_program
-from flexfmu.stability.slave import Aboard
+from flexfmu.study.stability.slave import Aboard
 
 # Seconds that one program may take, with every call and under sanitizers.
 PATIENCE = 60

@@ -4,8 +4,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from flexfmu.progress import Reporter
-from flexfmu.scenes.scene import read_scene
+from flexfmu.files.progress import Reporter
+from flexfmu.study.scenes.scene import read_scene
 from references import BEAM, calculix
 
 AXES = "xyz"

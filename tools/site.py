@@ -9,7 +9,7 @@ from typing import Any
 
 def commands() -> str:
     """Help of all commands, in Markdown."""
-    command = [sys.executable, "-m", "typer", "flexfmu.cli", "utils", "docs", "--name", "flexfmu"]
+    command = [sys.executable, "-m", "typer", "flexfmu.commands.cli", "utils", "docs", "--name", "flexfmu"]
     text = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, "COLUMNS": "200"})
     # The page has a title of its own.
     return text.stdout.split("\n", 1)[1]

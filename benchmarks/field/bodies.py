@@ -15,10 +15,10 @@ from demo.mesh_tools import STEEL, BrickMesh, Material, box_mesh, merge, write_m
 from demo.shallow_arch import make_mesh
 from numpy.typing import NDArray
 
-from flexfmu.build import reduce_body
-from flexfmu.config import BodyFile
+from flexfmu.build.config import BodyFile
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
 
 FOLDER = Path(__file__).parent
 DEMO = make_mesh.MODEL_FILE.parent

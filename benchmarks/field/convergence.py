@@ -17,12 +17,12 @@ from demo.methods import CASES, HERE, Case
 
 from benchmarks.field.bodies import FOLDER
 from benchmarks.records import read_records, write_records
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
 
 RECORDS = FOLDER / "convergence.csv"
 PICTURE = FOLDER.parents[1] / "docs" / "figures" / "convergence.png"

@@ -15,13 +15,13 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.field.exudyn_results import SPUN, kept
 from benchmarks.field.records import Record, label
-from flexfmu.body import FlexibleBody, Response, State, StepLimits
-from flexfmu.build import reduce_body
-from flexfmu.config import BodyFile
-from flexfmu.methods import Mass, Method
+from flexfmu.body.flexible_body import FlexibleBody, Response, State, StepLimits
+from flexfmu.build.config import BodyFile
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import StepError
+from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
 
 FloatArray = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from demo.clamped_beam import make_mesh
 from benchmarks.field.exudyn_results import SPUN, kept
 from benchmarks.field.records import Record, label
 from benchmarks.field.statics import ELASTICA
-from flexfmu.body import FlexibleBody, StepLimits
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
-from flexfmu.methods import Mass, Method
-from flexfmu.progress import Reporter
+from flexfmu.body.flexible_body import FlexibleBody, StepLimits
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.model.methods import Mass, Method
 
 SUDDEN = "Clamped beam, sudden 5 kN"
 SUDDEN_WORDS = "tip over 0.25 s, rms"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfmu.body import FlexibleBody
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.model.methods import Method
 
 COLUMNS = (
     "problem", "source", "quantity", "model", "published", "calculix", "ours", "error", "error_calculix", "cost",

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from benchmarks.field import bodies
 from benchmarks.field.bodies import DEMO, FOLDER, INCH, POUND, Body
 from benchmarks.field.records import Record, label, linear_cost, median_time
-from flexfmu.body import FlexibleBody
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.model.errors import EquilibriumError
+from flexfmu.model.methods import Method
 
 FloatArray = NDArray[np.float64]
 # What is tried: the default with few frames, first order with more.

@@ -22,11 +22,11 @@ from demo.fmu_study import (
     static_tip,
 )
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import OutputTable, read_body_file
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import OutputTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import ConsoleReporter, Reporter
 from flexfmu.fmu.simulation import simulate
-from flexfmu.progress import ConsoleReporter, Reporter
 
 HERE = Path(__file__).parent
 FRAMES = (1, 8)

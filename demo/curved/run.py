@@ -12,12 +12,12 @@ import numpy as np
 from demo.curved.make_mesh import HERE, LINES
 from numpy.typing import NDArray
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import MeshTable, read_body_file
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import MeshTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
 
 FloatArray = NDArray[np.float64]
 DEMO = HERE.parent

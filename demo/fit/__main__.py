@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from demo.fit.scenes import DEMONSTRATIONS, Outcome, run
 
-from flexfmu.progress import ConsoleReporter
-from flexfmu.scenes.measure import Errors
-from flexfmu.store import Store
+from flexfmu.files.progress import ConsoleReporter
+from flexfmu.files.store import Store
+from flexfmu.study.scenes.measure import Errors
 
 HEAD = (
     "scene",

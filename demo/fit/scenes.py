@@ -14,17 +14,17 @@ import numpy as np
 from demo.rear_axle.alignment import LEFT, RIGHT, alignment
 from numpy.typing import NDArray
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
-from flexfmu.fit.delivery import Fit
-from flexfmu.fit.search import fit
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
-from flexfmu.scenes.measure import Errors, errors
-from flexfmu.scenes.reference import references
-from flexfmu.scenes.scene import AXES, Scene, read_scene
-from flexfmu.store import Store
+from flexfmu.study.fit.delivery import Fit
+from flexfmu.study.fit.search import fit
+from flexfmu.study.scenes.measure import Errors, errors
+from flexfmu.study.scenes.reference import references
+from flexfmu.study.scenes.scene import AXES, Scene, read_scene
 
 HERE = Path(__file__).parent
 DEMO = HERE.parent

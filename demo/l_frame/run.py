@@ -18,7 +18,7 @@ from demo.fmu_study import (
     static_tip,
 )
 
-from flexfmu.progress import ConsoleReporter, Reporter
+from flexfmu.files.progress import ConsoleReporter, Reporter
 
 HERE = Path(__file__).parent
 FRAMES = (1, 3, 8)

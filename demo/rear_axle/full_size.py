@@ -29,14 +29,14 @@ from demo.rear_axle import make_mesh
 from demo.rear_axle.run import read_reference, solve
 from fmpy.fmi2 import FMU2Slave
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import FormulationTable, MeshTable, read_body_file
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import FormulationTable, MeshTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store
 from flexfmu.fmu.package import package_fmu
-from flexfmu.methods import Method
+from flexfmu.model.methods import Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.progress import Reporter
-from flexfmu.store import Store
 
 HERE = Path(__file__).parent
 # Direction of a force that the table calls only force_N, and words.

@@ -15,11 +15,11 @@ import numpy as np
 from demo.rear_axle.alignment import LEFT, RIGHT, Alignment, FloatArray, alignment, arm_angle
 from demo.tip_face import MOTION_COLUMNS
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import FormulationTable, read_body_file
-from flexfmu.methods import Method
-from flexfmu.progress import ConsoleReporter, Reporter
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import FormulationTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import ConsoleReporter, Reporter
+from flexfmu.model.methods import Method
 
 HERE = Path(__file__).parent
 WHEELS = ("wheel_left", "wheel_right")

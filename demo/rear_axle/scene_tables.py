@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfmu.body import FlexibleBody, StepLimits
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
-from flexfmu.progress import ConsoleReporter
-from flexfmu.store import Store, default_folder
+from flexfmu.body.flexible_body import FlexibleBody, StepLimits
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import ConsoleReporter
+from flexfmu.files.store import Store, default_folder
 
 HERE = Path(__file__).parent
 WHEELS = ("wheel_left", "wheel_right")

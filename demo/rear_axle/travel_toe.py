@@ -13,13 +13,13 @@ import numpy as np
 from demo.rear_axle import make_mesh
 from demo.rear_axle.run import HERE, align, read_reference, solve
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import BodyFile, FrameTable, MeshTable, read_body_file
-from flexfmu.figures import GREEN, ORANGE, PINK, SKY, VERMILION
-from flexfmu.methods import Method
-from flexfmu.progress import ConsoleReporter, Reporter
-from flexfmu.store import Store, default_folder
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import BodyFile, FrameTable, MeshTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.figures import GREEN, ORANGE, PINK, SKY, VERMILION
+from flexfmu.files.progress import ConsoleReporter, Reporter
+from flexfmu.files.store import Store, default_folder
+from flexfmu.model.methods import Method
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

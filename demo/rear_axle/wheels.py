@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from flexfmu.config import InterfaceTable
+from flexfmu.build.config import InterfaceTable
 from flexfmu.fe.faces import area_matrix, element_faces, select
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.units import UnitSystem
 from flexfmu.reduction.interfaces import Interface, fit_interface
 
 FloatArray = NDArray[np.float64]

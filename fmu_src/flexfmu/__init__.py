@@ -4,20 +4,20 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from .body import FlexibleBody, Response, State, StepLimits
-from .methods import Mass, Method
+from .body.flexible_body import FlexibleBody, Response, State, StepLimits
+from .model.methods import Mass, Method
 
 if TYPE_CHECKING:
     from .api import Body, BuiltBody, SimulationResult, load
-    from .choices import Interface, Support
-    from .config import Basis
-    from .given import GivenModes, read_given
-    from .matrices import linear_body
+    from .build.choices import Interface, Support
+    from .build.config import Basis
+    from .files.units import UnitSystem
+    from .given.matrices import linear_body
+    from .given.modes import GivenModes, read_given
+    from .given.packing import pack
+    from .given.sid import read_sid, write_sid
     from .mesh.formats import read_mesh
     from .mesh.model import Mesh
-    from .mesh.units import UnitSystem
-    from .packing import pack
-    from .sid import read_sid, write_sid
 
 __version__ = version("flexfmu")
 __all__ = [
@@ -48,18 +48,18 @@ __all__ = [
 
 # Imported when first asked for: the build side takes a second to load, and a running body does without it.
 _MODULES = {
-    "Basis": ".config",
-    "GivenModes": ".given",
-    "Interface": ".choices",
+    "Basis": ".build.config",
+    "GivenModes": ".given.modes",
+    "Interface": ".build.choices",
     "Mesh": ".mesh.model",
-    "Support": ".choices",
-    "UnitSystem": ".mesh.units",
-    "linear_body": ".matrices",
-    "pack": ".packing",
-    "read_given": ".given",
+    "Support": ".build.choices",
+    "UnitSystem": ".files.units",
+    "linear_body": ".given.matrices",
+    "pack": ".given.packing",
+    "read_given": ".given.modes",
     "read_mesh": ".mesh.formats",
-    "read_sid": ".sid",
-    "write_sid": ".sid",
+    "read_sid": ".given.sid",
+    "write_sid": ".given.sid",
 }
 
 

@@ -1,5 +1,5 @@
 """`python -m flexfmu`: the same as `flexfmu`."""
 
-from .cli import main
+from .commands.cli import main
 
 main()

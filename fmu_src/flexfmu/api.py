@@ -12,9 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .body import FlexibleBody
-from .build import reduce_mesh
-from .choices import (
+from .body.flexible_body import FlexibleBody
+from .build.choices import (
     Interface,
     NodeChoices,
     Nodes,
@@ -26,22 +25,23 @@ from .choices import (
     support_table,
     unit_system,
 )
-from .config import read_body_file
-from .errors import SimulationError
+from .build.config import read_body_file
+from .build.reduce import reduce_mesh
+from .files.errors import SimulationError
+from .files.progress import Reporter
+from .files.store import Store
+from .files.tables import write_table
+from .files.targets import check_target
+from .files.units import UnitSystem
 from .fmu.package import package_fmu, read_packaged_body
 from .fmu.runtime import Runtime
 from .fmu.simulation import simulate
 from .mesh.formats import file_origin, read_mesh
 from .mesh.in_memory import as_mesh
 from .mesh.model import FloatArray, Mesh
-from .mesh.units import UnitSystem
-from .methods import Mass, Method
+from .model.methods import Mass, Method
 from .model.modal_file import write_modal_file
 from .model.reduced_body import ReducedBody
-from .progress import Reporter
-from .store import Store
-from .tables import write_table
-from .targets import check_target
 
 
 class ScriptReporter(Reporter):

@@ -14,20 +14,20 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import flexfmu.pipeline
+import flexfmu.commands.pipeline
 import flexfmu.reduction.basis
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.cli import app
-from flexfmu.config import InterfaceTable
-from flexfmu.errors import BodyFileError, FlexfmuError, MeshError, ModelError
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import InterfaceTable
+from flexfmu.build.reduce import reduce_body
+from flexfmu.commands.cli import app
+from flexfmu.commands.pipeline import build_fmu
 from flexfmu.fe.faces import element_faces
+from flexfmu.files.errors import BodyFileError, FlexfmuError, MeshError, ModelError
+from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.mesh.model import ElementType
 from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file
-from flexfmu.pipeline import build_fmu
-from flexfmu.progress import Reporter
 from flexfmu.reduction.interfaces import fit_interface
 from meshes import BAR, arc, bars, body_file, box, lattice, with_sets, write_deck
 from references import relative
@@ -323,7 +323,7 @@ def test_of_fmu_and_modal_file_both_are_written_or_none(folder, writer, monkeypa
     def fail(*_):
         raise OSError("no space left")
 
-    monkeypatch.setattr(flexfmu.pipeline, writer, fail)
+    monkeypatch.setattr(flexfmu.commands.pipeline, writer, fail)
     before = sorted(folder.iterdir())
     with pytest.raises((OSError, FlexfmuError), match="no space left"):
         build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")

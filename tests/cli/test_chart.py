@@ -10,27 +10,36 @@ import pytest
 from demo.rear_axle import scene_tables
 
 from chromium import opened
-from flexfmu.body import FlexibleBody, StepLimits
-from flexfmu.chart import look
-from flexfmu.chart import sweep as sweeping
-from flexfmu.chart.draw import chart
-from flexfmu.chart.extent import Grid, members
-from flexfmu.chart.front import RATIO, cost_axis, finding, front, pareto_front, plain_front, recommended, tolerance
-from flexfmu.chart.records import LAYOUT, Record
-from flexfmu.chart.sweep import sweep
-from flexfmu.config import read_body_file
-from flexfmu.errors import OutputError, SimulationError
-from flexfmu.fit.body_text import body_text
-from flexfmu.methods import Mass, Method, Variant, has_frames
-from flexfmu.progress import Reporter
-from flexfmu.scenes import fmu_cost
-from flexfmu.scenes.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
-from flexfmu.scenes.config import BasisChoice, SweepTable
-from flexfmu.scenes.errors import SceneError
-from flexfmu.scenes.fmu_cost import FmuTimer
-from flexfmu.scenes.record_file import RecordFile
-from flexfmu.scenes.scene import read_scene
-from flexfmu.scenes.workshop import Workshop
+from flexfmu.body.flexible_body import FlexibleBody, StepLimits
+from flexfmu.build.config import read_body_file
+from flexfmu.files.errors import OutputError, SimulationError
+from flexfmu.files.progress import Reporter
+from flexfmu.model.methods import Mass, Method, Variant, has_frames
+from flexfmu.study.chart import look
+from flexfmu.study.chart import sweep as sweeping
+from flexfmu.study.chart.draw import chart
+from flexfmu.study.chart.extent import Grid, members
+from flexfmu.study.chart.front import (
+    RATIO,
+    cost_axis,
+    finding,
+    front,
+    pareto_front,
+    plain_front,
+    recommended,
+    tolerance,
+)
+from flexfmu.study.chart.records import LAYOUT, Record
+from flexfmu.study.chart.sweep import sweep
+from flexfmu.study.fit.body_text import body_text
+from flexfmu.study.scenes import fmu_cost
+from flexfmu.study.scenes.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
+from flexfmu.study.scenes.config import BasisChoice, SweepTable
+from flexfmu.study.scenes.errors import SceneError
+from flexfmu.study.scenes.fmu_cost import FmuTimer
+from flexfmu.study.scenes.record_file import RecordFile
+from flexfmu.study.scenes.scene import read_scene
+from flexfmu.study.scenes.workshop import Workshop
 from references import BEAM, DEMO
 from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of
 
@@ -231,7 +240,7 @@ def test_records_of_other_code_are_not_continued_and_altered_ones_not_read(tmp_p
     RecordFile(LAYOUT, path, "scene").append(made_up(1, static_displacement=0.0125))
     RecordFile(LAYOUT, path, "scene").append(made_up(2, static_displacement=0.5))
     with monkeypatch.context() as patch:
-        patch.setattr("flexfmu.scenes.record_file.code_digest", lambda module: f"not {module}")
+        patch.setattr("flexfmu.study.scenes.record_file.code_digest", lambda module: f"not {module}")
         with pytest.raises(SceneError, match=r"made by other code.*now not flexfmu\.chart\.sweep"):
             RecordFile(LAYOUT, path, "scene")
     # They can be drawn.

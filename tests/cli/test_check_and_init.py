@@ -7,13 +7,13 @@ import pytest
 from typer.testing import CliRunner
 
 from decks import BODY, COUPLING
-from flexfmu.bores import bores
-from flexfmu.build import reduce_body
-from flexfmu.cli import app
-from flexfmu.config import Place, read_body_file
-from flexfmu.errors import BodyFileError
+from flexfmu.build.bores import bores
+from flexfmu.build.config import Place, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.commands.cli import app
+from flexfmu.files.errors import BodyFileError
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType
-from flexfmu.progress import Reporter
 from flexfmu.reduction.places import node_set
 from meshes import box, grid, lattice, write_deck
 

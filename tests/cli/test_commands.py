@@ -12,15 +12,15 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from bodies import random_body, with_second_order
-from flexfmu.cli import app
-from flexfmu.cost import Cost
-from flexfmu.errors import FlexfmuError
+from flexfmu.commands.cli import app
+from flexfmu.commands.info import cost_table, describe
+from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.plain_data import json_text
+from flexfmu.files.quantities import factor, named, number, unit_of, with_unit
+from flexfmu.files.tables import read_table, write_table
 from flexfmu.fmu.package import package_fmu, read_packaged_body
-from flexfmu.info import cost_table, describe
-from flexfmu.methods import Method, Variant, masses_of
-from flexfmu.plain_data import json_text
-from flexfmu.quantities import factor, named, number, unit_of, with_unit
-from flexfmu.tables import read_table, write_table
+from flexfmu.model.methods import Method, Variant, masses_of
+from flexfmu.study.cost import Cost
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_python_runs_the_package_as_the_command():
 
 def test_shells_complete_the_commands():
     words = {"_FLEXFMU_COMPLETE": "complete_bash", "COMP_WORDS": "flexfmu si", "COMP_CWORD": "1"}
-    code = "from flexfmu.cli import main; main()"
+    code = "from flexfmu.commands.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**words, "PATH": ""})
     assert "simulate" in done.stdout
 

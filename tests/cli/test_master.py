@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from bodies import random_body
-from flexfmu.errors import OutputError, SimulationError
+from flexfmu.files.errors import OutputError, SimulationError
+from flexfmu.files.progress import Reporter
+from flexfmu.files.tables import read_table
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import Result, couple, read_coupling_file, run, write_result
 from flexfmu.master.acceleration import Model, Secants, joined, no_secants, quasi_newton_update
@@ -13,9 +15,7 @@ from flexfmu.master.config import Held, Scheme
 from flexfmu.master.exchange import base_inputs, coupled_inputs, noise
 from flexfmu.master.springs import Springs, backward_rates, energy, loads, losses, relative_motion, tangent
 from flexfmu.master.wiring import wire
-from flexfmu.progress import Reporter
-from flexfmu.rotations import exponential, rotation_vector
-from flexfmu.tables import read_table
+from flexfmu.model.rotations import exponential, rotation_vector
 
 LEAST = """
 [experiment]

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import pytest
 from typer.testing import CliRunner
 
-from flexfmu.cli import app
+from flexfmu.commands.cli import app
+from flexfmu.commands.pipeline import build_fmu
 from flexfmu.mesh.model import ElementType
-from flexfmu.pipeline import build_fmu
 from meshes import BAR, box, write_deck
 
 SCENE = '[[static]]\nname = "bend"\nloads = { "tip.force.y" = 100.0 }\n'
@@ -270,7 +270,7 @@ def sound(tmp_path_factory):
 def answer(folder, mistake, monkeypatch):
     """Exit code and what is said on standard error."""
     if mistake.runs:
-        command = [sys.executable, "-m", "flexfmu.cli", *mistake.arguments]
+        command = [sys.executable, "-m", "flexfmu.commands.cli", *mistake.arguments]
         done = subprocess.run(
             command,
             cwd=folder,
@@ -324,7 +324,7 @@ def test_a_pipe_that_never_ends_is_refused_instead_of_waited_for(name, arguments
     (folder / name).unlink(missing_ok=True)
     os.mkfifo(folder / name)
     before = sorted(path.name for path in folder.iterdir())
-    command = [sys.executable, "-m", "flexfmu.cli", *arguments]
+    command = [sys.executable, "-m", "flexfmu.commands.cli", *arguments]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1
     assert f"{name} cannot be read: it is a pipe or a device" in done.stderr

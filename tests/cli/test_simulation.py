@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
-from flexfmu.body import FlexibleBody
-from flexfmu.errors import OutputError, SimulationError
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.files.errors import OutputError, SimulationError
+from flexfmu.files.tables import read_table, write_table
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.simulation import parse_parameters
-from flexfmu.tables import read_table, write_table
 
 PNG = b"\x89PNG\r\n"
 
@@ -40,7 +40,7 @@ def flexfmu(folder, *arguments):
     """Run the command; what it prints decides, since an FMU's library may disturb the interpreter's exit."""
     environment = {**os.environ, "MPLCONFIGDIR": str(folder), "COLUMNS": "200"}
     return subprocess.run(
-        [sys.executable, "-m", "flexfmu.cli", *map(str, arguments)],
+        [sys.executable, "-m", "flexfmu.commands.cli", *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=120,
@@ -177,9 +177,9 @@ INTERRUPTED = """
 import os, signal, sys, threading
 from contextlib import contextmanager
 from pathlib import Path
-from flexfmu.errors import FlexfmuError
+from flexfmu.files.errors import FlexfmuError
 from flexfmu.fmu.simulation import simulate_csv
-from flexfmu.progress import Reporter
+from flexfmu.files.progress import Reporter
 
 class Impatient(Reporter):
     # Presses Ctrl-C from outside once ten steps are done, so that it comes amid any code.

@@ -11,14 +11,14 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from flexfmu.progress import Reporter
-from flexfmu.scenes.record_file import RecordFile
-from flexfmu.stability import buckling, coupling, picture, rotation
-from flexfmu.stability.maps import chart_stability
-from flexfmu.stability.picture import pictures
-from flexfmu.stability.records import LAYOUT, Run, StabilityError, Verdict, verdict
-from flexfmu.stability.subject import read_subject
-from flexfmu.store import Store
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store
+from flexfmu.study.scenes.record_file import RecordFile
+from flexfmu.study.stability import buckling, coupling, picture, rotation
+from flexfmu.study.stability.maps import chart_stability
+from flexfmu.study.stability.picture import pictures
+from flexfmu.study.stability.records import LAYOUT, Run, StabilityError, Verdict, verdict
+from flexfmu.study.stability.subject import read_subject
 from scene_tools import Listening
 
 pytestmark = pytest.mark.slow
@@ -41,7 +41,7 @@ coupling_steps_per_period = [40.0]
 
 def chart(folder, *arguments, body=DEMO / "clamped_beam" / "body.toml", scene="scene.toml"):
     """Run the command in a folder; what it prints, and its exit code."""
-    code = "from flexfmu.cli import main; main()"
+    code = "from flexfmu.commands.cli import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code, "chart", str(body), "--scene", scene, "--stability", *arguments],
         capture_output=True,
@@ -166,7 +166,7 @@ def test_records_of_another_scene_are_refused(mapped):
 def test_runs_of_other_code_are_not_continued(mapped, monkeypatch):
     folder, _, _ = mapped
     (digest,) = {run.digest for run in LAYOUT.read(folder / "runs.csv")}
-    monkeypatch.setattr("flexfmu.scenes.record_file.code_digest", lambda module: f"not {module}")
+    monkeypatch.setattr("flexfmu.study.scenes.record_file.code_digest", lambda module: f"not {module}")
     with pytest.raises(StabilityError, match=r"made by other code.*now not flexfmu\.stability\.maps"):
         RecordFile(LAYOUT, folder / "runs.csv", digest)
 

@@ -17,13 +17,13 @@ from tools.site import on_page_markdown
 
 import flexfmu as flexfmu_package
 from bodies import beam_body
-from flexfmu.cli import app
-from flexfmu.config import BodyFile
+from flexfmu.build.config import BodyFile
+from flexfmu.commands.cli import app
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master.config import CouplingFile
 from flexfmu.model.arrays import BODY as BODY_ARRAYS
 from flexfmu.model.reduced_body import PARTS
-from flexfmu.scenes.config import SceneFile
+from flexfmu.study.scenes.config import SceneFile
 from references import BEAM
 
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,7 @@ import pytest
 
 import fuzzed
 from bodies import random_body
-from flexfmu.body import FlexibleBody
+from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.core.building import command as compile_command
 from flexfmu.core.building import system_compiler
 from flexfmu.fmu.description import Runtime

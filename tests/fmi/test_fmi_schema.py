@@ -19,12 +19,12 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from bodies import beam_body, random_body
-from flexfmu.config import Basis, InputTable, OutputTable, StressTable
+from flexfmu.build.config import Basis, InputTable, OutputTable, StressTable
 from flexfmu.core.building import PLATFORMS as BINARIES
 from flexfmu.core.building import this_platform
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
-from flexfmu.methods import Method
+from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import Masses, StressSet
 from references import BEAM
 

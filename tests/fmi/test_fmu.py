@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from bodies import LINEAR, Beam, beam_body, random_body
-from flexfmu.body import FlexibleBody, StepLimits
-from flexfmu.errors import PackagingError
+from flexfmu.body.flexible_body import FlexibleBody, StepLimits
+from flexfmu.files.errors import PackagingError
 from flexfmu.fmu import python_slave
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import core_binaries, package_fmu, read_packaged_body
 from flexfmu.model.errors import ContentsError
 from flexfmu.model.modal_file import write_modal_file
-from flexfmu.rotations import exponential
+from flexfmu.model.rotations import exponential
 from masters import description, entries, master, motion
 
 STEP = 1e-3

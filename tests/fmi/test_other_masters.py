@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
-from flexfmu.body import FlexibleBody
+from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 

@@ -14,8 +14,8 @@ from bodies import beam_body
 from flexfmu.core import Core, building
 from flexfmu.core.image import _HEAD, ProgramError, fields, read_image, write_image
 from flexfmu.core.library import library_path
-from flexfmu.methods import Method
 from flexfmu.model.errors import OptionError
+from flexfmu.model.methods import Method
 from flexfmu.program.compile import compile_program
 from program_fuzzer import places, resealed, small_programs
 

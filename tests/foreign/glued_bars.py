@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexfmu.mesh.deck_surfaces import BRICK_FACES, TETRAHEDRON_FACES
+from flexfmu.mesh.decks.surfaces import BRICK_FACES, TETRAHEDRON_FACES
 from flexfmu.mesh.model import ElementType
 from foreign.deck_bars import HERE, SIZE, STEEL, mesh_cards, write_table
 from meshes import box

@@ -5,10 +5,10 @@ from random import Random
 import pytest
 
 from decks import BODY, CAE, COUPLING, PART
-from flexfmu.errors import FlexfmuError
+from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
-from flexfmu.mesh.deck import read_deck
-from flexfmu.mesh.units import UnitSystem
+from flexfmu.mesh.decks.deck import read_deck
 from foreign.deck_bars import PLY
 from foreign.glued_bars import deck
 

@@ -6,8 +6,8 @@ from random import Random
 import pytest
 
 import flexfmu
-from flexfmu.errors import FlexfmuError
-from flexfmu.given import read_given
+from flexfmu.files.errors import FlexfmuError
+from flexfmu.given.modes import read_given
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.formats import read_mesh
 

@@ -10,10 +10,10 @@ from flexfmu.fe.assembly import stiffness
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.fe.unknowns import unknowns
+from flexfmu.files.progress import Reporter
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
-from flexfmu.mesh.deck import read_deck
-from flexfmu.mesh.units import UnitSystem
-from flexfmu.progress import Reporter
+from flexfmu.mesh.decks.deck import read_deck
 from foreign.deck_bars import BARS, FORCE, HERE, LARGE, LOCKING, STEEL, deck
 
 

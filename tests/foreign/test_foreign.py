@@ -10,8 +10,8 @@ import pytest
 
 import flexfmu
 import flexfmu.mesh.checks
-from flexfmu.errors import MeshError
 from flexfmu.fe.assembly import stiffness, volume_matrices
+from flexfmu.files.errors import MeshError
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import ElementType
 from meshes import box

@@ -5,11 +5,11 @@ import pytest
 
 from driven import Driven
 from elastica import MASS, STIFFNESS, heavy_elastica
-from flexfmu.body import FlexibleBody
-from flexfmu.config import InputTable
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import InputTable
 from flexfmu.fmu.description import Runtime
-from flexfmu.methods import Method
 from flexfmu.model.errors import LoadError
+from flexfmu.model.methods import Method
 from references import BEAM
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import FrameTable, read_body_file
-from flexfmu.errors import BodyFileError
-from flexfmu.mesh.units import UnitSystem
-from flexfmu.methods import Method
-from flexfmu.progress import Reporter
-from flexfmu.rotations import exponential
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import FrameTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.errors import BodyFileError
+from flexfmu.files.progress import Reporter
+from flexfmu.files.units import UnitSystem
+from flexfmu.model.methods import Method
+from flexfmu.model.rotations import exponential
 from references import BEAM, calculix, displacement, relative
 
 EXTRA = """*NSET, NSET=ALL

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.model import ElementType
-from flexfmu.progress import Reporter
 from meshes import body_file, box
 from references import relative
 
@@ -69,7 +69,7 @@ def joined(folder, stiffness):
     text = COUPLING.format(force=FORCE, k=stiffness, turning=1e-2 * stiffness)
     file, output = folder / f"{stiffness:g}.toml", folder / f"{stiffness:g}.csv"
     file.write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "flexfmu.cli", "couple", str(file), "--output", str(output)]
+    command = [sys.executable, "-m", "flexfmu.commands.cli", "couple", str(file), "--output", str(output)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     # pythonfmu's library may crash at the interpreter's exit: what counts is the file.
     assert output.exists(), done.stdout + done.stderr

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bodies import LINEAR, Beam, beam_body, random_body
-from flexfmu.body import FlexibleBody, StepLimits
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody, StepLimits
+from flexfmu.model.methods import Method
 
 BEAM = Beam()
 ONE_STEP = StepLimits(tolerance=1e300)

@@ -14,11 +14,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from bodies import beam_body
-from flexfmu.body import FlexibleBody
-from flexfmu.config import Basis, InterfaceTable
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import Basis, InterfaceTable
+from flexfmu.files.progress import progress_words
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import springs as master_springs
-from flexfmu.progress import progress_words
 from references import BEAM
 
 pytestmark = pytest.mark.slow
@@ -115,9 +115,9 @@ FmuBuilder.build_FMU(sys.argv[1], dest=sys.argv[2], canGetAndSetFMUstate=sys.arg
 RUN = """
 import json, sys
 from pathlib import Path
-from flexfmu.errors import FlexfmuError
+from flexfmu.files.errors import FlexfmuError
 from flexfmu.master import couple, read_coupling_file
-from flexfmu.progress import Reporter
+from flexfmu.files.progress import Reporter
 
 
 class Words(Reporter):
@@ -929,9 +929,9 @@ def test_tries_of_a_step_answer_alike_to_loads_that_are_nearly_alike(folder):
 WRITE = """
 import sys
 from pathlib import Path
-from flexfmu.errors import FlexfmuError
+from flexfmu.files.errors import FlexfmuError
 from flexfmu.master import run
-from flexfmu.progress import ConsoleReporter
+from flexfmu.files.progress import ConsoleReporter
 
 try:
     run(Path(sys.argv[1]), Path(sys.argv[2]), ConsoleReporter())
@@ -978,7 +978,7 @@ def test_a_run_that_stops_leaves_an_earlier_result_alone_and_its_own_beside_it(f
 INTERRUPTED = """
 import os, signal, sys, threading
 from flexfmu import cli
-from flexfmu.progress import ConsoleReporter
+from flexfmu.files.progress import ConsoleReporter
 
 # Jobs in the background are started deaf to it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -1030,7 +1030,7 @@ import json, sys
 from contextlib import contextmanager
 from pathlib import Path
 from flexfmu.master import couple, read_coupling_file
-from flexfmu.progress import Reporter
+from flexfmu.files.progress import Reporter
 
 
 class Words(Reporter):

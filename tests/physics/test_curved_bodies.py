@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexfmu import build
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import Basis, BranchTable, InterfaceTable, MeshTable, SupportTable, read_body_file
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build import reduce as build
+from flexfmu.build.config import Basis, BranchTable, InterfaceTable, MeshTable, SupportTable, read_body_file
+from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.assembly import mean_gradient, volume_matrices
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import ElementType
-from flexfmu.methods import Method
-from flexfmu.progress import Reporter
+from flexfmu.model.methods import Method
 from flexfmu.reduction.division import distance_along
 from flexfmu.reduction.subdomains import fitted_rotation, mean_rotation, volume_weighted
 from meshes import arc, body_file, box, distorted

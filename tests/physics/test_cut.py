@@ -11,21 +11,21 @@ from demo.rear_axle.run import CASES, HERE, WHEELS, read_reference
 from demo.rear_axle.run import solve as solve_axle
 from scipy.spatial import cKDTree
 
-from flexfmu.body import FlexibleBody, State, StepLimits
-from flexfmu.build import reduce_body
-from flexfmu.config import CutTable, MeshTable, read_body_file
+from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
+from flexfmu.build.config import CutTable, MeshTable, read_body_file
+from flexfmu.build.reduce import reduce_body
 from flexfmu.core.image import read_image
-from flexfmu.errors import BodyFileError
+from flexfmu.files.errors import BodyFileError
+from flexfmu.files.progress import Reporter
+from flexfmu.files.units import UnitSystem
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import ElementType
-from flexfmu.mesh.units import UnitSystem
-from flexfmu.methods import Mass, Method, missing
 from flexfmu.model.errors import OptionError
+from flexfmu.model.methods import Mass, Method, missing
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.reduced_body import Ties
 from flexfmu.program.compile import compile_program
-from flexfmu.progress import Reporter
 from flexfmu.view.mesh import body_file_view
 from masters import description, master, motion
 from meshes import bars, body_file, with_sets

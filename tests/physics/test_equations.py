@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 import flexfmu
-from flexfmu.errors import ModelError
 from flexfmu.fe.assembly import stiffness
 from flexfmu.fe.faces import area_matrix, element_faces, select
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.stress import point_stress
 from flexfmu.fe.unknowns import unknowns
+from flexfmu.files.errors import ModelError
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
-from flexfmu.mesh.deck import read_deck
-from flexfmu.mesh.units import UnitSystem
+from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.reduction.model import assemble_model
-from flexfmu.scenes.calculix import deck as calculix_deck
+from flexfmu.study.scenes.calculix import deck as calculix_deck
 from foreign.deck_bars import FORCE, LARGE, SIZE
 from foreign.glued_bars import HALVES, deck
 from foreign.test_glued_bars import calculix

@@ -14,30 +14,30 @@ import pytest
 from demo.fit.scenes import DEMONSTRATIONS, judging_scene, run
 from rich.console import Console
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
-from flexfmu.errors import OutputError
-from flexfmu.fit import delivery
-from flexfmu.fit.body_text import body_text
-from flexfmu.fit.branches import Branch, find_branches, spread_joints
-from flexfmu.fit.motion import contributions
-from flexfmu.fit.search import fit
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.commands.info import describe
+from flexfmu.files.errors import OutputError
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store
 from flexfmu.fmu.package import read_packaged_body
-from flexfmu.info import describe
 from flexfmu.mesh.model import ElementType
-from flexfmu.methods import Mass, Method, Variant
-from flexfmu.progress import Reporter
-from flexfmu.scenes.candidates import Reduction, reduction_config
-from flexfmu.scenes.config import BasisChoice
-from flexfmu.scenes.jobs import Crew
-from flexfmu.scenes.measure import errors
-from flexfmu.scenes.pace import StepCost
-from flexfmu.scenes.reference import references
-from flexfmu.scenes.scene import read_scene
-from flexfmu.scenes.subspace import subset
-from flexfmu.scenes.workshop import Workshop
-from flexfmu.store import Store
+from flexfmu.model.methods import Mass, Method, Variant
+from flexfmu.study.fit import delivery
+from flexfmu.study.fit.body_text import body_text
+from flexfmu.study.fit.branches import Branch, find_branches, spread_joints
+from flexfmu.study.fit.motion import contributions
+from flexfmu.study.fit.search import fit
+from flexfmu.study.scenes.candidates import Reduction, reduction_config
+from flexfmu.study.scenes.config import BasisChoice
+from flexfmu.study.scenes.jobs import Crew
+from flexfmu.study.scenes.measure import errors
+from flexfmu.study.scenes.pace import StepCost
+from flexfmu.study.scenes.reference import references
+from flexfmu.study.scenes.scene import read_scene
+from flexfmu.study.scenes.subspace import subset
+from flexfmu.study.scenes.workshop import Workshop
 from meshes import bars, body_file, box, with_sets
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 from scene_tools import BEND, Listening, calculix_results, scene_of, with_results

@@ -8,15 +8,15 @@ from scipy.integrate import solve_bvp
 
 from bodies import Beam, body_of_everything
 from driven import Driven
-from flexfmu.body import FlexibleBody, State, StepLimits
-from flexfmu.build import reduce_body
-from flexfmu.config import InterfaceTable
-from flexfmu.methods import Mass, Method
+from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
+from flexfmu.build.config import InterfaceTable
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import EquilibriumError
+from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.model.rotations import exponential
 from flexfmu.program.variable_table import variable_table
-from flexfmu.progress import Reporter
-from flexfmu.rotations import exponential
 from references import BEAM
 
 BENDING = Beam().bending_stiffness

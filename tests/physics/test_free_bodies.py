@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from flexfmu.body import FlexibleBody, State
-from flexfmu.build import reduce_body
-from flexfmu.config import Basis, FrameTable, InputTable, InterfaceTable, SupportTable
-from flexfmu.errors import ModelError
-from flexfmu.loads import Loads
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.body.loads import Loads
+from flexfmu.build.config import Basis, FrameTable, InputTable, InterfaceTable, SupportTable
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.errors import ModelError
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType, Material
-from flexfmu.methods import Mass, Method
 from flexfmu.model.errors import EquilibriumError, OptionError
-from flexfmu.progress import Reporter
-from flexfmu.rotations import exponential
+from flexfmu.model.methods import Mass, Method
+from flexfmu.model.rotations import exponential
 from meshes import STEEL, body_file, box
 from references import BEAM, relative
 
@@ -178,8 +178,8 @@ def test_a_hinged_beam_swings_like_the_large_angle_pendulum(bodies):
 
 def hinged_beam(config, support):
     """The beam held on the line across its root's middle."""
-    from flexfmu import build
-    from flexfmu.progress import Reporter
+    from flexfmu.build import reduce as build
+    from flexfmu.files.progress import Reporter
 
     original = build.read_mesh
 

@@ -9,18 +9,18 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bodies import beam_body
-from flexfmu import build
-from flexfmu.body import FlexibleBody, State, StepLimits
-from flexfmu.build import reduce_body
-from flexfmu.config import Basis, BodyFile, InputTable, InterfaceTable, MeshTable
-from flexfmu.methods import Mass, Method, Variant, masses_of
+from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
+from flexfmu.build import reduce as build
+from flexfmu.build.config import Basis, BodyFile, InputTable, InterfaceTable, MeshTable
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import ModalFileError, OptionError
 from flexfmu.model.inertia import without_frames
+from flexfmu.model.methods import Mass, Method, Variant, masses_of
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.progress import Reporter
+from flexfmu.model.rotations import exponential
 from flexfmu.reduction import inertia as lumping
 from flexfmu.reduction import piece
-from flexfmu.rotations import exponential
 from reference import Reference
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 

@@ -7,16 +7,16 @@ import pytest
 from demo.loops.calculix.run_calculix import FEET, INTERFACES
 from demo.loops.make_mesh import HERE
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import BodyFile, FormulationTable, read_body_file
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import BodyFile, FormulationTable, read_body_file
+from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.faces import element_faces
+from flexfmu.files.progress import Reporter
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import ElementType
-from flexfmu.mesh.units import UnitSystem
-from flexfmu.methods import Method
-from flexfmu.progress import Reporter
-from flexfmu.reduction.loops import loop_sections
+from flexfmu.model.methods import Method
+from flexfmu.reduction.cut.loops import loop_sections
 from meshes import box, renumbered, with_sets
 from references import DEMO, calculix, displacement, relative
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from flexfmu.body import FlexibleBody, StepLimits
-from flexfmu.build import reduce_body
-from flexfmu.config import OutputTable
-from flexfmu.errors import ModelError
-from flexfmu.info import describe
-from flexfmu.methods import Mass, Method
+from flexfmu.body.flexible_body import FlexibleBody, StepLimits
+from flexfmu.build.config import OutputTable
+from flexfmu.build.reduce import reduce_body
+from flexfmu.commands.info import describe
+from flexfmu.files.errors import ModelError
+from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.membrane import Membrane
-from flexfmu.progress import Reporter
+from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane
 from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING
-from flexfmu.scenes.measure import errors
-from flexfmu.scenes.reference import references
+from flexfmu.study.scenes.measure import errors
+from flexfmu.study.scenes.reference import references
 from references import BEAM, DEMO, L_FRAME, calculix, relative
 from scene_tools import scene_of
 

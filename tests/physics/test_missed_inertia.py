@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from driven import Driven
-from flexfmu.body import FlexibleBody, State
-from flexfmu.build import reduce_body
-from flexfmu.methods import Mass, Method
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import ModalFileError
+from flexfmu.model.methods import Mass, Method
 from flexfmu.program.variable_table import variable_table
-from flexfmu.progress import Reporter
 from references import L_FRAME, relative
 
 MISSED = "diagnostics.inertia_missed"

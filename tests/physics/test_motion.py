@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from bodies import beam_body, body_of_everything, random_body, random_ties
-from flexfmu.body import FlexibleBody, State, StepLimits
+from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.core.image import read_image
-from flexfmu.methods import Mass, Method
+from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
 from flexfmu.program.compile import compile_program
 from reference import Reference

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from flexfmu.config import read_body_file
-from flexfmu.errors import AccuracyError
+from flexfmu.build.config import read_body_file
 from flexfmu.fe.faces import element_faces
 from flexfmu.fe.nonlinear import load_path
+from flexfmu.files.errors import AccuracyError
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import ElementType
-from flexfmu.progress import Reporter
 from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.model import assemble_model
 from meshes import body_file, box

@@ -7,16 +7,16 @@ import pytest
 
 import flexfmu
 from decks import BODY, COUPLING, read, refuse
-from flexfmu.errors import MeshError
 from flexfmu.fe.assembly import volume_matrices
+from flexfmu.files.errors import MeshError
+from flexfmu.files.progress import Reporter
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.model import ElementType, PointMass
-from flexfmu.mesh.units import UnitSystem
-from flexfmu.progress import Reporter
+from flexfmu.model.rotations import skew
 from flexfmu.reduction.masses import body_properties
 from flexfmu.reduction.model import free_motions
 from flexfmu.reduction.point_masses import model_mass, point_mass_matrix
-from flexfmu.rotations import skew
 from foreign.deck_bars import HERE
 from foreign.heavy_bar import COUNT, heavy_deck
 from foreign.test_foreign import nastran

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from bodies import LINEAR, beam_body
-from flexfmu.body import FlexibleBody, State
+from flexfmu.body.flexible_body import FlexibleBody, State
 
 # Undamped, lightly damped, nearly critical from both sides, critical, overdamped.
 DAMPING = [0.0, 1e-6, 0.02, 0.7, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 1.3, 20.0]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType, Material
-from flexfmu.methods import Method
-from flexfmu.progress import Reporter
+from flexfmu.model.methods import Method
 from meshes import body_file, grid, lattice, with_sets
 from references import relative
 

@@ -8,10 +8,10 @@ import pytest
 from demo.rear_axle.road.scene import BEARING, COIL, GRAVITY, HERE, SIDES, Ride
 from scipy.optimize import root
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import SupportTable, read_body_file
-from flexfmu.progress import Reporter
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import SupportTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from road import built, python
 
 pytestmark = pytest.mark.slow

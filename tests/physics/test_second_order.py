@@ -7,11 +7,11 @@ import pytest
 
 from bodies import source_of_judgement
 from elastica import MASS, STIFFNESS, heavy_elastica
-from flexfmu.body import FlexibleBody, State
-from flexfmu.config import Basis, InputTable, InterfaceTable
-from flexfmu.methods import Mass, Method
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.build.config import Basis, InputTable, InterfaceTable
 from flexfmu.model.errors import OptionError
-from flexfmu.rotations import exponential, rotation_vector
+from flexfmu.model.methods import Mass, Method
+from flexfmu.model.rotations import exponential, rotation_vector
 from references import BEAM, L_FRAME, calculix, displacement, relative, rotation
 
 SECOND, BY_LOAD = Method.SECOND_ORDER, Method.STIFFNESS_BY_LOAD

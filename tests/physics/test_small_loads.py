@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType, Material
-from flexfmu.progress import Reporter
-from flexfmu.stability.slave import Aboard, Told
+from flexfmu.study.stability.slave import Aboard, Told
 from meshes import bars, body_file, box, with_sets
 
 WIDTH = 2e-3

@@ -8,12 +8,12 @@ from scipy.integrate import solve_ivp
 
 from bodies import clamped_free_roots, clamped_free_shapes
 from driven import Driven
-from flexfmu.body import FlexibleBody, State, StepLimits
-from flexfmu.build import reduce_body
+from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType
-from flexfmu.methods import Mass, Method
-from flexfmu.progress import Reporter
-from flexfmu.rotations import exponential
+from flexfmu.model.methods import Mass, Method
+from flexfmu.model.rotations import exponential
 from meshes import STEEL, body_file, box, with_sets
 
 BLOCK = np.array([0.3, 0.1, 0.04])

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, source_of_judgement
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType
-from flexfmu.methods import Method
 from flexfmu.model.errors import EquilibriumError
-from flexfmu.progress import Reporter
-from flexfmu.stability.slave import Aboard, Told
+from flexfmu.model.methods import Method
+from flexfmu.study.stability.slave import Aboard, Told
 from meshes import arc, body_file, box, with_sets
 
 BEAM = Beam()

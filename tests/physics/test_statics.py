@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import simpson, solve_bvp
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
-from flexfmu.body import FlexibleBody
+from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.model.errors import EquilibriumError, LoadError
 
 BEAM = Beam()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
-from flexfmu.body import FlexibleBody, StepLimits
+from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.core import StepAnswer
 from flexfmu.model.errors import EquilibriumError, OptionError, StepError
 

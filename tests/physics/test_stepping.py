@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
-from flexfmu.body import FlexibleBody, State, StepLimits
+from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.model.errors import OptionError, StepError
 from reference import Reference
 

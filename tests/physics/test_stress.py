@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from driven import Driven
-from flexfmu.body import FlexibleBody
-from flexfmu.config import StressTable
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import StressTable
 from flexfmu.fe.stress import point_stress
+from flexfmu.files.units import UnitSystem
 from flexfmu.fmu.description import Runtime
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.units import UnitSystem
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from references import BEAM
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.errors import AccuracyError
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.assembly import mass, stiffness, volume_matrices
 from flexfmu.fe.unknowns import unknowns
+from flexfmu.files.errors import AccuracyError
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType
-from flexfmu.progress import Reporter
 from flexfmu.reduction.modes import normal_modes
 from flexfmu.reduction.supported import eliminated, supported
 from meshes import STEEL, body_file, box, held

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bodies import random_body
-from flexfmu.body import FlexibleBody, State, StepLimits
+from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.model.reduced_body import GROUND, Ties
 
 INERTIA, SPRING, LEVER = 0.5, 4000.0, 0.1

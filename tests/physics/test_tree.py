@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bodies import COROTATED, LINEAR, random_body, turning_body, with_second_order
-from flexfmu.body import FlexibleBody, State
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND, Masses, WholeFrame
-from flexfmu.rotations import exponential, skew
+from flexfmu.model.rotations import exponential, skew
 
 H = 1e-5
 # Rotations of a few tenths of a radian in every node, near a full one in some: nothing is small.

@@ -8,7 +8,7 @@ import pytest
 import fuzzed
 from bodies import Beam, beam_body, random_body
 from driven import STATE_HEAD, Driven
-from flexfmu.body import FlexibleBody
+from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.fmu.description import Runtime
 
 BEAM = Beam()

@@ -4,7 +4,7 @@ from copy import copy
 
 import numpy as np
 
-from flexfmu.methods import Mass, Method
+from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
 from reference.rotations import axial, exponential, hat
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import FrameTable, read_body_file
-from flexfmu.methods import Method
-from flexfmu.progress import Reporter
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import FrameTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.model.methods import Method
 from references import BEAM, calculix, displacement, relative, rotation
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.field import bodies, convergence, mechanisms, motion, others, statics
 
-from flexfmu.methods import Mass
+from flexfmu.model.methods import Mass
 
 pytestmark = pytest.mark.slow
 

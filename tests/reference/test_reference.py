@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bodies import body_of_everything, random_ties, turning_body
-from flexfmu.body import FlexibleBody, State
-from flexfmu.methods import Mass, Method, missing
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.model.methods import Mass, Method, missing
 from flexfmu.model.reduced_body import GROUND
-from flexfmu.rotations import exponential
+from flexfmu.model.rotations import exponential
 from reference import Reference
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfmu.config import SupportTable
+from flexfmu.build.config import SupportTable
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.mesh.deck import read_deck
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.model import ElementType
-from flexfmu.mesh.units import UnitSystem
-from flexfmu.progress import Reporter
 from flexfmu.reduction.model import assemble_model
-from flexfmu.scenes import calculix
-from flexfmu.scenes.config import Solver
-from flexfmu.scenes.errors import SceneError
-from flexfmu.scenes.reference import references
-from flexfmu.scenes.whole_model import WholeModel
-from flexfmu.store import Store
+from flexfmu.study.scenes import calculix
+from flexfmu.study.scenes.config import Solver
+from flexfmu.study.scenes.errors import SceneError
+from flexfmu.study.scenes.reference import references
+from flexfmu.study.scenes.whole_model import WholeModel
 from meshes import EVERY_TYPE, STEEL, body_file, box, with_sets
 from scene_tools import BEND, Listening, scene_of
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
-from flexfmu.config import Basis
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import Basis
+from flexfmu.model.methods import Method
 from references import BEAM, calculix, displacement, relative
 
 

@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from flexfmu.config import Basis, read_body_file
-from flexfmu.errors import BodyFileError
-from flexfmu.mesh.units import UnitSystem
-from flexfmu.methods import Data, Mass, Method, Variant, needs
+from flexfmu.build.config import Basis, read_body_file
+from flexfmu.files.errors import BodyFileError
+from flexfmu.files.units import UnitSystem
+from flexfmu.model.methods import Data, Mass, Method, Variant, needs
 
 LEAST = """
 name = "body"

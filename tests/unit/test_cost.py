@@ -1,8 +1,8 @@
 """What a step costs, as `flexfmu info --cost` tells it."""
 
-from flexfmu.cost import step_costs
-from flexfmu.methods import Method, Variant, needs
-from flexfmu.progress import Reporter
+from flexfmu.files.progress import Reporter
+from flexfmu.model.methods import Method, Variant, needs
+from flexfmu.study.cost import step_costs
 from references import BEAM
 
 

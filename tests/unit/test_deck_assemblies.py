@@ -5,13 +5,13 @@ import pytest
 
 from decks import ASSEMBLY, BODY, BRICK, CAE, COUPLING, MATERIAL, NODES, PART, STEEL, line_of, read, refuse, set_labels
 from flexfmu.api import Body
-from flexfmu.config import BodySpec
-from flexfmu.errors import BodyFileError, DeckError
+from flexfmu.build.config import BodySpec
 from flexfmu.fe.faces import element_faces
+from flexfmu.files.errors import BodyFileError, DeckError
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
-from flexfmu.mesh.deck import read_deck
+from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.model import ElementType
-from flexfmu.mesh.units import UnitSystem
 from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.places import node_set

@@ -7,15 +7,15 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.errors import BodyFileError, MeshError
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.assembly import volume_matrices
 from flexfmu.fe.faces import element_faces
+from flexfmu.files.errors import BodyFileError, MeshError
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType
-from flexfmu.methods import Method
+from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND
-from flexfmu.progress import Reporter
 from flexfmu.reduction.division import Branch, distance_along, divide, divide_branches
 from meshes import EVERY_TYPE, arc, bars, body_file, box, lattice, renumbered, with_sets
 from references import relative

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from benchmarks import large
 from scipy.sparse.linalg import splu
 
-from flexfmu.errors import ModelError
 from flexfmu.fe import factorisation, memory
 from flexfmu.fe import unknowns as fe_unknowns
 from flexfmu.fe.assembly import mass, stiffness, summed, volume_matrices
@@ -18,6 +17,7 @@ from flexfmu.fe.elements import face_rule, rule
 from flexfmu.fe.faces import element_faces
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.memory import factor_entries
+from flexfmu.files.errors import ModelError
 from flexfmu.mesh.model import ElementType, Material
 from flexfmu.reduction.supported import eliminated
 from meshes import DECK_TYPES, EVERY_TYPE, QUADRATIC, STEEL, box, distorted

@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 import flexfmu
-from flexfmu.cli import app
-from flexfmu.errors import BodyFileError, FlexfmuError
-from flexfmu.given import GivenModesError
+from flexfmu.commands.cli import app
+from flexfmu.files.errors import BodyFileError, FlexfmuError
+from flexfmu.given.modes import GivenModesError
 from flexfmu.model.errors import OptionError
 from given_bars import LENGTH, MODES, SIDE, bar, eigenmodes, motion
 

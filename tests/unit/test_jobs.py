@@ -10,13 +10,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from flexfmu.chart.records import LAYOUT
-from flexfmu.chart.sweep import measure
-from flexfmu.progress import Reporter
-from flexfmu.scenes.candidates import candidates, grouped
-from flexfmu.scenes.jobs import Crew, JobsError
-from flexfmu.scenes.workshop import Workshop
-from flexfmu.store import Store
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store
+from flexfmu.study.chart.records import LAYOUT
+from flexfmu.study.chart.sweep import measure
+from flexfmu.study.scenes.candidates import candidates, grouped
+from flexfmu.study.scenes.jobs import Crew, JobsError
+from flexfmu.study.scenes.workshop import Workshop
 from scene_tools import SMALL_SWEEP, with_results
 
 
@@ -62,7 +62,7 @@ def test_errors_are_the_same_whoever_measures_them(tmp_path):
 @pytest.mark.slow
 def test_ctrl_c_ends_all_processes_and_leaves_whole_records(tmp_path):
     with_results(tmp_path, SMALL_SWEEP.replace("[1, 2]", "[1, 2, 3, 4, 5, 6, 7, 8]").replace("[3, 6]", "[3, 6, 9, 12]"))
-    code = "from flexfmu.cli import main; main()"
+    code = "from flexfmu.commands.cli import main; main()"
     command = ["chart", "body.toml", "--scene", "scene.toml", "--records", "r.csv", "--bare", "--all", "--jobs", "2"]
     job = subprocess.Popen(
         [sys.executable, "-c", code, *command],

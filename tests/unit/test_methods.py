@@ -10,10 +10,13 @@ import scipy.linalg
 import scipy.optimize
 
 from bodies import beam_body
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
-from flexfmu.methods import (
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.config import read_body_file
+from flexfmu.build.old_keys import OLD_KEYS, replaced
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.model.errors import OptionError
+from flexfmu.model.methods import (
     DEFAULT,
     Division,
     Kinematics,
@@ -30,10 +33,7 @@ from flexfmu.methods import (
     offered,
     recipe_of,
 )
-from flexfmu.model.errors import OptionError
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.old_keys import OLD_KEYS, replaced
-from flexfmu.progress import Reporter
 from references import BEAM, DEMO, calculix, displacement, relative
 
 EULER = np.pi**2 * 2e11 * 0.03**4 / 12.0 / 4.0

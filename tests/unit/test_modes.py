@@ -7,9 +7,9 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 
-from flexfmu.errors import AccuracyError, BodyFileError, ModelError
 from flexfmu.fe.assembly import mass, stiffness, volume_matrices
 from flexfmu.fe.unknowns import unknowns
+from flexfmu.files.errors import AccuracyError, BodyFileError, ModelError
 from flexfmu.mesh.model import ElementType, Material, Mesh
 from flexfmu.reduction.modes import Modes, normal_modes, with_residual_flexibility
 from flexfmu.reduction.supported import eliminated, supported

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import flexfmu.core.library as library
 from binary_files import ARM, X86, libraries
 from bodies import beam_body
-from flexfmu.cli import app
+from flexfmu.commands.cli import app
 from flexfmu.core import binaries
 from flexfmu.core.binaries import core_binaries
 from flexfmu.core.building import (
@@ -33,11 +33,11 @@ from flexfmu.core.building import (
     this_platform,
     zig_compiler,
 )
-from flexfmu.errors import PackagingError
+from flexfmu.files.errors import PackagingError
+from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.model.errors import OptionError
-from flexfmu.progress import Reporter
 
 ROOT = Path(__file__).parents[2]
 MASTER = ROOT / "tests" / "native_master" / "master.c"

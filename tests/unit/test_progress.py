@@ -8,7 +8,7 @@ import time
 import pytest
 from rich.console import Console
 
-from flexfmu.progress import (
+from flexfmu.files.progress import (
     ConsoleReporter,
     Reporter,
     duration_words,

@@ -7,13 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from flexfmu.rotations import (
-    cross,
-    exponential,
-    exponential_and_jacobian,
-    rotation_vector,
-    skew,
-)
+from flexfmu.model.rotations import cross, exponential, exponential_and_jacobian, rotation_vector, skew
 
 # The series hands over to the closed forms at |φ|² = 0.05.
 SWITCH = np.sqrt(0.05)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody, State
-from flexfmu.config import InterfaceTable
-from flexfmu.methods import Method
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.build.config import InterfaceTable
+from flexfmu.model.methods import Method
 from references import BEAM, calculix, displacement, relative
 
 LOADS = {"tip": [-1e3, 8e3, 3e3, 40.0, -150.0, 200.0]}

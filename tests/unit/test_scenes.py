@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
-from flexfmu.methods import Method, Variant
-from flexfmu.progress import Reporter
-from flexfmu.rotations import exponential, rotation_vector
-from flexfmu.scenes.candidates import Reduction
-from flexfmu.scenes.config import BasisChoice
-from flexfmu.scenes.errors import SceneError
-from flexfmu.scenes.measure import equilibria_errors, errors, within
-from flexfmu.scenes.reference import references
-from flexfmu.scenes.scene import read_scene
-from flexfmu.scenes.whole_model import finite_motion
-from flexfmu.scenes.workshop import Workshop
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.files.progress import Reporter
+from flexfmu.model.methods import Method, Variant
+from flexfmu.model.rotations import exponential, rotation_vector
+from flexfmu.study.scenes.candidates import Reduction
+from flexfmu.study.scenes.config import BasisChoice
+from flexfmu.study.scenes.errors import SceneError
+from flexfmu.study.scenes.measure import equilibria_errors, errors, within
+from flexfmu.study.scenes.reference import references
+from flexfmu.study.scenes.scene import read_scene
+from flexfmu.study.scenes.whole_model import finite_motion
+from flexfmu.study.scenes.workshop import Workshop
 from references import BEAM, calculix, displacement, relative
 from scene_tools import BEND, Listening, scene_of, with_results
 

@@ -5,9 +5,9 @@ import pytest
 from typer.testing import CliRunner
 
 import flexfmu
-from flexfmu.cli import app
-from flexfmu.given_checks import checked_modes
-from flexfmu.sid import SidError, mass_integrals
+from flexfmu.commands.cli import app
+from flexfmu.given.checks import checked_modes
+from flexfmu.given.sid import SidError, mass_integrals
 from given_bars import LENGTH, SIDE
 
 DENSITY = 7850.0

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import flexfmu
-from flexfmu.build import reduce_body
-from flexfmu.code_digest import code_digest, imported_modules
-from flexfmu.config import Basis, InterfaceTable, SupportTable, read_body_file
-from flexfmu.progress import Reporter
-from flexfmu.store import Store, content_key, default_folder
+from flexfmu.build.config import Basis, InterfaceTable, SupportTable, read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.code_digest import code_digest, imported_modules
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store, content_key, default_folder
 from references import BEAM
 
 SOURCES = Path(flexfmu.__file__).parent.parent
@@ -153,7 +153,7 @@ def test_other_code_or_libraries_take_nothing(store, monkeypatch):
     for change in ("mode solver", "library"):
         with monkeypatch.context() as patch:
             if change == "library":
-                patch.setattr("flexfmu.code_digest.version", lambda _: "0.0")
+                patch.setattr("flexfmu.files.code_digest.version", lambda _: "0.0")
             else:
                 patch.setattr(Path, "read_bytes", lambda p: plain(p) + b"# another" * (p.name == "modes.py"))
             assert code_digest.__wrapped__("flexfmu.reduction.basis") != known, change
@@ -161,17 +161,17 @@ def test_other_code_or_libraries_take_nothing(store, monkeypatch):
             assert change == "library" or code_digest.__wrapped__("flexfmu.fmu.python_slave") == code_digest(
                 "flexfmu.fmu.python_slave"
             )
-            patch.setattr("flexfmu.store.code_digest", code_digest.__wrapped__)
+            patch.setattr("flexfmu.files.store.code_digest", code_digest.__wrapped__)
             assert build(store)[1] == [], change
 
 
 @pytest.mark.parametrize(
     "module",
     [
-        "build",
+        "build.reduce",
         *(
             pytest.param(name, marks=pytest.mark.slow)
-            for name in ("reduction.basis", "scenes.reference", "chart.sweep", "stability.maps")
+            for name in ("reduction.basis", "study.scenes.reference", "study.chart.sweep", "study.stability.maps")
         ),
     ],
 )
@@ -188,10 +188,10 @@ def test_the_code_of_a_result_is_all_that_its_module_loads(module):
 @pytest.mark.parametrize("file", ["step_tied.c", "internal.h", "fields.def"])
 def test_the_core_is_part_of_the_code_of_what_it_steps_and_of_no_other(file, monkeypatch):
     """Errors of a sweep hang on every line of C; modes do not."""
-    swept, modes = (code_digest.__wrapped__(f"flexfmu.{name}") for name in ("chart.sweep", "reduction.basis"))
+    swept, modes = (code_digest.__wrapped__(f"flexfmu.{name}") for name in ("study.chart.sweep", "reduction.basis"))
     plain = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: plain(path) + b" " * (path.name == file))
-    assert code_digest.__wrapped__("flexfmu.chart.sweep") != swept
+    assert code_digest.__wrapped__("flexfmu.study.chart.sweep") != swept
     assert code_digest.__wrapped__("flexfmu.reduction.basis") == modes
 
 
@@ -203,10 +203,10 @@ def test_a_folder_that_cannot_be_written_is_no_reason_to_fail(tmp_path):
 
 
 def test_the_longest_unused_entries_make_room(tmp_path, monkeypatch):
-    monkeypatch.setattr("flexfmu.store._LARGEST", 27_000)
+    monkeypatch.setattr("flexfmu.files.store._LARGEST", 27_000)
     store = Store(tmp_path)
     for number in range(5):
-        store.arrays(content_key("flexfmu.store", number), "numbers", Reporter(), lambda: {"x": np.zeros(1000)})
+        store.arrays(content_key("flexfmu.files.store", number), "numbers", Reporter(), lambda: {"x": np.zeros(1000)})
     assert len(list(tmp_path.glob("*.npz"))) == 3
 
 

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.body.recovery import surface_places, surface_von_mises
+from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.assembly import volume_matrices
 from flexfmu.fe.initial_strain import strain_forces
 from flexfmu.fe.stress import nodal_stress
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType
-from flexfmu.methods import Method
 from flexfmu.model.errors import OptionError
-from flexfmu.progress import Reporter
-from flexfmu.recovery import surface_places, surface_von_mises
+from flexfmu.model.methods import Method
+from flexfmu.model.rotations import exponential
 from flexfmu.reduction import surface
 from flexfmu.reduction.basis import Matrices
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.modes import normal_modes
-from flexfmu.rotations import exponential
 from meshes import EVERY_TYPE, arc, body_file, box
 from references import BEAM, relative
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from flexfmu.build import reduce_body
-from flexfmu.cli import app
+from flexfmu.build.reduce import reduce_body
+from flexfmu.commands.cli import app
+from flexfmu.commands.pipeline import build_fmu
+from flexfmu.files.progress import Reporter
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.model import ElementType, Material
 from flexfmu.mesh.plausibility import implausible
-from flexfmu.mesh.units import UnitSystem
-from flexfmu.pipeline import build_fmu
-from flexfmu.progress import Reporter
 from meshes import box, write_deck
 
 SIZE = (0.254, 0.0127, 0.0254)
@@ -181,7 +181,7 @@ def test_real_solids_are_not_warned_of_in_any_units(size, modulus, density, unit
 
 
 def test_a_material_that_nothing_uses_and_a_point_in_millimetres_are_warned_of(tmp_path):
-    from flexfmu.config import read_body_file
+    from flexfmu.build.config import read_body_file
 
     path = bar_file(tmp_path, "mm-t-s", interface="point = [254.0, 0.0, 0.0]", materials=True)
     report = Recorder()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from bodies import random_body, with_second_order
-from flexfmu.body import FlexibleBody, StepLimits
+from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.core import building, library
-from flexfmu.methods import Method
+from flexfmu.model.methods import Method
 
 pytestmark = pytest.mark.slow
 

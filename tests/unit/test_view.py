@@ -12,12 +12,12 @@ import pytest
 from typer.testing import CliRunner
 
 from chromium import look
-from flexfmu.body import FlexibleBody
-from flexfmu.build import reduce_body
-from flexfmu.cli import app
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.reduce import reduce_body
+from flexfmu.commands.cli import app
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.model import ElementType
 from flexfmu.model.modal_file import write_modal_file
-from flexfmu.progress import Reporter
 from flexfmu.view.model import shown_factor
 from meshes import body_file, box
 
@@ -50,7 +50,7 @@ def view(*arguments):
 def bent(folder):
     """The bar under a tip force, by the body itself: places, stress, undeformed points."""
     from flexfmu import load
-    from flexfmu.recovery import surface_von_mises
+    from flexfmu.body.recovery import surface_von_mises
 
     body = load(folder / "bar.h5")
     state = body.static({"tip": [0.0, FORCE, 0.0]})

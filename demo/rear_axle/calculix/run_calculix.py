@@ -41,8 +41,8 @@ from demo.rear_axle.alignment import arm_angle
 from demo.rear_axle.wheels import FLANGES, Wheel, wheels
 from demo.tip_face import MOTION_COLUMNS
 
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.units import UnitSystem
 
 HERE = Path(__file__).parent
 

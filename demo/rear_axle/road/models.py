@@ -6,14 +6,14 @@ from pathlib import Path
 
 from demo.rear_axle.road.scene import AXLE_CUT, HERE
 
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store, default_folder
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
-from flexfmu.scenes.candidates import Candidate, Reduction, candidates, reduction_config
-from flexfmu.scenes.scene import read_scene
-from flexfmu.store import Store, default_folder
+from flexfmu.study.scenes.candidates import Candidate, Reduction, candidates, reduction_config
+from flexfmu.study.scenes.scene import read_scene
 
 CHARTED = HERE.parent / "body.toml"
 

@@ -15,9 +15,9 @@ import numpy as np
 from demo.rear_axle.alignment import LEFT, RIGHT, Alignment, FloatArray, alignment, arm_angle
 from demo.rear_axle.road.scene import SIDES, Ride, build_axle, build_wheel, coil_preload, coupling, motion
 
-from flexfmu.figures import BLUE, VERMILION
+from flexfmu.files.figures import BLUE, VERMILION
+from flexfmu.files.progress import ConsoleReporter, Reporter
 from flexfmu.master import Result, couple
-from flexfmu.progress import ConsoleReporter, Reporter
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -9,13 +9,13 @@ import numpy as np
 from demo.rear_axle.alignment import FloatArray
 from pythonfmu.builder import FmuBuilder
 
-from flexfmu.build import reduce_body
-from flexfmu.config import read_body_file
+from flexfmu.build.config import read_body_file
+from flexfmu.build.reduce import reduce_body
+from flexfmu.files.progress import Reporter
+from flexfmu.files.store import Store, default_folder
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import CouplingFile, Result, parse_coupling
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.progress import Reporter
-from flexfmu.store import Store, default_folder
 
 HERE = Path(__file__).parent
 SIDES = ("left", "right")

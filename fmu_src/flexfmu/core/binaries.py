@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from ..errors import PackagingError
-from ..progress import Reporter
-from ..store import default_folder
+from ..files.errors import PackagingError
+from ..files.progress import Reporter
+from ..files.store import default_folder
 from .building import PLATFORMS, compile_core, source_hash, this_platform, zig_compiler
 from .library import SHIPPED, library_path
 

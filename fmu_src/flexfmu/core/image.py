@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FlexfmuError
+from ..files.errors import FlexfmuError
 
 FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
 VERSION = 1

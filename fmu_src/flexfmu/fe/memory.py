@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import ModelError
+from ..files.errors import ModelError
 from ..mesh.model import IntArray
 
 GIGA = 1e9

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import AccuracyError, ModelError
+from ..files.errors import AccuracyError, ModelError
+from ..files.progress import Reporter
 from ..mesh.model import FloatArray, IntArray, Mesh
-from ..progress import Reporter
 from .assembly import CHUNK, assembled, summed
 from .cells import Cells, cells
 from .factorisation import Factorisation, dissection_order

@@ -19,15 +19,15 @@ import pythonfmu
 
 from ..core.binaries import core_binaries
 from ..core.building import FLAGS, PLATFORMS, source_files
-from ..errors import PackagingError
-from ..inputs import Kind, check_input
+from ..files.errors import PackagingError
+from ..files.inputs import Kind, check_input
+from ..files.progress import Reporter
+from ..files.targets import check_target, whole_file
 from ..model.errors import ContentsError, ModalFileError
 from ..model.modal_file import read_modal_file, write_modal_file
 from ..model.reduced_body import ReducedBody
 from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM
 from ..program.programs import guid_of, programs, with_guid
-from ..progress import Reporter
-from ..targets import check_target, whole_file
 from .description import model_description
 from .python_slave import guid_in
 from .runtime import Runtime

@@ -9,13 +9,13 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
-from ..errors import INTERRUPTED, SimulationError
-from ..inputs import Kind, check_input
-from ..names import nearest
+from ..files.errors import INTERRUPTED, SimulationError
+from ..files.inputs import Kind, check_input
+from ..files.names import nearest
+from ..files.progress import Reporter, ends_on_interrupt
+from ..files.tables import number, read_table, write_table
+from ..files.targets import check_target
 from ..program.variables import STEP_TOLERANCE
-from ..progress import Reporter, ends_on_interrupt
-from ..tables import number, read_table, write_table
-from ..targets import check_target
 
 FloatArray = NDArray[np.float64]
 

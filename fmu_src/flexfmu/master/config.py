@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from ..errors import SimulationError
-from ..inputs import Kind
-from ..limits import MOST_COUPLED_STEPS
-from ..toml_files import Name, NotNegative, Table, read_toml, validated
+from ..files.errors import SimulationError
+from ..files.inputs import Kind
+from ..files.limits import MOST_COUPLED_STEPS
+from ..files.toml_files import Name, NotNegative, Table, read_toml, validated
 
 # FMU instances; a dot parts them from their variables.
 Six = Annotated[list[NotNegative], Field(min_length=6, max_length=6)]

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import INTERRUPTED, SimulationError
+from ..files.errors import INTERRUPTED, SimulationError
+from ..files.progress import Reporter, Tell, ends_on_interrupt
+from ..files.targets import check_target
 from ..fmu.simulation import MOST_VALUES
-from ..progress import Reporter, Tell, ends_on_interrupt
-from ..targets import check_target
 from .config import CouplingFile, Scheme, read_coupling_file
 from .exchange import EnergyCount, counted
 from .growth import FED, GrowthWatch, fed

@@ -7,9 +7,9 @@ from pathlib import Path
 import fmpy
 from fmpy.model_description import BaseUnit, ModelVariable
 
-from ..errors import SimulationError
-from ..inputs import Kind, check_input
-from ..names import nearest
+from ..files.errors import SimulationError
+from ..files.inputs import Kind, check_input
+from ..files.names import nearest
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SimulationError
+from ..files.errors import SimulationError
 from .config import SpringTable
 from .descriptions import Description, split
 from .layout import Ends, Response

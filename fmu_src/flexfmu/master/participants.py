@@ -21,7 +21,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from ..errors import SimulationError
+from ..files.errors import SimulationError
 from .layout import Recorded, Role
 from .log import LOGGER, forget_refusals, open_log, quoted, take_back_warnings, warnings_of
 

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..targets import whole_file
+from ..files.targets import whole_file
 
 FloatArray = NDArray[np.float64]
 

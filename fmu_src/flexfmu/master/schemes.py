@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SimulationError
+from ..files.errors import SimulationError
 from .acceleration import Model, Secants, joined, no_secants, quasi_newton_update
 from .config import ExperimentTable, Held, Scheme
 from .exchange import Dampers, base_inputs, coupled_inputs, interface_response, noise

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rotations import exponential, exponential_and_jacobian, rotation_vector, skew
+from ..model.rotations import exponential, exponential_and_jacobian, rotation_vector, skew
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

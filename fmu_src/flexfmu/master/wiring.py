@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SimulationError
-from ..names import nearest
-from ..tables import read_table
+from ..files.errors import SimulationError
+from ..files.names import nearest
+from ..files.tables import read_table
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, StartValue
 from .descriptions import Description, read_description, split, units_differ
 from .ends import Shares, end_names, lay_ends, lay_responses, lay_springs

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from flexfmu.errors import MeshError
+from flexfmu.files.errors import MeshError
 from flexfmu.mesh.equations import coupled_nodes, without
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import ElementBlock, ElementType, FloatArray, IntArray, Mesh

@@ -7,16 +7,16 @@ from typing import Any
 
 import meshio
 
-from flexfmu.errors import MeshError
-from flexfmu.inputs import Kind, check_input
-from flexfmu.mesh.ansys import read_ansys
-from flexfmu.mesh.deck import read_deck
-from flexfmu.mesh.exodus import read_exodus
-from flexfmu.mesh.extras import quiet
+from flexfmu.files.errors import MeshError
+from flexfmu.files.inputs import Kind, check_input
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.in_memory import Contents, from_contents
 from flexfmu.mesh.model import Mesh
-from flexfmu.mesh.nastran import read_nastran
-from flexfmu.mesh.units import UnitSystem
+from flexfmu.mesh.nastran.bulk_data import read_nastran
+from flexfmu.mesh.other.ansys import read_ansys
+from flexfmu.mesh.other.exodus import read_exodus
+from flexfmu.mesh.other.extras import quiet
 
 # Suffixes of files that have a reader of their own; all others are meshio's.
 DECK_SUFFIX = ".inp"

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from flexfmu.files.units import INCH, UnitSystem
 from flexfmu.mesh.model import Material, Mesh
-from flexfmu.mesh.units import INCH, UnitSystem
 
 # Longest side, m: flexible bodies from a flexure hinge to a rotor blade.
 SIZE_RANGE = (2e-3, 100.0)

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..methods import Division, Method, recipe_of
 from .errors import OptionError
+from .methods import Division, Method, recipe_of
 from .reduced_body import GROUND, ReducedBody, WholeFrame
 
 

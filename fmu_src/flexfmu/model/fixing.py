@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..curvature import from_ground
-from ..methods import Method, has_frames
-from ..rotations import skew
+from .curvature import from_ground
 from .errors import OptionError
 from .inertia import without_frames
+from .methods import Method, has_frames
 from .reduced_body import GROUND, ReducedBody, SecondOrder, Surface, WholeFrame
+from .rotations import skew
 
 FloatArray = NDArray[np.float64]
 

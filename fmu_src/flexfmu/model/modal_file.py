@@ -9,9 +9,9 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from ..methods import Mass, Method
 from .arrays import BODY, STRESS, Entry
 from .errors import ModalFileError
+from .methods import Mass, Method
 from .reduced_body import PARTS, ReducedBody, StressSet
 
 FORMAT = "flexfmu modal file"

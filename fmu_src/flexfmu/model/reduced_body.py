@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..methods import DEFAULT, Mass, Method, masses_of
 from .arrays import BODY, INERTIA, MASSES, MEMBRANE, PROPERTIES, SECOND, STRESS, SURFACE, TIES, WHOLE, Entry, settle
 from .errors import ModalFileError
 from .inertia import LumpedMass
 from .membrane import Membrane
+from .methods import DEFAULT, Mass, Method, masses_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

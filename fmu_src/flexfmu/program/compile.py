@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from ..core import Core
 from ..core.image import write_image
-from ..methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
 from ..model.errors import ModalFileError, OptionError
 from ..model.inertia import LumpedMass
+from ..model.methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
 from ..model.reduced_body import GROUND, ReducedBody
-from ..rotations import skew
+from ..model.rotations import skew
 from .tree import Tree, bends, build_tree
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Core
-from ..methods import Mass, Method
+from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody
 from .compile import compile_program, inertial_modes
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from itertools import combinations
 
 from ..core.image import read_image
-from ..methods import Mass, Method, chosen, has_frames, masses_of, offered
 from ..model.division import divided
 from ..model.errors import OptionError
 from ..model.fixing import with_fixed_interfaces
+from ..model.methods import Mass, Method, chosen, has_frames, masses_of, offered
 from ..model.reduced_body import GROUND, ReducedBody
 from .compile import Draft, compile_draft
 from .description import variable_fields

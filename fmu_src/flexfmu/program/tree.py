@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..curvature import relative_curvature
-from ..methods import Kinematics
+from ..model.curvature import relative_curvature
 from ..model.errors import OptionError
 from ..model.inertia import LumpedMass
+from ..model.methods import Kinematics
 from ..model.reduced_body import GROUND, ReducedBody
-from ..rotations import skew
+from ..model.rotations import skew
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

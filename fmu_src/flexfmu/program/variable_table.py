@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from ..core import StepLimits
-from ..methods import Mass, chosen, offered
+from ..model.methods import Mass, chosen, offered
 from ..model.reduced_body import GROUND, ReducedBody
 from .variables import (
     ACCELERATION,

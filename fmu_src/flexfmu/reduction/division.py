@@ -14,8 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ..errors import BodyFileError, MeshError
 from ..fe.faces import FaceBlock
+from ..files.errors import BodyFileError, MeshError
 from ..mesh.equations import coupled_nodes
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND

@@ -12,9 +12,9 @@ from scipy.sparse.csgraph import connected_components
 from ..fe.assembly import volume_matrices
 from ..fe.faces import element_faces
 from ..mesh.model import FloatArray, IntArray, Mesh
-from ..rotations import skew
+from ..model.rotations import skew
+from .cut.loops import SLENDER
 from .division import distance_along, equal_labels, linked
-from .loops import SLENDER
 
 # Slices between the supports and what is farthest from them: bending within one of them is none of the body's.
 _LEVELS = 32

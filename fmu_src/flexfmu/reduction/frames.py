@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..config import Basis, BodySpec, BranchTable, Nodes
+from ..build.config import Basis, BodySpec, BranchTable, Nodes
 from ..fe.faces import FaceBlock
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND, WholeFrame

@@ -7,7 +7,7 @@ import numpy as np
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND
-from ..rotations import skew
+from ..model.rotations import skew
 from .masses import Centre, hung_centre
 from .point_masses import attachment
 from .subdomains import FrameOperators, Subdomain, element_owner, volume_weighted

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..config import InterfaceTable
-from ..errors import BodyFileError
+from ..build.config import InterfaceTable
 from ..fe.faces import FaceBlock, area_matrix, select
+from ..files.errors import BodyFileError
 from ..mesh.model import FloatArray, IntArray, Mesh
 from .places import node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit

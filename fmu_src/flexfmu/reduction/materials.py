@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..config import BodySpec, MaterialTable
-from ..errors import BodyFileError
+from ..build.config import BodySpec, MaterialTable
+from ..files.errors import BodyFileError
+from ..files.units import UnitSystem
 from ..mesh.model import NO_MATERIAL, Material, Mesh
-from ..mesh.units import UnitSystem
 
 KEYS = ("youngs_modulus", "poissons_ratio", "density")
 

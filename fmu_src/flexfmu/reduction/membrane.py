@@ -16,13 +16,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ModelError
 from ..fe.memory import GIGA, free_memory
 from ..fe.quadratic_strain import mean_spin
+from ..files.errors import ModelError
+from ..files.progress import Reporter
+from ..files.store import Store, content_key
 from ..mesh.model import FloatArray, IntArray
 from ..model.membrane import Membrane
-from ..progress import Reporter
-from ..store import Store, content_key
 from .basis import Matrices
 from .fourth_order import FourthOrder, energy_shares, turning_scale
 from .modes import Modes

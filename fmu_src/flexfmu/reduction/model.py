@@ -6,9 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..config import BodySpec
-from ..errors import ModelError
+from ..build.config import BodySpec
 from ..fe.unknowns import Unknowns, unknowns
+from ..files.errors import ModelError
 from ..mesh.checks import connected_parts
 from ..mesh.model import FloatArray, IntArray, Mesh
 from .materials import completed

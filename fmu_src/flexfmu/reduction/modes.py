@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from ..errors import AccuracyError, BodyFileError, ModelError
+from ..files.errors import AccuracyError, BodyFileError, ModelError
 from ..mesh.model import FloatArray, IntArray
 from .supported import Supported
 

@@ -5,20 +5,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..config import BodySpec
-from ..counts import plural
+from ..build.config import BodySpec
 from ..fe.assembly import volume_matrices
 from ..fe.faces import FaceBlock, element_faces
 from ..fe.stress import point_stress
+from ..files.counts import plural
+from ..files.progress import Reporter
+from ..files.store import Store, content_key
 from ..mesh.model import FloatArray
-from ..methods import Data, Mass, has_frames
 from ..model.inertia import LumpedMass
 from ..model.membrane import Membrane
+from ..model.methods import Data, Mass, has_frames
 from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, StressSet, Surface, Ties
-from ..progress import Reporter
-from ..store import Store, content_key
 from .basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
-from .cut import Spring
+from .cut.cut import Spring
 from .frames import body_subdomains, fixable_root, several, whole_frame
 from .inertia import element_lumps, lumped_mass
 from .interfaces import Interface, fit_interface

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config import BodySpec, Nodes, Place
-from ..errors import BodyFileError
+from ..build.config import BodySpec, Nodes, Place
 from ..fe.faces import element_faces
+from ..files.errors import BodyFileError
 from ..mesh.listing import listed
 from ..mesh.model import FloatArray, IntArray, Mesh
 from .sets import named_set

@@ -7,8 +7,8 @@ On a single node A is that node's displacement, and there is nothing that its ro
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import ModelError
 from ..fe.assembly import mass
+from ..files.errors import ModelError
 from ..mesh.model import FloatArray, Mesh, PointMass
 from .rigid_fit import by_node, rigid_fit
 

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..curvature import from_ground, product
 from ..fe.geometric import geometric_stiffness
 from ..mesh.model import ElementType, FloatArray, IntArray, Mesh
+from ..model.curvature import from_ground, product
 from ..model.reduced_body import GROUND, SecondOrder
-from ..rotations import skew
+from ..model.rotations import skew
 from .interfaces import Interface
 from .masses import Centre
 from .rigid_fit import Weighted, rigid_fit

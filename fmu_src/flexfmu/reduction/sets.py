@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from ..errors import BodyFileError
+from ..files.errors import BodyFileError
 from ..mesh.model import IntArray, Mesh
 
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import BodyFileError
 from ..fe.assembly import mean_gradient, scatter
 from ..fe.faces import FaceBlock, area_matrix, select
+from ..files.errors import BodyFileError
 from ..mesh.model import FloatArray, IntArray, Mesh
 from ..model.reduced_body import GROUND
-from ..rotations import skew
+from ..model.rotations import skew
 from .point_masses import point_mass_matrix
 from .rigid_fit import Weighted, by_node, modal_fit, rigid_fit
 

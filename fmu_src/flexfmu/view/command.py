@@ -7,22 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
-from ..body import FlexibleBody
-from ..build import reduce_body
-from ..config import read_body_file
-from ..errors import FlexfmuError
+from ..body.flexible_body import FlexibleBody
+from ..body.loads import Loads
+from ..body.replay import body_with, communication_points, replay
+from ..build.config import read_body_file
+from ..build.reduce import reduce_body
+from ..files.errors import FlexfmuError
+from ..files.inputs import Kind, check_input, kind_of
+from ..files.names import nearest
+from ..files.progress import Reporter
+from ..files.quantities import number, unit_of
+from ..files.store import Store, default_folder
+from ..files.tables import read_table
+from ..files.targets import PICTURE_SUFFIXES, check_target, whole_file
 from ..fmu.package import read_packaged_body
-from ..inputs import Kind, check_input, kind_of
-from ..loads import Loads
 from ..model.reduced_body import FloatArray, IntArray, ReducedBody
-from ..names import nearest
 from ..program.variables import ACCELERATION
-from ..progress import Reporter
-from ..quantities import number, unit_of
-from ..replay import body_with, communication_points, replay
-from ..store import Store, default_folder
-from ..tables import read_table
-from ..targets import PICTURE_SUFFIXES, check_target, whole_file
 from .from_motion import motion_columns, shapes_of_least_energy
 from .mesh import body_file_view, mesh_view
 from .model import Case, View

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..body import FlexibleBody
-from ..errors import FlexfmuError
+from ..body.flexible_body import FlexibleBody
+from ..files.errors import FlexfmuError
+from ..files.progress import Reporter
 from ..model.reduced_body import FloatArray
-from ..progress import Reporter
 
 MOTIONS = tuple(f"{quantity}.{axis}" for quantity in ("displacement", "rotation") for axis in "xyz")
 # Rounds of Newton's method and relative change at which it has settled; relative step of differences.

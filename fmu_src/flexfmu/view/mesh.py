@@ -5,17 +5,17 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..build import check_sets
-from ..config import BodyFile, BodySpec
+from ..build.config import BodyFile, BodySpec
+from ..build.reduce import check_sets
 from ..fe.assembly import volume_matrices
 from ..fe.faces import element_faces
+from ..files.progress import Reporter
+from ..files.units import UnitSystem
 from ..mesh.checks import checked
 from ..mesh.formats import read_mesh
 from ..mesh.model import Mesh
-from ..mesh.units import UnitSystem
 from ..model.reduced_body import GROUND, FloatArray, IntArray
-from ..progress import Reporter
-from ..reduction.cut import cut_loops, cut_parts, part_configs
+from ..reduction.cut.cut import cut_loops, cut_parts, part_configs
 from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface
 from ..reduction.model import Model, assemble_model

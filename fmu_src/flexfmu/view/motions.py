@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..body import FlexibleBody
-from ..counts import plural
-from ..loads import Loads
+from ..body.flexible_body import FlexibleBody
+from ..body.loads import Loads
+from ..body.recovery import surface_of, surface_places, surface_von_mises
+from ..files.counts import plural
+from ..files.progress import Reporter
 from ..model.errors import EquilibriumError, OptionError
 from ..model.reduced_body import GROUND, FloatArray
-from ..progress import Reporter
-from ..recovery import surface_of, surface_places, surface_von_mises
 from .model import STRESS, Case, Mark, MarkKind, Region, View, metres
 
 # Shapes of an oscillation, and of a load that grows.

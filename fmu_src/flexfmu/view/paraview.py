@@ -6,7 +6,7 @@ from xml.sax.saxutils import quoteattr
 import meshio
 import numpy as np
 
-from ..targets import whole_file
+from ..files.targets import whole_file
 from .model import Case, View
 
 

@@ -1,0 +1,1 @@
+"""A body that runs: the Python face of the core."""

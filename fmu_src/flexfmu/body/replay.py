@@ -1,0 +1,155 @@
+"""A body's motion under a table of loads, with its modal coordinates: what its FMU does in a master that holds inputs.
+
+The FMU tells a master only how its interfaces move. It runs the same core as `FlexibleBody`, so that the same loads at
+the same times give the same motion to the last bit; here its state is at hand.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ..core import StepLimits
+from ..files.progress import Reporter
+from ..model.errors import StepError
+from ..model.reduced_body import FloatArray, ReducedBody
+from ..program.variables import (
+    DAMPING_SCALE,
+    FIXED,
+    INITIALIZATION,
+    INTERPOLATION,
+    METHOD,
+    STEP_LIMIT,
+    STEP_MOST,
+    STEP_TOLERANCE,
+    Initialization,
+    Interpolation,
+)
+from .flexible_body import FlexibleBody
+from .loads import Loads
+
+# Relative difference of times that are the same.
+_SAME = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A motion.
+
+    Attributes
+    ----------
+    time : (T,) float
+        s.
+    q : (T, m) float
+        kg^1/2 m.
+    ended : str
+        Why it ended before its time; empty if it did not.
+    """
+
+    time: FloatArray
+    q: FloatArray
+    ended: str = ""
+
+
+def body_with(model: ReducedBody, parameters: Mapping[str, object], method: str | None = None) -> FlexibleBody:
+    """The body as an FMU with some parameters has it; those of watches do not change the motion.
+
+    Parameters
+    ----------
+    model : ReducedBody
+    parameters : mapping of str to float or str
+        By the FMU's names.
+    method : str, optional
+        Goes before that of the parameters.
+
+    Returns
+    -------
+    FlexibleBody
+    """
+
+    def number(name: str, usual: float) -> float:
+        return float(str(parameters.get(name, usual)))
+
+    usual = StepLimits()
+    limits = StepLimits(
+        number(STEP_LIMIT, usual.longest), number(STEP_TOLERANCE, usual.tolerance), number(STEP_MOST, usual.most)
+    )
+    held = [name for name in model.interface_names if str(parameters.get(name + FIXED, "")).lower() in _YES]
+    chosen = method or parameters.get(METHOD)
+    return FlexibleBody(
+        model, None if chosen is None else str(chosen), None, number(DAMPING_SCALE, 1.0), limits, tuple(held)
+    )
+
+
+_YES = ("true", "1", "1.0")
+
+
+def communication_points(times: FloatArray, step: float, stop: float) -> FloatArray:
+    """Times at which a master looks at the body: every step (s), and where the table (rows,) jumps."""
+    start = float(times[0])
+    count = int(np.floor((stop - start) / step * (1.0 + _SAME)))
+    jumps = times[1:][np.diff(times) == 0.0]
+    every = np.concatenate([start + step * np.arange(count + 1), [stop], jumps[(jumps > start) & (jumps < stop)]])
+    every.sort()
+    result: FloatArray = every[np.append(True, np.diff(every) > _SAME * max(step, abs(stop)))]
+    return result
+
+
+def loads_at(table: FloatArray, time: float) -> FloatArray:
+    """Loads (L,) at a time (s): linear between the rows of a table (rows, 1 + L), after a jump where there is one."""
+    times = table[:, 0]
+    after = int(np.searchsorted(times, time + _SAME * abs(time), side="right"))
+    if after == 0 or after == len(times):
+        row: FloatArray = table[min(after, len(times)) - 1 if after else 0, 1:]
+        return row
+    share = max(time - times[after - 1], 0.0) / (times[after] - times[after - 1])
+    result: FloatArray = table[after - 1, 1:] + share * (table[after, 1:] - table[after - 1, 1:])
+    return result
+
+
+def replay(
+    body: FlexibleBody, table: FloatArray, points: FloatArray, parameters: Mapping[str, object], report: Reporter
+) -> Replay:
+    """Step a body through communication points.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    table : (rows, 1 + L) float
+        Time (s), then loads as of `Loads.packed`.
+    points : (T,) float
+        s.
+    parameters : mapping of str to float or str
+        By the FMU's names: initialization and interpolation count.
+    report : Reporter
+
+    Returns
+    -------
+    Replay
+    """
+    interpolation = Interpolation(parameters.get(INTERPOLATION, Interpolation.CONSTANT.value))
+    # fmpy sets the values before a jump for the start, those after it for the first step.
+    before = table[0, 1:]
+    state = body.rest()
+    if Initialization(parameters.get(INITIALIZATION, Initialization.REST.value)) is Initialization.STATIC:
+        state = body.static(Loads.unpacked(before, body.model.interface_count))
+    states, length, ended = [state.q], 0.0, ""
+    with report.counted(f"Follow {body.model.name} to {points[-1]:g} s", len(points) - 1, "steps") as tell:
+        for k, (begin, end) in enumerate(pairwise(points)):
+            now = loads_at(table, float(begin))
+            start, finish = now, now
+            if interpolation is Interpolation.RAMP:
+                start = before
+            elif interpolation is Interpolation.LINEAR and length > 0.0:
+                finish = now + (now - before) * ((end - begin) / length)
+            try:
+                same = np.array_equal(start, finish)
+                state, _ = body.step_packed(state, start, float(end - begin), None if same else finish)
+            except StepError as error:
+                ended = str(error)
+                break
+            states.append(state.q)
+            before, length = now, float(end - begin)
+            tell(k + 1)
+    return Replay(points[: len(states)], np.array(states), ended)

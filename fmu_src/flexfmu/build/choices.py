@@ -1,0 +1,146 @@
+"""What a script says of a body, as a body file would say it: nodes, supports, interfaces, material."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .config import BodySpec
+from ..files.errors import BodyFileError
+from ..mesh.model import FloatArray, IntArray, Mesh
+from ..files.units import UnitSystem
+from ..files.toml_files import validated
+
+Nodes = str | Mapping[str, Any] | Sequence[int] | IntArray | Callable[[FloatArray], Any]
+"""A node set's name, a place as a body file has it, rows of the mesh's points, a mask of them, or a function from
+the points (n, 3), in the mesh's units, to such a mask."""
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """Translations held at zero, or springs to the ground.
+
+    Attributes
+    ----------
+    nodes : Nodes
+    fix : str
+        Of "x", "y", "z", those held.
+    stiffness : 3 float, optional
+        Of springs instead, shared equally by the nodes, N/m.
+    """
+
+    nodes: Nodes
+    fix: str = "xyz"
+    stiffness: Sequence[float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Interface:
+    """Where loads come in and motion goes out.
+
+    Attributes
+    ----------
+    nodes : Nodes
+    point : 3 float, optional
+        Reference point, m; default: the nodes' weighted centre.
+    weights : str
+        "area", "node" or "auto".
+    compliance : bool
+        Whether the FMU offers the interface's compliance over a step.
+    follows : bool
+        Whether force and moment turn with the interface.
+    """
+
+    nodes: Nodes
+    point: Sequence[float] | None = None
+    weights: str = "auto"
+    compliance: bool = False
+    follows: bool = False
+
+
+class NodeChoices:
+    """A mesh to which choices of nodes are added as named sets."""
+
+    def __init__(self, mesh: Mesh, units: UnitSystem):
+        self.mesh = mesh
+        self._units = units
+
+    def name(self, nodes: Nodes, title: str) -> Any:
+        """What a body file would say of these nodes."""
+        if isinstance(nodes, str):
+            return nodes
+        if isinstance(nodes, Mapping):
+            return plain(nodes)
+        count = len(self.mesh.points)
+        chosen = np.asarray(nodes(self.mesh.points / self._units.length) if callable(nodes) else nodes)
+        if chosen.dtype == bool and chosen.shape == (count,):
+            rows = np.flatnonzero(chosen)
+        elif chosen.ndim == 1 and np.issubdtype(chosen.dtype, np.integer) and not callable(nodes):
+            rows = np.unique(chosen).astype(np.int64)
+        else:
+            raise BodyFileError(
+                f"nodes of {title} are an array of shape {chosen.shape} and type {chosen.dtype}, expected a "
+                f"set's name, rows of the mesh's points, or a mask ({count},) of them"
+            )
+        if rows.size and not 0 <= rows[0] <= rows[-1] < count:
+            raise BodyFileError(f"nodes of {title} run from {rows[0]} to {rows[-1]}, expected 0 to {count - 1}")
+        self.mesh = replace(self.mesh, node_sets={**self.mesh.node_sets, title: rows})
+        return title
+
+
+def unit_system(given: UnitSystem | str) -> UnitSystem:
+    """Unit system of its name; BodyFileError without one."""
+    try:
+        return UnitSystem(given)
+    except ValueError as error:
+        known = ", ".join(repr(system.value) for system in UnitSystem)
+        raise BodyFileError(f"units are {given!r}, expected one of {known}") from error
+
+
+def support_table(sets: NodeChoices, given: Support | Nodes, title: str) -> dict[str, Any]:
+    """A table of `[[support]]`; its nodes become a set of the mesh where they are not one."""
+    support = given if isinstance(given, Support) else Support(given)
+    table: dict[str, Any] = {"nodes": sets.name(support.nodes, title)}
+    if support.stiffness is not None:
+        return table | {"stiffness": plain(support.stiffness)}
+    return table | {"fix": list(support.fix)}
+
+
+def interface_table(sets: NodeChoices, name: str, given: Interface | Nodes) -> dict[str, Any]:
+    """A table of `[[interface]]`; its nodes become a set of the mesh where they are not one."""
+    interface = given if isinstance(given, Interface) else Interface(given)
+    return {
+        "name": name,
+        "nodes": sets.name(interface.nodes, f"interface {name}"),
+        "weights": interface.weights,
+        "compliance": interface.compliance,
+        "follows": interface.follows,
+        **({} if interface.point is None else {"point": plain(interface.point)}),
+    }
+
+
+def material_table(given: Sequence[float] | Mapping[str, float]) -> dict[str, Any]:
+    """The table `[material]`."""
+    if isinstance(given, Mapping):
+        return dict(plain(given))
+    keys = ("youngs_modulus", "poissons_ratio", "density")
+    if len(given) != len(keys):
+        raise BodyFileError(f"material is {given!r}, expected three numbers: {', '.join(keys)}")
+    return dict(zip(keys, plain(given), strict=True))
+
+
+def plain(value: Any) -> Any:
+    """The same as numbers, lists and dicts of Python, as a TOML file would give them."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [plain(one) for one in value]
+    return value
+
+
+def checked_spec(data: dict[str, Any]) -> BodySpec:
+    """Specification of what a body file would hold; BodyFileError with every wrong key at once."""
+    return validated(BodySpec, data, BodyFileError, "docs/python.md")

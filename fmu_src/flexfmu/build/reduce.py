@@ -1,0 +1,197 @@
+"""The pipeline: mesh → model → modes → interfaces and frames → reduced body."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from .. import __version__
+from .config import BodyFile, BodySpec
+from ..files.errors import BodyFileError
+from ..fe.assembly import volume_matrices
+from ..mesh.checks import checked
+from ..mesh.formats import file_origin, read_mesh
+from ..mesh.model import FloatArray, Mesh
+from ..mesh.plausibility import implausible
+from ..model.reduced_body import Properties, ReducedBody, Surface
+from ..program.missed_inertia import missed_inertia
+from ..files.progress import Reporter
+from ..reduction.cut.loop_choice import chosen_cuts
+from ..reduction.masses import body_properties
+from ..reduction.materials import needless
+from ..reduction.model import assemble_model
+from ..reduction.cut.parts import reduced_parts
+from ..reduction.piece import reduced_piece
+from ..reduction.places import by_name, node_set
+from ..reduction.sets import element_set
+from ..files.store import Store
+from ..model.summary import first_frequency, summary
+
+# Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
+_HEAVY_DAMPING = 0.3
+# Sizes of the body beyond which a reference point is hardly meant.
+_FAR = 3.0
+NUMBERS = "normal_modes"
+"""Where a body's origin tells the numbers of its normal modes, if the body file chose them."""
+
+
+def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) -> ReducedBody:
+    """Read the mesh of a body file and reduce it; see `reduce_mesh`.
+
+    Parameters
+    ----------
+    config : BodyFile
+        With the mesh's path resolved.
+    report : Reporter
+    store : Store, optional
+
+    Returns
+    -------
+    ReducedBody
+    """
+    file = config.mesh.file
+    with report.stage(f"Read {file.name}"):
+        mesh = read_mesh(file, config.mesh.units)
+    return reduce_mesh(mesh, config, file_origin(file), report, store)
+
+
+def reduce_mesh(
+    mesh: Mesh, config: BodySpec, origin: Mapping[str, str], report: Reporter, store: Store | None = None
+) -> ReducedBody:
+    """Reduce a finite element body.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    config : BodySpec
+    origin : mapping of str to str
+        Where the mesh is from, for the body's provenance.
+    report : Reporter
+    store : Store, optional
+        Where modes and the like are kept from build to build; default: nowhere.
+
+    Returns
+    -------
+    ReducedBody
+
+    Raises
+    ------
+    FlexfmuError
+        Anything that the specification or the mesh does not provide, with what to do.
+    """
+    with report.stage("Check the mesh"):
+        given = config
+        mesh, config = by_name(checked(mesh), config)
+        unused = needless(mesh, config)
+        model = assemble_model(mesh, config)
+        mesh = model.mesh
+        check_sets(config, mesh)
+        properties = body_properties(mesh, volume_matrices(mesh))
+    report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
+    for text in (*mesh.notes, *map(" ".join, summary(properties))):
+        report.note(text)
+    for text in (*implausible(mesh, config.mesh.units), *_distant_points(config, properties)):
+        report.warning(text)
+    if unused:
+        report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
+    store = store or Store()
+    config, model = chosen_cuts(config, model, report, store)
+    mesh = model.mesh
+    if config.cut:
+        body = reduced_parts(config, model, report, store)
+    else:
+        piece = reduced_piece(config, model, report, store)
+        body = piece.body
+        if piece.watched_mass is not None:
+            body = replace(body, missed_inertia=missed_inertia(replace(body, inertia=piece.watched_mass)))
+    damping_ratio = _damping(config.damping.ratio, body.mode_count)
+    first = float(damping_ratio[body.rigid_count])
+    if first > _HEAVY_DAMPING:
+        report.warning(
+            f"damping.ratio = {first:g} of the first mode: it hardly swings; the ratio is a share of critical damping, "
+            "1 % is 0.01"
+        )
+    report.note(f"first frequency {first_frequency(body.angular_frequency)}")
+    if body.surface is not None:
+        report.note(_surface_words(body.surface))
+    return replace(
+        body,
+        damping_ratio=damping_ratio,
+        compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
+        following_interfaces=tuple(table.name for table in config.interface if table.follows),
+        method=config.variant.method,
+        mass=config.variant.mass,
+        velocity_outputs=config.output.velocities,
+        provenance=_provenance(given, mesh, origin),
+        properties=properties,
+    )
+
+
+def _surface_words(surface: Surface) -> str:
+    """What pictures need of the modal file, and how to leave it out."""
+    sizes = {"shapes": surface.modes, "second order": surface.second, "stress": surface.stress}
+    # In single precision.
+    parts = [f"{words} {part.nbytes / 2048:.0f} KiB" for words, part in sizes.items() if part is not None]
+    return f"surface for pictures: {len(surface.points)} points, {', '.join(parts)} ([output] surface, stress)"
+
+
+def _damping(ratio: float | list[float], count: int) -> FloatArray:
+    values = np.asarray(ratio, dtype=np.float64)
+    if values.ndim and values.size != count:
+        raise BodyFileError(
+            f"damping.ratio lists {values.size} values, and the basis has {count} modes, interface modes included"
+        )
+    return np.broadcast_to(values, (count,))
+
+
+def check_sets(config: BodySpec, mesh: Mesh) -> None:
+    """Find every set that will be asked for before the expensive work begins.
+
+    Parameters
+    ----------
+    config : BodySpec
+    mesh : Mesh
+
+    Raises
+    ------
+    BodyFileError
+        Naming the key, the set that is not there, and the nearest that is.
+    """
+    for cut in config.cuts:
+        node_set(mesh, cut.nodes, "[[cut]] nodes")
+    for interface in config.interface:
+        node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")
+    for stress in config.stress:
+        element_set(mesh, stress.elements, f"stress {stress.name!r}, elements")
+    for frame in config.frame:
+        node_set(mesh, frame.nodes, f"frame {frame.name!r}, nodes")
+        if isinstance(frame.joint, str):
+            node_set(mesh, frame.joint, f"frame {frame.name!r}, joint")
+        for name in frame.rotation_points or ():
+            node_set(mesh, name, f"frame {frame.name!r}, rotation_points")
+
+
+def _distant_points(config: BodySpec, properties: Properties) -> list[str]:
+    """Say which reference points lie far from the body: they are in m, whatever the mesh is in."""
+    low, high = properties.box
+    size = float(np.max(high - low))
+    points = [(f"interface {table.name!r}", table.point) for table in config.interface if table.point is not None]
+    return [
+        f"{name}: point = {point} lies {away:.4g} m outside the body, which measures {size:.4g} m; points of the body "
+        f"file are in m (the mesh: {config.mesh.units.factors.length_name})"
+        for name, point in points
+        if (away := float(np.linalg.norm(np.clip(point, low, high) - point))) > _FAR * size
+    ]
+
+
+def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict[str, str]:
+    """Hashes of what went in, and what made it."""
+    return {
+        **origin,
+        "body_sha256": hashlib.sha256(config.model_dump_json(exclude={"mesh": {"file"}}).encode()).hexdigest(),
+        "nodes": str(len(mesh.points)),
+        "elements": str(mesh.element_count),
+        "flexfmu_version": __version__,
+        **({NUMBERS: " ".join(map(str, config.reduction.numbers))} if isinstance(config.reduction.modes, list) else {}),
+    }

@@ -1,0 +1,196 @@
+"""What a mesh offers to a body file: its sets, materials and reference points, and plane ends by place."""
+
+from pathlib import Path
+
+import numpy as np
+
+from .bores import bores
+from .config import BodyFile, Nodes, Place
+from ..fe.assembly import volume_matrices
+from ..fe.faces import element_faces, select
+from ..mesh.model import NO_MATERIAL, FloatArray, IntArray, Mesh
+from ..files.units import UnitSystem
+from ..reduction.materials import KEYS, missing
+from ..reduction.places import node_set
+
+_AXES = ("x", "y", "z")
+# Distance from a plane end of the body, over its longest side, of nodes that lie in it.
+_ON_END = 1e-6
+
+
+def plane_ends(mesh: Mesh) -> dict[str, Place]:
+    """Plane faces of the body at the ends of its bounding box.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    dict of str to Place
+        By a name such as ``"x_min"``; those of the longest side first.
+    """
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    side = high - low
+    faces = element_faces(mesh)
+    found = []
+    for axis, name in enumerate(_AXES):
+        for end, value in (("min", low[axis]), ("max", high[axis])):
+            rows = np.flatnonzero(np.abs(mesh.points[:, axis] - value) <= _ON_END * side.max())
+            if not any(len(block) for block in select(faces, rows, outer=True)):
+                continue
+            normal = [float(axis == other) for other in range(3)]
+            point = [float(value) if axis == other else 0.0 for other in range(3)]
+            found.append((float(side[axis]), f"{name}_{end}", Place(plane=point, normal=normal)))
+    # The sort is stable: of an axis the lower end comes first.
+    return {name: place for _, name, place in sorted(found, key=lambda one: -one[0])}
+
+
+def mesh_lines(mesh: Mesh) -> list[str]:
+    """What is in a mesh, in words: size, elements, sets, materials, reference points, plane ends, bores, notes.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Checked.
+
+    Returns
+    -------
+    list of str
+    """
+    size = " × ".join(f"{side:.4g}" for side in np.ptp(mesh.points, axis=0))
+    kinds = ", ".join(f"{len(block.labels)} {block.type.value}" for block in mesh.blocks)
+    lines = [f"{len(mesh.points)} nodes, elements: {kinds}; {size} m"]
+    bare = sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
+    for material in mesh.materials:
+        lacking = missing(material)
+        lines.append(f"material {material.name}" + (f": lacks {', '.join(lacking)}" if lacking else ""))
+    if bare:
+        lines.append(f"{bare} elements have no material: give [material] with {', '.join(KEYS)}")
+    if mesh.fixed.any():
+        lines.append(f"the file holds {int(mesh.fixed.any(axis=1).sum())} nodes; [mesh] boundary = false lets them go")
+    for name, rows in mesh.node_sets.items():
+        known = {key.upper(): point for key, point in mesh.references.items()}
+        point = known.get(name.upper())
+        about = f", reference point {_point(point)}" if point is not None else f", centre {_centre(mesh, rows)}"
+        lines.append(f"node set {name}: {len(rows)} nodes{about if len(rows) else ''}")
+    lines += [f"element set {name}: {len(rows)} elements" for name, rows in mesh.element_sets.items()]
+    lines += [
+        f"plane end {name}: {len(node_set(mesh, place, name))} nodes, nodes = {_toml(place)}"
+        for name, place in plane_ends(mesh).items()
+    ]
+    for name, place in bores(mesh).items():
+        count = len(node_set(mesh, place, name))
+        lines.append(f"{name}: {count} nodes, radius {place.radius:.5g} m, nodes = {_toml(place)}")
+    return [*lines, *mesh.notes]
+
+
+def mass_lines(mesh: Mesh) -> list[str]:
+    """Volume, mass with masses at points, and centre in words; the mass where every element has a density.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Checked.
+
+    Returns
+    -------
+    list of str
+    """
+    total, volume, moment = 0.0, 0.0, np.zeros(3)
+    density = np.array([*(material.density for material in mesh.materials), np.nan])
+    weighed = not any(np.isnan(density[block.material]).any() for block in mesh.blocks)
+    for block, matrices in zip(mesh.blocks, volume_matrices(mesh), strict=True):
+        nodal = matrices.sum(axis=2)
+        volume += float(nodal.sum())
+        weight = nodal * density[block.material][:, None] if weighed else nodal
+        total += float(weight.sum())
+        moment += np.einsum("ea,eai->i", weight, mesh.points[block.connectivity])
+    lines = [f"volume {volume:.5g} m³"]
+    if weighed:
+        at_points = sum(one.mass for one in mesh.masses)
+        total += at_points
+        moment += sum((one.mass * one.point for one in mesh.masses), np.zeros(3))
+        lines.append(f"mass {total:.5g} kg" + (f", {at_points:.5g} kg of it at points" if mesh.masses else ""))
+    return [*lines, f"centre of {'mass' if weighed else 'volume'} {_point(moment / total)}"]
+
+
+def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
+    """Nodes of each support and interface of a body file.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    config : BodyFile
+
+    Returns
+    -------
+    dict of str to (k,) int
+        By "support 1", "interface tip" and so on.
+
+    Raises
+    ------
+    BodyFileError
+        A set or place without nodes.
+    """
+    choices: list[tuple[str, Nodes]] = [(f"support {n}", table.nodes) for n, table in enumerate(config.support, 1)]
+    choices += [(f"interface {table.name}", table.nodes) for table in config.interface]
+    return {title: node_set(mesh, nodes, title) for title, nodes in choices}
+
+
+def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
+    """Body file to begin with: what the mesh names, its bores, or its plane ends, as support and interfaces.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Checked.
+    file : Path
+        Of the mesh, as the body file is to name it.
+    units : UnitSystem
+
+    Returns
+    -------
+    str
+        TOML.
+    """
+    ends = [(name, _toml(place)) for name, place in plane_ends(mesh).items()]
+    named = [(_name(name), f'"{name}"') for name in mesh.references] or [
+        (_name(name), f'"{name}"') for name in list(mesh.node_sets)[:1] if not ends
+    ]
+    holes = [(name, _toml(place)) for name, place in bores(mesh).items()]
+    support, interfaces = ends[:1], named or holes or ends[1:2] or ends[:1]
+    lines = [f'name = "{_name(file.stem)}"', "frames = 2", "", "[mesh]", f'file = "{file.as_posix()}"']
+    lines.append(f'units = "{units.value}"   # the mesh\'s own; others: {", ".join(u.value for u in UnitSystem)}')
+    bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
+    lacking = [key for key in KEYS if bare or any(key in missing(material) for material in mesh.materials)]
+    if lacking:
+        steel = {"youngs_modulus": 2.1e11 / units.stress, "poissons_ratio": 0.3, "density": 7850.0 / units.density}
+        lines += ["", "[material]   # steel: the mesh file does not tell"]
+        lines += [f"{key} = {steel[key]:.6g}" for key in lacking]
+    if not mesh.fixed.any():
+        lines += ["", "[[support]]", *(f"nodes = {nodes}" for _, nodes in support), 'fix = ["x", "y", "z"]']
+    for name, nodes in interfaces:
+        lines += ["", "[[interface]]", f'name = "{name}"', f"nodes = {nodes}"]
+    sets = ", ".join(mesh.node_sets) or "none"
+    return "\n".join([*lines, "", "[reduction]", "modes = 10", "", f"# node sets of the mesh: {sets}", ""])
+
+
+def _name(text: str) -> str:
+    """Letters, digits and _ of a text, a letter first."""
+    found = "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in text).strip("_")
+    return found if found[:1].isalpha() else f"body_{found}"
+
+
+def _centre(mesh: Mesh, rows: IntArray) -> str:
+    return _point(mesh.points[rows].mean(axis=0)) if len(rows) else ""
+
+
+def _point(place: FloatArray) -> str:
+    return "(" + ", ".join(f"{float(x):.5g}" for x in place) + ") m"
+
+
+def _toml(place: Place) -> str:
+    if place.cylinder is not None:
+        return f"{{ cylinder = {[list(end) for end in place.cylinder]}, radius = {place.radius} }}"
+    return f"{{ plane = {place.plane}, normal = {place.normal} }}"

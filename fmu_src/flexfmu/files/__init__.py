@@ -1,0 +1,1 @@
+"""Files, tables, units, names and progress: what every room needs and no room owns."""

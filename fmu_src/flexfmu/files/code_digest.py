@@ -1,0 +1,105 @@
+"""Which code makes a result: a module, all modules of this package that it imports, and the libraries that count.
+
+Results that are kept on disk are known by it. A version number would not do: it stays the same from change to change.
+"""
+
+import ast
+import hashlib
+from collections.abc import Iterator
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+_PACKAGE = __name__.partition(".")[0]
+_CORE, _COMPILED = f"{_PACKAGE}.core.library", (".c", ".h", ".def")
+_ROOT = Path(__file__).parents[2]
+# Another version of these may give other numbers; the last two need not be there.
+_LIBRARIES = ("numpy", "scipy", "felupe", "pymetis", "pypardiso", "mkl")
+
+
+@cache
+def code_digest(module: str) -> str:
+    """Hash of the code of a module.
+
+    Parameters
+    ----------
+    module : str
+        Full name, such as `__name__`.
+
+    Returns
+    -------
+    str
+        12 hexadecimal digits.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(imported_modules(module)):
+        source = _source(name)
+        # What is compiled belongs to the module that calls it.
+        compiled = [path for path in source.parent.iterdir() if path.suffix in _COMPILED] if name == _CORE else []
+        for path in [source, *sorted(compiled)]:
+            digest.update(f"{name}\0{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+    digest.update(repr([_version(name) for name in _LIBRARIES]).encode())
+    return digest.hexdigest()[:12]
+
+
+def imported_modules(module: str) -> set[str]:
+    """Modules of this package on which a module depends, itself among them; the package's own face left out.
+
+    Parameters
+    ----------
+    module : str
+        Full name.
+
+    Returns
+    -------
+    set of str
+    """
+    found: set[str] = set()
+    left = [module]
+    while left:
+        name = left.pop()
+        if name not in found and name != _PACKAGE:
+            found.add(name)
+            left += _imports(name)
+    return found
+
+
+@cache
+def _imports(module: str) -> tuple[str, ...]:
+    """Modules of this package that a module imports, wherever in its text."""
+    path = _source(module)
+    package = module if path.stem == "__init__" else module.rpartition(".")[0]
+    return tuple(name for node in ast.walk(ast.parse(path.read_bytes())) for name in _named(node, package))
+
+
+def _named(node: ast.AST, package: str) -> Iterator[str]:
+    """Modules of this package that a statement in a module of a package names."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names if alias.name.partition(".")[0] == _PACKAGE)
+    elif isinstance(node, ast.ImportFrom):
+        above = package.split(".")[: len(package.split(".")) + 1 - node.level] if node.level else []
+        base = ".".join([*above, *([node.module] if node.module else [])])
+        if base.partition(".")[0] == _PACKAGE:
+            for alias in node.names:
+                inner = f"{base}.{alias.name}"
+                yield inner if _find(inner) is not None else base
+
+
+@cache
+def _find(module: str) -> Path | None:
+    path = _ROOT.joinpath(*module.split("."))
+    return next((p for p in (path / "__init__.py", path.with_suffix(".py")) if p.is_file()), None)
+
+
+def _source(module: str) -> Path:
+    path = _find(module)
+    if path is None:
+        raise ValueError(f"no source of {module} below {_ROOT}: expected a module of {_PACKAGE}")
+    return path
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return ""

@@ -1,0 +1,336 @@
+"""Modes that another program found: what they are, the files that hold them, and whether they can be true."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.sparse as sp
+
+from ..fe.assembly import mass as mass_matrix
+from ..fe.assembly import volume_matrices
+from ..files.errors import FlexfmuError
+from ..files.inputs import Kind, kind_of
+from ..files.targets import check_target, whole_file
+from ..files.units import UnitSystem
+from ..mesh.checks import checked
+from ..mesh.in_memory import ELEMENT_TYPES
+from ..mesh.listing import listed
+from ..mesh.model import NO_MATERIAL, ElementType, FloatArray, IntArray, Material, Mesh
+
+SUFFIXES = (".npz", ".h5")
+# Relative size of a mode at a node below which it is zero: the node is held.
+_HELD = 1e-9
+
+
+class GivenModesError(FlexfmuError):
+    """Modes, masses or sets that do not belong together."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class GivenModes:
+    """Modes of a body that was reduced elsewhere, in one consistent system of units.
+
+    Attributes
+    ----------
+    nodes : (n, 3) float
+        Undeformed places.
+    modes : (m, n, 3) float
+        Displacements; of any size, see `mass`.
+    frequency : (m,) float
+        Hz; zero, or nearly so, for rigid motions.
+    mass : (n,) float, or sparse (n, n) or (3n, 3n)
+        Lumped, consistent and the same in all directions, or consistent with node by node x, y, z. Modal masses are
+        made one by it.
+    sets : mapping of str to (k,) int
+        Rows of `nodes`.
+    cells : mapping of str to (k, nodes) int, optional
+        Rows of `nodes` by meshio's names of kinds. With them the body divides into frames by itself, and interfaces
+        weigh by area.
+    damping : (m,) float, optional
+        Modal damping ratios.
+    units : UnitSystem
+    name : str
+    """
+
+    nodes: FloatArray
+    modes: FloatArray
+    frequency: FloatArray
+    mass: Any
+    sets: Mapping[str, IntArray] = field(default_factory=dict)
+    cells: Mapping[str, IntArray] = field(default_factory=dict)
+    damping: FloatArray | None = None
+    units: UnitSystem = UnitSystem.SI
+    name: str = "body"
+
+    def __post_init__(self) -> None:
+        """Check shapes, finiteness and numbers of nodes."""
+        nodes, modes, frequency = (np.asarray(v, dtype=float) for v in (self.nodes, self.modes, self.frequency))
+        count, number = len(nodes), len(modes)
+        _expect("nodes", nodes, (count, 3))
+        _expect("modes", modes, (number, count, 3))
+        _expect("frequency", frequency, (number,))
+        if not number or not count:
+            raise GivenModesError(f"{number} modes of {count} nodes, expected at least one mode and one node")
+        mass = sp.csr_array(self.mass) if sp.issparse(self.mass) else np.asarray(self.mass, dtype=float)
+        if mass.shape not in ((count,), (count, count), (3 * count, 3 * count)):
+            raise GivenModesError(
+                f"mass has shape {mass.shape}, expected ({count},) for lumped masses, or a sparse matrix ({count}, "
+                f"{count}) or ({3 * count}, {3 * count})"
+            )
+        values = mass.data if sp.issparse(mass) else mass
+        if not np.isfinite(values).all() or np.any((mass if mass.ndim == 1 else mass.diagonal()) < 0.0):
+            raise GivenModesError("mass holds values that are not finite, or negative masses of nodes")
+        if np.any(frequency < 0.0):
+            raise GivenModesError("frequency holds negative values, expected Hz, zero for rigid motions")
+        sets = {name: np.unique(np.asarray(rows)).astype(np.int64) for name, rows in dict(self.sets).items()}
+        cells = {kind: np.asarray(rows, dtype=np.int64) for kind, rows in dict(self.cells).items()}
+        for title, rows in [
+            *((f"set {k!r}", v) for k, v in sets.items()),
+            *((f"cells {k!r}", v) for k, v in cells.items()),
+        ]:
+            if rows.size and not 0 <= rows.min() <= rows.max() < count:
+                raise GivenModesError(
+                    f"{title} has rows {rows.min()} to {rows.max()}, expected 0 to {count - 1}: rows of nodes, counted "
+                    "from zero, not the other program's numbers"
+                )
+        damping = None if self.damping is None else np.asarray(self.damping, dtype=float)
+        if damping is not None:
+            _expect("damping", damping, (number,))
+        order = np.argsort(frequency, kind="stable")
+        values_of = {
+            "nodes": nodes, "modes": modes[order], "frequency": frequency[order], "mass": mass, "sets": sets,
+            "cells": cells, "damping": None if damping is None else damping[order], "units": UnitSystem(self.units),
+        }  # fmt: skip
+        for key, value in values_of.items():
+            object.__setattr__(self, key, value)
+
+    @classmethod
+    def of_mesh(cls, mesh: Mesh, labels: Any, modes: Any, frequency: Any, density: float | None = None) -> "GivenModes":
+        """Modes of a mesh that flexfmu reads: nodes, cells, sets and the consistent mass are the mesh's.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            In SI units, as `flexfmu.read_mesh` gives it.
+        labels : (k,) int
+            The other program's numbers of the nodes in `modes`.
+        modes : (m, k, 3) float
+            Of any size.
+        frequency : (m,) float
+            Hz.
+        density : float, optional
+            kg/m³, of elements to which the mesh gives no material.
+
+        Returns
+        -------
+        GivenModes
+
+        Raises
+        ------
+        GivenModesError
+            Nodes of the mesh that the modes lack, or elements without density.
+        """
+        mesh = checked(mesh)
+        order = np.argsort(labels)
+        place = np.searchsorted(np.asarray(labels)[order], mesh.labels)
+        there = order[np.minimum(place, len(order) - 1)]
+        lacking = mesh.labels[np.asarray(labels)[there] != mesh.labels]
+        if lacking.size:
+            raise GivenModesError(f"the modes lack nodes of the mesh: {listed(lacking)}; write results of all nodes")
+        bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
+        bare = bare or any(np.isnan(material.density) for material in mesh.materials)
+        if bare and density is None:
+            raise GivenModesError("elements of the mesh have no material: give their density, kg/m³")
+        told = [replace(m, density=density or 1.0) if np.isnan(m.density) else m for m in mesh.materials]
+        materials = (*told, Material("given", 1.0, 0.0, density or 1.0))
+        blocks = tuple(
+            replace(block, material=np.where(block.material == NO_MATERIAL, len(mesh.materials), block.material))
+            for block in mesh.blocks
+        )
+        heavy = replace(mesh, materials=materials, blocks=blocks)
+        mass = mass_matrix(heavy, volume_matrices(heavy))
+        names = {kind: name for name, kind in ELEMENT_TYPES.items()} | {
+            ElementType.C3D20: "hexahedron20",
+            ElementType.C3D8I: "hexahedron",
+            ElementType.C3D6: "wedge",
+            ElementType.C3D15: "wedge15",
+        }
+        cells: dict[str, list[IntArray]] = {}
+        for block in mesh.blocks:
+            cells.setdefault(names[block.type], []).append(block.connectivity)
+        return cls(
+            mesh.points,
+            np.asarray(modes, dtype=float)[:, there],
+            frequency,
+            mass,
+            mesh.node_sets,
+            {name: np.concatenate(parts) for name, parts in cells.items()},
+        )
+
+    def __repr__(self) -> str:
+        """Name and size."""
+        return (
+            f"<GivenModes of {self.name!r}: {len(self.modes)} modes of {len(self.nodes)} nodes, "
+            f"{self.frequency[0]:.4g} to {self.frequency[-1]:.4g} Hz; sets {', '.join(self.sets) or 'none'}>"
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the modes as .npz or .h5 (docs/given-modes.md).
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        Path
+        """
+        target = Path(path)
+        check_target(target, SUFFIXES)
+        contents: dict[str, Any] = {"nodes": self.nodes, "modes": self.modes, "frequency": self.frequency}
+        if sp.issparse(self.mass):
+            entries = self.mass.tocoo()
+            contents |= {"mass_row": entries.row, "mass_column": entries.col, "mass_value": entries.data}
+            contents["mass_size"] = np.array(entries.shape[0])
+        else:
+            contents["mass"] = self.mass
+        if self.damping is not None:
+            contents["damping"] = self.damping
+        contents |= {f"set_{name}": rows for name, rows in self.sets.items()}
+        contents |= {f"cells_{kind}": rows for kind, rows in self.cells.items()}
+        contents |= {"units": np.array(self.units.value), "name": np.array(self.name)}
+        with whole_file(target) as part:
+            if target.suffix.lower() == ".npz":
+                np.savez_compressed(part, **contents)
+            else:
+                with h5py.File(part, "w") as file:
+                    for key, value in contents.items():
+                        file[key] = str(value) if value.dtype.kind == "U" else value
+        return target
+
+    @property
+    def in_si(self) -> "GivenModes":
+        """The same in SI units."""
+        units = self.units
+        kilograms = units.density * units.length**3
+        return replace(self, nodes=self.nodes * units.length, mass=self.mass * kilograms, units=UnitSystem.SI)
+
+    @property
+    def shapes(self) -> FloatArray:
+        """Modes (3n, m) as columns."""
+        return self.modes.reshape(len(self.modes), -1).T
+
+    @property
+    def nodal_mass(self) -> FloatArray:
+        """Mass (n,) of each node; of a consistent matrix its diagonal, scaled to the body's mass.
+
+        Sums of rows would be negative at corners of elements of second order.
+        """
+        if not sp.issparse(self.mass):
+            return np.asarray(self.mass)
+        directions = self.mass.shape[0] // len(self.nodes)
+        diagonal = self.mass.diagonal().reshape(-1, directions).mean(axis=1)
+        result: FloatArray = diagonal * (self.mass.sum() / directions / diagonal.sum())
+        return result
+
+    @property
+    def held(self) -> IntArray:
+        """Nodes (k,) that no mode moves."""
+        size = np.abs(self.modes).max(axis=(1, 2), keepdims=True)
+        found: IntArray = np.flatnonzero(np.all(np.abs(self.modes) <= _HELD * size, axis=(0, 2)))
+        return found
+
+    def momentum(self, shapes: FloatArray) -> FloatArray:
+        """Mass times shapes (3n, k), (3n, k)."""
+        if sp.issparse(self.mass) and self.mass.shape[0] == shapes.shape[0]:
+            return np.asarray(self.mass @ shapes)
+        nodal = shapes.reshape(len(self.nodes), -1)
+        product = self.mass @ nodal if sp.issparse(self.mass) else self.mass[:, None] * nodal
+        return np.asarray(product).reshape(shapes.shape)
+
+
+def _expect(name: str, value: FloatArray, shape: tuple[int, ...]) -> None:
+    if value.shape != shape:
+        raise GivenModesError(f"{name} has shape {value.shape}, expected {shape}: see docs/given-modes.md")
+    if not np.isfinite(value).all():
+        raise GivenModesError(f"{name} holds values that are not finite")
+
+
+def read_given(path: str | Path) -> GivenModes:
+    """Read modes from .npz or .h5.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    GivenModes
+
+    Raises
+    ------
+    GivenModesError
+        The file cannot be read, or lacks something.
+
+    Examples
+    --------
+    >>> given = flexfmu.read_given("modes.npz")
+    >>> given.frequency[:2].round(1)
+    array([40.9, 40.9])
+    """
+    source = Path(path)
+    if not source.is_file():
+        raise GivenModesError(f"{source}: no such file, expected modes (.npz or .h5); correct the path")
+    found = kind_of(source)
+    if found not in (None, Kind.MODAL):
+        raise GivenModesError(f"{source} is {found.value}, expected modes (.npz or .h5): {found.use}")
+    try:
+        contents = _npz(source) if source.suffix.lower() == ".npz" else _hdf5(source)
+    # NumPy, zipfile and h5py raise whatever damaged bytes lead them to.
+    except Exception as error:
+        raise GivenModesError(f"{source} cannot be read as modes ({error}); see docs/given-modes.md") from error
+    missing = [key for key in ("nodes", "modes", "frequency") if key not in contents]
+    sparse = ("mass_row", "mass_column", "mass_value", "mass_size")
+    if "mass" not in contents and not all(key in contents for key in sparse):
+        missing.append("mass")
+    if missing:
+        there = ", ".join(contents) or "nothing"
+        raise GivenModesError(f"{source} lacks {', '.join(missing)}; it holds {there}; see docs/given-modes.md")
+    try:
+        mass = contents.get("mass")
+        if mass is None:
+            size = int(contents["mass_size"])
+            rows, columns, values = (contents[key] for key in sparse[:3])
+            mass = sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(size, size)))
+        text = {key: str(contents[key]) for key in ("units", "name") if key in contents}
+        return GivenModes(
+            contents["nodes"],
+            contents["modes"],
+            contents["frequency"],
+            mass,
+            {key.removeprefix("set_"): value for key, value in contents.items() if key.startswith("set_")},
+            {key.removeprefix("cells_"): value for key, value in contents.items() if key.startswith("cells_")},
+            contents.get("damping"),
+            UnitSystem(text.get("units", UnitSystem.SI.value)),
+            text.get("name", source.stem),
+        )
+    except (ValueError, TypeError, GivenModesError) as error:
+        raise GivenModesError(f"{source}: {error}") from error
+
+
+def _npz(path: Path) -> dict[str, Any]:
+    # NumPy leaves a damaged file open.
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        return {key: file[key] for key in file.files}
+
+
+def _hdf5(path: Path) -> dict[str, Any]:
+    with h5py.File(path) as file:
+        return {
+            key: value.asstr()[()] if h5py.check_string_dtype(value.dtype) else value[()]
+            for key, value in file.items()
+            if isinstance(value, h5py.Dataset)
+        }

@@ -1,0 +1,366 @@
+"""Bodies of modes that another program found: frames, interfaces and masses from the modes alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import meshio
+import numpy as np
+
+from .. import __version__
+from ..api import BuiltBody, ScriptReporter, load
+from ..build.choices import Interface as Choice
+from ..build.choices import NodeChoices, Nodes, checked_spec, interface_table, support_table
+from ..build.choices import plain as plain_value
+from ..build.config import BodySpec
+from ..fe.assembly import volume_matrices
+from ..fe.faces import FaceBlock, element_faces
+from ..files.counts import plural
+from ..files.errors import BodyFileError
+from ..files.progress import Reporter
+from ..files.units import UnitSystem
+from ..mesh.checks import checked
+from ..mesh.in_memory import Contents, from_contents
+from ..mesh.model import FloatArray, IntArray, Material, Mesh
+from ..model.errors import OptionError
+from ..model.methods import Method, Variant, needs
+from ..model.reduced_body import GROUND, Masses, ReducedBody, Surface
+from ..model.summary import first_frequency
+from ..reduction.frames import body_subdomains, frame_requests, several, whole_frame
+from ..reduction.interfaces import Interface, fit_interface
+from ..reduction.model import Model
+from ..reduction.places import node_set
+from ..reduction.rigid_fit import by_node
+from ..reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
+from ..reduction.surface import body_surface
+from .checks import checked_modes
+from .modes import GivenModes, read_given
+from .sid import SUFFIX as SID
+from .sid import read_sid
+
+
+def pack(
+    modes: GivenModes | str | Path,
+    interfaces: Mapping[str, Choice | Nodes],
+    supports: Sequence[Nodes] = (),
+    *,
+    method: Method | str | None = None,
+    frames: int | Sequence[Mapping[str, Any]] | None = None,
+    damping: float | Sequence[float] = 0.0,
+    name: str | None = None,
+    acceleration: bool = False,
+    velocities: bool = False,
+    surface: bool = True,
+    report: Reporter | None = None,
+) -> BuiltBody:
+    """Make a body of modes that another program found.
+
+    Parameters
+    ----------
+    modes : GivenModes or path
+        A path of .npz or .h5.
+    interfaces : mapping of str to Interface or Nodes
+    supports : sequence of Nodes
+        Where the frames hang if no node is held by all modes: the nodes of springs, say.
+    method : Method or str, optional
+        One that needs no stiffness; default: "frames".
+    frames : int or sequence of mapping, optional
+        How many, which takes cells; or tables as of `[[frame]]`.
+    damping : float or sequence of float
+        Default: that of the modes.
+    name : str, optional
+    acceleration, velocities, surface : bool
+        Keys of `[input]` and `[output]`.
+    report : Reporter, optional
+
+    Returns
+    -------
+    BuiltBody
+
+    Examples
+    --------
+    >>> arm = flexfmu.pack("modes.npz", {"tip": "TIP"}, frames=2, damping=0.01)
+    >>> arm.method.value
+    'frames'
+    """
+    given = modes if isinstance(modes, GivenModes) else read_given(modes)
+    fixed = np.zeros((len(given.nodes), 3), dtype=bool)
+    plain = Mesh(given.nodes, np.arange(len(given.nodes)), (), given.sets, {}, (), fixed)
+    choices = NodeChoices(plain, UnitSystem.SI)
+    data: dict[str, Any] = {
+        "name": name or given.name,
+        "support": [support_table(choices, nodes, f"support {k}") for k, nodes in enumerate(supports, start=1)],
+        "interface": [interface_table(choices, key, each) for key, each in interfaces.items()],
+        "damping": {"ratio": plain_value(damping)},
+        "input": {"acceleration": acceleration},
+        "output": {"velocities": velocities, "surface": surface},
+    }
+    if frames is not None:
+        data["frames" if isinstance(frames, int) else "frame"] = plain_value(frames)
+    if method is not None:
+        data["formulation"] = {"method": method}
+    else:
+        data["reduction"] = {"second_order": False}
+    with_sets = replace(given, sets=choices.mesh.node_sets)
+    return BuiltBody(reduce_given(with_sets, checked_spec(data), report or ScriptReporter()))
+
+
+def pack_file(
+    file: Path,
+    interfaces: Sequence[str],
+    supports: Sequence[str],
+    frames: int | None,
+    method: str | None,
+    damping: float,
+    name: str | None,
+    report: Reporter,
+) -> BuiltBody:
+    """Make a body of a file of given modes, or of a modal file, as `flexfmu pack` does.
+
+    Parameters
+    ----------
+    file : Path
+    interfaces : sequence of str
+        "NAME=SET", or a set's name alone.
+    supports : sequence of str
+    frames : int or None
+    method : str or None
+    damping : float
+    name : str or None
+    report : Reporter
+
+    Returns
+    -------
+    BuiltBody
+    """
+    if _is_modal_file(file):
+        if interfaces or supports or frames is not None or damping or name:
+            raise BodyFileError(f"{file} is a modal file, a body as it is: only --method and --output go with it")
+        return load(file, method)
+    if file.suffix.lower() == SID:
+        if interfaces or supports or frames or damping:
+            raise BodyFileError(f"{file} is SID_FEM, a linear body as it is: only --name and --output go with it")
+        return BuiltBody(read_sid(file, name), method)
+    given = read_given(file)
+    if not interfaces:
+        there = ", ".join(given.sets) or "none"
+        raise BodyFileError(f"no interface: give --interface NAME=SET, which may be repeated; sets of {file}: {there}")
+    named = {
+        first.strip(): (second or first).strip() for first, _, second in (text.partition("=") for text in interfaces)
+    }
+    return pack(
+        given, named, supports, method=method, frames=frames, damping=damping, name=name, report=report
+    )  # fmt: skip
+
+
+def _is_modal_file(file: Path) -> bool:
+    """Whether an HDF5 file is a body of ours rather than modes alone."""
+    if not file.is_file() or not h5py.is_hdf5(file):
+        return False
+    try:
+        with h5py.File(file) as contents:
+            return "format" in contents.attrs
+    except OSError:
+        return False
+
+
+def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> ReducedBody:
+    """Reduced body of given modes.
+
+    Parameters
+    ----------
+    given : GivenModes
+    spec : BodySpec
+        Its interfaces, frames, supports (where the tree hangs, if no node is held), damping and outputs; modes,
+        material and units are those of `given`.
+    report : Reporter
+
+    Returns
+    -------
+    ReducedBody
+
+    Raises
+    ------
+    GivenModesError
+        Modes, masses or sets that do not belong together.
+    BodyFileError
+        Interfaces or frames that the body cannot have.
+    OptionError
+        A method that needs the body's stiffness.
+    """
+    variant = _variant(spec)
+    given, notes, warnings = checked_modes(given)
+    mesh, rows = _mesh(given)
+    for text in (*notes, *mesh.notes):
+        report.note(text)
+    for text in warnings:
+        report.warning(text)
+    shapes = given.modes[:, rows].reshape(len(given.modes), -1).T
+    model = _model(given, mesh, spec, shapes, rows)
+    volumes = volume_matrices(mesh) if mesh.blocks else ()
+    faces = element_faces(mesh) if mesh.blocks else ()
+    subdomains = _subdomains(given, spec, model, volumes, faces, rows, report)
+    interfaces = [fit_interface(table, mesh, faces, subdomains) for table in spec.interface]
+    frames = frame_operators(mesh.points, shapes, subdomains)
+    motion = np.array([interface.motion(shapes) for interface in interfaces])
+    frequency = 2.0 * np.pi * given.frequency
+    damping = spec.damping.ratio if spec.damping.ratio or given.damping is None else given.damping
+    if np.size(damping) not in (1, frequency.size):
+        raise BodyFileError(f"damping.ratio lists {np.size(damping)} values, and there are {frequency.size} modes")
+    body = ReducedBody(
+        name=spec.name,
+        angular_frequency=frequency,
+        damping_ratio=np.broadcast_to(np.asarray(damping, dtype=float), frequency.shape),
+        interface_names=tuple(interface.name for interface in interfaces),
+        interface_point=np.array([interface.point for interface in interfaces]),
+        interface_displacement=motion[:, :3],
+        interface_rotation=motion[:, 3:],
+        interface_frame=np.array([interface.frame for interface in interfaces]),
+        floating=any(domain.floating for domain in subdomains),
+        frame_names=tuple(domain.name for domain in subdomains),
+        frame_parent=np.array([domain.parent for domain in subdomains], dtype=np.int64),
+        joint_point=np.array([domain.joint_point for domain in subdomains]),
+        joint_displacement=frames.joint_displacement,
+        joint_rotation=frames.joint_rotation,
+        frame_rotation=frames.frame_rotation,
+        whole=whole_frame(model, volumes, faces, shapes, spec) if several(subdomains) and mesh.blocks else None,
+        masses=_masses(given, subdomains, shapes, mesh, rows) if spec.input.acceleration else None,
+        surface=_surface(mesh, shapes, faces, subdomains, interfaces, model) if spec.output.surface else None,
+        compliance_interfaces=tuple(table.name for table in spec.interface if table.compliance),
+        method=variant.method,
+        mass=variant.mass,
+        velocity_outputs=spec.output.velocities,
+        provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": __version__},
+    )
+    report.note(
+        f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg; "
+        f"first frequency {first_frequency(body.angular_frequency)}"
+    )
+    return body
+
+
+def _variant(spec: BodySpec) -> Variant:
+    """Method and mass to start with: frames, unless another is asked for that needs nothing but modes."""
+    if spec.formulation.method is None:
+        return Variant(Method.LINEAR if spec.frames == 0 and not spec.free else Method.FRAMES, spec.formulation.mass)
+    variant = spec.formulation.variant
+    if needs(variant.method, variant.mass):
+        raise OptionError(
+            f'method "{variant.words}" needs the body\'s stiffness and elements, which modes alone do not hold: take '
+            '"frames" (several of them), or build the body from its mesh'
+        )
+    if spec.cut or spec.stress:
+        raise OptionError("[[cut]] and [[stress]] need the body's mesh and material: build it from its mesh")
+    return variant
+
+
+def _mesh(given: GivenModes) -> tuple[Mesh, IntArray]:
+    """Nodes and cells as a mesh of one density, and the rows of the nodes that it has."""
+    count = len(given.nodes)
+    if not given.cells:
+        fixed = np.zeros((count, 3), dtype=bool)
+        return Mesh(given.nodes, np.arange(count), (), dict(given.sets), {}, (), fixed), np.arange(count)
+    plain = meshio.Mesh(given.nodes, list(given.cells.items()), point_sets=dict(given.sets))
+    labels = np.arange(count)
+    mesh = from_contents(Contents(plain, labels), "the cells", UnitSystem.SI)
+    mesh = checked(mesh)
+    blocks = tuple(replace(block, material=np.zeros(len(block.labels), dtype=np.int64)) for block in mesh.blocks)
+    volume = sum(float(matrices.sum()) for matrices in volume_matrices(mesh))
+    density = float(given.nodal_mass.sum()) / volume
+    # Stiffness is in the modes; it is never asked for here.
+    return replace(mesh, blocks=blocks, materials=(Material("given", 1.0, 0.0, density),)), mesh.labels
+
+
+def _model(given: GivenModes, mesh: Mesh, spec: BodySpec, shapes: FloatArray, rows: IntArray) -> Model:
+    """Where the tree hangs: nodes that no mode moves, or the supports that are named."""
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    fixed[np.isin(rows, given.held)] = True
+    for number, support in enumerate(spec.support, start=1):
+        fixed[node_set(mesh, support.nodes, f"support[{number}].nodes")] = True
+    rigid = shapes[:, given.frequency == 0.0]
+    if rigid.shape[1] and spec.support:
+        raise BodyFileError("the modes are those of a body that nothing holds: take out the supports")
+    if not rigid.shape[1] and not fixed.any():
+        raise BodyFileError(
+            "no node is held by all modes, and they are not those of a free body: name the nodes from which the body's "
+            "frames hang (support = …), such as those of its springs"
+        )
+    return Model(mesh, fixed, np.zeros(fixed.shape), rigid)
+
+
+def _subdomains(
+    given: GivenModes,
+    spec: BodySpec,
+    model: Model,
+    volumes: tuple[FloatArray, ...],
+    faces: tuple[FaceBlock, ...],
+    rows: IntArray,
+    report: Reporter,
+) -> list[Subdomain]:
+    """Frames: of elements where there are some; of nodes alone one frame, or those of node sets."""
+    points = model.mesh.points
+    mass = given.nodal_mass[rows]
+    heavy = np.flatnonzero(mass > 0.0)
+    whole = by_node(heavy, mass[heavy])
+    none = np.zeros(0, dtype=np.int64)
+    floating = (
+        [
+            Subdomain(
+                "floating", GROUND, none, whole, fitted_rotation(points, whole), whole, whole.centre(points), (), True
+            )
+        ]
+        if model.rigid.shape[1]
+        else []
+    )
+    if model.mesh.blocks:
+        found, warnings = body_subdomains(spec, model, volumes, faces)
+        for text in warnings:
+            report.warning(text)
+        # The floating frame is that of the given mass, not of the elements' volume.
+        return [*floating, *found[len(floating) :]]
+    if spec.branch or (spec.frames or 0) > 1:
+        raise BodyFileError(
+            "the modes come without cells: the body cannot be divided by itself; give the cells, or node sets of the "
+            "frames ([[frame]] tables), or frames = 1"
+        )
+    if spec.frame:
+        wanted = requested_subdomains(
+            model.mesh, (), (), np.flatnonzero(model.fixed.any(axis=1)), frame_requests(spec, model.mesh)
+        )
+        return floating + [replace(domain, parent=domain.parent + len(floating)) for domain in wanted]
+    if floating or spec.frames == 0:
+        return floating
+    joint = by_node(np.flatnonzero(model.fixed.any(axis=1)))
+    return [Subdomain("body", GROUND, none, whole, fitted_rotation(points, whole), joint, joint.centre(points))]
+
+
+def _surface(
+    mesh: Mesh,
+    shapes: FloatArray,
+    faces: tuple[FaceBlock, ...],
+    subdomains: list[Subdomain],
+    interfaces: list[Interface],
+    model: Model,
+) -> Surface | None:
+    """Outer faces for viewing; None without cells."""
+    if not mesh.blocks:
+        return None
+    held = np.flatnonzero(model.fixed.any(axis=1))
+    return body_surface(mesh, shapes, faces, subdomains, [interface.nodes for interface in interfaces], held)
+
+
+def _masses(given: GivenModes, subdomains: list[Subdomain], shapes: FloatArray, mesh: Mesh, rows: IntArray) -> Masses:
+    """Mass of each sub-domain, and of what lies in none; nodes of several count for each in equal shares."""
+    inside = np.zeros((len(subdomains) + 1, len(rows)))
+    for s, domain in enumerate(subdomains):
+        if not domain.floating:
+            inside[s, domain.body.nodes] = 1.0
+    inside[0 if subdomains and subdomains[0].floating else -1, ~inside.any(axis=0)] = 1.0
+    share = inside / inside.sum(axis=0) * given.nodal_mass[rows]
+    mass = share.sum(axis=1)
+    kept = mass > 0.0
+    mean = share[kept] / mass[kept, None]
+    displacement = np.tensordot(mean, shapes.reshape(len(rows), 3, -1), axes=1)
+    return Masses(mass[kept], mean @ mesh.points, displacement, np.append(np.arange(len(subdomains)), GROUND)[kept])

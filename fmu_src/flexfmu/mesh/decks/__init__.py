@@ -1,0 +1,1 @@
+"""CalculiX and Abaqus decks."""

@@ -1,0 +1,344 @@
+"""Reader of Abaqus and CalculiX decks: a body's mesh, sets, materials and supports from the model part."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.decks.assembly import Assembly
+from flexfmu.mesh.decks.boundary import hold
+from flexfmu.mesh.decks.cards import Card, read_cards
+from flexfmu.mesh.decks.couplings import CouplingTable, offered
+from flexfmu.mesh.decks.equations import EquationTable
+from flexfmu.mesh.decks.geometry import ElementTable, NodeTable
+from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
+from flexfmu.mesh.decks.masses import Carriers, MassTable
+from flexfmu.mesh.decks.materials import Assigned, MaterialTable
+from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.decks.surfaces import surface_faces, surface_nodes
+from flexfmu.mesh.decks.ties import TieSurface, TieTable
+from flexfmu.mesh.equations import matrix_of
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+
+
+def read_deck(path: Path, units: UnitSystem) -> Mesh:
+    """Read the body in a deck's model part; the steps are the analysis of something else and left unused.
+
+    Parameters
+    ----------
+    path : Path
+        A deck, flat or of parts and instances, with included files relative to the including one.
+    units : UnitSystem
+        What the deck's numbers are in.
+
+    Returns
+    -------
+    Mesh
+        SI units. Elements are in one block for each type. Surfaces are node sets. Sets of instances are called
+        ``instance.set``. Constants of materials that the deck does not tell are NaN.
+
+    Raises
+    ------
+    MeshError
+        The file cannot be read, or holds no nodes or no elements.
+    DeckError
+        A line cannot be honoured.
+    """
+    content = _Content(MaterialTable(units))
+    content.sort(content.assembly.flat(read_cards(path)))
+    blocks = content.elements.blocks(content.nodes)
+    if not content.nodes.rows or not blocks:
+        missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
+        raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
+    _refuse_early_end(content, blocks)
+    node_sets, element_sets = _resolved_sets(content, blocks)
+    _refuse_structures(content, element_sets)
+    surfaces = _resolved_surfaces(content, node_sets, element_sets, blocks)
+    fixed = np.zeros((len(content.nodes.rows), 6), dtype=bool)
+    for card in content.boundaries:
+        hold(card, node_sets, fixed)
+    labels = np.concatenate([block.labels for block in blocks])
+    points = content.nodes.points()
+    rows = _equations(content, node_sets, element_sets, blocks, points)
+    element_nodes = {
+        name: np.unique(np.array(_nodes_of(members, blocks, content), dtype=np.int64))
+        for name, members in (element_sets.members.items() if content.couplings.cards else ())
+    }
+    couplings = content.couplings.resolved(node_sets, surfaces, element_nodes)
+    masses = content.masses.masses(
+        element_sets,
+        list(content.elements.others.values()),
+        content.elements.solid_count,
+        content.nodes,
+        Carriers(points * units.length, {row for b in blocks for row in b.connectivity.ravel().tolist()}, couplings),
+        units,
+    )
+    content.notes.extend(content.masses.notes)
+    coupled, references, told = offered(couplings, points * units.length, fixed)
+    content.notes.extend(told)
+    made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
+    faces = _sets_of_faces(content, node_sets, element_sets)
+    return Mesh(
+        points=points * units.length,
+        labels=content.nodes.labels(),
+        blocks=_with_materials(blocks, made),
+        node_sets=node_sets.arrays() | surfaces | faces | coupled,
+        element_sets=_solids(element_sets, len(labels)),
+        materials=made.materials,
+        fixed=fixed[:, :3],
+        references=references,
+        masses=masses,
+        equations=matrix_of(rows, 3 * len(points)) if rows else None,
+        notes=(
+            *content.assembly.notes,
+            *content.elements.notes,
+            *content.notes,
+            *node_sets.notes,
+            *element_sets.notes,
+            *made.notes,
+        ),
+    )
+
+
+@dataclass(slots=True)
+class _Content:
+    """A deck's cards, sorted by what they define; sets wait until all nodes and elements are known."""
+
+    materials: MaterialTable
+    assembly: Assembly = field(default_factory=Assembly)
+    nodes: NodeTable = field(default_factory=NodeTable)
+    elements: ElementTable = field(default_factory=ElementTable)
+    sets: list[tuple[Card, list[int]]] = field(default_factory=list)
+    surfaces: list[Card] = field(default_factory=list)
+    boundaries: list[Card] = field(default_factory=list)
+    couplings: CouplingTable = field(default_factory=CouplingTable)
+    equations: EquationTable = field(default_factory=EquationTable)
+    ties: list[Card] = field(default_factory=list)
+    masses: MassTable = field(default_factory=MassTable)
+    structures: list[Card] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    last: Card | None = None
+
+    def sort(self, cards: Iterator[Card]) -> None:
+        """Take all cards."""
+        told: set[str] = set()
+        for card in cards:
+            self.last = card
+            if card.key == "STEP":
+                self.notes.append(_skipped_step(card, cards))
+            elif card.key in PARAMETERS:
+                card.allow(PARAMETERS[card.key])
+                self._take(card)
+            elif card.key in SECTIONS:
+                self.structures.append(card)
+            elif card.key in UNUSED:
+                # A card of a part stands once for each of its instances.
+                note = f"{card.line.place}: {unused(card.keyword, card.key)}"
+                self.notes.extend([note] * (note not in told))
+                told.add(note)
+            elif card.key not in HARMLESS:
+                raise _unsupported(card)
+
+    def _take(self, card: Card) -> None:
+        match card.key:
+            case "NODE":
+                self.sets.append((card, self.nodes.add(card)))
+            case "ELEMENT":
+                self.sets.append((card, self.elements.add(card)))
+            case "NSET" | "ELSET":
+                self.sets.append((card, []))
+            case "SURFACE":
+                self.surfaces.append(card)
+            case "MATERIAL":
+                self.materials.begin(card)
+            case "ELASTIC":
+                self.materials.elastic(card)
+            case "DENSITY":
+                self.materials.density(card)
+            case "SOLIDSECTION":
+                self.materials.section(card)
+            case "ORIENTATION":
+                self.materials.oriented(card)
+            case "COUPLING" | "KINEMATIC" | "DISTRIBUTING" | "KINEMATICCOUPLING" | "RIGIDBODY":
+                self.couplings.add(card)
+            case "EQUATION":
+                self.equations.equations.append(card)
+            case "MPC":
+                self.equations.constraints.append(card)
+            case "MASS" | "ROTARYINERTIA":
+                self.masses.cards.append(card)
+            case "TIE":
+                self.ties.append(card)
+            case "BOUNDARY":
+                self.boundaries.append(card)
+
+
+def _refuse_early_end(content: _Content, blocks: tuple[ElementBlock, ...]) -> None:
+    """Refuse a deck whose last card lists elements while nodes are left over: some elements may be missing."""
+    if content.last is None or content.last.key != "ELEMENT":
+        return
+    used = np.zeros(len(content.nodes.rows), dtype=bool)
+    for block in blocks:
+        used[block.connectivity] = True
+    for other in content.elements.others.values():
+        used[content.nodes.rows_of(other)] = True
+    if not used.all():
+        raise content.last.line.error(
+            f"the deck ends with this *ELEMENT, and {int(np.sum(~used))} of its {len(used)} nodes belong to no element "
+            f"({listed(content.nodes.labels()[~used])}). It may have been cut short: write it again. If they are "
+            "meant to be left over, end the deck with another card, such as *NSET"
+        )
+
+
+def _unsupported(card: Card) -> DeckError:
+    supported = ", ".join(f"*{name}" for name in HONOURED)
+    return card.line.error(
+        f"*{card.keyword} is not supported, and may belong to the body (supported: {supported}, *INCLUDE, *PART, "
+        "*INSTANCE, *ASSEMBLY); say the same with these, or take it out if the body is the same without it"
+    )
+
+
+def _skipped_step(step: Card, cards: Iterator[Card]) -> str:
+    """Pass over the cards up to *END STEP and return a note that names them."""
+    passed: dict[str, None] = {}
+    for card in cards:
+        if card.key == "ENDSTEP":
+            begin, end = f"{step.line.file}, lines {step.line.number}", f"{card.line.number}"
+            if card.line.file != step.line.file:
+                end += f" of {card.line.file}"
+            return f"{begin} to {end}: a step is analysis and left unused: {', '.join(passed) or 'empty'}"
+        if card.key == "STEP":
+            break
+        passed[f"*{card.keyword}"] = None
+    raise step.line.error("this *STEP has no *END STEP; add it, so that the analysis can be told from the body")
+
+
+def _resolved_sets(content: _Content, blocks: tuple[ElementBlock, ...]) -> tuple[SetTable, SetTable]:
+    offsets = content.assembly.offsets
+    nodes = SetTable("node", content.nodes.rows, offsets)
+    elements = SetTable("element", content.elements.positions(), offsets)
+    for card, labels in content.sets:
+        if card.key in ("NODE", "ELEMENT"):
+            table, parameter = (nodes, "NSET") if card.key == "NODE" else (elements, "ELSET")
+            if parameter in card.parameters:
+                table.extend_by_labels(card.scope.qualified(card.required(parameter)), labels)
+        elif card.key == "ELSET":
+            elements.add(card, card.required("ELSET"))
+        elif "ELSET" in card.parameters:
+            # *NSET, ELSET=...: the nodes of these elements.
+            members = elements.find(card.parameters["ELSET"], card.line, nodes.inside(card))
+            nodes.extend(card.scope.qualified(card.required("NSET")), _nodes_of(members, blocks, content))
+        else:
+            nodes.add(card, card.required("NSET"))
+    return nodes, elements
+
+
+def _nodes_of(positions: Iterable[int], blocks: tuple[ElementBlock, ...], content: _Content) -> list[int]:
+    rows: list[int] = []
+    start = 0
+    for block in blocks:
+        inside = [place - start for place in positions if start <= place < start + len(block.labels)]
+        rows += np.unique(block.connectivity[inside]).tolist()
+        start += len(block.labels)
+    others = list(content.elements.others.values())
+    return rows + [row for place in positions if place >= start for row in content.nodes.rows_of(others[place - start])]
+
+
+def _refuse_structures(content: _Content, element_sets: SetTable) -> None:
+    """Refuse sections that make shells, membranes or beams of what would otherwise serve sets."""
+    for card in content.structures:
+        if "ELSET" in card.parameters and element_sets.find(card.parameters["ELSET"], card.line, card.scope):
+            raise card.line.error(
+                f"*{card.keyword} makes a shell, membrane or beam of elements of set '{card.parameters['ELSET']}': "
+                "only solid elements are supported; mesh this part of the body with solids"
+            )
+    for section in content.materials.sections:
+        members = element_sets.find(section.element_set, section.line, section.scope)
+        others = list(content.elements.others.values())
+        bars = [other for place in members if place >= content.elements.solid_count
+                for other in [others[place - content.elements.solid_count]] if other.dimension == 1]  # fmt: skip
+        if bars:
+            raise section.line.error(
+                f"*SOLID SECTION makes bars of {len(bars)} elements of type {bars[0].name}: only solid elements are "
+                "supported; mesh this part of the body with solids"
+            )
+
+
+def _resolved_surfaces(
+    content: _Content, node_sets: SetTable, element_sets: SetTable, blocks: tuple[ElementBlock, ...]
+) -> dict[str, IntArray]:
+    surfaces: dict[str, IntArray] = {}
+    for card in content.surfaces:
+        name = card.scope.qualified(card.required("NAME"))
+        rows = surface_nodes(card, node_sets, element_sets, blocks, lambda place: _nodes_of([place], blocks, content))
+        if name.upper() in node_sets.members:
+            content.notes.append(f"{card.line.place}: surface '{name}' is left unused: a node set has its name")
+        else:
+            surfaces[name] = rows
+    return surfaces
+
+
+def _equations(
+    content: _Content,
+    node_sets: SetTable,
+    element_sets: SetTable,
+    blocks: tuple[ElementBlock, ...],
+    points: FloatArray,
+) -> list[dict[int, float]]:
+    """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
+    found: list[dict[int, float]] = []
+    if content.ties:
+        surfaces = {}
+        for card in content.surfaces:
+            nodes = surface_nodes(
+                card, node_sets, element_sets, blocks, lambda place: _nodes_of([place], blocks, content)
+            )
+            name = card.scope.qualified(card.required("NAME")).upper()
+            surfaces[name] = TieSurface(nodes, surface_faces(card, element_sets, blocks))
+        table = TieTable(points)
+        for card in content.ties:
+            found += table.rows(card, surfaces)
+        content.notes.extend(table.notes)
+    return found + content.equations.rows(node_sets, points)
+
+
+def _sets_of_faces(content: _Content, node_sets: SetTable, element_sets: SetTable) -> dict[str, IntArray]:
+    """Node sets of the element sets that hold faces or edges, which are no part of the body by themselves."""
+    others = list(content.elements.others.values())
+    faces = [other for other in others if other.dimension]
+    if faces:
+        kinds = ", ".join(dict.fromkeys(other.name for other in faces))
+        content.notes.append(f"{len(faces)} elements of type {kinds} without a section are no solids: they serve sets")
+    start = content.elements.solid_count
+    found = {}
+    for name, members in element_sets.members.items():
+        chosen = [others[place - start] for place in members if place >= start]
+        chosen = [other for other in chosen if other.dimension]
+        if chosen and name not in node_sets.members:
+            rows = {row for other in chosen for row in content.nodes.rows_of(other)}
+            found[element_sets.spelling[name]] = np.array(sorted(rows), dtype=np.int64)
+    return found
+
+
+def _solids(element_sets: SetTable, count: int) -> dict[str, IntArray]:
+    """Element sets without what is no solid; those of nothing else are left out."""
+    found = element_sets.arrays()
+    return {name: rows[rows < count] for name, rows in found.items() if not rows.size or rows[0] < count}
+
+
+def _centres(points: FloatArray, blocks: tuple[ElementBlock, ...]) -> FloatArray:
+    return np.concatenate([points[block.connectivity].mean(axis=1) for block in blocks])
+
+
+def _with_materials(blocks: tuple[ElementBlock, ...], made: Assigned) -> tuple[ElementBlock, ...]:
+    first, found = 0, []
+    for block in blocks:
+        chosen = slice(first, first + len(block.labels))
+        first += len(block.labels)
+        axes = None if made.axes is None else made.axes[chosen]
+        found.append(replace(block, material=made.rows[chosen], axes=axes))
+    return tuple(found)

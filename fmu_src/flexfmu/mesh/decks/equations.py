@@ -1,0 +1,175 @@
+"""Linear constraints of a deck as equations between displacements: *EQUATION, *MPC, and the nodes of *TIE."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+
+import numpy as np
+
+from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
+from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import FloatArray
+
+TRANSLATIONS = 3
+# Nodes this close, over the body's size, are in one place.
+_SAME_PLACE = 1e-9
+
+
+@dataclass(slots=True)
+class EquationTable:
+    """The cards of linear constraints read so far.
+
+    Attributes
+    ----------
+    equations, constraints : list of Card
+        *EQUATION and *MPC.
+    """
+
+    equations: list[Card] = field(default_factory=list)
+    constraints: list[Card] = field(default_factory=list)
+
+    def rows(self, node_sets: SetTable, points: FloatArray) -> list[dict[int, float]]:
+        """Return all equations.
+
+        Parameters
+        ----------
+        node_sets : SetTable
+        points : (n, 3) float
+
+        Returns
+        -------
+        list of dict of int to float
+            Coefficients by unknown, 3 i + j for node i in direction j.
+
+        Raises
+        ------
+        DeckError
+            A row is malformed, names what is not there, or is no linear constraint of translations.
+        """
+        found = list(chain.from_iterable(_equations(card, node_sets) for card in self.equations))
+        for card in self.constraints:
+            for line in card.data:
+                found += _constraint(line, card, node_sets, points)
+        return found
+
+
+def _equations(card: Card, node_sets: SetTable) -> list[dict[int, float]]:
+    """Equations of a card, which holds several one after the other: a count, then so many terms."""
+    found: list[dict[int, float]] = []
+    lines = iter(card.data)
+    for line in lines:
+        count = integer(fields(line)[0], line, "the number of terms of an equation")
+        if count < 1:
+            raise line.error(f"an equation has at least one term, found {count}")
+        texts: list[str] = []
+        last = line
+        while len(texts) < 3 * count:
+            following = next(lines, None)
+            if following is None:
+                raise line.error(
+                    f"an equation of {count} terms ends after {len(texts) // 3}: each is 'node, direction, "
+                    "coefficient'; the deck may have been cut short"
+                )
+            last = following
+            texts += fields(last)
+        if len(texts) > 3 * count:
+            raise last.error(f"an equation of {count} terms has {len(texts)} entries, expected {3 * count}")
+        parts = zip(texts[::3], texts[1::3], texts[2::3], strict=True)
+        found += _expanded([_term(*part, last, card, node_sets) for part in parts], line)
+    return found
+
+
+def _term(
+    node: str, direction: str, factor: str, line: Line, card: Card, node_sets: SetTable
+) -> tuple[list[int], int, float]:
+    """Nodes, direction from zero, and coefficient of a term."""
+    axis = integer(direction, line, "the direction of an equation's term")
+    if not 1 <= axis <= TRANSLATIONS:
+        raise line.error(
+            f"an equation between rotations (direction {axis}) is not supported: nodes of solids have the translations "
+            "1 to 3; say it by translations of nodes"
+        )
+    return sorted(node_sets.find(node, line, card.scope)), axis - 1, number(factor, line, "an equation's coefficient")
+
+
+def _expanded(terms: Sequence[tuple[list[int], int, float]], line: Line) -> list[dict[int, float]]:
+    """One equation for each node of the sets; single nodes stand in all of them."""
+    counts = {len(nodes) for nodes, _, _ in terms} - {1}
+    if len(counts) > 1 or 0 in counts:
+        raise line.error(
+            f"the sets of an equation have {listed(sorted(counts))} nodes, expected the same number in each, or one"
+        )
+    found = []
+    for place in range(max(counts, default=1)):
+        row: dict[int, float] = {}
+        for nodes, axis, factor in terms:
+            key = 3 * nodes[place if len(nodes) > 1 else 0] + axis
+            row[key] = row.get(key, 0.0) + factor
+        found.append(row)
+    return found
+
+
+def _constraint(line: Line, card: Card, node_sets: SetTable, points: FloatArray) -> list[dict[int, float]]:
+    """Equations of a row of *MPC: those that stay linear however far the nodes turn."""
+    kind, *entries = fields(line)
+    kind = kind.upper()
+    groups = [sorted(node_sets.find(entry, line, card.scope)) for entry in entries]
+    if kind in ("TIE", "PIN", "BEAM") and len(groups) == 2 and len(groups[1]) in (1, len(groups[0])):
+        pairs = [(node, groups[1][place if len(groups[1]) > 1 else 0]) for place, node in enumerate(groups[0])]
+        apart = max((float(np.linalg.norm(points[a] - points[b])) for a, b in pairs), default=0.0)
+        if kind == "BEAM" and apart > _SAME_PLACE * float(np.ptp(points, axis=0).max()):
+            raise line.error(
+                f"MPC BEAM joins nodes that are {apart:.4g} apart: where it turns, a rigid link is no linear "
+                "constraint; mesh it with stiff solids, or take a *COUPLING, which serves as an interface"
+            )
+        return [joined(node, {other: 1.0}, axis) for node, other in pairs for axis in range(TRANSLATIONS)]
+    if kind in ("LINEAR", "QUADRATIC") and all(len(group) == 1 for group in groups):
+        nodes = [group[0] for group in groups]
+        wanted = {"LINEAR": 3, "QUADRATIC": 4}[kind]
+        if len(nodes) != wanted:
+            raise line.error(f"MPC {kind} takes {wanted} nodes, found {len(nodes)}")
+        weights = _along(points[nodes], line, kind)
+        return [joined(nodes[0], dict(zip(nodes[1:], weights, strict=True)), axis) for axis in range(TRANSLATIONS)]
+    raise line.error(
+        f"MPC {kind} of {len(groups)} nodes or sets is not supported (supported: TIE and PIN of two, LINEAR of three, "
+        "QUADRATIC of four); others turn with their nodes, which no linear equation does"
+    )
+
+
+def _along(places: FloatArray, line: Line, kind: str) -> list[float]:
+    """Lagrange's weights of nodes after the first, on the line from the second to the last, at the first."""
+    axis = places[-1] - places[1]
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        raise line.error(f"the ends of MPC {kind} are in one place; give two nodes apart from each other")
+    at = (places - places[1]) @ axis / length**2
+    others = at[1:]
+    weights = []
+    for k, own in enumerate(others):
+        rest = np.delete(others, k)
+        if np.min(np.abs(own - rest)) == 0.0:
+            raise line.error(f"two nodes of MPC {kind} are in one place; give nodes apart from each other")
+        weights.append(float(np.prod((at[0] - rest) / (own - rest))))
+    return weights
+
+
+def joined(node: int, others: Mapping[int, float], axis: int) -> dict[int, float]:
+    """Return the equation by which a node moves in a direction as the weighted mean of others.
+
+    Parameters
+    ----------
+    node : int
+    others : mapping of int to float
+        Weights.
+    axis : int
+        From zero.
+
+    Returns
+    -------
+    dict of int to float
+    """
+    row = {3 * node + axis: 1.0}
+    for other, weight in others.items():
+        row[3 * other + axis] = row.get(3 * other + axis, 0.0) - weight
+    return row

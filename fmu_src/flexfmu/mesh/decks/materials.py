@@ -1,0 +1,270 @@
+"""Materials and solid sections of a deck."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
+from flexfmu.mesh.decks.elasticity import elastic_constants, isotropic_average
+from flexfmu.mesh.decks.orientation import Orientation, orientation
+from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import NO_MATERIAL, FloatArray, IntArray, Material
+from flexfmu.mesh.plausibility import is_likely_density
+
+# Hardly any solid lies outside, kg/m³; a deck whose units are not the declared ones misses by 1e6 and more.
+DENSITY_RANGE = (1e-4, 1e5)
+_UNTOLD = float("nan")
+
+
+@dataclass(slots=True)
+class MaterialCard:
+    """What the deck says of one material, SI units.
+
+    Attributes
+    ----------
+    name : str
+    line : Line
+        The *MATERIAL line, or the section's where there is none.
+    elastic : tuple of float or None
+        Young's modulus, N/m², and Poisson's ratio.
+    constants : tuple of float or None
+        As of `Material.constants`.
+    density : float or None
+        kg/m³.
+    """
+
+    name: str
+    line: Line
+    elastic: tuple[float, float] | None = None
+    constants: tuple[float, ...] | None = None
+    density: float | None = None
+
+
+class Section(NamedTuple):
+    """A *SOLID SECTION line: an element set made of a material."""
+
+    element_set: str
+    material: str
+    orientation: str
+    line: Line
+    scope: Scope
+
+
+class Assigned(NamedTuple):
+    """What the elements are made of.
+
+    Attributes
+    ----------
+    materials : tuple of Material
+    rows : (n_elements,) int
+        Rows of `materials`, or `NO_MATERIAL`.
+    axes : (n_elements, 3, 3) float or None
+        None where no material has a direction.
+    notes : tuple of str
+    """
+
+    materials: tuple[Material, ...]
+    rows: IntArray
+    axes: FloatArray | None
+    notes: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class MaterialTable:
+    """The materials and sections read so far.
+
+    Attributes
+    ----------
+    units : UnitSystem
+    cards : dict of str to MaterialCard
+        By name in capitals.
+    sections : list of Section
+    orientations : dict of str to Orientation
+        By qualified name in capitals.
+    notes : list of str
+    """
+
+    units: UnitSystem
+    cards: dict[str, MaterialCard] = field(default_factory=dict)
+    sections: list[Section] = field(default_factory=list)
+    orientations: dict[str, Orientation] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def begin(self, card: Card) -> None:
+        """Take a *MATERIAL card, to which the following cards belong.
+
+        Parameters
+        ----------
+        card : Card
+
+        Raises
+        ------
+        DeckError
+            The material has no name, or there is one of the same name.
+        """
+        name = card.required("NAME")
+        if name.upper() in self.cards:
+            raise card.line.error(f"material '{name}' is defined again; rename or remove one of them")
+        self.cards[name.upper()] = MaterialCard(name, card.line)
+
+    def elastic(self, card: Card) -> None:
+        """Take an *ELASTIC card.
+
+        Parameters
+        ----------
+        card : Card
+
+        Raises
+        ------
+        DeckError
+            Its type is not supported, constants are missing, or it is not physical.
+        """
+        found, elasticity = elastic_constants(card, self.units), self._current(card)
+        self.notes.extend(found.notes)
+        elasticity.elastic, elasticity.constants = found.isotropic, found.constants
+
+    def density(self, card: Card) -> None:
+        """Take a *DENSITY card.
+
+        Parameters
+        ----------
+        card : Card
+
+        Raises
+        ------
+        DeckError
+            It has no number, or is not physical in the declared units.
+        """
+        if not card.data or not fields(card.data[0]):
+            raise card.line.error("*DENSITY should have the row 'density'")
+        line = card.data[0]
+        value = number(fields(line)[0], line, "the density")
+        if len(card.data) > 1:
+            self.notes.append(f"{line.place}: the density of the first row is taken, {value:g}, at all temperatures")
+        density = value * self.units.density
+        if not DENSITY_RANGE[0] <= density <= DENSITY_RANGE[1]:
+            likely = [
+                f"; if the file is in {other.value}, where it is {value * other.density:g} kg/m³, set units = "
+                f'"{other.value}" in [mesh]'
+                for other in UnitSystem
+                if is_likely_density(value * other.density)
+            ]
+            raise line.error(
+                f"density {value:g} means {density:g} kg/m³ in the declared units {self.units.value}, "
+                f"expected {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}"
+                + ("".join(likely) or "; correct the density or the units given for this file")
+            )
+        self._current(card).density = density
+
+    def section(self, card: Card) -> None:
+        """Take a *SOLID SECTION card.
+
+        Parameters
+        ----------
+        card : Card
+
+        Raises
+        ------
+        DeckError
+            Its element set or material is not given.
+        """
+        name = card.parameters.get("ORIENTATION", "")
+        self.sections.append(Section(card.required("ELSET"), card.required("MATERIAL"), name, card.line, card.scope))
+
+    def oriented(self, card: Card) -> None:
+        """Take an *ORIENTATION card.
+
+        Parameters
+        ----------
+        card : Card
+
+        Raises
+        ------
+        DeckError
+            As of `orientation`.
+        """
+        self.orientations[card.scope.qualified(card.required("NAME")).upper()] = orientation(card)
+
+    def assigned(self, element_sets: SetTable, labels: IntArray, centres: FloatArray) -> Assigned:
+        """Return the materials that sections name, and which one each element has.
+
+        Parameters
+        ----------
+        element_sets : SetTable
+        labels : (n_elements,) int
+            Element numbers, blocks laid end to end.
+        centres : (n_elements, 3) float
+            Where the material's axes are asked for, in the deck's units.
+
+        Returns
+        -------
+        Assigned
+            Constants that the deck does not tell are NaN.
+
+        Raises
+        ------
+        DeckError
+            A section names an unknown set or orientation, or an element has two materials.
+        """
+        used: dict[str, int] = {}
+        materials: list[Material] = []
+        rows = np.full(len(labels), NO_MATERIAL, dtype=np.int64)
+        axes = np.tile(np.eye(3), (len(labels), 1, 1))
+        directed = False
+        for section in self.sections:
+            name = section.material.upper()
+            if name not in used:
+                used[name] = len(materials)
+                materials.append(self._material(section))
+            row = used[name]
+            found = np.array(
+                sorted(element_sets.find(section.element_set, section.line, section.scope)), dtype=np.int64
+            )
+            members = found[found < len(labels)]
+            taken = members[(rows[members] != NO_MATERIAL) & (rows[members] != row)]
+            if len(taken):
+                raise section.line.error(
+                    f"elements of set '{section.element_set}' have the material "
+                    f"'{materials[rows[taken[0]]].name}' already: {listed(labels[taken])}; "
+                    f"give each element one section"
+                )
+            rows[members] = row
+            if section.orientation:
+                axes[members] = self._orientation(section).axes(centres[members])
+            elif section.scope.rotation is not None:
+                axes[members] = section.scope.rotation
+            directed |= materials[row].constants is not None
+        unused = [
+            f"{card.line.place}: no *SOLID SECTION uses the material '{card.name}'"
+            for key, card in self.cards.items()
+            if key not in used
+        ]
+        return Assigned(tuple(materials), rows, axes if directed else None, (*self.notes, *unused))
+
+    def _material(self, section: Section) -> Material:
+        card = self.cards.get(section.material.upper())
+        if card is None:
+            self.notes.append(f"{section.line.place}: the deck does not define the material '{section.material}'")
+            return Material(section.material, _UNTOLD, _UNTOLD, _UNTOLD)
+        density = _UNTOLD if card.density is None else card.density
+        elastic = (_UNTOLD, _UNTOLD) if card.elastic is None else card.elastic
+        if card.constants is not None:
+            elastic = isotropic_average(card.constants)
+        return Material(card.name, *elastic, density, card.constants)
+
+    def _orientation(self, section: Section) -> Orientation:
+        name = section.orientation
+        for key in (section.scope.qualified(name).upper(), name.upper()):
+            if key in self.orientations:
+                return self.orientations[key]
+        raise section.line.error(
+            f"orientation '{name}' is not defined (known: {listed(self.orientations)}); define it or correct the name"
+        )
+
+    def _current(self, card: Card) -> MaterialCard:
+        if not self.cards:
+            raise card.line.error(f"*{card.keyword} stands before any *MATERIAL; put it below the one it belongs to")
+        return list(self.cards.values())[-1]

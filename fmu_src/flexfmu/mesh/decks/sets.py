@@ -1,0 +1,188 @@
+"""Node sets and element sets of a deck."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexfmu.mesh.decks.cards import FLAT, Card, Line, Scope, fields, integer
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import IntArray
+
+
+@dataclass(slots=True)
+class SetTable:
+    """The sets of one kind; names are found whatever their case, and kept as first spelt.
+
+    Attributes
+    ----------
+    kind : str
+        ``"node"`` or ``"element"``.
+    rows : mapping of int to int
+        Row (of an element: position) of each label.
+    offsets : mapping of str to int
+        What instances add to their numbers, by their names in capitals.
+    spelling : dict of str to str
+        Name as spelt, by the name in capitals; sets of an instance are called ``instance.set``.
+    members : dict of str to set of int
+        Rows, by the name in capitals.
+    notes : list of str
+    """
+
+    kind: str
+    rows: Mapping[int, int]
+    offsets: Mapping[str, int] = field(default_factory=dict)
+    spelling: dict[str, str] = field(default_factory=dict)
+    members: dict[str, set[int]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def extend(self, name: str, rows: Iterable[int]) -> None:
+        """Add rows to a set, which is made if there is none.
+
+        Parameters
+        ----------
+        name : str
+        rows : iterable of int
+        """
+        self.spelling.setdefault(name.upper(), name)
+        self.members.setdefault(name.upper(), set()).update(rows)
+
+    def extend_by_labels(self, name: str, labels: Iterable[int]) -> None:
+        """Add labels that are known to exist.
+
+        Parameters
+        ----------
+        name : str
+        labels : iterable of int
+        """
+        self.extend(name, (self.rows[label] for label in labels))
+
+    def add(self, card: Card, name: str) -> None:
+        """Take the data lines of a *NSET or *ELSET card.
+
+        Parameters
+        ----------
+        card : Card
+        name : str
+            The set's name, in the card's scope.
+
+        Raises
+        ------
+        DeckError
+            A member is unknown, or a range is malformed.
+        """
+        read = self._generated if "GENERATE" in card.parameters else self._line
+        scope = self.inside(card)
+        rows: set[int] = set()
+        for line in card.data:
+            rows |= read(line, scope)
+        self.extend(card.scope.qualified(name), rows)
+
+    def inside(self, card: Card) -> Scope:
+        """Return the scope of a card's members: its own, or that of the instance that it names.
+
+        Parameters
+        ----------
+        card : Card
+
+        Returns
+        -------
+        Scope
+
+        Raises
+        ------
+        DeckError
+            There is no such instance.
+        """
+        if "INSTANCE" not in card.parameters:
+            return card.scope
+        name = card.required("INSTANCE")
+        if name.upper() not in self.offsets:
+            raise card.line.error(f"there is no instance '{name}' (known: {listed(self.offsets)}); correct the name")
+        return Scope(name, self.offsets[name.upper()])
+
+    def find(self, entry: str, line: Line, scope: Scope = FLAT) -> set[int]:
+        """Return the rows of a label or of a set; ``instance.12`` and ``instance.set`` are understood.
+
+        Parameters
+        ----------
+        entry : str
+        line : Line
+            Where the entry stands.
+        scope : Scope
+            Where numbers and names are looked up first.
+
+        Returns
+        -------
+        set of int
+
+        Raises
+        ------
+        DeckError
+            There is no such label or set, or there are several.
+        """
+        text = entry.strip("\"'").strip()
+        instance, _, last = text.rpartition(".")
+        known = instance.upper() in self.offsets
+        if (known and last.isdecimal()) or text.lstrip("+-").isdecimal():
+            offset = self.offsets[instance.upper()] if known else scope.offset
+            label = integer(last if known else text, line, f"the {self.kind} number") + offset
+            if label not in self.rows:
+                raise line.error(f"{self.kind} {text} is not defined; define it or correct this line")
+            return {self.rows[label]}
+        found = self.named(text, scope)
+        if len(found) != 1:
+            where = "is in several instances" if found else "is not defined"
+            names = (self.spelling[name] for name in found) if found else self.spelling.values()
+            raise line.error(
+                f"{self.kind} set '{entry}' {where} (known: {listed(names)}); define it or correct the name"
+            )
+        return self.members[found[0]]
+
+    def named(self, name: str, scope: Scope) -> list[str]:
+        """Return the keys of the sets that a name may mean: of the scope, of the deck, of an instance.
+
+        Parameters
+        ----------
+        name : str
+        scope : Scope
+
+        Returns
+        -------
+        list of str
+        """
+        for key in (scope.qualified(name).upper(), name.upper()):
+            if key in self.members:
+                return [key]
+        return [key for instance in self.offsets if (key := f"{instance}.{name.upper()}") in self.members]
+
+    def arrays(self) -> dict[str, IntArray]:
+        """Rows of each set, ascending, by the name as spelt."""
+        return {self.spelling[name]: np.array(sorted(rows), dtype=np.int64) for name, rows in self.members.items()}
+
+    def _line(self, line: Line, scope: Scope) -> set[int]:
+        return set().union(*(self.find(entry, line, scope) for entry in fields(line) if entry))
+
+    def _generated(self, line: Line, scope: Scope) -> set[int]:
+        numbers = [integer(text, line, f"a range of {self.kind}s") for text in fields(line)]
+        if not 2 <= len(numbers) <= 3:
+            raise line.error(f"GENERATE takes 'first, last, increment', found {len(numbers)} numbers")
+        first, last, step = [*numbers, 1][:3]
+        if step <= 0 or last < first:
+            raise line.error(
+                f"cannot go from {first} to {last} in steps of {step}; give an ascending range and a positive increment"
+            )
+        labels = range(first + scope.offset, last + scope.offset + 1, step)
+        # The shorter of the two: a range may have been mistyped by many digits.
+        if len(labels) <= len(self.rows):
+            found = {self.rows[label] for label in labels if label in self.rows}
+        else:
+            found = {row for label, row in self.rows.items() if label in labels}
+        if not found:
+            raise line.error(f"there is no {self.kind} from {first} to {last}; correct the range")
+        if len(found) < len(labels):
+            # Both solvers pass over gaps in the numbering.
+            self.notes.append(
+                f"{line.place}: {len(labels) - len(found)} numbers from {first} to {last} belong to no {self.kind}"
+            )
+        return found

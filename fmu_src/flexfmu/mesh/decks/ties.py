@@ -1,0 +1,225 @@
+"""*TIE of a deck: nodes of one surface move as the places of another surface's faces that they lie on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from flexfmu.mesh.decks.cards import Card, fields, number
+from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import FloatArray, IntArray
+
+# Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
+_NEAR = 0.05
+# Rounds and step, in a face's own coordinates, with which the nearest place on it is found.
+_ROUNDS, _SETTLED = 20, 1e-12
+# Weights below this are round-off: the node lies on an edge or on a node of the face.
+_NO_WEIGHT = 1e-9
+_COMPLEX_STEP = 1e-20
+# Corners and mid-sides of a rectangle in its own coordinates.
+_RECTANGLE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0)], dtype=float)
+
+
+@dataclass(frozen=True, slots=True)
+class TieSurface:
+    """A surface as *TIE needs it.
+
+    Attributes
+    ----------
+    nodes : (k,) int
+    faces : tuple of (f, a) int
+        Nodes of its faces, corners first; none of a surface of nodes.
+    """
+
+    nodes: IntArray
+    faces: tuple[IntArray, ...]
+
+
+@dataclass(slots=True)
+class TieTable:
+    """Nodes that have been tied so far.
+
+    Attributes
+    ----------
+    points : (n, 3) float
+        In the deck's units; changed where a tie moves nodes onto their face.
+    tied : set of int
+    notes : list of str
+    """
+
+    points: FloatArray
+    tied: set[int] = field(default_factory=set)
+    notes: list[str] = field(default_factory=list)
+
+    def rows(self, card: Card, surfaces: Mapping[str, TieSurface]) -> list[dict[int, float]]:
+        """Return the equations of a *TIE card.
+
+        Parameters
+        ----------
+        card : Card
+        surfaces : mapping of str to TieSurface
+            By name in capitals.
+
+        Returns
+        -------
+        list of dict of int to float
+
+        Raises
+        ------
+        DeckError
+            A surface is missing or has no faces, or no node lies near a face.
+        """
+        found: list[dict[int, float]] = []
+        tolerance = card.parameters.get("POSITIONTOLERANCE", "")
+        given = number(tolerance, card.line, "POSITION TOLERANCE") if tolerance else None
+        for line in card.data:
+            names = fields(line)
+            if len(names) != 2:
+                raise line.error(f"*TIE takes 'dependent surface, main surface', found {len(names)} names")
+            dependent, main = (_surface(name, card, surfaces) for name in names)
+            if not main.faces:
+                raise line.error(f"surface '{names[1]}' has no element faces to tie to; exchange both, or name faces")
+            nodes = np.array([node for node in dependent.nodes.tolist() if node not in self.tied], dtype=np.int64)
+            nodes = np.setdiff1d(nodes, np.concatenate([faces.ravel() for faces in main.faces]))
+            near = given if given is not None else _NEAR * _edge(self.points, main.faces)
+            place = nearest_places(self.points, nodes, main.faces, near)
+            if not place:
+                raise line.error(
+                    f"none of the {len(nodes)} nodes of '{names[0]}' lies within {near:.4g} of the faces of "
+                    f"'{names[1]}': the parts stay apart; give a larger POSITION TOLERANCE, or correct the surfaces"
+                )
+            for node, weights in place.items():
+                found += [joined(node, weights, axis) for axis in range(TRANSLATIONS)]
+            self.tied.update(place)
+            self._tell(card, names, len(nodes), place)
+        return found
+
+    def _tell(self, card: Card, names: Sequence[str], count: int, place: Mapping[int, Mapping[int, float]]) -> None:
+        """Move nodes onto their faces where the deck does not forbid it, and say what was done."""
+        target = {node: sum(w * self.points[other] for other, w in weights.items()) for node, weights in place.items()}
+        gap = max(float(np.linalg.norm(self.points[node] - at)) for node, at in target.items())
+        note = f"{card.line.place}: {len(place)} nodes of '{names[0]}' are tied to faces of '{names[1]}'"
+        if len(place) < count:
+            note += f"; {count - len(place)} lie too far from them and stay free"
+        if card.parameters.get("ADJUST", "YES").upper() == "NO":
+            note += f"; they lie up to {gap:.3g} beside them, ADJUST=NO: the joint resists turning" if gap else ""
+        else:
+            for node, at in target.items():
+                self.points[node] = at
+            note += f"; they were moved onto them, by up to {gap:.3g}" if gap else ""
+        self.notes.append(note)
+
+
+def _surface(name: str, card: Card, surfaces: Mapping[str, TieSurface]) -> TieSurface:
+    for key in (card.scope.qualified(name).upper(), name.upper()):
+        if key in surfaces:
+            return surfaces[key]
+    raise card.line.error(f"surface '{name}' is not defined (known: {listed(surfaces)}); define it or correct the name")
+
+
+def _edge(points: FloatArray, faces: Sequence[IntArray]) -> float:
+    """Mean distance of neighbouring corners."""
+    lengths = []
+    for block in faces:
+        corners = points[block[:, : _corners(block)]]
+        lengths.append(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).ravel())
+    return float(np.concatenate(lengths).mean())
+
+
+def _corners(block: IntArray) -> int:
+    return {3: 3, 6: 3, 4: 4, 8: 4}[block.shape[1]]
+
+
+def nearest_places(
+    points: FloatArray, nodes: IntArray, faces: Sequence[IntArray], near: float
+) -> dict[int, dict[int, float]]:
+    """Return where on faces nodes lie.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    nodes : (k,) int
+    faces : sequence of (f, a) int
+    near : float
+        Greatest distance.
+
+    Returns
+    -------
+    dict of int to dict of int to float
+        Shape functions of the face's nodes at the nearest place, by node; those farther away are left out.
+    """
+    best: dict[int, tuple[float, dict[int, float]]] = {}
+    for block in faces if len(nodes) else ():
+        centre = points[block].mean(axis=1)
+        reach = float(np.linalg.norm(points[block] - centre[:, None], axis=2).max()) + near
+        inside = cKDTree(centre).query_ball_point(points[nodes], reach * (1.0 + _NO_WEIGHT))
+        pairs = [(node, face) for node, found in zip(nodes.tolist(), inside, strict=True) for face in found]
+        if not pairs:
+            continue
+        node, face = np.array(pairs).T
+        value, distance = _projected(points[node], points[block[face]], _corners(block))
+        for k in np.flatnonzero(distance <= near).tolist():
+            if node[k] not in best or distance[k] < best[node[k]][0]:
+                weights = {
+                    int(other): float(w)
+                    for other, w in zip(block[face[k]], value[k], strict=True)
+                    if abs(w) > _NO_WEIGHT
+                }
+                best[int(node[k])] = (float(distance[k]), weights)
+    return {node: best[node][1] for node in sorted(best)}
+
+
+def _projected(targets: FloatArray, nodes: FloatArray, corners: int) -> tuple[FloatArray, FloatArray]:
+    """Shape functions (p, a) at the places of faces (p, a, 3) nearest to targets (p, 3), and the distances (p,)."""
+    count = nodes.shape[1]
+    place = np.full((len(nodes), 2), 0.0 if corners == 4 else 1.0 / 3.0)
+    for _ in range(_ROUNDS):
+        value, slope = _shapes(place, count)
+        gap = targets - np.einsum("pa,pai->pi", value, nodes)
+        tangent = np.einsum("pab,pai->pib", slope, nodes)
+        normal = np.einsum("pib,pic->pbc", tangent, tangent)
+        step = np.linalg.solve(normal, np.einsum("pib,pi->pb", tangent, gap)[..., None])[..., 0]
+        before, place = place, _inside(place + step, corners)
+        if np.abs(place - before).max() < _SETTLED:
+            break
+    value, _ = _shapes(place, count)
+    return value, np.linalg.norm(targets - np.einsum("pa,pai->pi", value, nodes), axis=1)
+
+
+def _inside(place: FloatArray, corners: int) -> FloatArray:
+    """Places moved into the face where they lie beside it."""
+    if corners == 4:
+        return np.clip(place, -1.0, 1.0)
+    area = np.column_stack([1.0 - place.sum(axis=1), place])
+    area = np.maximum(area, 0.0)
+    result: FloatArray = (area / area.sum(axis=1, keepdims=True))[:, 1:]
+    return result
+
+
+def _shapes(place: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Shape functions (p, a) of a face of 3, 4, 6 or 8 nodes, and their derivatives (p, a, 2)."""
+    steps = [place[:, 0] + 1j * _COMPLEX_STEP, place[:, 1]], [place[:, 0], place[:, 1] + 1j * _COMPLEX_STEP]
+    functions = _triangle if count in (3, 6) else _rectangle
+    moved = [functions(np.asarray(x), np.asarray(y), count) for x, y in steps]
+    return moved[0].real, np.stack([part.imag / _COMPLEX_STEP for part in moved], axis=2)
+
+
+def _triangle(x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
+    area = [1.0 - x - y, x, y]
+    if count == 3:
+        return np.stack(area, axis=1)
+    corners = [one * (2.0 * one - 1.0) for one in area]
+    return np.stack([*corners, *(4.0 * area[k] * area[(k + 1) % 3] for k in range(3))], axis=1)
+
+
+def _rectangle(x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
+    found = []
+    for a, b in _RECTANGLE[:count]:
+        if a and b:
+            linear = 0.25 * (1.0 + a * x) * (1.0 + b * y)
+            found.append(linear if count == 4 else linear * (a * x + b * y - 1.0))
+        else:
+            found.append(0.5 * (1.0 - x * x) * (1.0 + b * y) if b else 0.5 * (1.0 + a * x) * (1.0 - y * y))
+    return np.stack(found, axis=1)

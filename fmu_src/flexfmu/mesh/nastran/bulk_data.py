@@ -1,0 +1,273 @@
+"""Nastran bulk data through pyNastran: solids, sets, properties, MAT1, coordinate systems, included files."""
+
+import contextlib
+import io
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from flexfmu.files.errors import MeshError
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.in_memory import Contents
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import NO_MATERIAL, IntArray, Material
+from flexfmu.mesh.nastran.constraints import SPIDERS, multi_point_rows, single_point_sets, spiders
+from flexfmu.mesh.nastran.masses import point_masses, unit_of_mass
+from flexfmu.mesh.other.extras import imported, quiet
+
+# meshio's kind by card and number of nodes, and where its nodes stand on the card: mid-side nodes of bricks and wedges
+# come around the bottom, up the sides, around the top.
+_BRICK = [*range(12), *range(16, 20), *range(12, 16)]
+_WEDGE = [*range(9), 12, 13, 14, 9, 10, 11]
+_SOLIDS = {
+    ("CTETRA", 4): ("tetra", [*range(4)]),
+    ("CTETRA", 10): ("tetra10", [*range(10)]),
+    ("CHEXA", 8): ("hexahedron", [*range(8)]),
+    ("CHEXA", 20): ("hexahedron20", _BRICK),
+    ("CPENTA", 6): ("wedge", [*range(6)]),
+    ("CPENTA", 15): ("wedge15", _WEDGE),
+}
+# Faces that belong to no property have no stiffness: mesh generators mark groups by them.
+_FACES = {
+    ("CTRIA3", 3): "triangle",
+    ("CTRIA6", 6): "triangle6",
+    ("CQUAD4", 4): "quad",
+    ("CQUAD8", 8): "quad8",
+}
+_CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+# They hold or load nothing.
+_DRAWN = ("PLOTEL", "PLOTEL3", "PLOTEL4")
+
+
+def read_nastran(path: Path, units: UnitSystem) -> Contents:
+    """Read bulk data, with or without the sections before it.
+
+    Sets of the case control and SET1 and SET3 are node sets and element sets "SET n"; each property's elements are the
+    element set "PSOLID n"; faces without a property are node sets "Faces n"; nodes of RBE2 and RBE3 are node sets
+    "RBE2 n" with their reference point; MPC are equations; single-point constraints are node sets
+    "SPC n" and hold nothing by themselves.
+
+    Parameters
+    ----------
+    path : Path
+    units : UnitSystem
+        What the file's numbers are in.
+
+    Returns
+    -------
+    Contents
+
+    Raises
+    ------
+    MeshError
+        pyNastran is not there or cannot read the file, or the body has parts that are no solids.
+    """
+    if _by_meshio(path):
+        with quiet(path, "check the file"):
+            return Contents(meshio.read(path))
+    bdf = imported("pyNastran.bdf.bdf", path, "pyNastran", "nastran")
+    source, punch, ended = _source(path)
+    with _without_dump(), quiet(path, "check the file, and what it includes"):
+        model = bdf.BDF(debug=None)
+        model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
+    with quiet(path, "check its coordinate systems and materials"):
+        contents = _contents(model, path, units)
+    if not ended:
+        _refuse_early_end(contents, path)
+    return contents
+
+
+def _by_meshio(path: Path) -> bool:
+    """Whether meshio wrote the file: its elements have no property, which nothing but meshio reads."""
+    with path.open(encoding="latin-1") as file:
+        return "written by meshio" in file.readline()
+
+
+def _source(path: Path) -> tuple[str | io.StringIO, bool, bool]:
+    """What pyNastran shall read, whether it is bulk data alone, and whether it says where it ends."""
+    lines = path.read_text(encoding="latin-1").splitlines(keepends=True)
+    words = [line.upper().split("$")[0].split() for line in lines]
+    begin = next((k for k, found in enumerate(words) if found[:2] == ["BEGIN", "BULK"]), None)
+    ended = any(found[:1] == ["ENDDATA"] for found in words)
+    if begin is None:
+        return str(path), True, ended
+    if not ended:
+        raise MeshError(f"{path} has BEGIN BULK and no ENDDATA: cut short? export it again")
+    if any(found[:1] == ["CEND"] for found in words[:begin]):
+        return str(path), False, True
+    if any(found[:1] == ["INCLUDE"] for found in words):
+        raise MeshError(f"{path} includes files and has BEGIN BULK without CEND: take out the line BEGIN BULK")
+    return io.StringIO("".join(lines[begin + 1 :])), True, True
+
+
+# What pyNastran writes into the current folder where an included file is not there.
+_DUMP = Path("pyNastran_crash.bdf")
+
+
+@contextlib.contextmanager
+def _without_dump() -> Iterator[None]:
+    """Take away the file that pyNastran leaves behind, unless one of its name was there before."""
+    before = _DUMP.exists()
+    try:
+        yield
+    finally:
+        if not before:
+            _DUMP.unlink(missing_ok=True)
+
+
+def _refuse_early_end(contents: Contents, path: Path) -> None:
+    """Refuse bulk data without an end where nodes are left over: elements may be missing."""
+    mesh = contents.mesh
+    used = np.zeros(len(mesh.points), dtype=bool)
+    for block in mesh.cells:
+        used[block.data] = True
+    for rows in mesh.point_sets.values():
+        used[rows] = True
+    used[[key // 3 for row in contents.equations for key in row]] = True
+    # Reference points are of no element.
+    places = [np.all(mesh.points == point, axis=1) for point in contents.references.values()]
+    used |= np.any([np.zeros(len(used), dtype=bool), *places], axis=0)
+    if not used.all():
+        raise MeshError(
+            f"{path} has no ENDDATA, and {int(np.sum(~used))} of its {len(used)} grid points belong to no element: cut "
+            "short? export it again, or add the line ENDDATA"
+        )
+
+
+def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
+    _refuse_others(model, path)
+    labels = np.array(sorted(model.nodes), dtype=np.int64)
+    row = {label: place for place, label in enumerate(labels.tolist())}
+    points = np.array([model.nodes[label].get_position_no_xref(model) for label in labels.tolist()], dtype=float)
+    notes: list[str] = []
+    node_sets, element_numbers = _numbered_sets(model)
+    on_body, references = spiders(model, points, row, path, notes)
+    node_sets |= on_body | single_point_sets(model, notes)
+    equations = multi_point_rows(model, row, path)
+    used = {node for element in model.elements.values() for node in getattr(element, "nodes", ())}
+    masses = point_masses(model, points, row, used, path, units, notes)
+    materials, of_property = _materials(model, path, units)
+    kinds: dict[tuple[str, int], list[Any]] = {}
+    for element in model.elements.values():
+        if _is_face(element, model):
+            kinds.setdefault((element.type, len(element.nodes)), []).append(element)
+        elif element.type not in _DRAWN:
+            kinds.setdefault((element.type, _node_count(element, path)), []).append(element)
+    cells, cell_labels, material, properties = [], [], [], []
+    for key, members in kinds.items():
+        kind, order = _SOLIDS[key] if key in _SOLIDS else (_FACES[key], [*range(key[1])])
+        try:
+            rows = [[row[element.nodes[k]] for k in order] for element in members]
+        except KeyError as error:
+            raise MeshError(
+                f"{path}: an element names GRID {error}, which is not there; export the file again"
+            ) from error
+        cells.append((kind, np.array(rows)))
+        cell_labels.append(np.array([element.eid for element in members], dtype=np.int64))
+        properties.append(np.array([element.pid for element in members], dtype=np.int64))
+        material.append(np.array([of_property.get(element.pid, NO_MATERIAL) for element in members], dtype=np.int64))
+    sets: dict[str, list[IntArray]] = {}
+    for name, kept in (("PSOLID", _SOLIDS), ("Faces", _FACES)):
+        inside = [key in kept for key in kinds]
+        for number in np.unique(np.concatenate([np.zeros(0, dtype=int), *properties])).tolist():
+            sets[f"{name} {number}"] = [
+                np.flatnonzero((pids == number) & use) for pids, use in zip(properties, inside, strict=True)
+            ]
+    for name, numbers in element_numbers.items():
+        sets[name] = [np.flatnonzero(np.isin(eids, numbers)) for eids in cell_labels]
+    points_by_name = {
+        name: np.array(sorted(row[label] for label in set(members) if label in row), dtype=np.int64)
+        for name, members in node_sets.items()
+    }
+    mesh = meshio.Mesh(
+        points.reshape(-1, 3),
+        cells,
+        point_sets={name: rows for name, rows in points_by_name.items() if rows.size},
+        cell_sets={name: parts for name, parts in sets.items() if any(part.size for part in parts)},
+    )
+    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), references, equations, masses)
+
+
+def _refuse_others(model: Any, path: Path) -> None:
+    """Refuse what has stiffness or mass and is no solid."""
+    found: dict[str, list[int]] = {}
+    masses = [(number, one) for number, one in model.masses.items() if one.type != "CONM2"]
+    for number, element in [*model.elements.items(), *masses]:
+        if element.type not in (*_DRAWN, *_CORNERS) and not _is_face(element, model):
+            found.setdefault(element.type, []).append(number)
+    for number, element in model.rigid_elements.items():
+        if element.type not in SPIDERS:
+            found.setdefault(element.type, []).append(number)
+    if model.superelement_models:
+        found["BEGIN SUPER"] = list(model.superelement_models)
+    if found:
+        parts = "; ".join(f"{name} {listed(numbers)}" for name, numbers in found.items())
+        raise MeshError(
+            f"{path} holds what is no solid: {parts}; supported are {', '.join(_CORNERS)} (RBE2 and RBE3 become node "
+            "sets). Model these parts by solids; what only shows results (a skin of shells) can go"
+        )
+
+
+def _is_face(element: Any, model: Any) -> bool:
+    nodes = getattr(element, "nodes", ())
+    return (element.type, len(nodes)) in _FACES and element.pid not in model.properties and all(nodes)
+
+
+def _node_count(element: Any, path: Path) -> int:
+    nodes = element.nodes
+    count = sum(node not in (None, 0) for node in nodes)
+    if (element.type, len(nodes)) not in _SOLIDS or count not in (_CORNERS[element.type], len(nodes)):
+        raise MeshError(
+            f"{path}: {element.type} {element.eid} has {count} of {len(nodes)} nodes, expected all of its mid-side "
+            "nodes or none; export the file again"
+        )
+    return count
+
+
+def _numbered_sets(model: Any) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
+    """Numbers in sets by their names, as node numbers and as element numbers: a set does not always say which."""
+    nodes: dict[str, list[int]] = {}
+    elements: dict[str, list[int]] = {}
+    subcases = [] if model.case_control_deck is None else model.case_control_deck.subcases.values()
+    for subcase in subcases:
+        for key, (members, *_) in subcase.params.items():
+            if key.startswith("SET "):
+                numbers = [number for number in members if isinstance(number, int)]
+                nodes[key], elements[key] = numbers, numbers
+    for number, given in model.sets.items():
+        kind = getattr(given, "desc", "")
+        if kind != "ELEM":
+            nodes[f"SET {number}"] = list(given.ids)
+        if kind != "GRID":
+            elements[f"SET {number}"] = list(given.ids)
+    return nodes, elements
+
+
+def _materials(model: Any, path: Path, units: UnitSystem) -> tuple[tuple[Material, ...], Mapping[int, int]]:
+    """Materials, and the material of each property by its number."""
+    weight = unit_of_mass(model)
+    materials: list[Material] = []
+    rows: dict[int, int] = {}
+    of_property: dict[int, int] = {}
+    for number in {element.pid for element in model.elements.values() if element.type in _CORNERS}:
+        given = model.properties.get(number)
+        if given is None:
+            of_property[number] = NO_MATERIAL
+            continue
+        if given.type != "PSOLID":
+            raise MeshError(f"{path}: property {number} is a {given.type}, expected PSOLID for solids")
+        found = model.materials.get(given.mid)
+        if found is not None and found.type != "MAT1":
+            raise MeshError(f"{path}: material {given.mid} is a {found.type}, expected MAT1 (isotropic)")
+        if found is None or not found.rho:
+            of_property[number] = NO_MATERIAL
+            continue
+        if given.mid not in rows:
+            rows[given.mid] = len(materials)
+            density = found.rho * weight * units.density
+            materials.append(Material(f"MAT1 {given.mid}", found.e * units.stress, found.nu, density))
+        of_property[number] = rows[given.mid]
+    return tuple(materials), of_property

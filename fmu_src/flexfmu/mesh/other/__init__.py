@@ -1,0 +1,1 @@
+"""Readers of Ansys archives, Exodus and meshes of other programs."""

@@ -1,0 +1,193 @@
+"""Ansys archives (.cdb, input files of Workbench) through mapdl-archive: solids, components, isotropic materials."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from flexfmu.files.errors import MeshError
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.in_memory import Contents
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import NO_MATERIAL, IntArray, Material
+from flexfmu.mesh.other.extras import imported, quiet
+
+# Solids by their numbers: corners and mid-side nodes stand as meshio has them.
+_BRICKS = {45: 8, 185: 8, 95: 20, 186: 20}
+_TETRAHEDRA = {285: 4, 92: 10, 187: 10}
+# Surface effects, contact and its targets, meshes alone, follower loads: no stiffness and no mass by themselves.
+_PASSED = {*range(151, 157), *range(169, 179), 200, 201}
+_CONTACT = {*range(169, 179)}
+# Bricks whose nodes coincide: which corners do, and the nodes of what is left.
+_WEDGE = ([(2, 3), (6, 7)], [0, 1, 2, 4, 5, 6], [8, 9, 11, 12, 13, 15, 16, 17, 18])
+_TETRA = ([(2, 3), (4, 5), (4, 6), (4, 7)], [0, 1, 2, 4], [8, 9, 11, 16, 17, 18])
+_PYRAMID = [(4, 5), (4, 6), (4, 7)]
+_ATTRIBUTES = 10
+"""Numbers of an element before its nodes."""
+_CONSTANTS = {"EX": "youngs_modulus", "NUXY": "poissons_ratio", "PRXY": "poissons_ratio", "DENS": "density"}
+# Commands that join nodes or hold them.
+_JOINS = ("CE", "CP", "CERIG", "RBE3", "CPINTF", "CEINTF")
+
+
+def read_ansys(path: Path, units: UnitSystem) -> Contents:
+    """Read an archive as CDWRITE writes it: components are sets, MP and MPDATA are materials.
+
+    Parameters
+    ----------
+    path : Path
+    units : UnitSystem
+        What the file's numbers are in.
+
+    Returns
+    -------
+    Contents
+
+    Raises
+    ------
+    MeshError
+        mapdl-archive is not there or cannot read the file, or the body has parts that are no solids.
+    """
+    library = imported("mapdl_archive", path, "mapdl-archive", "ansys")
+    text = path.read_text(encoding="latin-1").splitlines()
+    _refuse_cut_short(text, path)
+    with quiet(path, "check the file; expected what CDWRITE writes, with NBLOCK and EBLOCK"):
+        archive = library.Archive(path, parse_vtk=False)
+        return _contents(archive, text, path, units)
+
+
+def _refuse_cut_short(text: list[str], path: Path) -> None:
+    """Refuse blocks without their end, beyond which the library would read."""
+    names = [line.partition(",")[0].strip().upper() for line in text]
+    if "NBLOCK" not in names or "EBLOCK" not in names:
+        raise MeshError(
+            f"{path} holds no NBLOCK and EBLOCK: it is no blocked archive, or cut short; write it with CDWRITE"
+        )
+
+
+def _refuse_what_is_missing(archive: Any, text: list[str], path: Path) -> None:
+    """Refuse blocks that hold fewer nodes or elements than their heads say, where they say it."""
+    for block, found in (("NBLOCK", len(archive.nnum)), ("EBLOCK", len(archive.enum))):
+        heads = [line.split(",") for line in text if line.strip().upper().startswith(f"{block},")]
+        told = [int(head[-1]) for head in heads if len(head) > 4 and head[-1].strip().isdigit()]
+        if len(told) == len(heads) and told and sum(told) != found:
+            raise MeshError(
+                f"{path}: {block} holds {found} entries, its head says {sum(told)}: cut short? write it again"
+            )
+
+
+def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> Contents:
+    _refuse_what_is_missing(archive, text, path)
+    kind_of_type = {int(number): int(kind) for number, kind in archive.ekey}
+    labels = np.asarray(archive.nnum, dtype=np.int64)
+    row = {label: place for place, label in enumerate(labels.tolist())}
+    kinds: dict[str, list[tuple[int, list[int], int]]] = {}
+    refused: dict[str, list[int]] = {}
+    notes = []
+    passed: dict[int, int] = {}
+    for number, element in zip(np.asarray(archive.enum).tolist(), archive.elem, strict=True):
+        values = np.asarray(element).tolist()
+        kind = kind_of_type.get(values[1], 0)
+        nodes = values[_ATTRIBUTES:]
+        if kind in _PASSED:
+            passed[kind] = passed.get(kind, 0) + 1
+        elif (found := _solid(kind, nodes)) is None:
+            name = f"element type {kind}" if kind not in _BRICKS else f"pyramids of element type {kind}"
+            refused.setdefault(name, []).append(number)
+        else:
+            kinds.setdefault(found[0], []).append((number, found[1], values[0]))
+    if refused:
+        parts = "; ".join(f"{name}: elements {listed(numbers)}" for name, numbers in refused.items())
+        raise MeshError(
+            f"{path} holds what cannot be read as a solid: {parts}; supported are SOLID45, 92, 95, 185, 186, 187 and "
+            "285 as bricks, wedges and tetrahedra; model these parts by them"
+        )
+    for kind, count in passed.items():
+        joins = "; parts that only contact joins come apart" if kind in _CONTACT else ""
+        notes.append(f"{count} elements of type {kind} are left unused: they have no stiffness of their own{joins}")
+    notes += _joined(text, path)
+    materials, of_number = _materials(text, path, units)
+    cells, cell_labels, material = [], [], []
+    for name, members in kinds.items():
+        try:
+            cells.append((name, np.array([[row[node] for node in nodes] for _, nodes, _ in members])))
+        except KeyError as error:
+            raise MeshError(f"{path}: an element names node {error}, which is not there; write it again") from error
+        cell_labels.append(np.array([number for number, _, _ in members], dtype=np.int64))
+        material.append(np.array([of_number.get(one, NO_MATERIAL) for _, _, one in members], dtype=np.int64))
+    mesh = meshio.Mesh(
+        np.asarray(archive.nodes, dtype=float)[:, :3],
+        cells,
+        point_sets={name.strip(): _rows(numbers, row) for name, numbers in archive.node_components.items()},
+        cell_sets={
+            name.strip(): [np.flatnonzero(np.isin(numbers, members)) for numbers in cell_labels]
+            for name, members in archive.element_components.items()
+        },
+    )
+    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes))
+
+
+def _solid(kind: int, nodes: list[int]) -> tuple[str, list[int]] | None:
+    """Kind and the nodes of an element; None for what is no solid that is known."""
+    if kind in _TETRAHEDRA:
+        whole = len(nodes) >= 10 and all(nodes[:10])
+        return ("tetra10", nodes[:10]) if whole else ("tetra", nodes[:4]) if len(nodes) >= 4 else None
+    if kind not in _BRICKS or len(nodes) < 8:
+        return None
+    quadratic = len(nodes) >= 20 and all(nodes[:20])
+    for same, corners, middle, name in ((*_TETRA, "tetra"), (*_WEDGE, "wedge")):
+        if all(nodes[a] == nodes[b] for a, b in same):
+            chosen = [*corners, *middle] if quadratic else corners
+            return f"{name}{len(chosen)}" if quadratic else name, [nodes[k] for k in chosen]
+    if all(nodes[a] == nodes[b] for a, b in _PYRAMID):
+        return None
+    return ("hexahedron20", nodes[:20]) if quadratic else ("hexahedron", nodes[:8])
+
+
+def _rows(numbers: Iterable[int], row: dict[int, int]) -> IntArray:
+    return np.array(sorted(row[int(one)] for one in numbers if int(one) in row), dtype=np.int64)
+
+
+def _joined(text: list[str], path: Path) -> list[str]:
+    """Refuse equations between nodes; say where constraints were left out."""
+    first = [line.partition(",")[0].strip().upper() for line in text]
+    joins = sorted(set(_JOINS) & set(first))
+    if joins:
+        raise MeshError(
+            f"{path} joins nodes by {', '.join(joins)}, which would be lost: mesh the parts so that they share nodes, "
+            "or let them be interfaces (node components) and write the archive without these commands"
+        )
+    return ["constraints (D) are left out: give a [[support]]"] if "D" in first else []
+
+
+def _materials(text: list[str], path: Path, units: UnitSystem) -> tuple[tuple[Material, ...], dict[int, int]]:
+    """Isotropic materials at their first temperature, and their rows by Ansys' numbers."""
+    known: dict[int, dict[str, float]] = {}
+    for line in text:
+        fields = [field.strip() for field in re.split(r"[,!]", line)]
+        command = fields[0].upper()
+        if command == "MPDATA" and len(fields) > 6 and fields[1].upper().startswith("R"):
+            label, number, value = fields[3].upper(), fields[4], fields[6]
+            if fields[5] != "1":
+                continue
+        elif command == "MP" and len(fields) > 3:
+            label, number, value = fields[1].upper(), fields[2], fields[3]
+        else:
+            continue
+        if label in _CONSTANTS or label in ("EY", "EZ"):
+            known.setdefault(int(number), {}).setdefault(_CONSTANTS.get(label, label), float(value))
+    materials: list[Material] = []
+    rows = {}
+    for number, constants in sorted(known.items()):
+        for label in ("EY", "EZ"):
+            if constants.get(label, constants.get("youngs_modulus")) != constants.get("youngs_modulus"):
+                raise MeshError(
+                    f"{path}: material {number} is orthotropic ({label} ≠ EX), expected isotropic elasticity"
+                )
+        if all(key in constants for key in set(_CONSTANTS.values())):
+            rows[number] = len(materials)
+            modulus, density = constants["youngs_modulus"] * units.stress, constants["density"] * units.density
+            materials.append(Material(f"MAT {number}", modulus, constants["poissons_ratio"], density))
+    return tuple(materials), rows

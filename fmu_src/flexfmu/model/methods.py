@@ -1,0 +1,362 @@
+"""The methods: what a user chooses, what each is made of, which data it needs, and whether a body has them."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    from .reduced_body import ReducedBody
+
+
+class Method(Enum):
+    """How a body's motion follows from its modes; one row each of docs/methods.md."""
+
+    LINEAR = "linear"
+    """Modal superposition, equation (1)."""
+    STIFFNESS_BY_LOAD = "stiffness_by_load"
+    """Modal superposition with the geometric stiffness of each load's linear stress (the source's section 3)."""
+    STIFFNESS_BY_MODE = "stiffness_by_mode"
+    """The same with that of each mode's."""
+    MODAL_ROTATION = "modal_rotation"
+    """The source's section 4 as printed: displacements of each sub-domain by itself turned by its averaged rotation,
+    and the moment (3) of displaced forces."""
+    HALF_ROTATION = "half_rotation"
+    """The same turned by half the rotation, onto the chord of the arc, in a tree."""
+    FLOATING_FRAME = "floating_frame"
+    """One frame for the whole body, loads on the deformed body."""
+    FRAMES = "frames"
+    """A tree of frames, loads on the deformed body."""
+    FRAMES_STIFFNESS = "frames_stiffness"
+    """The same with the geometric stiffness of each load that frames leave out."""
+    SECOND_ORDER = "second_order"
+    """A tree of frames, and what motions within frames lack at second order."""
+
+    @property
+    def label(self) -> str:
+        """Its name as words."""
+        return self.value.replace("_", " ")
+
+
+class Mass(Enum):
+    """Whose inertia the body has."""
+
+    CONSTANT = "constant"
+    """That of the undeformed body: ΦᵀMΦ = I."""
+    CONFIGURATION = "configuration"
+    """That of the deformed body, M(q) = JᵀMJ with J the kinematics' derivative; of "frames" and "second_order"."""
+
+
+DEFAULT = Method.FRAMES
+"""What needs no data besides frames: of bodies that are made without a body file."""
+
+
+class Kinematics(Enum):
+    """How displacements follow from modal coordinates."""
+
+    LINEAR = "linear"
+    """Equation (1): modal superposition, nothing else."""
+    LITERAL = "literal"
+    """Displacements from a sub-domain's joint turned by its averaged rotation, as the words of the paper have it."""
+    SECANT = "secant"
+    """Displacements turned by half the averaged rotation: onto the chord of the arc."""
+    COROTATED = "corotated"
+    """The tree of corotated frames."""
+    SECOND_ORDER = "second_order"
+    """The same, with what motions within the frames lack at second order."""
+
+
+class LoadPlacement(Enum):
+    """Where loads act."""
+
+    REFERENCE = "reference"
+    """On the undeformed body."""
+    CORRECTIVE_MOMENT = "corrective_moment"
+    """On the undeformed body, with the moment u × F of the paper's equation (3)."""
+    DEFORMED = "deformed"
+    """On the deformed body, by the transpose of the kinematics' derivative."""
+
+
+class Stiffness(Enum):
+    """How stress changes stiffness."""
+
+    CONSTANT = "constant"
+    """Not at all: Λ."""
+    BY_LOAD = "by_load"
+    """Geometric stiffness of the linear stress of the loads, Σ f_l K_l."""
+    BY_MODE = "by_mode"
+    """Geometric stiffness of the stress of the modal coordinates, Σ q_j K_j."""
+
+
+class Division(Enum):
+    """How the frames of a body hang together."""
+
+    TREE = "tree"
+    """Each on its parent, roots on the ground."""
+    SEPARATE = "separate"
+    """Each by itself, about the linear displacement of its joint."""
+    ONE = "one"
+    """One for the whole body."""
+
+
+class Data(Enum):
+    """What a body holds for some methods only; the values are attributes of `ReducedBody`."""
+
+    BY_LOAD = "stiffness_by_load"
+    BY_MODE = "stiffness_by_mode"
+    INERTIA = "inertia"
+    SECOND_ORDER = "second"
+
+
+ASKED_BY = {
+    Data.BY_LOAD: 'geometric_stiffness = ["by_load"]',
+    Data.BY_MODE: 'geometric_stiffness = ["by_mode"]',
+    Data.INERTIA: "inertia = true",
+    Data.SECOND_ORDER: "second_order = true",
+}
+"""The key of `[reduction]` that stores data whatever the method is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """What a method is made of: for the modules that make programs of it.
+
+    Attributes
+    ----------
+    kinematics : Kinematics
+    loads : LoadPlacement
+    stiffness : Stiffness
+    division : Division
+    """
+
+    kinematics: Kinematics
+    loads: LoadPlacement
+    stiffness: Stiffness = Stiffness.CONSTANT
+    division: Division = Division.TREE
+
+
+_RECIPES = {
+    Method.LINEAR: Recipe(Kinematics.LINEAR, LoadPlacement.REFERENCE),
+    Method.STIFFNESS_BY_LOAD: Recipe(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_LOAD),
+    Method.STIFFNESS_BY_MODE: Recipe(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE),
+    Method.MODAL_ROTATION: Recipe(Kinematics.LITERAL, LoadPlacement.CORRECTIVE_MOMENT, division=Division.SEPARATE),
+    Method.HALF_ROTATION: Recipe(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT),
+    Method.FLOATING_FRAME: Recipe(Kinematics.COROTATED, LoadPlacement.DEFORMED, division=Division.ONE),
+    Method.FRAMES: Recipe(Kinematics.COROTATED, LoadPlacement.DEFORMED),
+    Method.FRAMES_STIFFNESS: Recipe(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD),
+    Method.SECOND_ORDER: Recipe(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED),
+}
+
+
+@dataclass(frozen=True, slots=True, order=False)
+class Variant:
+    """A method, and the mass with it.
+
+    Attributes
+    ----------
+    method : Method
+    mass : Mass
+
+    Raises
+    ------
+    OptionError
+        The deformed body's mass with a method that does not know it.
+    """
+
+    method: Method
+    mass: Mass = Mass.CONSTANT
+
+    def __post_init__(self) -> None:
+        """Refuse a mass that the method does not know."""
+        if self.mass not in masses_of(self.method):
+            known = " and ".join(f'"{method.value}"' for method in Method if self.mass in masses_of(method))
+            raise OptionError(
+                f'mass "{self.mass.value}" goes with methods {known} only, not with "{self.method.value}": only there '
+                f'the motion of every point of the body is known; take one of these, or mass "{Mass.CONSTANT.value}"'
+            )
+
+    @property
+    def words(self) -> str:
+        """The method's name, and the mass where it is not the usual one."""
+        return self.method.value + ("" if self.mass is Mass.CONSTANT else f", mass {self.mass.value}")
+
+
+def recipe_of(method: Method) -> Recipe:
+    """What a method is made of."""
+    return _RECIPES[method]
+
+
+def masses_of(method: Method) -> tuple[Mass, ...]:
+    """Masses that a method can have, the usual one first."""
+    return tuple(Mass) if method in (Method.FRAMES, Method.SECOND_ORDER) else (Mass.CONSTANT,)
+
+
+def method_named(value: Method | str) -> Method:
+    """A method by itself or by its name.
+
+    Parameters
+    ----------
+    value : Method or str
+
+    Returns
+    -------
+    Method
+
+    Raises
+    ------
+    OptionError
+        There is no such method.
+    """
+    try:
+        return Method(value)
+    except ValueError:
+        names = ", ".join(method.value for method in Method)
+        raise OptionError(f"method is {value!r}, expected one of {names}") from None
+
+
+def mass_named(value: Mass | str) -> Mass:
+    """A mass by itself or by its name; OptionError where there is none such."""
+    try:
+        return Mass(value)
+    except ValueError:
+        names = ", ".join(mass.value for mass in Mass)
+        raise OptionError(f"mass is {value!r}, expected one of {names}") from None
+
+
+def chosen(body: "ReducedBody", method: Method | str | None = None, mass: Mass | str | None = None) -> Variant:
+    """The method and the mass that a body is used with.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    method : Method or str, optional
+        Default: the one that the body was built with; linear where it has no frames for it.
+    mass : Mass or str, optional
+        Default: the body's own, where the method knows it.
+
+    Returns
+    -------
+    Variant
+
+    Raises
+    ------
+    OptionError
+        No such method or mass, a mass that the method does not know, or data that the body was built without.
+    """
+    if method is None:
+        one = Method.LINEAR if has_frames(body.method) and not body.frame_count else body.method
+    else:
+        one = method_named(method)
+    if mass is not None:
+        found = Variant(one, mass_named(mass))
+    else:
+        found = Variant(one, body.mass if body.mass in masses_of(one) else Mass.CONSTANT)
+    lack = missing(body, found.method, found.mass)
+    if lack is not None:
+        raise OptionError(f'method "{found.words}" needs {lack}, and body {body.name!r} was built without')
+    return found
+
+
+def has_frames(method: Method) -> bool:
+    """Whether a method moves the body by frames."""
+    return _RECIPES[method].kinematics is not Kinematics.LINEAR
+
+
+def needs(method: Method, mass: Mass = Mass.CONSTANT) -> frozenset[Data]:
+    """Data that a method needs besides modes, interfaces and frames.
+
+    Parameters
+    ----------
+    method : Method
+    mass : Mass
+
+    Returns
+    -------
+    frozenset of Data
+    """
+    row = _RECIPES[method]
+    found = {
+        Data.BY_LOAD: row.stiffness is Stiffness.BY_LOAD,
+        Data.BY_MODE: row.stiffness is Stiffness.BY_MODE,
+        Data.INERTIA: mass is Mass.CONFIGURATION,
+        Data.SECOND_ORDER: row.kinematics is Kinematics.SECOND_ORDER,
+    }
+    return frozenset(data for data, wanted in found.items() if wanted)
+
+
+def conflict(variant: Variant, free: bool, cut: bool) -> str | None:
+    """Why a kind of body cannot be built for a method; None where it can.
+
+    Parameters
+    ----------
+    variant : Variant
+    free : bool
+        Whether nothing holds the body.
+    cut : bool
+        Whether it has `[[cut]]` tables.
+
+    Returns
+    -------
+    str or None
+    """
+    name, needed = variant.method.value, needs(variant.method, variant.mass)
+    if free and Data.BY_LOAD in needed:
+        return (
+            f'method "{name}" needs the stress of each load by itself, and a free body has none: what balances the '
+            f'load is not known before; take "{Method.SECOND_ORDER.value}"'
+        )
+    if cut and needed & {Data.BY_LOAD, Data.BY_MODE}:
+        return f'[[cut]] goes without geometric stiffness, which method "{name}" needs: it knows bodies in one piece'
+    if cut and Data.INERTIA in needed:
+        return '[[cut]] goes with mass "constant" only'
+    if cut and _RECIPES[variant.method].division is Division.ONE:
+        return f'[[cut]] gives each part frames of its own: it does not go with method "{name}"'
+    return None
+
+
+def missing(body: "ReducedBody", method: Method, mass: Mass = Mass.CONSTANT) -> str | None:
+    """What of a body a method lacks, in words that say how to build it; None where it has all.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    method : Method
+    mass : Mass
+
+    Returns
+    -------
+    str or None
+    """
+    row = _RECIPES[method]
+    for data in Data:
+        if data in needs(method, mass) and getattr(body, data.value) is None:
+            return f"{ASKED_BY[data]} in [reduction]"
+    if has_frames(method) and not body.frame_count:
+        return "frames"
+    if row.division is Division.ONE and body.ties is not None:
+        return "a body in one piece, without [[cut]]"
+    if row.division is Division.ONE and body.frame_count > 1 and body.whole is None and not body.floating:
+        return "the frame of the whole body, which bodies of several frames hold"
+    return None
+
+
+def offered(body: "ReducedBody") -> tuple[Method, ...]:
+    """The methods for which a body has all the data, in their order."""
+    return tuple(method for method in Method if missing(body, method) is None)
+
+
+def offered_variants(body: "ReducedBody") -> tuple[Variant, ...]:
+    """The same with every mass for which it has the data."""
+    pairs: Iterable[tuple[Method, Mass]] = ((method, mass) for method in offered(body) for mass in masses_of(method))
+    return tuple(Variant(method, mass) for method, mass in pairs if missing(body, method, mass) is None)
+
+
+def lean(body: "ReducedBody", variant: Variant) -> "ReducedBody":
+    """The body for a method alone, without data that only others need."""
+    needed = needs(variant.method, variant.mass)
+    unneeded: dict[str, Any] = {data.value: None for data in set(Data) - needed}
+    if Data.SECOND_ORDER not in needed:
+        unneeded["membrane"] = None
+    return replace(body, method=variant.method, mass=variant.mass, **unneeded)

@@ -1,0 +1,1 @@
+"""Bodies that are cut into parts: where, whether, and how the parts are joined."""

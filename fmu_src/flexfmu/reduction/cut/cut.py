@@ -1,0 +1,438 @@
+"""Bodies cut at sections: the mesh opened there, and the parts that it falls into (docs/theory.md, section 10).
+
+Elements on one side of a section keep its nodes, those on the other get copies of them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from ...build.config import Basis, BodySpec, BranchTable, CutTable, InterfaceTable, SupportTable
+from ...fe.assembly import stiffness
+from ...fe.faces import element_faces
+from ...files.errors import BodyFileError
+from ...mesh.checks import connected_parts
+from ...mesh.listing import listed
+from ...mesh.model import FloatArray, IntArray, Mesh
+from ...model.rotations import skew
+from ..division import neighbours
+from ..model import Model, free_motions
+from ..places import node_set
+from ..rigid_fit import by_node, rigid_fit
+from ..subdomains import elements_within
+from ..subdomains import section as section_weights
+from .loops import loop_sections
+
+SIDES = ("a", "b")
+_Spec = TypeVar("_Spec", bound=BodySpec)
+_RIGID_MOTIONS = 6
+# Of the forces that make a section warp, those below this share of the largest are left out.
+_WARPING = 3e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """Springs of a support, as they hold a part.
+
+    Attributes
+    ----------
+    nodes : (k,) int
+        Of the part.
+    stiffness : (3,) float
+        Of all of them together, N/m.
+    interface : str or None
+        The node set at which they are a force; None where they are in the part's stiffness.
+    """
+
+    nodes: IntArray
+    stiffness: FloatArray
+    interface: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a cut body.
+
+    Attributes
+    ----------
+    model : Model
+        With the node sets and element sets that are in it, renumbered.
+    nodes, elements : (k,) int
+        Where they are in the opened mesh.
+    sections : tuple of str
+        Node sets of the cuts' sides that it has, as of `side_set`.
+    springs : tuple of Spring
+    origin : (k,) int
+        Where its nodes are in the mesh in one piece.
+    """
+
+    model: Model
+    nodes: IntArray
+    elements: IntArray
+    sections: tuple[str, ...]
+    springs: tuple[Spring, ...]
+    origin: IntArray
+
+
+def side_set(cut: str, side: str) -> str:
+    """Name of the node set of one side, "a" or "b", of a cut through a node set."""
+    return f"{cut}, side {side}"
+
+
+def cut_loops(config: _Spec, model: Model) -> tuple[_Spec, Model, list[str]]:
+    """Find sections that open the loops between a body's supports.
+
+    Parameters
+    ----------
+    config : BodySpec
+        With `cut` "auto".
+    model : Model
+        In one piece.
+
+    Returns
+    -------
+    config : BodySpec
+        With a table for each section.
+    model : Model
+        With a node set for each.
+    notes : list of str
+        Where they are, in words.
+    """
+    mesh = model.mesh
+    clear = {one.name: node_set(mesh, one.nodes, f"interface {one.name!r}, nodes") for one in config.interface}
+    found = loop_sections(mesh, element_faces(mesh), model.anchored, clear)
+    sets, tables, notes = dict(mesh.node_sets), [], []
+    for k, one in enumerate(found, start=1):
+        # A name that no mesh file has.
+        name = f"loop {k}"
+        sets[name] = one.nodes
+        tables.append(CutTable(nodes=name))
+        x, y, z = one.place
+        notes.append(
+            f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {one.nodes.size} nodes, {one.width:.3g} m wide'
+        )
+    if not found:
+        notes.append('cut = "auto": no loop between supports that a slender section opens; the body stays in one piece')
+    return config.model_copy(update={"cut": tables}), replace(model, mesh=replace(mesh, node_sets=sets)), notes
+
+
+def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable]) -> tuple[Mesh, list[Part]]:
+    """Open a body at sections.
+
+    Parameters
+    ----------
+    model : Model
+        In one piece.
+    cuts : sequence of str
+        Node sets of the sections.
+    supports : sequence of SupportTable
+
+    Returns
+    -------
+    mesh : Mesh
+        The opened mesh, with the node sets of both sides of each cut.
+    parts : list of Part
+        In the order of their first nodes.
+
+    Raises
+    ------
+    BodyFileError
+        A section that is missing, that is no section across the body, or that leaves a part without any support.
+    """
+    mesh, fixed, spring = model.mesh, model.fixed, model.spring
+    if mesh.equations is not None:
+        raise BodyFileError(
+            "the mesh file joins nodes by equations (*TIE, *EQUATION, *MPC), which [[cut]] does not know: leave the "
+            "body in one piece, or join its parts by common nodes"
+        )
+    first = np.arange(len(mesh.points))
+    for cut in cuts:
+        mesh, origin = _opened(mesh, cut)
+        first = first[origin]
+        copied = origin[len(fixed) :]
+        if fixed[copied].any() or spring[copied].any():
+            raise BodyFileError(
+                f"[[cut]] nodes = {cut!r}: a support holds nodes of the section; cut away from supports"
+            )
+        fixed, spring = fixed[origin], spring[origin]
+    part = connected_parts(mesh)
+    if torn := [one.name for one in mesh.masses if np.unique(part[one.nodes]).size > 1]:
+        raise BodyFileError(f"[[cut]] goes through the nodes of the masses {listed(torn)}: cut elsewhere")
+    names = [side_set(cut, side) for cut in cuts for side in SIDES]
+    parts = []
+    for number in range(int(part.max()) + 1):
+        nodes = np.flatnonzero(part == number)
+        inside, elements = _sub_mesh(mesh, nodes)
+        motions = free_motions(inside.points, (fixed | (spring > 0.0))[nodes])
+        if motions.shape[1] == _RIGID_MOTIONS:
+            x, y, z = inside.points.mean(axis=0)
+            raise BodyFileError(
+                f"[[cut]] leaves a part of {len(elements)} elements about ({x:.4g}, {y:.4g}, {z:.4g}) m that no "
+                "support holds: frames have nothing there to hang from; cut so that each part has a support"
+            )
+        sections = tuple(name for name in names if name in inside.node_sets)
+        part_model, springs = _springs(Model(inside, fixed[nodes], spring[nodes], motions), supports)
+        parts.append(Part(part_model, nodes, elements, sections, springs, first[nodes]))
+    return mesh, parts
+
+
+def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
+    """The mesh with the nodes of a section doubled, and the node (n',) of `mesh` that each one was."""
+    key = f"[[cut]] nodes = {cut!r}"
+    nodes = node_set(mesh, cut, key)
+    member = np.zeros(len(mesh.points), dtype=bool)
+    member[nodes] = True
+    faces = element_faces(mesh)
+    across = [np.all(member[block.nodes], axis=1) & ~block.outer for block in faces]
+    if not any(chosen.any() for chosen in across):
+        raise BodyFileError(
+            f"{key}: its {nodes.size} nodes make up no face between two elements; take all nodes of a section along "
+            "element faces, across the whole body"
+        )
+    shared = [block.nodes[chosen] for block, chosen in zip(faces, across, strict=True)]
+    loose = nodes.size - np.unique(np.concatenate([block.ravel() for block in shared])).size
+    if loose:
+        raise BodyFileError(
+            f"{key}: {loose} of its {nodes.size} nodes lie on no face between two elements that the set holds; "
+            "take just the nodes of the section"
+        )
+    closed = tuple(replace(b, outer=b.outer | chosen) for b, chosen in zip(faces, across, strict=True))
+    touching = np.flatnonzero(np.concatenate([np.any(member[b.connectivity], axis=1) for b in mesh.blocks]))
+    link = sp.csr_array(neighbours(mesh.points, closed, mesh.element_count))[touching][:, touching]
+    count, side = connected_components(link, directed=False)
+    if count != 2:
+        raise BodyFileError(
+            f"{key}: the elements at this section make up {count} connected piece{'s'[: count > 1]}, expected two, one "
+            "on either side: a cut goes through the whole of one section of the body"
+        )
+    # Side b begins where the numbering of the mesh is higher.
+    second = np.zeros(mesh.element_count, dtype=bool)
+    second[touching[side != side[0]]] = True
+    copy = np.arange(len(mesh.points))
+    copy[nodes] = len(mesh.points) + np.arange(nodes.size)
+    origin = np.concatenate([np.arange(len(mesh.points)), nodes])
+    blocks, first = [], 0
+    for block in mesh.blocks:
+        here = second[first : first + len(block.labels)]
+        first += len(block.labels)
+        blocks.append(
+            replace(block, connectivity=np.where(here[:, None], copy[block.connectivity], block.connectivity))
+        )
+    opened = replace(mesh, points=mesh.points[origin], labels=mesh.labels[origin], blocks=tuple(blocks))
+    opened = replace(opened, fixed=mesh.fixed[origin])
+    sets = {name: _on_its_side(mesh, opened, members, copy) for name, members in mesh.node_sets.items()}
+    sets |= {side_set(cut, "a"): nodes, side_set(cut, "b"): copy[nodes]}
+    return replace(opened, node_sets=sets), origin
+
+
+def _on_its_side(before: Mesh, after: Mesh, members: IntArray, copy: IntArray) -> IntArray:
+    """Nodes of a set in the opened mesh: on the side where whole elements of it are, or on both."""
+    doubled = members[copy[members] != members]
+    if not doubled.size:
+        return members
+    member = np.zeros(len(before.points), dtype=bool)
+    member[members] = True
+    used = np.zeros(len(after.points), dtype=bool)
+    for old, new in zip(before.blocks, after.blocks, strict=True):
+        used[new.connectivity[np.all(member[old.connectivity], axis=1)]] = True
+    either = used[doubled] | used[copy[doubled]]
+    single = members[copy[members] == members]
+    kept = [single, doubled[used[doubled] | ~either], copy[doubled][used[copy[doubled]] | ~either]]
+    return np.unique(np.concatenate(kept))
+
+
+def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
+    """The connected part of a mesh that has these nodes, and its elements (k,) in the whole."""
+    place = np.full(len(mesh.points), -1)
+    place[nodes] = np.arange(nodes.size)
+    inside = np.concatenate([place[block.connectivity[:, 0]] >= 0 for block in mesh.blocks])
+    number = np.where(inside, np.cumsum(inside) - 1, -1)
+    blocks, first = [], 0
+    for block in mesh.blocks:
+        here = inside[first : first + len(block.labels)]
+        first += len(block.labels)
+        if here.any():
+            connectivity = place[block.connectivity[here]]
+            blocks.append(replace(block.part(here), connectivity=connectivity))
+
+    def kept(sets: dict[str, IntArray], places: IntArray) -> dict[str, IntArray]:
+        found = {name: places[members][places[members] >= 0] for name, members in sets.items()}
+        return {name: members for name, members in found.items() if members.size}
+
+    part = replace(
+        mesh,
+        points=mesh.points[nodes],
+        labels=mesh.labels[nodes],
+        blocks=tuple(blocks),
+        node_sets=kept(dict(mesh.node_sets), place),
+        element_sets=kept(dict(mesh.element_sets), number),
+        fixed=mesh.fixed[nodes],
+        notes=(),
+        masses=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.masses if np.all(place[one.nodes] >= 0)),
+    )
+    return part, np.flatnonzero(inside)
+
+
+def part_configs(config: BodySpec, opened: Mesh, parts: Sequence[Part]) -> list[BodySpec]:
+    """Body files of the parts: each with its own interfaces, the sides of the cuts after them, frames and stress sets.
+
+    Parameters
+    ----------
+    config : BodySpec
+        Of the whole body.
+    opened : Mesh
+    parts : sequence of Part
+
+    Returns
+    -------
+    list of BodySpec
+
+    Raises
+    ------
+    BodyFileError
+        An interface in several parts, or a frame whose parent is in another one.
+    """
+    owner = np.zeros(len(opened.points), dtype=np.int64)
+    part_of_element = np.zeros(opened.element_count, dtype=np.int64)
+    for number, part in enumerate(parts):
+        owner[part.nodes] = number
+        part_of_element[part.elements] = number
+    interfaces: list[list[InterfaceTable]] = [[] for _ in parts]
+    for table in config.interface:
+        found = np.unique(owner[node_set(opened, table.nodes, f"interface {table.name!r}, nodes")])
+        if found.size > 1:
+            raise BodyFileError(
+                f"interface {table.name!r}: its nodes are in {found.size} of the parts that [[cut]] makes, expected "
+                "one; take a smaller set, or cut elsewhere"
+            )
+        interfaces[found[0]].append(table)
+    for own, part in zip(interfaces, parts, strict=True):
+        # Names that no body file can have.
+        own += [InterfaceTable.model_construct(name=name, nodes=name) for name in part.sections]
+        loose = [spring.interface for spring in part.springs if spring.interface is not None]
+        own += [InterfaceTable.model_construct(name=name, nodes=name, weights="node") for name in loose]
+    home: dict[str, int] = {}
+    for frame in config.frame:
+        nodes = node_set(opened, frame.nodes, f"frame {frame.name!r}, nodes")
+        elements = elements_within(opened, nodes)
+        held = part_of_element[elements] if elements.size else owner[nodes]
+        home[frame.name] = int(np.argmax(np.bincount(held, minlength=len(parts))))
+    for frame in config.frame:
+        if frame.parent is not None and home[frame.parent] != home[frame.name]:
+            raise BodyFileError(
+                f"frame {frame.name!r} hangs on {frame.parent!r} beyond a [[cut]]: each part's frames hang on each "
+                "other and on its own supports"
+            )
+    basis = config.reduction
+    if basis.basis is Basis.NORMAL:
+        # Normal modes alone would leave the sections too stiff against each other.
+        basis = basis.model_copy(update={"residual_flexibility": True})
+    return [
+        config.model_copy(
+            update={
+                "interface": interfaces[number],
+                "frame": [frame for frame in config.frame if home[frame.name] == number],
+                "branch": _branches(config.branch, interfaces[number]),
+                "stress": [table for table in config.stress if _has(part.model.mesh.element_sets, table.elements)],
+                "reduction": basis,
+            }
+        )
+        for number, part in enumerate(parts)
+    ]
+
+
+def _branches(tables: Sequence[BranchTable], interfaces: Sequence[InterfaceTable]) -> list[BranchTable]:
+    """Branches that lead to a part's interfaces, or to its side of a cut."""
+    sides = {side_set(table.toward, side): table for table in tables for side in SIDES}
+    found = [table for table in tables if any(table.toward == one.name for one in interfaces)]
+    ends = [one.name for one in interfaces if one.name in sides]
+    return found + [sides[name].model_copy(update={"toward": name}) for name in ends]
+
+
+def _has(sets: Mapping[str, IntArray], name: str) -> bool:
+    """Whether a set is there, in upper or lower case."""
+    return any(known.lower() == name.lower() for known in sets)
+
+
+def spring_set(nodes: str, number: int) -> str:
+    """Name of the node set of a support's springs."""
+    return f"springs of support[{number}] at {nodes}"
+
+
+def _springs(model: Model, supports: Sequence[SupportTable]) -> tuple[Model, tuple[Spring, ...]]:
+    """Springs of a part, and the model without those that its frames do not hang on.
+
+    Stiff meshes on soft springs make poor matrices, and nothing is lost: a spring is an internal interface then.
+    """
+    mesh, done = model.mesh, np.zeros(len(model.mesh.points), dtype=bool)
+    sets, stays, found = dict(mesh.node_sets), model.spring.copy(), []
+    for number, table in enumerate(supports, start=1):
+        # Places are names by now.
+        if table.stiffness is None or not isinstance(table.nodes, str) or not _has(sets, table.nodes):
+            continue
+        members = node_set(mesh, table.nodes, f"support[{number}].nodes")
+        # No node twice: what several supports put on it is all with the first.
+        nodes = members[~done[members] & (model.spring[members] > 0.0).any(axis=1)]
+        done[nodes] = True
+        if not nodes.size:
+            continue
+        fitted = by_node(nodes)
+        _, rank = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
+        loose = rank == _RIGID_MOTIONS and not np.intersect1d(nodes, model.held).size
+        name = spring_set(table.nodes, number) if loose else None
+        if name is not None:
+            sets[name] = nodes
+            stays[nodes] = 0.0
+        found.append(Spring(nodes, model.spring[nodes].sum(axis=0), name))
+    motions = free_motions(mesh.points, model.fixed | (stays > 0.0))
+    return Model(replace(mesh, node_sets=sets), model.fixed, stays, motions), tuple(found)
+
+
+def section_tractions(part: Part, section: str, fields: FloatArray) -> FloatArray:
+    """Nodal forces by which a section warps: what a part's section feels beyond its resultants.
+
+    Joined by those shapes too, the parts are the whole body as far as these loads go.
+
+    Parameters
+    ----------
+    part : Part
+    section : str
+        Node set of its side of the cut.
+    fields : (3N, l) float
+        Displacements of the body in one piece under unit loads, each over the root of its work.
+
+    Returns
+    -------
+    (3k, j) float
+        At the section's nodes; orthonormal, without resultants.
+    """
+    mesh = part.model.mesh
+    nodes = mesh.node_sets[section]
+    own = fields.reshape(-1, 3, fields.shape[1])[part.origin].reshape(3 * part.origin.size, -1)
+    rows = (3 * nodes[:, None] + np.arange(3)).ravel()
+    force = (stiffness(mesh)[rows] @ own).astype(np.float64)
+    # The fit of the interface that the section is.
+    fitted = section_weights(mesh.points, element_faces(mesh), nodes)
+    fit, _ = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
+    # Self-equilibrated forces do no work on rigid motions; G R = 1.
+    arm = mesh.points[nodes] - fitted.centre(mesh.points)
+    rigid = np.zeros((nodes.size, 3, 6))
+    rigid[:, :, :3] = np.eye(3)
+    rigid[:, :, 3:] = -skew(arm)
+    motions = rigid.reshape(-1, 6)
+    force -= fit.T @ (motions.T @ force)
+    shapes, size, _ = np.linalg.svd(force, full_matrices=False)
+    result: FloatArray = shapes[:, size > _WARPING * size[0]]
+    return result
+
+
+def on_section(part: Part, section: str, shapes: FloatArray) -> FloatArray:
+    """Nodal forces (3n, j) of a part from those at a section's nodes (3k, j)."""
+    mesh = part.model.mesh
+    result = np.zeros((len(mesh.points), 3, shapes.shape[1]))
+    result[mesh.node_sets[section]] = shapes.reshape(-1, 3, shapes.shape[1])
+    return result.reshape(-1, shapes.shape[1])

@@ -1,0 +1,152 @@
+"""Whether a body whose supports close a loop is cut, where its body file does not say (docs/theory.md, section 10)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from ...build.config import BodySpec
+from ...fe.assembly import volume_matrices
+from ...fe.faces import element_faces
+from ...fe.quadratic_strain import mean_spin
+from ...files.errors import BodyFileError
+from ...files.progress import Reporter
+from ...files.store import Store
+from ...mesh.model import FloatArray, IntArray, Mesh
+from ..basis import Matrices
+from ..fourth_order import FourthOrder, energy_shares
+from ..interfaces import fit_interface
+from ..model import Model
+from ..subdomains import mean_rotation
+from .cut import Part, cut_loops, cut_parts, part_configs
+from .loops import support_groups
+
+_Spec = TypeVar("_Spec", bound=BodySpec)
+# How much of the turning (mean square) frames of the parts have to take away: a twist-beam axle has 9 to 12, a beam
+# held at both ends and an arch 5, a portal frame 1.5, a ring on two feet 1.1.
+_PAYS = 3.0
+# Share of stretching above which stretch stops a body before its material turns by half a radian, the most that is
+# trusted within a frame: a beam held at both ends has 85, an arch 9, a twist-beam axle 0.02 to 0.4.
+_STOPS = 4.0
+# Of the turning, what one frame leaves at least.
+_TURNS = 0.05
+# Supports beyond which none is looked at: a cover on its bolts is no loop of slender members.
+_MOST_SUPPORTS = 8
+# Nodes of a section that is a single face: its element's zero-energy modes would be free.
+_ONE_FACE = 9
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """Whether to cut, and why."""
+
+    cut: bool
+    reason: str
+
+
+def chosen_cuts(config: _Spec, model: Model, report: Reporter, store: Store) -> tuple[_Spec, Model]:
+    """Find the sections of `cut = "auto"`; cut a body that nothing is said of where its loop turns far.
+
+    Parameters
+    ----------
+    config : BodySpec
+    model : Model
+        In one piece.
+    report : Reporter
+        Is told what was found, and why.
+    store : Store
+
+    Returns
+    -------
+    config : BodySpec
+        With a table for each section.
+    model : Model
+        With a node set for each.
+    """
+    silent = config.cut != "auto"
+    if silent and not (config.open_to_cuts and _closes_loops(model)):
+        return config, model
+    with report.stage("Look for loops to cut"):
+        found, opened, notes = cut_loops(config, model)
+    if silent:
+        parts = _parts(found, opened)
+        if not parts:
+            return config, model
+        choice = _decided(config, model, parts, report, store)
+        report.note(choice.reason)
+        if not choice.cut:
+            return config, model
+    for text in notes:
+        report.note(text)
+    return found, opened
+
+
+def _closes_loops(model: Model) -> bool:
+    """Whether several supports, and not too many, hold a body that cannot move."""
+    if model.rigid.shape[1] or not model.anchored.size or model.mesh.equations is not None:
+        return False
+    return 1 <= int(support_groups(model.mesh, model.anchored).max()) < _MOST_SUPPORTS
+
+
+def _parts(config: BodySpec, model: Model) -> list[Part]:
+    """Parts of the body cut at the sections that were found; none where it cannot be cut there."""
+    names = [table.nodes for table in config.cuts]
+    if not names or any(model.mesh.node_sets[name].size <= _ONE_FACE for name in names):
+        return []
+    try:
+        opened, parts = cut_parts(model, names, config.support)
+        part_configs(config, opened, parts)
+    except BodyFileError:
+        return []
+    return parts
+
+
+def _decided(config: BodySpec, model: Model, parts: list[Part], report: Reporter, store: Store) -> _Choice:
+    """Cut where the parts turn as a whole, unless stretch stops the body before it turns far."""
+    mesh = model.mesh
+    faces = element_faces(mesh)
+    nodal = [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interface]
+    forces = np.hstack([loads[:, :3] for loads in nodal])
+    matrices = Matrices(model, volume_matrices(mesh), report)
+    gain = turning_taken(
+        mesh, FourthOrder(matrices, report).responses(forces).fields, [part.elements for part in parts]
+    )
+    begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"
+    if gain < _PAYS:
+        return _Choice(False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)')
+    share = energy_shares(matrices, forces, store, report).stretching
+    if share > _STOPS:
+        return _Choice(False, f"{begin}, but stretch stops it before it turns far: it stays in one piece")
+    return _Choice(True, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)")
+
+
+def turning_taken(mesh: Mesh, fields: FloatArray, parts: Sequence[IntArray]) -> float:
+    """By how much frames of the parts take away the turning of the material that one frame leaves.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    fields : (3n, k) float
+        Motions that turn the material by one radian (rms).
+    parts : sequence of (e,) int
+        Elements of each part.
+
+    Returns
+    -------
+    float
+        Mean square of the rotation about the mean of the whole, over that about the mean of each part: the largest of
+        all motions, 1 where parts turn alike.
+    """
+    if not fields.shape[1]:
+        return 1.0
+    turned = np.diag(mean_spin(mesh, fields))
+    volume = np.concatenate([matrices.sum(axis=(1, 2)) for matrices in volume_matrices(mesh)])
+    weight = np.array([volume[elements].sum() for elements in parts]) / volume.sum()
+    means = np.array([mean_rotation(mesh, elements).of(fields) for elements in parts])
+    whole = np.tensordot(weight, means, axes=1)
+    left_by_one = turned - (whole**2).sum(axis=0)
+    left_by_parts = turned - weight @ (means**2).sum(axis=1)
+    # Where hardly anything turns about the one frame, there is nothing to gain.
+    worth = left_by_one > _TURNS * turned
+    return float(np.max(left_by_one[worth] / left_by_parts[worth], initial=1.0))

@@ -1,0 +1,224 @@
+"""Where to cut a body whose supports close a loop (docs/theory.md, section 10).
+
+Each element belongs to the support that is nearest along the body. Where the elements of two supports meet is a section
+of whole element faces that opens the loop between them. It is moved along the body, within the middle of the way, to
+where it is flat and small and clear of interfaces. Supports that no slender section separates count as one.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from ...fe.faces import FaceBlock
+from ...mesh.model import FloatArray, IntArray, Mesh
+from ..division import distance_along
+
+SLENDER = 0.25
+"""A section is slender if it is no wider than this share of the way from support to support."""
+# How far from the middle of the way a section may lie, of the way, and how many places are tried.
+_OFFSET, _PLACES = 0.3, 41
+# What a section's raggedness (1 less its projected area over its area), its area (over the smallest less 1) and its
+# distance from the middle (over the way) weigh: a ragged one costs accuracy, a large one is a corner.
+_RAGGED, _LARGE, _FAR = 10.0, 1.0, 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class LoopSection:
+    """A section that opens a loop.
+
+    Attributes
+    ----------
+    nodes : (k,) int
+        Nodes of whole element faces across the body.
+    place : (3,) float
+        Their centre, m.
+    width : float
+        Largest extent, m.
+    """
+
+    nodes: IntArray
+    place: FloatArray
+    width: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Contacts:
+    """Faces inside a body: their two elements (f, 2), area vectors from the first to the second (f, 3), m², nodes."""
+
+    elements: IntArray
+    area: FloatArray
+    incidence: sp.csr_array
+
+
+def loop_sections(
+    mesh: Mesh, faces: tuple[FaceBlock, ...], anchored: IntArray, clear: Mapping[str, IntArray]
+) -> list[LoopSection]:
+    """Sections that open the loops between a body's supports.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        In one piece.
+    faces : tuple of FaceBlock
+    anchored : (k,) int
+        Nodes that supports hold; those that elements connect are one support.
+    clear : mapping of str to (k,) int
+        Nodes of interfaces: a section touches none of them, and leaves each on one side.
+
+    Returns
+    -------
+    list of LoopSection
+        By place; empty if one support holds the body, or no slender section separates two of them.
+    """
+    group = support_groups(mesh, anchored)
+    if int(group.max(initial=0)) < 1:
+        return []
+    contacts = _contacts(mesh, faces)
+    ways = np.array([distance_along(mesh, anchored[group == g]) for g in range(int(group.max()) + 1)])
+    # A label for each support; those that nothing slender separates get the same one.
+    label = np.arange(len(ways))
+    while len(set(label.tolist())) > 1:
+        names = np.unique(label)
+        near = np.array([ways[label == name].min(axis=0) for name in names])
+        cell = np.argmin([_means(mesh, row) for row in near], axis=0)
+        met = np.unique(np.sort(cell[contacts.elements], axis=1), axis=0)
+        pairs = [(i, j) for i, j in met.tolist() if i != j]
+        found = [_best(mesh, contacts, cell, near, pair, anchored, clear) for pair in pairs]
+        if all(found):
+            return sorted((one for each in found for one in each), key=lambda one: tuple(np.round(one.place, 9)))
+        i, j = next(pair for pair, each in zip(pairs, found, strict=True) if not each)
+        label = np.where(label == names[j], names[i], label)
+    return []
+
+
+def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
+    """Number (k,) of the connected group of each of some nodes (k,)."""
+    place = np.full(len(mesh.points), -1)
+    place[nodes] = np.arange(nodes.size)
+    pairs = []
+    for block in mesh.blocks:
+        inside = place[block.connectivity]
+        for a, b in zip(*np.triu_indices(inside.shape[1], 1), strict=True):
+            both = (inside[:, a] >= 0) & (inside[:, b] >= 0)
+            pairs.append(inside[both][:, [a, b]])
+    ends = np.concatenate(pairs)
+    graph = sp.coo_array((np.ones(len(ends)), ends.T), shape=(nodes.size, nodes.size))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> _Contacts:
+    """The faces inside a body."""
+    centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
+    elements, areas, rows, columns = [], [], [], []
+    first = 0
+    for corners in (3, 4):
+        inner = [(b.nodes[~b.outer], b.element[~b.outer]) for b in faces if b.corner_count == corners]
+        if not inner:
+            continue
+        key = np.concatenate([np.sort(nodes[:, :corners], axis=1) for nodes, _ in inner])
+        element = np.concatenate([element for _, element in inner])
+        start = np.cumsum([0, *(len(nodes) for nodes, _ in inner)])
+        _, face = np.unique(key, axis=0, return_inverse=True)
+        order = np.argsort(face.ravel(), kind="stable")
+        same = np.flatnonzero(face.ravel()[order][1:] == face.ravel()[order][:-1])
+        one, other = order[same], order[same + 1]
+        for (nodes, _), begin in zip(inner, start, strict=False):
+            mine = np.flatnonzero((one >= begin) & (one < begin + len(nodes)))
+            if not mine.size:
+                continue
+            members = nodes[one[mine] - begin]
+            pair = np.stack([element[one[mine]], element[other[mine]]], axis=1)
+            at = mesh.points[members[:, :corners]]
+            area = 0.5 * np.cross(at[:, 2] - at[:, 0], at[:, -1] - at[:, 1] if corners == 4 else at[:, 1] - at[:, 0])
+            forward = np.einsum("fi,fi->f", area, centre[pair[:, 1]] - centre[pair[:, 0]])
+            areas.append(area * np.sign(forward)[:, None])
+            elements.append(pair)
+            rows.append(np.repeat(first + np.arange(len(members)), members.shape[1]))
+            columns.append(members.ravel())
+            first += len(members)
+    if not elements:
+        return _Contacts(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)), sp.csr_array((0, len(mesh.points))))
+    r, c = np.concatenate(rows), np.concatenate(columns)
+    incidence = sp.csr_array(sp.coo_array((np.ones(r.size), (r, c)), shape=(first, len(mesh.points))))
+    return _Contacts(np.concatenate(elements), np.concatenate(areas), incidence)
+
+
+def _means(mesh: Mesh, values: FloatArray) -> FloatArray:
+    """Mean (e,) over each element's nodes of values (n,)."""
+    return np.concatenate([values[block.connectivity].mean(axis=1) for block in mesh.blocks])
+
+
+def _best(
+    mesh: Mesh,
+    contacts: _Contacts,
+    cell: IntArray,
+    near: FloatArray,
+    pair: tuple[int, int],
+    anchored: IntArray,
+    clear: Mapping[str, IntArray],
+) -> list[LoopSection]:
+    """The best sections between the cells (e,) of two supports; none if nothing slender and clear separates them."""
+    i, j = pair
+    way = float((near[i] + near[j]).min())
+    lead = np.where((cell == i) | (cell == j), _means(mesh, near[i] - near[j]), np.nan)
+    avoided = np.unique(np.concatenate([anchored, *clear.values()]))
+    tried: list[tuple[float, float, float, list[LoopSection]]] = []
+    for offset in _OFFSET * way * np.linspace(-1.0, 1.0, _PLACES):
+        side = np.where(np.isnan(lead), -1, lead > offset)
+        sections, flat, area = _sections(mesh, contacts, side)
+        touching = any(np.intersect1d(one.nodes, avoided).size for one in sections)
+        if not sections or touching or any(one.width > SLENDER * way for one in sections):
+            continue
+        if _sides_hang_together(contacts, side) and not _straddled(mesh, side, tuple(clear.values())):
+            tried.append((flat, area, abs(offset) / way, sections))
+    if not tried:
+        return []
+    smallest = min(area for _, area, _, _ in tried)
+    cost = [_RAGGED * (1.0 - flat) + _LARGE * (area / smallest - 1.0) + _FAR * far for flat, area, far, _ in tried]
+    return tried[int(np.argmin(np.round(cost, 9)))][3]
+
+
+def _sections(mesh: Mesh, contacts: _Contacts, side: IntArray) -> tuple[list[LoopSection], float, float]:
+    """The connected sections between two sides (e,), 0 and 1; how flat the worst is, and the area of all, m².
+
+    Flat is projected area over area, one for a plane.
+    """
+    ends = side[contacts.elements]
+    faces = np.flatnonzero((ends.min(axis=1) == 0) & (ends.max(axis=1) == 1))
+    if not faces.size:
+        return [], 0.0, 0.0
+    touch = contacts.incidence[faces]
+    count, number = connected_components(touch @ touch.T, directed=False)
+    area = contacts.area[faces] * np.where(ends[faces, 0] == 0, 1.0, -1.0)[:, None]
+    size = np.linalg.norm(area, axis=1)
+    found, flat = [], []
+    for k in range(count):
+        nodes = np.unique(touch[np.flatnonzero(number == k)].indices)
+        points = mesh.points[nodes]
+        found.append(LoopSection(nodes, points.mean(axis=0), float(np.linalg.norm(np.ptp(points, axis=0)))))
+        flat.append(float(np.linalg.norm(area[number == k].sum(axis=0)) / size[number == k].sum()))
+    return found, min(flat), float(size.sum())
+
+
+def _sides_hang_together(contacts: _Contacts, side: IntArray) -> bool:
+    """Whether each side is in one piece."""
+    ends = side[contacts.elements]
+    same = contacts.elements[(ends[:, 0] == ends[:, 1]) & (ends[:, 0] >= 0)]
+    graph = sp.coo_array((np.ones(len(same)), same.T), shape=(side.size, side.size))
+    number = connected_components(graph, directed=False)[1]
+    return all(np.unique(number[side == one]).size == 1 for one in (0, 1))
+
+
+def _straddled(mesh: Mesh, side: IntArray, sets: Sequence[IntArray]) -> bool:
+    """Whether one of some node sets has nodes on both sides."""
+    touched = np.zeros((2, len(mesh.points)), dtype=bool)
+    first = 0
+    for block in mesh.blocks:
+        own = side[first : first + len(block.labels)]
+        first += len(block.labels)
+        for one in (0, 1):
+            touched[one, block.connectivity[own == one]] = True
+    return any(touched[0, members].any() and touched[1, members].any() for members in sets)

@@ -1,0 +1,1 @@
+"""Error against cost: scenes, chart, fit, stability."""

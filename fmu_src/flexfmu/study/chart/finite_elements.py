@@ -1,0 +1,138 @@
+"""The whole finite element model among the records: how long it takes for what a reduced model gives at each step."""
+
+import math
+import statistics
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from ...files.progress import Reporter
+from ..scenes import calculix
+from ..scenes.candidates import REDUCED
+from ..scenes.config import Solver
+from ..scenes.errors import SceneError
+from ..scenes.measure import equilibria_errors
+from ..scenes.record_file import RecordFile
+from ..scenes.reference import Reference
+from ..scenes.scene import Scene, StaticCase, TransientCase
+from ..scenes.whole_model import Equilibria, WholeModel
+from .records import Record
+
+BROUGHT = "results"
+"""The solver of what the user brings."""
+
+
+def finite_element_records(
+    scene: Scene, known: Mapping[str, Reference], whole: WholeModel, kept: RecordFile[Record], report: Reporter
+) -> Iterator[Record]:
+    """Records of the finite element model, where they are not kept already.
+
+    Static: one equilibrium, reached from the one before, stands against one step. Transient: what a simulated second
+    takes, where the user tells.
+
+    Parameters
+    ----------
+    scene : Scene
+    known : mapping of str to Reference
+    whole : WholeModel
+    kept : RecordFile
+        Of the reduced models, whose step and empty FMU are those that times are taken against.
+    report : Reporter
+
+    Yields
+    ------
+    Record
+    """
+    rows = [row for row in kept.rows if row.solver == REDUCED and row.status == "ok"]
+    done = {(row.solver, row.case) for row in kept.rows}
+    if not rows:
+        return
+    step = rows[0].step
+    empty = [row.empty_us for row in rows if math.isfinite(row.empty_us)]
+    empty_us = statistics.median(empty) if empty else math.nan
+    plain = Record(scene.digest, scene.config.name, step=step, empty_us=empty_us)
+    for case in scene.static:
+        if case.results_seconds is not None and (BROUGHT, case.name) not in done:
+            yield _of_results(plain, case, known[case.name])
+    for motion in scene.transient:
+        if motion.seconds_per_second is not None and (BROUGHT, motion.name) not in done:
+            yield _of_motion(plain, motion)
+    for solver in scene.file.sweep.finite_elements if scene.static else ():
+        case = scene.static[0]
+        if (solver.value, case.name) in done:
+            continue
+        found = _solve(case, solver, known[case.name], scene, whole, report)
+        if found is not None:
+            errors = equilibria_errors(scene, case, found.motion, known[case.name])
+            yield replace(
+                _timed(plain, solver.value, case.name, found.seconds / found.increments),
+                equilibrium_ms=1e3 * found.seconds,
+                iterations=found.iterations / found.increments,
+                mode_count=whole.size,
+                note=f"{len(case.factors)} equilibria in {found.seconds:.3g} s: {found.increments} increments, "
+                f"{found.iterations} iterations",
+                static_displacement=errors.static_displacement,
+                static_rotation=errors.static_rotation,
+                static_rotation_rad=errors.static_rotation_rad,
+                static_at=errors.static_at,
+                share=errors.share,
+                limited_by=errors.limited_by,
+            )
+
+
+def _solve(
+    case: StaticCase, solver: Solver, known: Reference, scene: Scene, whole: WholeModel, report: Reporter
+) -> Equilibria | None:
+    """Equilibria of the whole model; None, and a word why, where they are not to be had."""
+    if known.whole is not None and scene.file.reference.static is solver:
+        return known.whole
+    if solver is Solver.CALCULIX and calculix.find_calculix() is None:
+        report.note("CalculiX is not installed: its time is left out")
+        return None
+    refusal = whole.refusal(case)
+    if refusal:
+        report.note(f"no time of the finite element model: {refusal}")
+        return None
+    try:
+        return whole.equilibria(case, solver)
+    except SceneError as error:
+        report.warning(str(error))
+        return None
+
+
+def _of_results(plain: Record, case: StaticCase, known: Reference) -> Record:
+    """The run that made what the user brings: as many equilibria as it has rows."""
+    assert case.results_seconds is not None
+    seconds = case.results_seconds
+    return replace(
+        _timed(plain, BROUGHT, case.name, seconds / known.equilibria),
+        equilibrium_ms=1e3 * seconds,
+        note=f"{known.equilibria} equilibria in {seconds:.3g} s",
+        static_displacement=0.0,
+        share=0.0,
+    )
+
+
+def _of_motion(plain: Record, case: TransientCase) -> Record:
+    assert case.seconds_per_second is not None
+    return replace(
+        _timed(plain, BROUGHT, case.name, case.seconds_per_second * plain.step),
+        note=f"{case.seconds_per_second:.3g} s per simulated second",
+        transient_displacement=0.0,
+        share=0.0,
+    )
+
+
+def _timed(plain: Record, solver: str, case: str, seconds: float) -> Record:
+    """Record of what takes so many seconds where a reduced model takes a step."""
+    per_second, us = 1e3 * seconds / plain.step, 1e6 * seconds
+    return replace(
+        plain,
+        solver=solver,
+        case=case,
+        step_us=us,
+        step_us_median=us,
+        fmu_us=us,
+        bare_ms_per_s=per_second,
+        fmu_ms_per_s=per_second,
+        fmu_ratio=us / plain.empty_us,
+    )

@@ -1,0 +1,221 @@
+"""Where a body turns in a scene, branch by branch, and joints between frames that share it out evenly.
+
+What a frame of length l leaves out is the shortening and the work of its own bending about its mean rotation, which
+goes with κ²l³ for a curvature κ. For a given number of frames the sum of that over a branch is least where each holds
+the same ∫κ^⅔ dx; equal levels do no better on a body that bends alike everywhere, and worse on any other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...build.config import BodyFile, BodySpec
+from ...fe.assembly import volume_matrices
+from ...fe.faces import element_faces
+from ...mesh.checks import checked
+from ...mesh.formats import read_mesh
+from ...mesh.model import FloatArray
+from ...model.reduced_body import GROUND, ReducedBody
+from ...reduction.cut.cut import SIDES, cut_loops, cut_parts, part_configs, side_set
+from ...reduction.division import distance_along, divide
+from ...reduction.frames import hanging, root_frame
+from ...reduction.model import Model, assemble_model
+from ...reduction.places import by_name, node_set
+from ...reduction.subdomains import carrying_frame
+from ..scenes.candidates import Joints
+
+LEVELS = 24
+"""Equal levels of the model that tells where the body turns."""
+# Significant digits of a joint's place.
+_DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A piece of the body between supports, junctions and ends, as frames of the model of `LEVELS` levels.
+
+    Attributes
+    ----------
+    ends : tuple of str
+        Interfaces and cuts beyond it, as a body file names them.
+    part : int
+        The part of a cut body that it belongs to.
+    frames : tuple of int
+        In order from the supports; places in the model's list of frames.
+    near : (k + 1,) float
+        Where they begin, and where the last one ends: distance from the supports, m.
+    first : bool
+        Whether it begins at a support; else at a junction.
+    """
+
+    ends: tuple[str, ...]
+    part: int
+    frames: tuple[int, ...]
+    near: FloatArray
+    first: bool
+
+
+def find_branches(config: BodyFile) -> list[Branch]:
+    """Branches of a body that lead to its interfaces and cuts.
+
+    Parameters
+    ----------
+    config : BodyFile
+
+    Returns
+    -------
+    list of Branch
+    """
+    mesh, spec = by_name(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
+    config = config.model_copy(update={"support": spec.support, "interface": spec.interface, "frame": spec.frame})
+    model = assemble_model(mesh, config)
+    if config.cut == "auto":
+        config, model, _ = cut_loops(config, model)
+    if not config.cut:
+        return _branches(model, config, 0, len(root_frame(model, volume_matrices(model.mesh))))[0]
+    opened, parts = cut_parts(model, [table.nodes for table in config.cuts], config.support)
+    found: list[Branch] = []
+    count = 0
+    for number, (part, own) in enumerate(zip(parts, part_configs(config, opened, parts), strict=True)):
+        more, frames = _branches(part.model, own, number, count)
+        found += more
+        count += frames
+    return found
+
+
+def _branches(model: Model, config: BodySpec, part: int, offset: int) -> tuple[list[Branch], int]:
+    """Branches of a model in one piece, and its number of frames."""
+    mesh = model.mesh
+    volumes, faces = volume_matrices(mesh), element_faces(mesh)
+    supported = hanging(model, config)
+    domains = divide(mesh, volumes, faces, supported, LEVELS).subdomains
+    distance = distance_along(mesh, supported)
+    middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
+    cuts = {side_set(table.nodes, side): table.nodes for table in config.cuts for side in SIDES}
+    names = [table.name for table in config.interface]
+    beyond: dict[int, list[str]] = {}
+    for name in names:
+        nodes = node_set(mesh, config.interface[names.index(name)].nodes, name)
+        if not name.isidentifier() and name not in cuts:
+            # A support's springs.
+            continue
+        s = carrying_frame(domains, nodes)
+        while s != GROUND:
+            beyond.setdefault(s, []).append(cuts.get(name, name))
+            s = domains[s].parent
+    chains: list[list[int]] = []
+    chain_of: dict[int, int] = {}
+    for s in sorted(beyond):
+        parent = domains[s].parent
+        siblings = sum(domains[other].parent == parent for other in beyond)
+        if parent == GROUND or siblings > 1:
+            chain_of[s] = len(chains)
+            chains.append([s])
+        else:
+            chain_of[s] = chain_of[parent]
+            chains[chain_of[s]].append(s)
+    found = []
+    for chain in chains:
+        near = []
+        for s in chain:
+            begins = float(middle[domains[s].elements].min())
+            up = domains[s].parent
+            # Between the last element before the joint and the first one beyond it.
+            before = middle[domains[up].elements] if up != GROUND else np.zeros(1)
+            near.append(0.5 * (begins + float(before[before < begins].max(initial=0.0))) if up != GROUND else 0.0)
+        end = float(distance[domains[chain[-1]].body.nodes].max())
+        ends = tuple(beyond[chain[0]])
+        frames = tuple(offset + s for s in chain)
+        found.append(Branch(ends, part, frames, np.array([*near, end]), domains[chain[0]].parent == GROUND))
+    return found, len(domains)
+
+
+def turning(branch: Branch, body: ReducedBody, states: Sequence[FloatArray]) -> FloatArray:
+    """How far each of a branch's pieces turns in itself: the largest of some states.
+
+    Parameters
+    ----------
+    branch : Branch
+    body : ReducedBody
+        Of `LEVELS` levels.
+    states : sequence of (m,) float
+        Modal coordinates.
+
+    Returns
+    -------
+    (k,) float
+        rad.
+    """
+    frames = list(branch.frames)
+    operator = body.frame_rotation[frames] - body.joint_rotation[frames]
+    # The mean rotation of a piece that turns evenly is half the turn from end to end.
+    angles = [2.0 * np.linalg.norm(operator @ q, axis=1) for q in states]
+    result: FloatArray = np.max(angles, axis=0, initial=0.0)
+    return result
+
+
+def spread_joints(branches: Sequence[Branch], turns: Sequence[FloatArray], counts: Sequence[int]) -> Joints:
+    """Joints that divide each branch into so many frames with the same share of its turning.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+    turns : sequence of (k,) float
+        Of each branch, as of `turning`.
+    counts : sequence of int
+        Frames of each.
+
+    Returns
+    -------
+    Joints
+    """
+    size = max(float(branch.near[-1]) for branch in branches)
+    places: dict[str, set[float]] = {}
+    part_of: dict[str, int] = {}
+    for branch, turn, count in zip(branches, turns, counts, strict=True):
+        length = np.diff(branch.near)
+        share = turn ** (2.0 / 3.0) * length ** (1.0 / 3.0)
+        if not np.any(share):
+            share = length
+        # Some of everything, so that the sum grows and its inverse is a function.
+        total = np.concatenate([[0.0], np.cumsum(share + 1e-6 * np.sum(share))])
+        inner = np.interp(total[-1] * np.arange(1, count) / count, total, branch.near)
+        chosen = [] if branch.first else [float(branch.near[0])]
+        digits = _DIGITS - 1 - int(np.floor(np.log10(size)))
+        where = {round(place, digits) for place in [*chosen, *inner.tolist()]}
+        toward = branch.ends[0]
+        if part_of.setdefault(toward, branch.part) != branch.part:
+            # Both parts of a cut body end at the cut, and a body file names it once.
+            places[toward] = max(places.get(toward, set()), where, key=len)
+        elif where:
+            places.setdefault(toward, set()).update(where)
+    return tuple((toward, tuple(sorted(found))) for toward, found in places.items() if found)
+
+
+def frames_of(branches: Sequence[Branch], counts: Sequence[int], body: ReducedBody) -> list[list[int]] | None:
+    """Frames of each branch in a body that was divided by `spread_joints`; None where it has others.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+    counts : sequence of int
+    body : ReducedBody
+
+    Returns
+    -------
+    list of list of int, or None
+    """
+    found: list[list[int]] = [[] for _ in branches]
+    for name, last in zip(body.interface_names, body.interface_frame, strict=True):
+        way: list[int] = []
+        s = int(last)
+        while s != GROUND and not (body.floating and s == 0):
+            way.insert(0, s)
+            s = int(body.frame_parent[s])
+        passed = [k for k, branch in enumerate(branches) if name in branch.ends]
+        if sum(counts[k] for k in passed) != len(way):
+            return None
+        for k in passed:
+            found[k], way = way[: counts[k]], way[counts[k] :]
+    return found

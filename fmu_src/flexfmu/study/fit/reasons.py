@@ -1,0 +1,268 @@
+"""The reason of each choice, for the body file's comments; and what limits a scene that no model meets."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ...body.flexible_body import FlexibleBody
+from ...files.counts import plural
+from ...files.errors import AccuracyError
+from ...model.errors import RuntimeBodyError
+from ...model.methods import Data, Mass, Method, Variant, has_frames, lean, masses_of, needs
+from ..scenes.candidates import GIVEN, Candidate, Joints, Reduction, has_meaning
+from ..scenes.config import BasisChoice
+from ..scenes.scene import Scene
+from ..scenes.subspace import normal_frequencies
+from ..scenes.words import basis_words, frames_words, times
+from ..scenes.workshop import Workshop
+from .choice import Choice
+from .frames import HELPS, Tried
+from .modes import loaded_inputs, mode_groups
+from .motion import contributions, courses
+
+# Groups of modes that a comment lists.
+_LISTED = 6
+# A part of the motion that is none.
+_NOTHING = 1e-5
+
+
+def reasons(workshop: Workshop, tried: list[Tried], found: list[Choice], best: Choice, plenty: int) -> dict[str, str]:
+    """Why the body file says what it says, by its keys.
+
+    Parameters
+    ----------
+    workshop : Workshop
+    tried : list of Tried
+    found : list of Choice
+        What would do.
+    best : Choice
+    plenty : int
+
+    Returns
+    -------
+    dict of str to str
+    """
+    scene, variant = workshop.scene, best.variant
+    result: dict[str, str] = {}
+    left = [table.name for table in scene.given.interface if table not in scene.config.interface]
+    if left:
+        result["interface"] = f"Left out, since the scene neither loads nor reads them: {', '.join(left)}."
+    linear = [one for one in tried if one.linear]
+    seen = "; ".join(
+        f"{one.variant.words} comes to {times(next(iter(one.shares.values())).share)} times the tolerance"
+        for one in linear
+    )
+    if not has_frames(variant.method):
+        result["method"] = f"Linear is enough: with {plenty} modes {seen}."
+        result["frames"] = "Linear methods need no frames."
+    else:
+        own = next(one for one in tried if one.variant == variant)
+        others = _others([one for one in tried if one.variant != variant and not one.linear], found)
+        result["method"] = f"Linear is not enough: with {plenty} modes {seen}. {others}".strip()
+        where = {int: "frames", tuple: "branch"}[type(best.plan.frames)]
+        result["frame" if best.plan.frames == GIVEN else where] = _frames(own, best, scene, plenty)
+    spared = [name for name in best.plan.residual if name not in loaded_inputs(scene)]
+    if spared:
+        result["residual_flexibility"] = (
+            f"{', '.join(spared)}: not among the scene's loads, and kept so that under no load of an interface more "
+            f"than {_percent(scene.file.fit.other_loads)} of the static displacement is missing."
+        )
+    result["basis"] = _bases([choice for choice in found if choice.variant == variant])
+    if not scene.config.cut:
+        result["modes"] = _modes(workshop, best, [c for c in found if c.variant == variant], plenty)
+    else:
+        result["modes"] = "The lowest of each part, and residual flexibility of its interfaces and sections."
+    return result
+
+
+def _frames(own: Tried, choice: Choice, scene: Scene, plenty: int) -> str:
+    """Error by division, and the rotation that is left within frames."""
+    equal = [f"{'own' if d == GIVEN else d}: {times(e.share)}" for d, e in own.shares.items() if isinstance(d, int)]
+    uneven = [
+        f"{own.counts[d]} ({frames_words(d)}): {times(e.share)}"
+        for d, e in own.shares.items()
+        if not isinstance(d, int)
+    ]
+    words = f"Error over tolerance by the number of frames, {plenty} modes: {', '.join(equal)} at equal levels"
+    if uneven:
+        words += f"; divided where the body turns, {', '.join(uneven)}"
+    left = rotation_left(scene, choice)
+    return f"{words}. The material turns by {left:.2g} rad at most within a frame."
+
+
+def _others(others: list[Tried], found: list[Choice]) -> str:
+    """What the other variants need, and their fastest steps."""
+    fastest = {
+        one.variant: min((c for c in found if c.variant == one.variant), key=lambda c: c.cost, default=None)
+        for one in others
+    }
+    words = [
+        f"{one.variant.words} "
+        + (
+            f"needs {plural(one.counts[one.enough], 'frame')}{_told(fastest[one.variant])}"
+            if one.enough is not None
+            else f"does not reach it with {plural(max(one.counts.values()), 'frame')}"
+        )
+        for one in others
+    ]
+    return f"Beside it, {'; '.join(words)}." if words else ""
+
+
+def _told(choice: Choice | None) -> str:
+    return "" if choice is None else f" ({plural(choice.body.mode_count, 'mode')}{_microseconds(choice)})"
+
+
+def _bases(found: list[Choice]) -> str:
+    compared = ", ".join(
+        f"{basis_words(c.plan)} {len(c.plan.numbers)} ({c.body.mode_count} in all{_microseconds(c)})" for c in found
+    )
+    return f"Fewest modes that will do, by basis: {compared}."
+
+
+def _microseconds(choice: Choice) -> str:
+    """Cost of a step, of those that were timed."""
+    return f", {1e6 * choice.cost:.3g} µs" if math.isfinite(choice.cost) else ""
+
+
+def _modes(workshop: Workshop, best: Choice, found: list[Choice], plenty: int) -> str:
+    """What each of the chosen modes adds, what was left out, and what lies beyond the frequencies that count."""
+    scene, plan, variant = workshop.scene, best.plan, best.variant
+    body = workshop.body(Reduction(plan.basis, plenty, plan.frames), [variant])
+    part = contributions(scene, body, variant, plan.basis)
+    groups = mode_groups(body, plan.basis, plenty)
+    chosen = set(plan.numbers)
+    kept = [g for g in groups if g[0] + 1 in chosen]
+    kept.sort(key=lambda g: -float(part[g].max()))
+    left = [g for g in groups if g[0] + 1 not in chosen]
+    of = {
+        BasisChoice.NORMAL: "the displacement of the scene's interfaces",
+        BasisChoice.RESIDUAL: "the vibration of the scene's interfaces, since residual flexibility holds what follows "
+        "the loads",
+        BasisChoice.CRAIG_BAMPTON: "the strain, since constraint modes hold what follows the interfaces",
+    }[plan.basis]
+    if not np.any(part[np.concatenate(groups)] > _NOTHING):
+        return "Static shapes hold what follows the loads; of the modes just as many are kept as the error asks for."
+    listed = ", ".join(f"{_numbers(g)}: {_percent(float(part[g].max()))}" for g in kept[:_LISTED])
+    words = f"Chosen by their part in {of} (the largest over all cases): {listed}"
+    words += f", and {len(kept) - _LISTED} more" if len(kept) > _LISTED else ""
+    largest = max((float(part[g].max()) for g in left), default=0.0)
+    words += f". Those of the lowest {plenty} that are left out have {_percent(largest)} at most." if left else "."
+    return words + _beyond_band(scene, best, found, normal_frequencies(body, plan.basis), plenty)
+
+
+def _beyond_band(scene: Scene, best: Choice, found: list[Choice], omega: np.ndarray, plenty: int) -> str:
+    """Modes above the frequencies that count contribute statically: whether residual flexibility replaces them."""
+    bands = [case.frequencies[1] for case in scene.transient if case.frequencies is not None]
+    if scene.transient and len(bands) < len(scene.transient):
+        return ""
+    highest = max(bands, default=0.0)
+    where = f", above the {highest:g} Hz that count," if bands else ""
+    normal = next((c for c in found if c.plan.basis is BasisChoice.NORMAL), None)
+    if best.plan.basis is BasisChoice.NORMAL:
+        above = [n for n in best.plan.numbers if omega[n - 1] > 2.0 * np.pi * highest]
+        residual = [c for c in found if c.plan.basis is BasisChoice.RESIDUAL]
+        other = min(residual, key=lambda c: (c.cost, c.body.mode_count), default=None)
+        if not above or other is None:
+            return ""
+        return (
+            f" {_list(above)}{where} contribute statically; residual flexibility instead would make "
+            f"{other.body.mode_count} modes{_microseconds(other)}: not cheaper."
+        )
+    if best.plan.basis is BasisChoice.RESIDUAL and normal is not None:
+        above = [n for n in normal.plan.numbers if n not in best.plan.numbers]
+        if above:
+            return (
+                f" {_list(above)}, which normal modes alone would need, are replaced by residual flexibility: "
+                f"{best.body.mode_count} modes instead of {normal.body.mode_count}."
+            )
+    if best.plan.basis is BasisChoice.RESIDUAL and normal is None and BasisChoice.NORMAL in scene.file.sweep.basis:
+        return f" Normal modes alone, the lowest {plenty}, are too stiff for the scene or under other loads."
+    return ""
+
+
+def _list(numbers: list[int]) -> str:
+    return f"Mode{'' if len(numbers) == 1 else 's'} {', '.join(map(str, numbers))}"
+
+
+def _numbers(group: np.ndarray) -> str:
+    return " and ".join(str(k + 1) for k in group)
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.{2 if part < 0.995 else 3}g} %" if part > _NOTHING else "nothing"
+
+
+def rotation_left(scene: Scene, choice: Choice) -> float:
+    """Largest rotation within any frame in the scene, rad: the FMU's own `diagnostics.rotation_within_frame`."""
+    model = FlexibleBody(lean(choice.body, choice.variant))
+    try:
+        every = [q for course in courses(scene, model, False) for q in course.q]
+        return max(model.largest_rotation(replace(model.rest(), q=q)) for q in every)
+    except (RuntimeBodyError, ValueError):
+        return float("nan")
+
+
+def limit(workshop: Workshop, one: Tried, frames: int | Joints, plenty: int) -> str:
+    """What stands in the way of the tolerance: more of everything in turn.
+
+    Parameters
+    ----------
+    workshop : Workshop
+    one : Tried
+    frames : int or Joints
+        The best that was found.
+    plenty : int
+
+    Returns
+    -------
+    str
+    """
+    variant, here = one.variant, one.shares[frames].share
+    more = _more(workshop.scene, variant, frames, one.counts[frames], plenty)
+    more = {words: pair for words, pair in more.items() if has_meaning(workshop.scene.config, Candidate(*pair))}
+    found = zip(more, workshop.each(_share, list(more.values())), strict=True)
+    after = {words: share for words, share in found if share is not None}
+    where = f"{one.shares[frames].limited_by or one.shares[frames].failure}"
+    begin = f"The tolerance is out of reach: the best comes to {times(here)} times it ({where})."
+    best = min(after, key=lambda words: after[words], default=None)
+    shown = ", ".join(f"{words}: {times(share)}" for words, share in after.items())
+    if best is None or after[best] > (1.0 - HELPS) * here:
+        return (
+            f"{begin} Neither more modes nor more frames help ({shown}): it is the method, or a reference that it does "
+            "not know, such as a loop whose parts turn far, or stretch without membrane energy; docs/methods.md says "
+            "for which bodies."
+        )
+    return f"{begin} What limits it, error over tolerance with more: {shown}. Most is to be had from {best}."
+
+
+def _share(workshop: Workshop, plan: Reduction, variant: Variant) -> float | None:
+    """Error over tolerance; None where the body cannot be reduced so."""
+    try:
+        return workshop.errors(workshop.body(plan, [variant]), variant).share
+    except AccuracyError:
+        return None
+
+
+def _more(
+    scene: Scene, variant: Variant, frames: int | Joints, count: int, plenty: int
+) -> dict[str, tuple[Reduction, Variant]]:
+    """Models that have more of one thing each."""
+    residual = BasisChoice.RESIDUAL
+    turned = variant if has_frames(variant.method) else Variant(Method.FRAMES)
+    now = frames if isinstance(frames, int) and frames != GIVEN else count
+    twice = 2 * max(now, 1)
+    found = {
+        f"modes ({2 * plenty} instead of {plenty})": (Reduction(residual, 2 * plenty, frames), variant),
+        f"frames ({twice} instead of {'its own' if frames == GIVEN else now})": (
+            Reduction(residual, plenty, twice),
+            turned,
+        ),
+    }
+    at = Reduction(residual, plenty, frames or 1)
+    if Data.BY_LOAD not in needs(variant.method):
+        found[f'method = "{Method.FRAMES_STIFFNESS.value}"'] = (at, Variant(Method.FRAMES_STIFFNESS))
+    if scene.transient and variant.mass is Mass.CONSTANT:
+        method = variant.method if Mass.CONFIGURATION in masses_of(variant.method) else Method.SECOND_ORDER
+        found['mass = "configuration"'] = (at, Variant(method, Mass.CONFIGURATION))
+    return found

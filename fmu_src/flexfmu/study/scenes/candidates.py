@@ -1,0 +1,200 @@
+"""Models of a body that may do for a scene: basis, modes, frames and method."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from ...body.flexible_body import StepLimits
+from ...build.config import Basis, BodyFile, BranchTable, FormulationTable
+from ...model.methods import Data, Mass, Method, Variant, conflict, has_frames, masses_of, needs
+from .config import BasisChoice
+from .scene import Scene
+
+REDUCED = "reduced"
+"""Who solves a reduced model; all others are finite element models."""
+GIVEN = -1
+"""Number of frames that stands for the body's own [[frame]] tables."""
+
+SINGLE, EXACT = math.inf, 0.0
+"""Internal steps that have no tolerance: one a communication step, whatever its error; and one that has no error."""
+# A tolerance that every step meets; the FMU's parameter has to be finite.
+_ANY_ERROR = 1e300
+
+
+Joints = tuple[tuple[str, tuple[float, ...]], ...]
+"""[[branch]] tables: where each leads, and the distances of its joints from the supports, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """A reduction as a body file would ask for it.
+
+    Attributes
+    ----------
+    basis : BasisChoice
+    modes : int or tuple of int
+        The lowest so many normal modes, or their numbers, from 1; interface modes come on top.
+    frames : int or Joints
+        Equal levels, 0 for none, `GIVEN` for the body's own; or joints of branches.
+    residual : tuple of str
+        Loads by name whose residual flexibility is wanted; none: of all, where the basis has it.
+    """
+
+    basis: BasisChoice
+    modes: int | tuple[int, ...]
+    frames: int | Joints
+    residual: tuple[str, ...] = ()
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Numbers of the normal modes."""
+        return tuple(range(1, self.modes + 1)) if isinstance(self.modes, int) else self.modes
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A reduction under a method, with its internal step.
+
+    Attributes
+    ----------
+    reduction : Reduction
+    variant : Variant
+    internal_step : float
+        Error accepted per step; or `SINGLE`, `EXACT`.
+    """
+
+    reduction: Reduction
+    variant: Variant
+    internal_step: float = StepLimits().tolerance
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells it from others, in the order of the records' columns."""
+        r, words = self.reduction, (self.variant.method.value, self.variant.mass.value)
+        return (REDUCED, "", r.basis.value, str(r.modes), str(r.frames), *words, self.internal_step_word)
+
+    @property
+    def internal_step_word(self) -> str:
+        """The internal step as records have it."""
+        return {SINGLE: "single", EXACT: "exact"}.get(self.internal_step, f"{self.internal_step:g}")
+
+    @property
+    def limits(self) -> StepLimits:
+        """The internal step as the body takes it."""
+        if self.internal_step == EXACT:
+            return StepLimits()
+        return StepLimits(tolerance=_ANY_ERROR if self.internal_step == SINGLE else self.internal_step)
+
+
+def candidates(scene: Scene) -> list[Candidate]:
+    """Every combination that `[sweep]` asks for and that has a meaning for the body, each once, fewest frames first.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of Candidate
+    """
+    sweep, config = scene.file.sweep, scene.config
+    tolerances = [SINGLE if one == "single" else float(one) for one in sweep.internal_step]
+    if not scene.transient:
+        # Nothing shows the error of a step: one will do, the default where it is listed.
+        tolerances = [StepLimits().tolerance if StepLimits().tolerance in tolerances else tolerances[-1]]
+    bases = [_known_basis(config, basis) for basis in sweep.basis]
+    found: dict[Candidate, None] = {}
+    for method, mass in product(sweep.methods, sweep.mass):
+        # Without motion no mass is felt.
+        if mass not in (masses_of(method) if scene.transient else (Mass.CONSTANT,)):
+            continue
+        variant = Variant(method, mass)
+        frames = _frame_counts(config, method, sweep.frames)
+        steps = [EXACT] if method is Method.LINEAR else tolerances
+        for basis, modes, count, internal in product(bases, sweep.modes, frames, steps):
+            candidate = Candidate(Reduction(basis, modes, count), variant, internal)
+            if has_meaning(config, candidate):
+                found[candidate] = None
+    order = {candidate: place for place, candidate in enumerate(found)}
+    return sorted(found, key=lambda c: (_reduction_key(c.reduction), order[c]))
+
+
+def _frame_counts(config: BodyFile, method: Method, listed: Iterable[int]) -> list[int]:
+    """Numbers of frames with which a method is tried."""
+    if not has_frames(method):
+        return [linear_frames(config)]
+    # One frame for the whole body is the same in a body of any number.
+    return [1] if method is Method.FLOATING_FRAME else offered_frames(config, listed)
+
+
+def _known_basis(config: BodyFile, basis: BasisChoice) -> BasisChoice:
+    """The basis, under the one name of those that are the same: a cut body always has residual flexibility."""
+    return BasisChoice.RESIDUAL if config.cut and basis is BasisChoice.NORMAL else basis
+
+
+def _reduction_key(reduction: Reduction) -> tuple[int, int, str]:
+    assert isinstance(reduction.frames, int)
+    return reduction.frames, reduction.numbers[-1], reduction.basis.value
+
+
+def linear_frames(config: BodyFile) -> int:
+    """Number of frames for linear kinematics, which know nothing of them; parts of a cut body have one each anyway."""
+    return 1 if config.cut else 0
+
+
+def offered_frames(config: BodyFile, numbers: Iterable[int]) -> list[int]:
+    """Numbers of frames, ascending, with the body's own among them where it has some."""
+    own = [(len(config.frame), GIVEN)] if config.frame else []
+    return [frames for _, frames in sorted([*((n, n) for n in set(numbers)), *own])]
+
+
+def has_meaning(config: BodyFile, candidate: Candidate) -> bool:
+    """Whether the body file would take a combination."""
+    if conflict(candidate.variant, config.free, bool(config.cut)) is not None:
+        return False
+    return not (config.cut and candidate.reduction.frames == 0)
+
+
+def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Variant]) -> BodyFile:
+    """Body file of a reduction, with the data that some methods need.
+
+    Parameters
+    ----------
+    config : BodyFile
+    reduction : Reduction
+    variants : list of Variant
+        The first is the one that the body starts with.
+
+    Returns
+    -------
+    BodyFile
+    """
+    data = {one for variant in variants for one in needs(variant.method, variant.mass)}
+    listed = {Data.BY_LOAD: "by_load", Data.BY_MODE: "by_mode"}
+    table = config.reduction.model_copy(
+        update={
+            "basis": Basis.CRAIG_BAMPTON if reduction.basis is BasisChoice.CRAIG_BAMPTON else Basis.NORMAL,
+            "modes": reduction.modes if isinstance(reduction.modes, int) else list(reduction.modes),
+            "residual_flexibility": list(reduction.residual) or reduction.basis is BasisChoice.RESIDUAL,
+            "geometric_stiffness": [word for one, word in listed.items() if one in data],
+            "inertia": Data.INERTIA in data,
+            "second_order": Data.SECOND_ORDER in data,
+        }
+    )
+    frames: dict[str, object] = {"frames": None, "frame": [], "branch": []}
+    if reduction.frames == GIVEN:
+        frames |= {"frame": config.frame, "branch": config.branch}
+    elif isinstance(reduction.frames, int):
+        frames["frames"] = reduction.frames
+    else:
+        frames["branch"] = [BranchTable(toward=toward, joints=list(joints)) for toward, joints in reduction.frames]
+    start = FormulationTable(method=variants[0].method, mass=variants[0].mass)
+    return config.model_copy(update={**frames, "reduction": table, "formulation": start})
+
+
+def grouped(found: Sequence[Candidate]) -> Iterator[list[Candidate]]:
+    """Candidates of one basis and division together: one build serves them, whatever their modes."""
+    kinds = [(candidate.reduction.frames, candidate.reduction.basis) for candidate in found]
+    for kind in dict.fromkeys(kinds):
+        yield [candidate for candidate, own in zip(found, kinds, strict=True) if own == kind]

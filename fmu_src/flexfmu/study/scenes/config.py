@@ -1,0 +1,255 @@
+"""The scene file (TOML): its keys, checked, with errors that name the key; docs/scenes.md describes it."""
+
+from enum import Enum
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from ...build.old_keys import OLD_KEYS, replaced_lists
+from ...files.inputs import Kind
+from ...files.limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
+from ...files.toml_files import Name, Positive, Table, read_toml, validated
+from ...model.methods import Mass, Method
+from .errors import SceneError
+from .map_config import StabilityTable
+
+Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
+Frames = Annotated[int, Field(ge=1, le=MOST_FRAMES)]
+
+
+class BasisChoice(Enum):
+    """Modal basis, with what completes it."""
+
+    NORMAL = "normal"
+    """Eigenmodes with the supports in place."""
+    RESIDUAL = "residual"
+    """Eigenmodes and residual flexibility of the interfaces."""
+    CRAIG_BAMPTON = "craig_bampton"
+    """Constraint modes of the interfaces and fixed-interface normal modes."""
+
+
+class Solver(Enum):
+    """Who solves the whole finite element model."""
+
+    FLEXFMU = "flexfmu"
+    """This package: total Lagrangian, Newton's method."""
+    CALCULIX = "calculix"
+    """CalculiX (ccx), where it is installed."""
+
+
+class StaticTable(Table):
+    """`[[static]]`: loads that hold still."""
+
+    name: Name
+    loads: dict[str, float] = Field(min_length=1, examples=[{"tip.force.y": 1000.0}])
+    factors: list[Positive] = Field(default=[0.5, 1.0], min_length=1)
+    results: Path | None = Field(default=None, strict=False)
+    results_seconds: Positive | None = None
+
+    @model_validator(mode="after")
+    def _time_of_results(self) -> "StaticTable":
+        if self.results_seconds is not None and self.results is None:
+            raise ValueError("results_seconds is the time that results took to find: give results as well")
+        return self
+
+    @field_validator("factors")
+    @classmethod
+    def _ascending(cls, value: list[float]) -> list[float]:
+        if any(b <= a for a, b in pairwise(value)):
+            raise ValueError(f"is {value}, expected ascending parts of the loads, such as [0.25, 0.5, 1.0]")
+        return value
+
+    @field_validator("loads")
+    @classmethod
+    def _some_load(cls, value: dict[str, float]) -> dict[str, float]:
+        if not any(value.values()):
+            raise ValueError("all loads are zero, expected at least one that is not")
+        return value
+
+
+class TransientTable(Table):
+    """`[[transient]]`: motion from rest under loads over time."""
+
+    name: Name
+    loads: dict[str, float] | str = Field(examples=[{"tip.force.y": 1000.0}])
+    duration: Positive | None = None
+    step: Positive
+    frequencies: list[float] | None = None
+    results: Path | None = Field(default=None, strict=False)
+    seconds_per_second: Positive | None = None
+
+    @field_validator("frequencies")
+    @classmethod
+    def _band(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and (len(value) != 2 or value[0] < 0.0 or value[1] <= value[0]):
+            raise ValueError(f"is {value}, expected [lowest, highest] in Hz; the lowest may be 0")
+        return value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "TransientTable":
+        if isinstance(self.loads, dict):
+            if not any(self.loads.values()):
+                raise ValueError("all loads are zero, expected at least one that is not")
+            if self.duration is None:
+                raise ValueError("a sudden load needs a duration (s); only a table of loads has an end of its own")
+        if self.duration is not None and self.duration < 2.0 * self.step:
+            raise ValueError(f"a duration of {self.duration} s has no two steps of {self.step} s")
+        if self.duration is not None:
+            check_steps(self.duration, self.step)
+        if self.frequencies is not None and self.frequencies[1] > 0.4 / self.step:
+            raise ValueError(
+                f"frequencies up to {self.frequencies[1]} Hz are not seen at steps of {self.step} s; take steps of "
+                f"{0.4 / self.frequencies[1]:.3g} s or less"
+            )
+        return self
+
+
+def check_steps(duration: float, step: float) -> None:
+    """Refuse more steps than a scene can have.
+
+    Parameters
+    ----------
+    duration, step : float
+        s.
+
+    Raises
+    ------
+    ValueError
+    """
+    if duration > MOST_STEPS * step:
+        raise ValueError(
+            f"a duration of {duration:g} s has {duration / step:.3g} steps of {step:g} s, expected at most "
+            f"{MOST_STEPS:g}; take longer steps, or a shorter piece of the motion"
+        )
+
+
+class AcceptedTable(Table):
+    """`[tolerance.static]`, `[tolerance.transient]`: what error is accepted."""
+
+    displacement: Positive
+    displacement_absolute: float = Field(default=0.0, ge=0.0)
+    rotation: Positive | None = None
+    rotation_absolute: float = Field(default=0.0, ge=0.0)
+
+    @field_validator("displacement", "rotation")
+    @classmethod
+    def _share(cls, value: float | None) -> float | None:
+        if value is not None and value >= 1.0:
+            raise ValueError(
+                f"is {value:g}, expected a share of the motion below 1, such as 0.01; {value:g} % is {value / 100.0:g}"
+            )
+        return value
+
+
+class ToleranceTable(Table):
+    """`[tolerance]`."""
+
+    static: AcceptedTable = AcceptedTable(displacement=0.01)
+    transient: AcceptedTable = AcceptedTable(displacement=0.03)
+
+
+class ReferenceTable(Table):
+    """`[reference]`: who finds static results, and the model that transients are compared with."""
+
+    static: Annotated[Solver, Field(strict=False)] = Solver.FLEXFMU
+    modes: Modes = 20
+    frames: int = Field(default=12, ge=0, le=MOST_FRAMES)
+    mass: Mass = Field(default=Mass.CONFIGURATION, strict=False)
+    tolerance: float = Field(default=1e-4, gt=0.0, lt=1.0)
+
+
+class SweepTable(Table):
+    """`[sweep]`: what is combined with what."""
+
+    basis: list[Annotated[BasisChoice, Field(strict=False)]] = Field(default=list(BasisChoice), min_length=1)
+    modes: list[Modes] = Field(default=[5, 10, 20], min_length=1)
+    frames: list[Frames] = Field(default=[1, 2, 4, 8], min_length=1)
+    methods: list[Annotated[Method, Field(strict=False)]] = Field(
+        default=[
+            Method.LINEAR,
+            Method.STIFFNESS_BY_LOAD,
+            Method.FLOATING_FRAME,
+            Method.FRAMES,
+            Method.FRAMES_STIFFNESS,
+            Method.SECOND_ORDER,
+        ],
+        min_length=1,
+    )
+    mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=[Mass.CONSTANT], min_length=1)
+    internal_step: list[Literal["single"] | Annotated[float, Field(gt=0.0, lt=1.0)]] = Field(
+        default=["single", 1e-4], min_length=1
+    )
+    finite_elements: list[Annotated[Solver, Field(strict=False)]] = list(Solver)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_old_keys(cls, data: object) -> object:
+        old = {key: data[key] for key in OLD_KEYS if key in data} if isinstance(data, dict) else {}
+        if old:
+            raise ValueError(replaced_lists(old))
+        return data
+
+
+class FitTable(Table):
+    """`[fit]`: what the fitted body has to do beyond the scene."""
+
+    other_loads: float = Field(default=0.1, gt=0.0, le=1.0)
+
+
+class SceneFile(Table):
+    """A whole scene file."""
+
+    loaded: list[Name] | None = None
+    read: list[Name] | None = Field(default=None, min_length=1)
+    static: list[StaticTable] = []
+    transient: list[TransientTable] = []
+    tolerance: ToleranceTable = ToleranceTable()
+    reference: ReferenceTable = ReferenceTable()
+    sweep: SweepTable = SweepTable()
+    fit: FitTable = FitTable()
+    stability: StabilityTable = StabilityTable()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "SceneFile":
+        names = [*(case.name for case in self.static), *(case.name for case in self.transient)]
+        if not names:
+            raise ValueError("nothing happens in the scene: give a [[static]] or a [[transient]] table")
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two cases have the name {name!r}, expected different names")
+        return self
+
+
+def read_scene_file(path: Path) -> SceneFile:
+    """Read and check a scene file; paths in it come out relative to the working directory.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    SceneFile
+
+    Raises
+    ------
+    SceneError
+        Every wrong key at once, with what was found and what would do.
+    """
+    data = read_toml(path, SceneError, Kind.SCENE)
+    scene = validated(SceneFile, data, SceneError, "docs/scenes.md", path)
+    folder = path.parent
+    placed: dict[str, Any] = {}
+    for kind in ("static", "transient"):
+        cases = []
+        for case in getattr(scene, kind):
+            update: dict[str, Any] = {}
+            if case.results is not None:
+                update["results"] = folder / case.results
+            if isinstance(case.loads, str):
+                update["loads"] = str(folder / case.loads)
+            cases.append(case.model_copy(update=update))
+        placed[kind] = cases
+    return scene.model_copy(update=placed)

@@ -1,0 +1,176 @@
+"""Timing on a machine that does other things too: blocks of work, of which those count that met it calm."""
+
+import math
+import statistics
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    # The process that times FMUs needs neither.
+    from ...body.flexible_body import FlexibleBody
+    from ...mesh.model import FloatArray
+
+T = TypeVar("T")
+
+# A fixed piece of work is done so many times to see how busy the machine is; up to such a slowdown it counts as calm.
+_WORK, _CALM = 150, 1.25
+# Where it is not, blocks are repeated up to so many, with pauses (s).
+_MOST_BLOCKS, _PAUSE = 9, 0.01
+# Long blocks are not repeated once they have taken this long (s), if there are at least so many.
+_LONG, _FEWEST_BLOCKS = 2.0, 3
+
+BLOCKS = 7
+"""Blocks that count."""
+# Time that a block may take, s, if that is enough for a few steps; and steps of a block.
+_BLOCK_TIME, _SHORTEST, _LONGEST = 0.02, 10, 300
+
+
+class Clock:
+    """Time of a piece of work that neither waits nor has threads, without what other programs took of the processor."""
+
+    def __init__(self) -> None:
+        self._own = time.thread_time()
+        self._wall = time.perf_counter()
+
+    def elapsed(self) -> float:
+        """Time since the clock was made, s."""
+        wall = time.perf_counter() - self._wall
+        # Windows counts a thread's time in ticks that are much too long.
+        return wall if sys.platform == "win32" else min(wall, time.thread_time() - self._own)
+
+
+class Pace:
+    """How fast the machine does a fixed piece of work, against the fastest that it was seen to do it."""
+
+    def __init__(self) -> None:
+        self._best = math.inf
+        self._matrix = np.full((8, 8), 0.1)
+
+    def slowdown(self) -> float:
+        """Do the work; 1 where it took as long as the fastest time."""
+        start = time.perf_counter()
+        for _ in range(_WORK):
+            self._matrix @ self._matrix
+        took = time.perf_counter() - start
+        self._best = min(self._best, took)
+        return took / self._best
+
+
+_PACE = Pace()
+
+
+def timed_piece(rows: Sequence[T], took: float) -> list[T]:
+    """Loads of the steps of a block: from the first on; a single one holds.
+
+    Parameters
+    ----------
+    rows : sequence
+        One a step.
+    took : float
+        Time of a step, s.
+
+    Returns
+    -------
+    list
+    """
+    piece = list(rows[:_LONGEST]) if len(rows) > 1 else list(rows) * _LONGEST
+    return piece[: max(_SHORTEST, math.ceil(_BLOCK_TIME / max(took, 1e-9)))]
+
+
+def calm_blocks(block: Callable[[], T]) -> list[tuple[float, T]]:
+    """Do a block of work until the machine was calm often enough.
+
+    Parameters
+    ----------
+    block : callable
+        Does the work and tells how long it took.
+
+    Returns
+    -------
+    list of (float, T)
+        The calmest blocks: how much slower than at its best the machine was, and what the block told.
+    """
+    done: list[tuple[float, T]] = []
+    begun = time.perf_counter()
+    for _ in range(_MOST_BLOCKS):
+        before = _PACE.slowdown()
+        wall, own = time.perf_counter(), time.thread_time()
+        told = block()
+        wall, own = time.perf_counter() - wall, time.thread_time() - own
+        shared = wall / own if own > 0.0 else 1.0
+        done.append((max(before, shared, _PACE.slowdown()), told))
+        calm = sum(busy <= _CALM for busy, _ in done)
+        if calm >= BLOCKS or (len(done) >= _FEWEST_BLOCKS and time.perf_counter() - begun > _LONG):
+            break
+        if done[-1][0] > _CALM:
+            # Someone else is at work: wait a little.
+            time.sleep(_PAUSE)
+    return sorted(done, key=lambda one: one[0])[:BLOCKS]
+
+
+@dataclass(frozen=True, slots=True)
+class StepCost:
+    """Time of a step of the model without FMI, outputs included.
+
+    Attributes
+    ----------
+    fastest, median : float
+        s, of blocks of steps.
+    iterations : float
+        Rounds of the implicit iteration a step.
+    busy : float
+        How much slower than at its best the machine did a fixed piece of work meanwhile: 1 when it was calm.
+    """
+
+    fastest: float
+    median: float
+    iterations: float
+    busy: float
+
+
+def time_steps(model: "FlexibleBody", rows: Sequence["FloatArray"], step: float) -> StepCost:
+    """Time steps of a model from rest, outputs included.
+
+    Parameters
+    ----------
+    model : FlexibleBody
+    rows : sequence of (L,) float
+        Loads of each step; a single one holds.
+    step : float
+        s.
+
+    Returns
+    -------
+    StepCost
+
+    Raises
+    ------
+    RuntimeBodyError
+        The model has no answer.
+    """
+    # Two steps, so that whatever is prepared once is there.
+    state = model.rest()
+    for _ in range(2):
+        state, _ = model.step_packed(state, rows[0], step)
+    clock = Clock()
+    model.step_packed(state, rows[0], step)
+    # Every block is the same piece of the scene, from its start.
+    piece = timed_piece(rows, clock.elapsed())
+
+    def block() -> tuple[float, float]:
+        state, iterations, clock = model.rest(), 0, Clock()
+        for inputs in piece:
+            state, work = model.step_packed(state, inputs, step)
+            model.motion(state)
+            iterations += work.iterations
+        return clock.elapsed() / len(piece), iterations / len(piece)
+
+    done = calm_blocks(block)
+    times = [took for _, (took, _) in done]
+    rounds = statistics.mean(iterations for _, (_, iterations) in done)
+    return StepCost(min(times), statistics.median(times), rounds, statistics.median(busy for busy, _ in done))

@@ -1,0 +1,239 @@
+"""What the motion of a scene is: from the whole finite element model, a tight reduced one, or the user."""
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...body.flexible_body import FlexibleBody, StepLimits
+from ...body.loads import Loads
+from ...build.config import Basis, FormulationTable
+from ...build.reduce import reduce_body
+from ...files.progress import Reporter, Tell, tell_nobody
+from ...files.store import Store, content_key
+from ...mesh.model import FloatArray
+from ...model.errors import EquilibriumError, StepError
+from ...model.methods import Mass, Method
+from .errors import SceneError
+from .scene import Scene, StaticCase, TransientCase, read_results
+from .whole_model import WORDS, Equilibria, WholeModel
+
+# A factor in a table of results counts as one of the scene's within this.
+_SAME = 1e-9
+# Error of a reference in statics over what is accepted over time that is worth a warning.
+_DOUBTFUL = 0.33
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Motion of the interfaces that count.
+
+    Attributes
+    ----------
+    motion : (rows, interfaces, 6) float
+        Displacement (m) and rotation vector (rad) at each factor or communication point; not a number where nothing
+        is known.
+    origin : str
+        Where it comes from, in words.
+    whole : Equilibria or None
+        Of the finite element model: what it took.
+    equilibria : int
+        Of results that were brought: rows that are loaded.
+    doubt : float
+        Of a reduced model: its own relative error in the scene's static cases, where the finite element model tells.
+    """
+
+    motion: FloatArray
+    origin: str
+    whole: Equilibria | None = None
+    equilibria: int = 0
+    doubt: float = math.nan
+
+
+def references(
+    scene: Scene, report: Reporter, store: Store | None = None, whole: WholeModel | None = None
+) -> dict[str, Reference]:
+    """Find the motion of every case.
+
+    Parameters
+    ----------
+    scene : Scene
+    report : Reporter
+    store : Store, optional
+        Where results are kept from run to run, by content.
+    whole : WholeModel, optional
+        The finite element model, where others need it too.
+
+    Returns
+    -------
+    dict of str to Reference
+        By the name of the case.
+
+    Raises
+    ------
+    SceneError
+        A case that the finite element model cannot follow, and for which the user brings no results.
+    """
+    store = store or Store()
+    whole = whole or WholeModel(scene, report, store)
+    found: dict[str, Reference] = {}
+    for case in scene.static:
+        found[case.name] = _whole_model(scene, case, whole) if case.results is None else _brought_static(scene, case)
+    for motion in scene.transient:
+        found[motion.name] = (
+            _tight_model(scene, motion, found, report, store)
+            if motion.results is None
+            else _brought_transient(scene, motion)
+        )
+    return found
+
+
+def _whole_model(scene: Scene, case: StaticCase, whole: WholeModel) -> Reference:
+    solver = scene.file.reference.static
+    found = whole.equilibria(case, solver)
+    nodes = len(whole.model.mesh.points)
+    return Reference(found.motion, f"{WORDS[solver]}, {nodes} nodes, geometric nonlinearity", found)
+
+
+def _brought_static(scene: Scene, case: StaticCase) -> Reference:
+    assert case.results is not None
+    factors, motion = read_results(case.results, "factor", scene.read)
+    rows = []
+    for factor in case.factors:
+        near = np.flatnonzero(np.abs(factors - factor) <= _SAME * max(1.0, factor))
+        if not near.size:
+            raise SceneError(
+                f"{case.results}: no row for the factor {factor} of {case.name}; it has {factors.tolist()}"
+            )
+        rows.append(near[-1])
+    loaded = int(np.sum(factors > 0.0))
+    return Reference(_complete(motion[rows], case.results), str(case.results.name), equilibria=loaded)
+
+
+def _brought_transient(scene: Scene, case: TransientCase) -> Reference:
+    assert case.results is not None
+    times, motion = read_results(case.results, "time", scene.read)
+    if np.any(np.diff(times) <= 0.0) or times[0] > _SAME or times[-1] < case.time[-1] * (1.0 - _SAME):
+        raise SceneError(
+            f"{case.results}: times go from {times[0]} s to {times[-1]} s, expected them to ascend from 0 to at least "
+            f"{case.time[-1]:g} s"
+        )
+    columns = motion.reshape(len(times), -1)
+    at = np.column_stack([np.interp(case.time, times, column) for column in columns.T])
+    return Reference(_complete(at.reshape(len(at), *motion.shape[1:]), case.results), str(case.results.name))
+
+
+def _complete(motion: FloatArray, path: Path) -> FloatArray:
+    if np.all(np.isnan(motion)):
+        raise SceneError(f"{path}: no column is an output of an interface that the scene reads")
+    return motion
+
+
+def _tight_model(
+    scene: Scene, case: TransientCase, known: Mapping[str, Reference], report: Reporter, store: Store
+) -> Reference:
+    """Motion of a model with more modes and frames than any that will be delivered."""
+    settings, config = scene.file.reference, scene.config
+    mass = settings.mass
+    if config.cut or settings.frames == 0:
+        mass = Mass.CONSTANT
+    reduction = config.reduction.model_copy(
+        update={
+            "basis": Basis.NORMAL,
+            "modes": settings.modes,
+            "residual_flexibility": True,
+            "geometric_stiffness": [],
+            "inertia": mass is Mass.CONFIGURATION,
+        }
+    )
+    method = FormulationTable(method=Method.FRAMES, mass=mass)
+    changes = {"frames": settings.frames, "frame": [], "reduction": reduction, "formulation": method}
+    tight = config.model_copy(update=changes).without_pictures
+
+    def run() -> dict[str, FloatArray]:
+        body = reduce_body(tight, report, store)
+        model = FlexibleBody(body, limits=StepLimits(tolerance=settings.tolerance))
+        steps = len(case.start_loads)
+        title = f"Follow {case.name} with {body.mode_count} modes and {body.frame_count} frames, {steps} steps"
+        with report.counted(title, steps, "steps") as tell:
+            try:
+                return {"motion": follow(model, case, tell), "doubt": np.array(_static_error(scene, known, model))}
+            except StepError as error:
+                raise SceneError(
+                    f"{case.name}: the reference model refuses a step: {error}; take other numbers in [reference], or "
+                    "bring results"
+                ) from error
+
+    mesh = hashlib.sha256(Path(config.mesh.file).read_bytes()).hexdigest()
+    said = tight.model_dump_json(exclude={"mesh": {"file"}, "formulation": True})
+    start = np.array([loads.packed(True) for loads in case.start_loads])
+    end = np.array([loads.packed(True) for loads in case.end_loads])
+    statics = [part for one in scene.static for part in (one.peak.packed(True), known[one.name].motion)]
+    key = content_key(
+        __name__, "scene transient", mesh, said, mass.value, settings.tolerance, case.step, start, end, *statics
+    )
+    kept = store.arrays(key, f"reference motion under {case.name}", report, run)
+    doubt, accepted = float(kept["doubt"]), scene.file.tolerance.transient.displacement
+    if not math.isnan(doubt):
+        report.note(f"the reference model of {case.name} is off by {100.0 * doubt:.2g} % in the static cases")
+    if doubt > _DOUBTFUL * accepted:
+        report.warning(
+            f"{case.name}: the reference model itself is off by {100.0 * doubt:.2g} % in the static cases, where "
+            f"{100.0 * accepted:g} % are accepted over time: errors over time say little; give [reference] more modes "
+            "or frames, or bring results"
+        )
+    words = (
+        f"reduced model, {settings.modes} modes and residual flexibility, frames = {settings.frames}, mass {mass.value}"
+    )
+    return Reference(kept["motion"][:, scene.read_index], words, doubt=doubt)
+
+
+def _static_error(scene: Scene, known: Mapping[str, Reference], model: FlexibleBody) -> float:
+    """Largest relative displacement error of a model in the static cases; infinite where it has no equilibrium."""
+    worst = math.nan
+    for case in scene.static:
+        for factor, expected in zip(case.factors, known[case.name].motion[..., :3], strict=True):
+            try:
+                state = model.static(case.peak.scaled(factor))
+            except EquilibriumError:
+                return math.inf
+            found = model.response(state).displacement[scene.read_index]
+            told = np.all(np.isfinite(expected), axis=1)
+            size = np.linalg.norm(expected[told])
+            if size > 0.0:
+                error = float(np.linalg.norm((found - expected)[told]) / size)
+                worst = error if math.isnan(worst) else max(worst, error)
+    return worst
+
+
+def follow(model: FlexibleBody, case: TransientCase, tell: Tell = tell_nobody) -> FloatArray:
+    """Motion (steps + 1, I, 6) of all interfaces from rest through a transient.
+
+    Parameters
+    ----------
+    model : FlexibleBody
+    case : TransientCase
+    tell : callable, optional
+        Takes the number of steps done.
+
+    Raises
+    ------
+    StepError
+    """
+    heavy = model.model.masses is not None
+    start, end = _packed(case.start_loads, heavy), _packed(case.end_loads, heavy)
+    state = model.rest()
+    rows = [model.motion(state)]
+    for first, last in zip(start, end, strict=True):
+        same = np.array_equal(first, last)
+        state, _ = model.step_packed(state, first, case.step, None if same else last)
+        rows.append(model.motion(state))
+        tell(len(rows) - 1)
+    return np.array(rows).reshape(len(rows), -1, 6)
+
+
+def _packed(loads: Sequence[Loads], heavy: bool) -> list[FloatArray]:
+    return [one.packed(heavy) for one in loads]

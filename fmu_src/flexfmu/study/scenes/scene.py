@@ -1,0 +1,323 @@
+"""A scene: a body and what happens to it, resolved and checked against each other."""
+
+import csv
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...body.loads import Loads
+from ...build.config import BodyFile, read_body_file
+from ...files.tables import read_table
+from ...mesh.model import FloatArray
+from ...program.variables import ACCELERATION
+from .config import SceneFile, TransientTable, check_steps, read_scene_file
+from .errors import SceneError
+
+AXES = ("x", "y", "z")
+MOTION = ("displacement", "rotation")
+# Relative change of a step that brings the end of a transient onto a communication point.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class StaticCase:
+    """Loads that hold still.
+
+    Attributes
+    ----------
+    name : str
+    peak : Loads
+    factors : tuple of float
+        Parts of them at which the body is looked at.
+    results : Path or None
+        Results that the user brings.
+    results_seconds : float or None
+        Time of the run that made them, s.
+    """
+
+    name: str
+    peak: Loads
+    factors: tuple[float, ...]
+    results: Path | None
+    results_seconds: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TransientCase:
+    """Motion from rest.
+
+    Attributes
+    ----------
+    name : str
+    step : float
+        Communication step, s.
+    start_loads, end_loads : tuple of Loads
+        At the start and at the end of each step; in between they are linear.
+    frequencies : tuple of float or None
+        The range that counts, Hz.
+    results : Path or None
+        Results that the user brings.
+    seconds_per_second : float or None
+        What a simulated second of the finite element model takes, where the user knows.
+    """
+
+    name: str
+    step: float
+    start_loads: tuple[Loads, ...]
+    end_loads: tuple[Loads, ...]
+    frequencies: tuple[float, float] | None
+    results: Path | None
+    seconds_per_second: float | None = None
+
+    @property
+    def time(self) -> FloatArray:
+        """Communication points, s."""
+        return np.linspace(0.0, self.step * len(self.start_loads), len(self.start_loads) + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A scene.
+
+    Attributes
+    ----------
+    file : SceneFile
+    body : Path
+        Body file.
+    given : BodyFile
+        The body as the user has it.
+    config : BodyFile
+        The same with no more interfaces than the scene loads or reads.
+    read : tuple of str
+        Interfaces whose motion counts.
+    static : tuple of StaticCase
+    transient : tuple of TransientCase
+    digest : str
+        Hash of all that errors depend on beside the model.
+    """
+
+    file: SceneFile
+    body: Path
+    given: BodyFile
+    config: BodyFile
+    read: tuple[str, ...]
+    static: tuple[StaticCase, ...]
+    transient: tuple[TransientCase, ...]
+    digest: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Interfaces of `config`, in its order."""
+        return tuple(table.name for table in self.config.interface)
+
+    @property
+    def read_index(self) -> list[int]:
+        """Places of the interfaces that count among `names`."""
+        return [self.names.index(name) for name in self.read]
+
+
+def read_scene(path: Path, body: Path) -> Scene:
+    """Read a scene file and a body file, and check one against the other.
+
+    Parameters
+    ----------
+    path : Path
+        Scene file.
+    body : Path
+        Body file.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    SceneError, BodyFileError
+        With what was found, what was expected and what to do.
+    """
+    file = read_scene_file(path)
+    given = read_body_file(body)
+    if isinstance(given.damping.ratio, list):
+        raise SceneError(
+            f"{body}: damping.ratio lists one value per mode, which has no meaning for other numbers of modes; "
+            "give one number"
+        )
+    known = tuple(table.name for table in given.interface)
+    tables = {case.name: _table(case, path) for case in file.transient}
+    loaded: set[str] = set()
+    columns = {case.name: list(case.loads) for case in file.static} | {name: table[0] for name, table in tables.items()}
+    for case_name, inputs in columns.items():
+        loaded |= {_component(name, known, f"{path}: {case_name}.loads")[0] for name in inputs}
+    loaded -= {ACCELERATION}
+    for key, listed in (("loaded", file.loaded), ("read", file.read)):
+        for name in listed or ():
+            if name not in known:
+                raise SceneError(f"{path}: {key} names {name!r}, and the body has {', '.join(known)}")
+    if file.loaded is not None and not loaded <= set(file.loaded):
+        raise SceneError(
+            f"{path}: loads act on {', '.join(sorted(loaded - set(file.loaded)))}, which loaded leaves out"
+        )
+    read = tuple(file.read or known)
+    kept = {*read, *loaded, *(file.loaded or ()), *([given.root or known[0]] if given.free else ())}
+    config = given.model_copy(update={"interface": [table for table in given.interface if table.name in kept]})
+    names = tuple(table.name for table in config.interface)
+    static = tuple(
+        StaticCase(
+            c.name, _loads(c.loads, names, given, f"{path}: {c.name}"), tuple(c.factors), c.results, c.results_seconds
+        )
+        for c in file.static
+    )
+    transient = tuple(_transient(c, tables[c.name], names, given, path) for c in file.transient)
+    return Scene(file, body, given, config, read, static, transient, _digest(file, config, read, static, transient))
+
+
+def _digest(
+    file: SceneFile,
+    config: BodyFile,
+    read: Sequence[str],
+    static: Sequence[StaticCase],
+    transient: Sequence[TransientCase],
+) -> str:
+    digest = hashlib.sha256()
+    varied = {"mesh": {"file"}, "frames": True, "frame": True, "reduction": True, "formulation": True}
+    # Keys that the file does not use, and that later versions may add, change nothing.
+    said = config.model_dump_json(exclude=varied, exclude_defaults=True)  # type: ignore[arg-type]
+    digest.update(said.encode())
+    digest.update(Path(config.mesh.file).read_bytes())
+    digest.update(repr((tuple(read), file.tolerance, file.reference)).encode())
+    for case in static:
+        digest.update(repr((case.name, case.factors)).encode() + case.peak.packed(True).tobytes())
+    for motion in transient:
+        digest.update(repr((motion.name, motion.step, motion.frequencies)).encode())
+        for loads in (*motion.start_loads, *motion.end_loads):
+            digest.update(loads.packed(True).tobytes())
+    for results in (*(c.results for c in static), *(c.results for c in transient)):
+        if results is None:
+            continue
+        try:
+            digest.update(results.read_bytes())
+        except OSError as error:
+            raise SceneError(f"{results}: cannot be read ({error})") from error
+    return digest.hexdigest()[:12]
+
+
+def _component(name: str, known: Sequence[str], where: str) -> tuple[str, str, int]:
+    """Interface, kind and axis of an FMU input."""
+    parts = name.split(".")
+    if name.startswith(f"{ACCELERATION}.") and parts[-1] in AXES:
+        return ACCELERATION, "acceleration", AXES.index(parts[-1])
+    if len(parts) != 3 or parts[0] not in known or parts[1] not in ("force", "moment") or parts[2] not in AXES:
+        raise SceneError(
+            f"{where}: {name!r} is no input of the body; expected INTERFACE.force.AXIS or INTERFACE.moment.AXIS, as "
+            f'"{known[0]}.force.y", or "{ACCELERATION}.z"; its interfaces: {", ".join(known)}'
+        )
+    return parts[0], parts[1], AXES.index(parts[2])
+
+
+def _loads(values: Mapping[str, float], names: Sequence[str], body: BodyFile, where: str) -> Loads:
+    force, moment, acceleration = np.zeros((len(names), 3)), np.zeros((len(names), 3)), np.zeros(3)
+    for name, value in values.items():
+        interface, kind, axis = _component(name, names, where)
+        if kind == "acceleration":
+            if not body.input.acceleration:
+                raise SceneError(f"{where}: {name!r} needs acceleration = true in [input] of the body file")
+            acceleration[axis] = value
+        else:
+            (force if kind == "force" else moment)[names.index(interface), axis] = value
+    return Loads(force, moment, acceleration)
+
+
+def _table(case: TransientTable, path: Path) -> tuple[list[str], FloatArray]:
+    """Names and rows (time, values) of a transient's loads; a sudden load has one row."""
+    if isinstance(case.loads, dict):
+        return list(case.loads), np.array([[0.0, *case.loads.values()]])
+    names, rows = read_table(Path(case.loads))
+    if rows[0, 0] != 0.0:
+        raise SceneError(f"{case.loads}: the first time is {rows[0, 0]} s, expected 0: the body starts at rest there")
+    if case.duration is None and rows[-1, 0] < 2.0 * case.step:
+        raise SceneError(
+            f"{path}: {case.name}: {case.loads} ends at {rows[-1, 0]} s, before two steps of {case.step} s"
+        )
+    return names, rows
+
+
+def _transient(
+    case: TransientTable, table: tuple[list[str], FloatArray], names: Sequence[str], body: BodyFile, path: Path
+) -> TransientCase:
+    columns, rows = table
+    duration = case.duration if case.duration is not None else float(rows[-1, 0])
+    where = f"{path}: {case.name}"
+    try:
+        check_steps(duration, case.step)
+    except ValueError as error:
+        raise SceneError(f"{where}: {case.loads}: {error}") from error
+    count = int(np.ceil(duration / case.step * (1.0 - _ROUNDING)))
+    times = case.step * np.arange(count + 1)
+
+    def at(time: float, side: str) -> Loads:
+        values = [_value(rows[:, 0], rows[:, 1 + k], time, side) for k in range(len(columns))]
+        return _loads(dict(zip(columns, values, strict=True)), names, body, where)
+
+    start = tuple(at(t, "right") for t in times[:-1])
+    # Where nothing jumps the end of a step is the start of the next one.
+    end = tuple(at(t, "left") for t in times[1:])
+    band = None if case.frequencies is None else (case.frequencies[0], case.frequencies[1])
+    return TransientCase(case.name, case.step, start, end, band, case.results, case.seconds_per_second)
+
+
+def _value(times: FloatArray, values: FloatArray, time: float, side: str) -> float:
+    """A column at a time, linear between rows; at a jump the value before it ("left") or after it ("right")."""
+    close = _ROUNDING * max(abs(time), float(times[-1]), 1e-300)
+    same = np.flatnonzero(np.abs(times - time) <= close)
+    if same.size:
+        return float(values[same[0] if side == "left" else same[-1]])
+    return float(np.interp(time, times, values))
+
+
+def read_results(path: Path, first: str, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Read results that the user brings.
+
+    Parameters
+    ----------
+    path : Path
+        CSV: a header with `first` ("factor" or "time") and outputs of the FMU by name (INTERFACE.displacement.x,
+        INTERFACE.rotation.x, …); lines that begin with # are passed over.
+    first : str
+    names : sequence of str
+        Interfaces.
+
+    Returns
+    -------
+    key : (rows,) float
+        First column.
+    motion : (rows, interfaces, 6) float
+        Displacement, rotation vector; not a number where the table tells none.
+
+    Raises
+    ------
+    SceneError
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = [row for row in csv.reader(line for line in file if not line.startswith("#")) if row]
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read ({error})") from error
+    header = [name.strip() for name in lines[0]] if lines else []
+    if len(lines) < 2 or header[0] != first:
+        raise SceneError(f'{path}: expected a header "{first},INTERFACE.displacement.x,…" and at least one row')
+    try:
+        table = np.array([[float(cell) for cell in row] for row in lines[1:]])
+    except ValueError as error:
+        raise SceneError(f"{path}: {error}; expected rows of {len(header)} numbers") from error
+    if table.ndim != 2 or table.shape[1] != len(header) or not np.all(np.isfinite(table)):
+        raise SceneError(f"{path}: expected rows of {len(header)} finite numbers")
+    motion = np.full((len(table), len(names), 6), np.nan)
+    allowed = [f"{name}.{kind}.{axis}" for name in names for kind in MOTION for axis in AXES]
+    for column, name in enumerate(header[1:], start=1):
+        if name in allowed:
+            place = allowed.index(name)
+            motion[:, place // 6, place % 6] = table[:, column]
+    return table[:, 0], motion

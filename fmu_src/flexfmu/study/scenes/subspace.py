@@ -1,0 +1,154 @@
+"""Reduced bodies with fewer modes, found from a reduced body with many, without the mesh."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from ...mesh.model import FloatArray, IntArray
+from ...model.reduced_body import ReducedBody
+from .config import BasisChoice
+
+# As in reduction/modes.py: the share of a static shape's strain energy below which modes hold it already.
+_HELD_ALREADY = 1e-12
+# Relative difference of frequencies below which modes are a pair, whose axes are arbitrary.
+_PAIR = 1e-4
+
+
+def subset(body: ReducedBody, basis: BasisChoice, chosen: IntArray, residual: Sequence[str] = ()) -> ReducedBody:
+    """The body as a build with only some of the normal modes makes it, in the same basis.
+
+    Parameters
+    ----------
+    body : ReducedBody
+        In one piece; with more modes, one damping ratio for all, and the interfaces of the build.
+    basis : BasisChoice
+    chosen : (k,) int
+        Normal modes (of Craig-Bampton: with the interfaces held) to keep, from 0, ascending.
+    residual : sequence of str
+        Loads by name whose residual flexibility is wanted; none: of all of them.
+
+    Returns
+    -------
+    ReducedBody
+    """
+    rigid = np.arange(body.rigid_count)
+    if basis is BasisChoice.NORMAL:
+        kept = np.concatenate([rigid, body.rigid_count + chosen])
+        return in_subspace(body, np.eye(body.mode_count)[:, kept], body.angular_frequency[kept])
+    phi = normal_shapes(body, basis)[:, chosen]
+    squares = body.angular_frequency**2
+    elastic = squares > 0.0
+    # Work of unit loads, one column a load: what residual flexibility and constraint modes answer.
+    work = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1).reshape(-1, body.mode_count).T
+    if residual:
+        names = [
+            f"{name}.{kind}.{axis}" for name in body.interface_names for kind in ("force", "moment") for axis in "xyz"
+        ]
+        work = work[:, [names.index(name) for name in residual]]
+    statics = np.zeros_like(work)
+    statics[elastic] = work[elastic] / squares[elastic, None]
+    energy = np.einsum("ij,i,ij->j", statics, squares, statics)
+    statics = statics[:, energy > 0.0] / np.sqrt(energy[energy > 0.0])
+    stiff = squares[:, None]
+    rest = statics - phi @ np.linalg.solve(phi.T @ (stiff * phi), phi.T @ (stiff * statics))
+    energies, turn = np.linalg.eigh(rest.T @ (stiff * rest))
+    needed = energies > _HELD_ALREADY
+    span = np.hstack([phi, rest @ (turn[:, needed] / np.sqrt(energies[needed]))])
+    ritz, small = scipy.linalg.eigh(span.T @ (stiff * span), span.T @ span)
+    every = np.hstack([np.eye(body.mode_count)[:, rigid], span @ small])
+    return in_subspace(body, every, np.concatenate([np.zeros(rigid.size), np.sqrt(ritz)]))
+
+
+def normal_shapes(body: ReducedBody, basis: BasisChoice) -> FloatArray:
+    """Normal modes (m, n) in a body's modal coordinates, ascending; with Craig-Bampton those of the held interfaces."""
+    if basis is not BasisChoice.CRAIG_BAMPTON:
+        # Residual shapes are orthogonal to the normal modes, and so of higher frequency than all of them.
+        return np.eye(body.mode_count)[:, body.rigid_count :]
+    motion = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1).reshape(-1, body.mode_count)
+    free = scipy.linalg.null_space(motion / np.linalg.norm(motion, axis=1)[:, None])
+    _, small = scipy.linalg.eigh(free.T @ (body.angular_frequency[:, None] ** 2 * free))
+    result: FloatArray = free @ small
+    return result
+
+
+def normal_frequencies(body: ReducedBody, basis: BasisChoice) -> FloatArray:
+    """Angular frequencies (n,) of `normal_shapes`, rad/s."""
+    shapes = normal_shapes(body, basis)
+    result: FloatArray = np.linalg.norm(body.angular_frequency[:, None] * shapes, axis=0)
+    return result
+
+
+def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArray) -> ReducedBody:
+    """The body in coordinates p, with q = turn @ p.
+
+    Parameters
+    ----------
+    body : ReducedBody
+        With one damping ratio for all modes.
+    turn : (m, k) float
+        Orthonormal columns.
+    angular_frequency : (k,) float
+        rad/s.
+
+    Returns
+    -------
+    ReducedBody
+    """
+
+    def turned(part: object, *names: str) -> dict[str, Any]:
+        return {name: getattr(part, name) @ turn for name in names}
+
+    frames = ("joint_displacement", "joint_rotation", "frame_rotation")
+    whole, masses, surface, inertia, ties = body.whole, body.masses, body.surface, body.inertia, body.ties
+    if inertia is not None:
+        curvature = None if inertia.curvature is None else turn.T @ inertia.curvature @ turn
+        inertia = replace(inertia, curvature=curvature, **turned(inertia, "displacement", "sweep"))
+    second = body.second
+    if second is not None:
+        displacement, rotation = (turn.T @ part @ turn for part in (second.displacement, second.rotation))
+        second = replace(second, displacement=displacement, rotation=rotation)
+    by_load, by_mode = body.stiffness_by_load, body.stiffness_by_mode
+    if by_mode is not None:
+        by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
+    return replace(
+        body,
+        angular_frequency=angular_frequency,
+        damping_ratio=np.full(len(angular_frequency), body.damping_ratio[0]),
+        whole=whole and replace(whole, **turned(whole, *frames)),
+        masses=masses and replace(masses, **turned(masses, "displacement")),
+        surface=surface and surface.in_coordinates(turn),
+        ties=ties and replace(ties, **turned(ties, "displacement", "rotation")),
+        inertia=inertia,
+        second=second,
+        membrane=body.membrane and body.membrane.turned(turn, angular_frequency**2),
+        stress_sets=tuple(replace(part, **turned(part, "stress")) for part in body.stress_sets),
+        missed_inertia=None,
+        stiffness_by_load=None if by_load is None else turn.T @ by_load @ turn,
+        stiffness_by_mode=by_mode,
+        **turned(body, "interface_displacement", "interface_rotation", *frames),
+    )
+
+
+def pairs(angular_frequency: FloatArray) -> list[IntArray]:
+    """Places of modes, ascending: pairs of equal frequency together, which no choice may split.
+
+    Parameters
+    ----------
+    angular_frequency : (m,) float
+        Ascending.
+
+    Returns
+    -------
+    list of (k,) int
+    """
+    ends = np.flatnonzero(np.diff(angular_frequency) > _PAIR * angular_frequency[1:]) + 1
+    return np.split(np.arange(angular_frequency.size), ends)
+
+
+def joined_numbers(groups: Sequence[IntArray]) -> IntArray:
+    """Places of several pairs and single modes, ascending."""
+    result: IntArray = np.sort(np.concatenate(list(groups)))
+    return result

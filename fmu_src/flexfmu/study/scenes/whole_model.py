@@ -1,0 +1,195 @@
+"""The whole finite element model of a scene's body: equilibria with geometric nonlinearity, and what they took."""
+
+import time
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...build.config import BodyFile
+from ...fe.assembly import volume_matrices
+from ...fe.faces import element_faces
+from ...fe.nonlinear import load_path
+from ...files.errors import AccuracyError
+from ...files.progress import Reporter
+from ...files.store import Store, content_key
+from ...mesh.checks import checked
+from ...mesh.formats import read_mesh
+from ...mesh.model import FloatArray
+from ...model.rotations import exponential, rotation_vector
+from ...reduction.basis import Matrices
+from ...reduction.interfaces import Interface, fit_interface
+from ...reduction.model import Model, assemble_model
+from ...reduction.point_masses import model_mass
+from . import calculix
+from .config import Solver
+from .errors import SceneError
+from .scene import Scene, StaticCase
+
+_FIT_ROUNDS = 50
+WORDS = {Solver.FLEXFMU: "finite element model", Solver.CALCULIX: "finite element model in CalculiX"}
+
+
+@dataclass(frozen=True, slots=True)
+class Equilibria:
+    """The whole model under the parts of a static case's load.
+
+    Attributes
+    ----------
+    motion : (factors, interfaces, 6) float
+        Displacement (m) and rotation vector (rad) of the interfaces that count.
+    seconds : float
+        Time that all of them took, one after the other, from the unloaded body.
+    increments, iterations : int
+        Equilibria on the way, and rounds of Newton's method.
+    """
+
+    motion: FloatArray
+    seconds: float
+    increments: int
+    iterations: int
+
+
+class WholeModel:
+    """The finite element model, read once, when first needed.
+
+    Parameters
+    ----------
+    scene : Scene
+    report : Reporter
+    store : Store
+        Where equilibria are kept from run to run, by content.
+    """
+
+    def __init__(self, scene: Scene, report: Reporter, store: Store):
+        self._scene = scene
+        self._config: BodyFile = scene.config
+        self._report = report
+        self._store = store
+
+    @cached_property
+    def model(self) -> Model:
+        """Mesh and supports."""
+        with self._report.stage(f"Read {self._config.mesh.file.name}"):
+            return assemble_model(checked(read_mesh(self._config.mesh.file, self._config.mesh.units)), self._config)
+
+    @cached_property
+    def interfaces(self) -> list[Interface]:
+        """The fits of the interfaces."""
+        mesh = self.model.mesh
+        faces = element_faces(mesh)
+        return [fit_interface(table, mesh, faces, []) for table in self._config.interface]
+
+    @property
+    def size(self) -> int:
+        """Degrees of freedom that no support holds."""
+        return int(self.model.free.size)
+
+    def load(self, case: StaticCase) -> FloatArray:
+        """Nodal forces (3n,), N."""
+        mesh = self.model.mesh
+        result = np.zeros(3 * len(mesh.points))
+        for interface, force in zip(self.interfaces, case.peak.force, strict=True):
+            result += interface.nodal_loads(len(mesh.points))[:, :3] @ force
+        if np.any(case.peak.acceleration):
+            # In the frame of its supports every mass feels the opposite.
+            result -= model_mass(mesh, volume_matrices(mesh)) @ np.tile(case.peak.acceleration, len(mesh.points))
+        return result
+
+    def refusal(self, case: StaticCase) -> str:
+        """Why a case cannot be followed; empty where it can."""
+        if np.any(case.peak.moment):
+            return (
+                f"{case.name}: the finite element model takes forces only, since the forces that make up a moment "
+                "would have to turn with the interface; replace the moment by forces on two interfaces, or bring "
+                f'results: results = "{case.name}.csv"'
+            )
+        if self.model.rigid.shape[1]:
+            return (
+                f"{case.name}: the body is free to move, so that the finite element model has no equilibrium to "
+                f'compare with; bring results: results = "{case.name}.csv"'
+            )
+        return ""
+
+    def equilibria(self, case: StaticCase, solver: Solver) -> Equilibria:
+        """Equilibria under the parts of a case's load.
+
+        Parameters
+        ----------
+        case : StaticCase
+        solver : Solver
+
+        Returns
+        -------
+        Equilibria
+
+        Raises
+        ------
+        SceneError
+            A moment, a free body, no equilibrium, or a solver that is not there.
+        """
+        refusal = self.refusal(case)
+        if refusal:
+            raise SceneError(refusal)
+        load = self.load(case)
+
+        def solve() -> dict[str, FloatArray]:
+            with self._report.stage(f"Solve the {WORDS[solver]} under {case.name}"):
+                return (_by_calculix if solver is Solver.CALCULIX else _by_flexfmu)(self, case, load, self._report)
+
+        matrices = Matrices(self.model, (), self._report).key
+        key = content_key(__name__, "scene equilibria", solver.value, matrices, load, np.array(case.factors))
+        kept = self._store.arrays(key, f"equilibria of the {WORDS[solver]} under {case.name}", self._report, solve)
+        chosen = [self.interfaces[k] for k in self._scene.read_index]
+        motion = [[finite_motion(i, self.model.mesh.points, row) for i in chosen] for row in kept["displacement"]]
+        seconds, increments, iterations = (float(x) for x in kept["effort"])
+        return Equilibria(np.array(motion), seconds, int(increments), int(iterations))
+
+
+def _by_flexfmu(whole: WholeModel, case: StaticCase, load: FloatArray, report: Reporter) -> dict[str, FloatArray]:
+    model = whole.model
+    wall, own = time.perf_counter(), time.process_time()
+    try:
+        path = load_path(model.mesh, model.unknowns, model.spring, load, case.factors, report)
+    except AccuracyError as error:
+        raise SceneError(f"{case.name}: {error}; or bring results") from error
+    # What other programs took of the processor meanwhile does not count, nor do threads.
+    seconds = min(time.perf_counter() - wall, time.process_time() - own)
+    return {"displacement": path.displacement, "effort": np.array([seconds, path.increments, path.iterations])}
+
+
+def _by_calculix(whole: WholeModel, case: StaticCase, load: FloatArray, report: Reporter) -> dict[str, FloatArray]:
+    nodes = np.unique(np.concatenate([interface.nodes for interface in whole.interfaces]))
+    text = calculix.deck(whole.model, load, case.factors, nodes, f"{case.name}, dead nodal forces")
+    try:
+        done = calculix.run(text, case.factors, len(whole.model.mesh.points), report)
+    except SceneError as error:
+        raise SceneError(f"{case.name}: {error}") from error
+    return {"displacement": done.displacement, "effort": np.array([done.seconds, done.increments, done.iterations])}
+
+
+def finite_motion(interface: Interface, points: FloatArray, displacement: FloatArray) -> FloatArray:
+    """Displacement and rotation vector (6,) of the rigid motion that fits an interface's nodes best, however far.
+
+    Parameters
+    ----------
+    interface : Interface
+    points : (n, 3) float
+    displacement : (3n,) float
+
+    Returns
+    -------
+    (6,) float
+    """
+    arm = points[interface.nodes] - interface.point
+    moved = arm + displacement.reshape(-1, 3)[interface.nodes]
+    shift, rotation = np.zeros(3), np.eye(3)
+    # The linear fit of what a rigid motion leaves, until it leaves nothing that is rigid.
+    for _ in range(_FIT_ROUNDS):
+        left = (moved - shift) @ rotation - arm
+        change = interface.operator @ left.ravel()
+        shift = shift + rotation @ change[:3]
+        rotation = rotation @ exponential(change[3:])
+        if np.linalg.norm(change[3:]) < 1e-12:
+            break
+    return np.concatenate([shift, rotation_vector(rotation)])

@@ -1,0 +1,179 @@
+"""Models of a scene's body: reduced, held against the references, and timed; what chart and fit have in common."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ...body.flexible_body import FlexibleBody, StepLimits
+from ...build.config import BodyFile
+from ...build.reduce import reduce_body
+from ...files.progress import Reporter
+from ...files.store import REUSED, Store
+from ...model.errors import RuntimeBodyError
+from ...model.methods import Variant, lean
+from ...model.reduced_body import ReducedBody
+from .candidates import Reduction, reduction_config
+from .cost import communication_step, step_cost
+from .jobs import Crew
+from .measure import Errors, errors
+from .pace import StepCost
+from .reference import Reference, references
+from .reports import Heard
+from .scene import Scene
+from .subspace import subset
+from .whole_model import WholeModel
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Built:
+    """A reduced body.
+
+    Attributes
+    ----------
+    body : ReducedBody
+    seconds : float
+        What its reduction took.
+    reused : bool
+        Whether parts of it came from an earlier build.
+    """
+
+    body: ReducedBody
+    seconds: float
+    reused: bool
+
+
+class Workshop:
+    """Reduces a scene's body and measures models of it; a copy in another process says nothing and finds no references.
+
+    Parameters
+    ----------
+    scene : Scene
+    report : Reporter
+    store : Store, optional
+        Where modes, and the references, are kept from run to run.
+    crew : Crew, optional
+        Processes that measure; default: this one.
+    """
+
+    def __init__(self, scene: Scene, report: Reporter, store: Store | None = None, crew: Crew | None = None):
+        self.scene = scene
+        self.report = report
+        self.store = store or Store()
+        self.crew = crew or Crew()
+        self.tried = 0
+        self._bodies: dict[Reduction, tuple[Built, tuple[Variant, ...]]] = {}
+        self._step: float | None = None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Send what another process needs to measure models."""
+        return _elsewhere, (self.scene, self.store, self.known)
+
+    def of(self, scene: Scene) -> "Workshop":
+        """A workshop for the same scene's body, cut otherwise: the references stay."""
+        other = Workshop(scene, self.report, self.store, self.crew)
+        other.known, other.tried = self.known, self.tried
+        return other
+
+    @cached_property
+    def whole(self) -> WholeModel:
+        """The finite element model."""
+        return WholeModel(self.scene, self.report, self.store)
+
+    @cached_property
+    def known(self) -> dict[str, Reference]:
+        """The references, found when first needed."""
+        return references(self.scene, self.report, self.store, self.whole)
+
+    def build(self, reduction: Reduction, variants: list[Variant]) -> Built:
+        """Reduce the body for some variants."""
+        return build(reduction_config(self.scene.config, reduction, variants).without_pictures, self.store)
+
+    def once(self, reduction: Reduction, variants: list[Variant]) -> Built:
+        """Reduce the body unless it was reduced for these variants, maybe among others, before."""
+        found, before = self._bodies.get(reduction, (None, ()))
+        if found is None or not set(variants) <= set(before):
+            every = tuple(dict.fromkeys([*variants, *before]))
+            found = self.build(reduction, list(every))
+            self._bodies[reduction] = found, every
+        return found
+
+    def body(self, reduction: Reduction, variants: list[Variant]) -> ReducedBody:
+        """Reduce the body for some variants, once."""
+        return self.once(reduction, variants).body
+
+    def shared(self, reduction: Reduction, variants: list[Variant]) -> Built:
+        """Reduce the body with the most modes of the sweep, once, and leave modes out.
+
+        A cut body, whose parts have modes of their own, is reduced as it is asked for.
+        """
+        most = max(self.scene.file.sweep.modes)
+        count = reduction.modes
+        if self.scene.config.cut or not isinstance(count, int) or count >= most:
+            return self.once(reduction, variants)
+        built = self.once(replace(reduction, modes=most), variants)
+        return replace(built, body=subset(built.body, reduction.basis, np.arange(count)))
+
+    def errors(self, body: ReducedBody, variant: Variant, limits: StepLimits | None = None) -> Errors:
+        """Error of a reduced body under a variant."""
+        self.tried += 1
+        try:
+            return errors(self.scene, self.known, FlexibleBody(lean(body, variant), limits=limits))
+        except RuntimeBodyError as error:
+            return Errors(failure=str(error))
+
+    def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> Iterator[T]:
+        """Share work among the crew: `work(workshop, *one)` of each of some arguments, in their order."""
+        for result, tried in self.crew.each([partial(_counted, work, self, *one) for one in arguments]):
+            self.tried += tried
+            yield result
+
+    def cost(self, body: ReducedBody, variant: Variant) -> StepCost:
+        """Time of a step."""
+        model = FlexibleBody(lean(body, variant))
+        return step_cost(self.scene, model, self.step(model))
+
+    def step(self, model: FlexibleBody) -> float:
+        """Step (s) at which all models are timed."""
+        if self._step is None:
+            self._step = communication_step(self.scene, model)
+        return self._step
+
+
+def _counted(work: Callable[..., T], workshop: Workshop, *arguments: Any) -> tuple[T, int]:
+    """Result, and how many models were measured for it."""
+    before = workshop.tried
+    result = work(workshop, *arguments)
+    tried, workshop.tried = workshop.tried - before, before
+    return result, tried
+
+
+def _elsewhere(scene: Scene, store: Store, known: dict[str, Reference]) -> Workshop:
+    """Make a workshop in another process."""
+    workshop = Workshop(scene, Reporter(), store)
+    workshop.known = known
+    return workshop
+
+
+def build(config: BodyFile, store: Store, report: Reporter | None = None) -> Built:
+    """Reduce a body in silence: who asked tells what is tried.
+
+    Parameters
+    ----------
+    config : BodyFile
+    store : Store
+    report : Reporter, optional
+        To whom warnings go.
+
+    Returns
+    -------
+    Built
+    """
+    heard, start = Heard(report), time.perf_counter()
+    body = reduce_body(config, heard, store)
+    return Built(body, time.perf_counter() - start, any(REUSED in note for note in heard.notes))
