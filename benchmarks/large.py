@@ -22,7 +22,7 @@ import numpy as np
 from flexfmu.api import Body
 from flexfmu.files.progress import ConsoleReporter, Tell
 from flexfmu.files.store import Store
-from flexfmu.mesh.model import FloatArray, IntArray
+from flexfmu.files.array_types import FloatArray, IntArray
 
 SIZES = (50_000, 150_000, 300_000, 1_000_000)
 # A quarter of a ring of rectangular section, m.

@@ -27,6 +27,7 @@ from .build.choices import (
 )
 from .build.config import read_body_file
 from .build.reduce import reduce_mesh
+from .files.array_types import FloatArray
 from .files.errors import SimulationError
 from .files.progress import Reporter
 from .files.store import Store
@@ -38,7 +39,7 @@ from .fmu.runtime import Runtime
 from .fmu.simulation import simulate
 from .mesh.formats import file_origin, read_mesh
 from .mesh.in_memory import as_mesh
-from .mesh.model import FloatArray, Mesh
+from .mesh.model import Mesh
 from .model.methods import Mass, Method
 from .model.modal_file import write_modal_file
 from .model.reduced_body import ReducedBody

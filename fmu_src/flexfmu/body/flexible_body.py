@@ -5,9 +5,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core import Core, StepAnswer, StepLimits
+from ..files.array_types import FloatArray
 from ..model.division import divided
 from ..model.errors import EquilibriumError, LoadError, OptionError, StepError
 from ..model.fixing import with_fixed_interfaces
@@ -18,8 +18,6 @@ from .loads import Loads, loads_from_mapping
 from .recovery import surface_places
 
 __all__ = ["FlexibleBody", "Response", "State", "StepLimits", "Work"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)

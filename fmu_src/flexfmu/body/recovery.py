@@ -7,11 +7,11 @@ of (6), with the second-order part (19) where the method has one.
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..model.errors import OptionError
 from ..model.methods import Kinematics, recipe_of
-from ..model.reduced_body import FloatArray, IntArray, Surface
+from ..model.reduced_body import Surface
 from ..model.rotations import cross
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _taken(body: "FlexibleBody", q: FloatArray) -> FloatArray:
 
 
 def _second_order(
-    body: "FlexibleBody", q: FloatArray, on: NDArray[np.bool_], s: IntArray, arm: FloatArray, change: FloatArray
+    body: "FlexibleBody", q: FloatArray, on: BoolArray, s: IntArray, arm: FloatArray, change: FloatArray
 ) -> FloatArray:
     """What (19) adds to the offsets of carried points, (k, 3)."""
     model = body.model

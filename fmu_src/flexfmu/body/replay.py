@@ -11,9 +11,10 @@ from itertools import pairwise
 import numpy as np
 
 from ..core import StepLimits
+from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from ..model.errors import StepError
-from ..model.reduced_body import FloatArray, ReducedBody
+from ..model.reduced_body import ReducedBody
 from ..program.variables import (
     DAMPING_SCALE,
     FIXED,

@@ -6,8 +6,9 @@ from scipy.sparse.csgraph import connected_components
 
 from .config import Place
 from ..fe.faces import element_faces
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from ..reduction.surface import surface_nodes
+from ..files.array_types import FloatArray, IntArray
 
 # Faces whose normals differ by less belong to one smooth piece: coarse bores of eight elements have 45° between them.
 _SMOOTH = np.cos(np.radians(50.0))

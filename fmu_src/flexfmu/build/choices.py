@@ -8,9 +8,10 @@ import numpy as np
 
 from .config import BodySpec
 from ..files.errors import BodyFileError
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from ..files.units import UnitSystem
 from ..files.toml_files import validated
+from ..files.array_types import FloatArray, IntArray
 
 Nodes = str | Mapping[str, Any] | Sequence[int] | IntArray | Callable[[FloatArray], Any]
 """A node set's name, a place as a body file has it, rows of the mesh's points, a mask of them, or a function from

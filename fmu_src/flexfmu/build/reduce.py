@@ -12,7 +12,7 @@ from ..files.errors import BodyFileError
 from ..fe.assembly import volume_matrices
 from ..mesh.checks import checked
 from ..mesh.formats import file_origin, read_mesh
-from ..mesh.model import FloatArray, Mesh
+from ..mesh.model import Mesh
 from ..mesh.plausibility import implausible
 from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..program.missed_inertia import missed_inertia
@@ -27,6 +27,7 @@ from ..reduction.places import by_name, node_set
 from ..reduction.sets import element_set
 from ..files.store import Store
 from ..model.summary import first_frequency, summary
+from ..files.array_types import FloatArray
 
 # Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
 _HEAVY_DAMPING = 0.3

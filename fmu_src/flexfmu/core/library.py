@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from ..model.errors import OptionError
 from .building import PLATFORMS, source_hash, sources, this_platform
 from .image import read_image
-
-FloatArray = NDArray[np.float64]
 
 SHIPPED = Path(__file__).parent / "binaries"
 """Where a wheel has the cores of all platforms."""

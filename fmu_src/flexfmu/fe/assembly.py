@@ -6,7 +6,8 @@ import felupe
 import numpy as np
 import scipy.sparse as sp
 
-from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import ElementBlock, Mesh
 from .cells import cells
 from .elements import rule
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import felupe
 import numpy as np
 
-from ..mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import ElementBlock, Mesh
 from .elements import Rule, rule
 
 # Places of the components xx, yy, zz, xy, yz, zx.

@@ -5,12 +5,10 @@ from typing import Any
 
 import felupe
 import numpy as np
-from numpy.typing import NDArray
 
-from ..mesh.model import ElementType, IntArray
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import ElementType
 from ..mesh.wedges import QuadraticWedge, Wedge, wedge_quadrature
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

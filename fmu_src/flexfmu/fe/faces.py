@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..files.array_types import BoolArray, FloatArray, IntArray
+from ..mesh.model import Mesh
 from .elements import FACES, face_rule
 
 
@@ -26,7 +26,7 @@ class FaceBlock:
 
     nodes: IntArray
     element: IntArray
-    outer: NDArray[np.bool_]
+    outer: BoolArray
 
     @property
     def corner_count(self) -> int:

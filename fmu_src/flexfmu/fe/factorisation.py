@@ -16,8 +16,8 @@ import pymetis
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import ModelError
-from ..mesh.model import FloatArray, IntArray
 from .memory import GIGA, PARDISO_BYTES, SUPERLU_BYTES, factor_entries, refuse_what_does_not_fit
 
 

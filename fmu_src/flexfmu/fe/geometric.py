@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ..mesh.model import FloatArray, Mesh
+from ..files.array_types import FloatArray
+from ..mesh.model import Mesh
 from .cells import Cells, cells
 
 # Elements at a time: mode gradients of this many take some 100 MB with 20 modes.

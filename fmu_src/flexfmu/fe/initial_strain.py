@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import Mesh
 from .cells import Cells, cells
 
 # Elements at a time, as of the geometric stiffness.

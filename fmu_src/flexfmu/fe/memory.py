@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
+from ..files.array_types import IntArray
 from ..files.errors import ModelError
-from ..mesh.model import IntArray
 
 GIGA = 1e9
 # Bytes a number of the factor L: SuperLU keeps U besides, indices of both, and doubles what it has when it is full.

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import AccuracyError, ModelError
 from ..files.progress import Reporter
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from .assembly import CHUNK, assembled, summed
 from .cells import Cells, cells
 from .factorisation import Factorisation, dissection_order

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..mesh.model import ElementType, FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import ElementType, Mesh
 from .assembly import CHUNK
 from .cells import VOIGT, cells
 from .elements import rule

@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import Mesh
 from .cells import Cells, cells
 from .elements import rule
 

@@ -9,10 +9,9 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..mesh.equations import solved
-from ..mesh.model import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class Unknowns:
         return result
 
 
-def unknowns(fixed: NDArray[np.bool_], equations: sp.csr_array | None) -> Unknowns:
+def unknowns(fixed: BoolArray, equations: sp.csr_array | None) -> Unknowns:
     """The unknowns of a model.
 
     Parameters

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..mesh.model import FloatArray
+from .array_types import FloatArray
 from .code_digest import code_digest
 from .progress import Reporter
 from .targets import whole_file

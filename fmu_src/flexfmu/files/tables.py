@@ -5,14 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .array_types import FloatArray
 from .errors import FlexfmuError, SimulationError
 from .inputs import Kind, check_input
 from .quantities import named, with_unit
 from .targets import whole_file
-
-FloatArray = NDArray[np.float64]
 
 
 def read_table(path: Path) -> tuple[list[str], FloatArray]:

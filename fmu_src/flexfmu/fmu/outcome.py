@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..files.array_types import FloatArray
 
 _AXES = ("x", "y", "z")
 
 
-def outcome(names: Sequence[str], result: NDArray[np.float64], warnings: int) -> str:
+def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
     """Largest displacement and rotation of any interface, when, and how many warnings there were.
 
     Parameters

@@ -9,6 +9,7 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from ..files.errors import INTERRUPTED, SimulationError
 from ..files.inputs import Kind, check_input
 from ..files.names import nearest
@@ -16,8 +17,6 @@ from ..files.progress import Reporter, ends_on_interrupt
 from ..files.tables import number, read_table, write_table
 from ..files.targets import check_target
 from ..program.variables import STEP_TOLERANCE
-
-FloatArray = NDArray[np.float64]
 
 # FMI 2.0 statuses from here on mean that a call was not honoured.
 _FMI_DISCARD = 2

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..files.array_types import FloatArray
 from ..files.units import UnitSystem
-from ..mesh.model import FloatArray
 from ..mesh.plausibility import DENSITY_RANGE, SIZE_RANGE
 from .modes import GivenModes, GivenModesError
 

@@ -11,8 +11,8 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from ..api import BuiltBody
+from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
-from ..mesh.model import FloatArray
 from ..model.methods import Method
 from ..model.reduced_body import GROUND, ReducedBody
 

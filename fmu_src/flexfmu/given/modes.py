@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from ..fe.assembly import mass as mass_matrix
 from ..fe.assembly import volume_matrices
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import FlexfmuError
 from ..files.inputs import Kind, kind_of
 from ..files.targets import check_target, whole_file
@@ -18,7 +19,7 @@ from ..files.units import UnitSystem
 from ..mesh.checks import checked
 from ..mesh.in_memory import ELEMENT_TYPES
 from ..mesh.listing import listed
-from ..mesh.model import NO_MATERIAL, ElementType, FloatArray, IntArray, Material, Mesh
+from ..mesh.model import NO_MATERIAL, ElementType, Material, Mesh
 
 SUFFIXES = (".npz", ".h5")
 # Relative size of a mode at a node below which it is zero: the node is held.

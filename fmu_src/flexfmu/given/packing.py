@@ -17,13 +17,14 @@ from ..build.choices import plain as plain_value
 from ..build.config import BodySpec
 from ..fe.assembly import volume_matrices
 from ..fe.faces import FaceBlock, element_faces
+from ..files.array_types import FloatArray, IntArray
 from ..files.counts import plural
 from ..files.errors import BodyFileError
 from ..files.progress import Reporter
 from ..files.units import UnitSystem
 from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents
-from ..mesh.model import FloatArray, IntArray, Material, Mesh
+from ..mesh.model import Material, Mesh
 from ..model.errors import OptionError
 from ..model.methods import Method, Variant, needs
 from ..model.reduced_body import GROUND, Masses, ReducedBody, Surface

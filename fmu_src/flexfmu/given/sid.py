@@ -20,9 +20,9 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
+from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 from ..files.targets import whole_file
-from ..mesh.model import FloatArray
 from ..model.methods import Method
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.rotations import skew

@@ -13,10 +13,8 @@ a monolithic procedure in fluid-structure interaction, Computers and Structures 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from ..files.array_types import BoolArray, FloatArray
 
 # Least new part of a difference: of this step, where less is noise, and of earlier ones. Those are off by the curvature
 # between steps, some per mille, which a smaller new part would divide: the inputs would jump by far.

@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from ..files.errors import INTERRUPTED, SimulationError
 from ..files.progress import Reporter, Tell, ends_on_interrupt
 from ..files.targets import check_target
@@ -21,8 +21,6 @@ from .resolution import ResolutionWatch
 from .results import CREATED_ENERGY, ITERATIONS, SUFFIXES, Result, write_result
 from .schemes import Point, Stage, scheme
 from .wiring import wire
-
-FloatArray = NDArray[np.float64]
 
 # Answer of springs to their own loads beyond which explicit schemes are warned of.
 _STIFF = 0.1

@@ -3,15 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import IntArray
 from ..files.errors import SimulationError
 from .config import SpringTable
 from .descriptions import Description, split
 from .layout import Ends, Response
 from .springs import Springs
-
-IntArray = NDArray[np.int64]
 
 AXES = ("x", "y", "z")
 ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")

@@ -5,14 +5,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import BoolArray, FloatArray
 from .acceleration import Model
 from .layout import Response, Wiring
 from .springs import Springs, backward_rates, energy, loads, losses, tangent
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # Of a step: on which side of a jump in a table its ends lie does not hang on round-off.
 _NEAR = 1e-9

@@ -8,14 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import BoolArray, FloatArray, IntArray
 from .config import StartValue
 from .descriptions import Description
 from .springs import Springs
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +168,7 @@ class Wiring:
     input_names: tuple[str, ...]
     kind: IntArray
     base: FloatArray
-    coupled: NDArray[np.bool_]
+    coupled: BoolArray
     matrix: FloatArray
     tables: tuple[Table, ...]
     springs: Springs

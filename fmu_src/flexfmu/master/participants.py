@@ -19,13 +19,11 @@ from fmpy.fmi2 import (
     free,
 )
 from fmpy.logging import addLoggerProxy
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
 from .layout import Recorded, Role
 from .log import LOGGER, forget_refusals, open_log, quoted, take_back_warnings, warnings_of
-
-FloatArray = NDArray[np.float64]
 
 # Of flexfmu's bodies: what tells masters that overlook a discarded step, and its value then.
 STATUS_CODE, _FAILED = "status.code", 1

@@ -4,11 +4,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from .layout import Wiring
-
-FloatArray = NDArray[np.float64]
 
 # Phase, rad, by which the motion may lag: an error of some 8 % of it, rms, until then.
 _PHASE = 0.2

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
-import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from ..files.targets import whole_file
-
-FloatArray = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".h5", ".hdf5")
 ITERATIONS = "master.iterations"

@@ -4,16 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
 from .acceleration import Model, Secants, joined, no_secants, quasi_newton_update
 from .config import ExperimentTable, Held, Scheme
 from .exchange import Dampers, base_inputs, coupled_inputs, interface_response, noise
 from .layout import Wiring
 from .participants import Participant, StepRefusedError
-
-FloatArray = NDArray[np.float64]
 
 # Rounds after which a residual that falls no more, by so much a round, is as small as it gets.
 _STALLED, _FALLS = 5, 0.5

@@ -16,12 +16,9 @@ share leaves e as it is, so forces and moments balance, about any point: b also 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray, IntArray
 from ..model.rotations import exponential, exponential_and_jacobian, rotation_vector, skew
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

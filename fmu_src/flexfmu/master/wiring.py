@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import SimulationError
 from ..files.names import nearest
 from ..files.tables import read_table
@@ -13,9 +13,6 @@ from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, StartValue
 from .descriptions import Description, read_description, split, units_differ
 from .ends import Shares, end_names, lay_ends, lay_responses, lay_springs
 from .layout import Ends, Recorded, Role, Table, Wiring
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _SETTABLE = ("input", "parameter")
 

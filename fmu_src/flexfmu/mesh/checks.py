@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import felupe
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.mesh.equations import coupled_nodes, without
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import ElementBlock, ElementType, FloatArray, IntArray, Mesh
+from flexfmu.mesh.model import ElementBlock, ElementType, Mesh
 from flexfmu.mesh.wedges import QuadraticWedge, Wedge, wedge_quadrature
 
 # Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest
@@ -106,11 +106,11 @@ def jacobian_determinants(points: FloatArray, block: ElementBlock) -> FloatArray
     return determinants
 
 
-def _unsound(points: FloatArray, block: ElementBlock) -> NDArray[np.bool_]:
+def _unsound(points: FloatArray, block: ElementBlock) -> BoolArray:
     corners = points[block.connectivity]
     extent = np.linalg.norm(corners.max(axis=1) - corners.min(axis=1), axis=1)
     smallest: FloatArray = jacobian_determinants(points, block).min(axis=1)
-    unsound: NDArray[np.bool_] = smallest <= DEGENERATE * extent**3
+    unsound: BoolArray = smallest <= DEGENERATE * extent**3
     return unsound
 
 

@@ -9,9 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from flexfmu.mesh.model import FloatArray, IntArray
+from ..files.array_types import BoolArray, FloatArray, IntArray
 
 Row = dict[int, float]
 # A coefficient below this part of those that went into it is round-off of zero.
@@ -40,7 +39,7 @@ def matrix_of(rows: Sequence[Mapping[int, float]], size: int) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((value, (place, unknown)), shape=(len(rows), size)))
 
 
-def without(equations: sp.csr_array, gone: NDArray[np.bool_]) -> sp.csr_array:
+def without(equations: sp.csr_array, gone: BoolArray) -> sp.csr_array:
     """What equations say of the other unknowns once some are eliminated, which nothing else determines.
 
     Parameters

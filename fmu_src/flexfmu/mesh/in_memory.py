@@ -8,10 +8,11 @@ import meshio
 import numpy as np
 from meshio._mesh import topological_dimension
 
+from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.equations import matrix_of
-from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray, Material, Mesh, PointMass
+from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, Material, Mesh, PointMass
 from flexfmu.mesh.other.file_sets import cell_groups, node_sets_of
 
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.

@@ -6,12 +6,9 @@ from enum import Enum
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.listing import listed
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NO_MATERIAL = -1
 
@@ -101,7 +98,7 @@ class ElementBlock:
     material: IntArray
     axes: FloatArray | None = None
 
-    def part(self, chosen: IntArray | NDArray[np.bool_]) -> "ElementBlock":
+    def part(self, chosen: IntArray | BoolArray) -> "ElementBlock":
         """Return some of the elements.
 
         Parameters
@@ -173,7 +170,7 @@ class Mesh:
     node_sets: Mapping[str, IntArray]
     element_sets: Mapping[str, IntArray]
     materials: tuple[Material, ...]
-    fixed: NDArray[np.bool_]
+    fixed: BoolArray
     notes: tuple[str, ...] = ()
     references: Mapping[str, FloatArray] = field(default_factory=dict)
     equations: sp.csr_array | None = None

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import felupe
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from ..files.array_types import FloatArray
 
 _SLOPE = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
 _CORNERS = np.array([(0, 0), (1, 0), (0, 1)], dtype=float)

@@ -7,11 +7,9 @@ then those of the finite element model to second order, whatever the frames are.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from .rotations import skew
-
-FloatArray = NDArray[np.float64]
 
 
 def product(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -9,16 +9,14 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from .curvature import from_ground
 from .errors import OptionError
 from .inertia import without_frames
 from .methods import Method, has_frames
 from .reduced_body import GROUND, ReducedBody, SecondOrder, Surface, WholeFrame
 from .rotations import skew
-
-FloatArray = NDArray[np.float64]
 
 # Relative size of a singular value below which a motion is not held.
 _FREE = 1e-9

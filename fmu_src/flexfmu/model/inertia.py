@@ -12,12 +12,9 @@ exact. What is left out is that lumps turn and bend in themselves: an error that
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray, IntArray
 from .arrays import INERTIA, settle
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from ..files.array_types import FloatArray
 
 # Part of a shape's energy below which other coordinates do not hold it.
 _GONE = 1e-9

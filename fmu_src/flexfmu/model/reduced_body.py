@@ -4,16 +4,13 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray, IntArray
 from .arrays import BODY, INERTIA, MASSES, MEMBRANE, PROPERTIES, SECOND, STRESS, SURFACE, TIES, WHOLE, Entry, settle
 from .errors import ModalFileError
 from .inertia import LumpedMass
 from .membrane import Membrane
 from .methods import DEFAULT, Mass, Method, masses_of
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Steps per period of the lowest mode: smooth curves without waste.
 _STEPS_PER_PERIOD = 40

@@ -9,9 +9,8 @@ Source: M. Géradin, A. Cardona, Flexible Multibody Dynamics, Wiley 2001, chapte
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from ..files.array_types import FloatArray
 
 # Keeps |φ| off zero where it divides; far below round-off of any rotation.
 _TINY = 1e-20

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .reduced_body import FloatArray, Properties
+from ..files.array_types import FloatArray
+from .reduced_body import Properties
 
 
 def summary(properties: Properties) -> list[tuple[str, str]]:

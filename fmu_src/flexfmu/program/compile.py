@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..core import Core
 from ..core.image import write_image
+from ..files.array_types import FloatArray, IntArray
 from ..model.errors import ModalFileError, OptionError
 from ..model.inertia import LumpedMass
 from ..model.methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
@@ -15,7 +16,6 @@ from ..model.reduced_body import GROUND, ReducedBody
 from ..model.rotations import skew
 from .tree import Tree, bends, build_tree
 
-FloatArray = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any] | bytes]
 
 _PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
@@ -240,7 +240,7 @@ def _unit_load_tangents(draft: Draft, body: ReducedBody) -> FloatArray:
     return np.array([core.tangent(load, still) for load in loads]) - np.diag(body.angular_frequency**2)
 
 
-def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, NDArray[np.int64]]:
+def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, IntArray]:
     """Rotations (n, 3, m) of material against its frame, and that frame (n,): joints and interfaces."""
     if frames == 0:
         return body.interface_rotation, np.zeros(body.interface_count, dtype=np.int64)

@@ -5,14 +5,12 @@ follow once from the mass of the lumps that frames carry.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core import Core
+from ..files.array_types import FloatArray
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody
 from .compile import compile_program, inertial_modes
-
-FloatArray = NDArray[np.float64]
 
 # Largest turn of a frame in the differences, rad: their error is its square, and round-off over it.
 _TURN = 1e-3

@@ -12,17 +12,14 @@ linear in q but for the curvature, (19) and (20). The core (core/tree.c) makes p
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray, IntArray
 from ..model.curvature import relative_curvature
 from ..model.errors import OptionError
 from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.rotations import skew
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Share of the averaged rotation by which displacements turn where positions do not.
 _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}

@@ -10,9 +10,9 @@ from ..build.config import Basis, ReductionTable
 from ..fe.assembly import stiffness
 from ..fe.factorisation import solver_name
 from ..fe.geometric import geometric_stiffness
+from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
-from ..mesh.model import FloatArray
 from .model import Model
 from .modes import Modes, chosen_modes, craig_bampton, normal_modes, with_residual_flexibility
 from .point_masses import model_mass

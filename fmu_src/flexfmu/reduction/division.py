@@ -15,9 +15,10 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..fe.faces import FaceBlock
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError, MeshError
 from ..mesh.equations import coupled_nodes
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND
 from .subdomains import Subdomain, mean_rotation, section, volume_weighted
 

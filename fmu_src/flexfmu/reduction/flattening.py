@@ -11,7 +11,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ..fe.assembly import volume_matrices
 from ..fe.faces import element_faces
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import Mesh
 from ..model.rotations import skew
 from .cut.loops import SLENDER
 from .division import distance_along, equal_labels, linked

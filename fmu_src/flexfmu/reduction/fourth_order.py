@@ -7,9 +7,10 @@ import numpy as np
 
 from ..fe.quadratic_strain import mean_spin, quadratic_strain
 from ..fe.turned_stress import turned_stress
+from ..files.array_types import FloatArray, IntArray
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from .basis import Matrices
 from .flattening import slices, without_resultants
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from ..build.config import Basis, BodySpec, BranchTable, Nodes
 from ..fe.faces import FaceBlock
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, WholeFrame
 from .division import Branch, divide, divide_branches, open_loops
 from .model import Model

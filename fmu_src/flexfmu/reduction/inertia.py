@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import Mesh
 from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND
 from ..model.rotations import skew

@@ -7,8 +7,9 @@ import numpy as np
 
 from ..build.config import InterfaceTable
 from ..fe.faces import FaceBlock, area_matrix, select
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from .places import node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
 from .subdomains import Subdomain, carrying_frame, elements_within

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..mesh.model import FloatArray, IntArray, Mesh, PointMass
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import Mesh, PointMass
 from ..model.reduced_body import GROUND, Masses, Properties
 from .point_masses import attachment
 from .subdomains import Subdomain, carrying_frame, element_owner

@@ -14,14 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..fe.memory import GIGA, free_memory
 from ..fe.quadratic_strain import mean_spin
+from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import ModelError
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
-from ..mesh.model import FloatArray, IntArray
 from ..model.membrane import Membrane
 from .basis import Matrices
 from .fourth_order import FourthOrder, energy_shares, turning_scale
@@ -184,7 +183,7 @@ class Stretching:
         return result
 
 
-def _forms(energies: FloatArray, alike: NDArray[np.bool_]) -> FloatArray:
+def _forms(energies: FloatArray, alike: BoolArray) -> FloatArray:
     """Forms (r, p) whose squares add up to an energy (p, p) of pairs; `alike` where a pair is one motion twice."""
     # All others stand for two.
     root = np.where(alike, 1.0, np.sqrt(2.0))

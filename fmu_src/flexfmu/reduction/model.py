@@ -4,13 +4,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..build.config import BodySpec
 from ..fe.unknowns import Unknowns, unknowns
+from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import ModelError
 from ..mesh.checks import connected_parts
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from .materials import completed
 from .places import node_set
 
@@ -37,7 +37,7 @@ class Model:
     """
 
     mesh: Mesh
-    fixed: NDArray[np.bool_]
+    fixed: BoolArray
     spring: FloatArray
     rigid: FloatArray
     unknowns: Unknowns = field(init=False)
@@ -103,7 +103,7 @@ def assemble_model(mesh: Mesh, config: BodySpec) -> Model:
     return Model(mesh, fixed, spring, rigid)
 
 
-def free_motions(points: FloatArray, held: NDArray[np.bool_]) -> FloatArray:
+def free_motions(points: FloatArray, held: BoolArray) -> FloatArray:
     """Rigid motions (3n, r) of points (n, 3) that move no held translation (n, 3)."""
     arm = points - points.mean(axis=0)
     size = max(float(np.abs(arm).max()), 1e-300)
@@ -120,7 +120,7 @@ def free_motions(points: FloatArray, held: NDArray[np.bool_]) -> FloatArray:
     return found
 
 
-def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: NDArray[np.bool_]) -> FloatArray:
+def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: BoolArray) -> FloatArray:
     """Rigid motions (3k, r) of nodes (k,) that equations join; refused where pieces can move against each other."""
     count = len(mesh.points)
     piece = connected_parts(replace(mesh, equations=None))[nodes]
@@ -148,7 +148,7 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     return inside
 
 
-def _free_motions(mesh: Mesh, held: NDArray[np.bool_], may_float: bool) -> FloatArray:
+def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool) -> FloatArray:
     """Rigid motions (3n, r) that move no held translation (n, 3); refused where the body file does not expect them."""
     part = connected_parts(mesh)
     parts = int(part.max()) + 1

@@ -4,13 +4,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..build.config import BodySpec, Nodes, Place
 from ..fe.faces import element_faces
+from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import BodyFileError
 from ..mesh.listing import listed
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from .sets import named_set
 
 # Share of the body's longest side by which nodes may miss a plane or a cylinder without a tolerance.
@@ -92,7 +92,7 @@ def by_name(mesh: Mesh, config: BodySpec) -> tuple[Mesh, BodySpec]:
     return replace(mesh, node_sets=sets), config.model_copy(update=tables)
 
 
-def _at(mesh: Mesh, place: Place, key: str) -> NDArray[np.bool_]:
+def _at(mesh: Mesh, place: Place, key: str) -> BoolArray:
     """Which nodes meet all of a place's conditions."""
     points = mesh.points
     size = float(np.ptp(points, axis=0).max())
@@ -126,7 +126,7 @@ def _at(mesh: Mesh, place: Place, key: str) -> NDArray[np.bool_]:
     return chosen
 
 
-def _member(points: FloatArray, rows: IntArray) -> NDArray[np.bool_]:
+def _member(points: FloatArray, rows: IntArray) -> BoolArray:
     member = np.zeros(len(points), dtype=bool)
     member[rows] = True
     return member

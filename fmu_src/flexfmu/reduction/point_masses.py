@@ -8,8 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fe.assembly import mass
+from ..files.array_types import FloatArray
 from ..files.errors import ModelError
-from ..mesh.model import FloatArray, Mesh, PointMass
+from ..mesh.model import Mesh, PointMass
 from .rigid_fit import by_node, rigid_fit
 
 # Nodes that a mass may hang on: each couples with all others.

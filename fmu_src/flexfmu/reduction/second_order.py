@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fe.geometric import geometric_stiffness
-from ..mesh.model import ElementType, FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import ElementType, Mesh
 from ..model.curvature import from_ground, product
 from ..model.reduced_body import GROUND, SecondOrder
 from ..model.rotations import skew

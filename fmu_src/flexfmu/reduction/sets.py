@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
+from ..files.array_types import IntArray
 from ..files.errors import BodyFileError
-from ..mesh.model import IntArray, Mesh
+from ..mesh.model import Mesh
 
 
 def named_set(sets: Mapping[str, IntArray], kind: str, name: str, key: str) -> IntArray:

@@ -8,8 +8,9 @@ import scipy.sparse as sp
 
 from ..fe.assembly import mean_gradient, scatter
 from ..fe.faces import FaceBlock, area_matrix, select
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND
 from ..model.rotations import skew
 from .point_masses import point_mass_matrix

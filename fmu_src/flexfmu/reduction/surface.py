@@ -7,7 +7,8 @@ import numpy as np
 from ..fe.faces import FaceBlock
 from ..fe.initial_strain import strain_forces
 from ..fe.stress import nodal_stress
-from ..mesh.model import FloatArray, IntArray, Mesh
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, Surface
 from .subdomains import Subdomain
 from .supported import Supported

@@ -12,6 +12,7 @@ from ..body.loads import Loads
 from ..body.replay import body_with, communication_points, replay
 from ..build.config import read_body_file
 from ..build.reduce import reduce_body
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import FlexfmuError
 from ..files.inputs import Kind, check_input, kind_of
 from ..files.names import nearest
@@ -21,7 +22,7 @@ from ..files.store import Store, default_folder
 from ..files.tables import read_table
 from ..files.targets import PICTURE_SUFFIXES, check_target, whole_file
 from ..fmu.package import read_packaged_body
-from ..model.reduced_body import FloatArray, IntArray, ReducedBody
+from ..model.reduced_body import ReducedBody
 from ..program.variables import ACCELERATION
 from .from_motion import motion_columns, shapes_of_least_energy
 from .mesh import body_file_view, mesh_view

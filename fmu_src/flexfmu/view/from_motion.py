@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..body.flexible_body import FlexibleBody
+from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 from ..files.progress import Reporter
-from ..model.reduced_body import FloatArray
 
 MOTIONS = tuple(f"{quantity}.{axis}" for quantity in ("displacement", "rotation") for axis in "xyz")
 # Rounds of Newton's method and relative change at which it has settled; relative step of differences.

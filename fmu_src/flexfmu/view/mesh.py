@@ -9,12 +9,13 @@ from ..build.config import BodyFile, BodySpec
 from ..build.reduce import check_sets
 from ..fe.assembly import volume_matrices
 from ..fe.faces import element_faces
+from ..files.array_types import FloatArray, IntArray
 from ..files.progress import Reporter
 from ..files.units import UnitSystem
 from ..mesh.checks import checked
 from ..mesh.formats import read_mesh
 from ..mesh.model import Mesh
-from ..model.reduced_body import GROUND, FloatArray, IntArray
+from ..model.reduced_body import GROUND
 from ..reduction.cut.cut import cut_loops, cut_parts, part_configs
 from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface

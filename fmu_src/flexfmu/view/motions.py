@@ -7,10 +7,11 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import Loads
 from ..body.recovery import surface_of, surface_places, surface_von_mises
+from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.progress import Reporter
 from ..model.errors import EquilibriumError, OptionError
-from ..model.reduced_body import GROUND, FloatArray
+from ..model.reduced_body import GROUND
 from .model import STRESS, Case, Mark, MarkKind, Region, View, metres
 
 # Shapes of an oscillation, and of a load that grows.

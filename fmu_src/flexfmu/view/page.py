@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from ..model.reduced_body import FloatArray
+from ..files.array_types import FloatArray
 from .model import Case, View
 
 _RAMP = 33

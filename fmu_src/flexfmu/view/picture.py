@@ -10,9 +10,9 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import OutputError
 from ..files.targets import whole_file
-from ..model.reduced_body import FloatArray, IntArray
 from .model import DISPLACEMENT, STRESS, Case, MarkKind, View
 
 # A palette that colour-blind readers can tell apart (Okabe and Ito), and what belongs to nothing.

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
-from flexfmu.mesh.model import FloatArray
 from flexfmu.model.rotations import exponential
 
 # Keywords of the structure itself.

@@ -1,8 +1,6 @@
 """Displacements that a deck itself holds at zero."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from flexfmu.files.array_types import BoolArray
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import SetTable
 
@@ -19,7 +17,7 @@ NAMED = {
 }
 
 
-def hold(card: Card, node_sets: SetTable, fixed: NDArray[np.bool_]) -> None:
+def hold(card: Card, node_sets: SetTable, fixed: BoolArray) -> None:
     """Mark the translations and rotations that a *BOUNDARY card holds at zero.
 
     Parameters

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from flexfmu.files.array_types import FloatArray
 from flexfmu.files.errors import DeckError, MeshError
-from flexfmu.mesh.model import FloatArray
 
 
 class Line(NamedTuple):

@@ -5,12 +5,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.decks.cards import Card, fields
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import FloatArray, IntArray
 
 # Cards that say how the coupling above them holds its nodes.
 _KINDS = {"KINEMATIC": True, "DISTRIBUTING": False}
@@ -129,7 +128,7 @@ def _nodes(
 
 
 def offered(
-    couplings: Sequence[Coupling], points: FloatArray, fixed: NDArray[np.bool_]
+    couplings: Sequence[Coupling], points: FloatArray, fixed: BoolArray
 ) -> tuple[dict[str, IntArray], dict[str, FloatArray], list[str]]:
     """Return what couplings mean to a body file, and hold the nodes of those whose reference node is held.
 

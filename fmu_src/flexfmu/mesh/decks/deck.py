@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.assembly import Assembly
@@ -22,7 +23,7 @@ from flexfmu.mesh.decks.surfaces import surface_faces, surface_nodes
 from flexfmu.mesh.decks.ties import TieSurface, TieTable
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from flexfmu.mesh.model import ElementBlock, Mesh
 
 
 def read_deck(path: Path, units: UnitSystem) -> Mesh:

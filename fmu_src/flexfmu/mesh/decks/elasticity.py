@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import Card, Line, fields, number
-from flexfmu.mesh.model import FloatArray
 
 # Constants a row holds at most, in both solvers.
 _ROW = 8

@@ -6,10 +6,10 @@ from itertools import chain
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import FloatArray
 
 TRANSLATIONS = 3
 # Nodes this close, over the body's size, are in one place.

@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import DeckError
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.types import SUPPORTED, reading
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, FloatArray, IntArray
+from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType
 
 # CalculiX and Abaqus end a data line here at the latest, so that a shorter row is one line.
 FIELDS_PER_LINE = 16

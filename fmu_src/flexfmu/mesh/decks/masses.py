@@ -5,13 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import Card, Line, fields, number
 from flexfmu.mesh.decks.couplings import Coupling
 from flexfmu.mesh.decks.geometry import NodeTable, Other
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import FloatArray, IntArray, PointMass
+from flexfmu.mesh.model import PointMass
 
 # The type of element that each card gives its numbers, and where I11, I22, I33, I12, I13, I23 stand in a matrix.
 _TYPES = {"MASS": "MASS", "ROTARYINERTIA": "ROTARYI"}

@@ -5,13 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
 from flexfmu.mesh.decks.elasticity import elastic_constants, isotropic_average
 from flexfmu.mesh.decks.orientation import Orientation, orientation
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, FloatArray, IntArray, Material
+from flexfmu.mesh.model import NO_MATERIAL, Material
 from flexfmu.mesh.plausibility import is_likely_density
 
 # Hardly any solid lies outside, kg/m³; a deck whose units are not the declared ones misses by 1e6 and more.

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray
 from flexfmu.mesh.decks.cards import Card, fields, integer, number
-from flexfmu.mesh.model import FloatArray
 from flexfmu.model.rotations import exponential
 
 # Sine of an angle below which two directions span no plane.

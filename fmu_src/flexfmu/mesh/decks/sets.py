@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flexfmu.files.array_types import IntArray
 from flexfmu.mesh.decks.cards import FLAT, Card, Line, Scope, fields, integer
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import IntArray
 
 
 @dataclass(slots=True)

@@ -4,9 +4,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from flexfmu.files.array_types import IntArray
 from flexfmu.mesh.decks.cards import Card, Line, fields
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.model import ElementBlock, IntArray
+from flexfmu.mesh.model import ElementBlock
 
 # Corners and mid-sides of the faces S1, S2, ... counted from zero (CalculiX manual, *SURFACE).
 BRICK_FACES = (

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import FloatArray, IntArray
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
 _NEAR = 0.05

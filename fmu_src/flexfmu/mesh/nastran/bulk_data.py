@@ -9,11 +9,12 @@ from typing import Any
 import meshio
 import numpy as np
 
+from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.in_memory import Contents
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, IntArray, Material
+from flexfmu.mesh.model import NO_MATERIAL, Material
 from flexfmu.mesh.nastran.constraints import SPIDERS, multi_point_rows, single_point_sets, spiders
 from flexfmu.mesh.nastran.masses import point_masses, unit_of_mass
 from flexfmu.mesh.other.extras import imported, quiet

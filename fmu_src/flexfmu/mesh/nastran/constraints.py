@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from flexfmu.files.array_types import FloatArray
 from flexfmu.files.errors import MeshError
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import FloatArray
 
 # Cards of nodes that move with a reference point: which of their nodes are on the body, and the reference.
 SPIDERS = {"RBE2": ("dependent_nodes", "gn"), "RBE3": ("independent_nodes", "refgrid")}

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from flexfmu.files.array_types import FloatArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import FloatArray, PointMass
+from flexfmu.mesh.model import PointMass
 from flexfmu.mesh.nastran.constraints import spider_ends
 
 

@@ -8,11 +8,12 @@ from typing import Any
 import meshio
 import numpy as np
 
+from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.in_memory import Contents
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, IntArray, Material
+from flexfmu.mesh.model import NO_MATERIAL, Material
 from flexfmu.mesh.other.extras import imported, quiet
 
 # Solids by their numbers: corners and mid-side nodes stand as meshio has them.

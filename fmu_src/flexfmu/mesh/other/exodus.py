@@ -9,9 +9,9 @@ import meshio
 import numpy as np
 from scipy.io import netcdf_file
 
+from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.mesh.in_memory import Contents
-from flexfmu.mesh.model import IntArray
 from flexfmu.mesh.other.extras import quiet
 
 # meshio's kind by the first three letters and the number of nodes, and where its nodes stand in Exodus: mid-side nodes

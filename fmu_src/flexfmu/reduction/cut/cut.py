@@ -14,10 +14,11 @@ from scipy.sparse.csgraph import connected_components
 from ...build.config import Basis, BodySpec, BranchTable, CutTable, InterfaceTable, SupportTable
 from ...fe.assembly import stiffness
 from ...fe.faces import element_faces
+from ...files.array_types import FloatArray, IntArray
 from ...files.errors import BodyFileError
 from ...mesh.checks import connected_parts
 from ...mesh.listing import listed
-from ...mesh.model import FloatArray, IntArray, Mesh
+from ...mesh.model import Mesh
 from ...model.rotations import skew
 from ..division import neighbours
 from ..model import Model, free_motions

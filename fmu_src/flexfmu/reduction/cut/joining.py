@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from ...files.array_types import BoolArray, FloatArray, IntArray
 from ...files.errors import ModelError
-from ...mesh.model import FloatArray, IntArray
 from ...model.membrane import Membrane
 from ...model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
 from ...model.rotations import skew
@@ -89,7 +88,7 @@ class _Stack:
 
 
 def join_parts(
-    parts: Sequence[ReducedBody], welds: Sequence[Weld], loose: Sequence[NDArray[np.bool_]], interfaces: Sequence[str]
+    parts: Sequence[ReducedBody], welds: Sequence[Weld], loose: Sequence[BoolArray], interfaces: Sequence[str]
 ) -> tuple[ReducedBody, str]:
     """Join parts by stiff springs between their sections, and take the modes of the whole.
 
@@ -147,7 +146,7 @@ def join_parts(
 
 
 def _modes_of_whole(
-    stack: _Stack, welds: Sequence[Weld], loose: Sequence[NDArray[np.bool_]], moved: FloatArray
+    stack: _Stack, welds: Sequence[Weld], loose: Sequence[BoolArray], moved: FloatArray
 ) -> tuple[FloatArray, FloatArray, float, float]:
     """Eigenvalues (k,) and modes (m, k) of the joined parts, and the stiffness of their joints (N/m, N m).
 
@@ -215,7 +214,7 @@ def _null_space(rows: FloatArray, squares: FloatArray) -> FloatArray:
     return result
 
 
-def _stretch(ties: Ties, chosen: NDArray[np.bool_]) -> FloatArray:
+def _stretch(ties: Ties, chosen: BoolArray) -> FloatArray:
     """Stretch of springs to the ground per unit coordinate, times the root of their stiffness, (12 T, m)."""
     turned = skew(np.swapaxes(ties.lever, 1, 2)) @ ties.rotation[:, :1]
     rows = np.concatenate([ties.displacement[:, :1], -turned], axis=1) * np.sqrt(ties.stiffness)[:, None, :, None]

@@ -10,10 +10,11 @@ from ...build.config import BodySpec
 from ...fe.assembly import volume_matrices
 from ...fe.faces import element_faces
 from ...fe.quadratic_strain import mean_spin
+from ...files.array_types import FloatArray, IntArray
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
 from ...files.store import Store
-from ...mesh.model import FloatArray, IntArray, Mesh
+from ...mesh.model import Mesh
 from ..basis import Matrices
 from ..fourth_order import FourthOrder, energy_shares
 from ..interfaces import fit_interface

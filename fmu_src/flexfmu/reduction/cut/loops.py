@@ -13,7 +13,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...fe.faces import FaceBlock
-from ...mesh.model import FloatArray, IntArray, Mesh
+from ...files.array_types import FloatArray, IntArray
+from ...mesh.model import Mesh
 from ..division import distance_along
 
 SLENDER = 0.25

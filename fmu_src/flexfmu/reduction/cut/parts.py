@@ -7,10 +7,10 @@ import numpy as np
 from ...build.config import BodySpec
 from ...fe.assembly import volume_matrices
 from ...fe.faces import element_faces
+from ...files.array_types import FloatArray
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
-from ...mesh.model import FloatArray
 from ...model.reduced_body import ReducedBody
 from ..basis import Matrices
 from ..interfaces import fit_interface

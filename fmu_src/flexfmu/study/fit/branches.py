@@ -13,9 +13,9 @@ import numpy as np
 from ...build.config import BodyFile, BodySpec
 from ...fe.assembly import volume_matrices
 from ...fe.faces import element_faces
+from ...files.array_types import FloatArray
 from ...mesh.checks import checked
 from ...mesh.formats import read_mesh
-from ...mesh.model import FloatArray
 from ...model.reduced_body import GROUND, ReducedBody
 from ...reduction.cut.cut import SIDES, cut_loops, cut_parts, part_configs, side_set
 from ...reduction.division import distance_along, divide

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...body.flexible_body import FlexibleBody, State
+from ...files.array_types import FloatArray
 from ...files.errors import BodyFileError
 from ...files.progress import Tell
-from ...mesh.model import FloatArray
 from ...model.errors import RuntimeBodyError
 from ...model.methods import Mass, Method, Variant, has_frames, lean
 from ...model.reduced_body import ReducedBody

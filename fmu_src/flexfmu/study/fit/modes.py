@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ...files.array_types import IntArray
 from ...files.errors import AccuracyError, BodyFileError
-from ...mesh.model import IntArray
 from ...model.methods import Mass, Method, Variant
 from ...model.reduced_body import ReducedBody
 from ..scenes.candidates import Joints, Reduction

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...body.flexible_body import FlexibleBody
-from ...mesh.model import FloatArray
+from ...files.array_types import FloatArray
 from ...model.errors import EquilibriumError, RuntimeBodyError
 from ...model.methods import Variant, lean
 from ...model.reduced_body import ReducedBody

@@ -7,9 +7,8 @@ strain energy, within its span; the rest is missed. Linear theory, of the body a
 from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...mesh.model import FloatArray, IntArray
+from ...files.array_types import BoolArray, FloatArray, IntArray
 from ...model.reduced_body import ReducedBody
 from ..scenes.scene import AXES
 
@@ -94,8 +93,8 @@ def _without(shapes: FloatArray, place: int) -> FloatArray:
     return result
 
 
-def _counts(compliance: FloatArray) -> NDArray[np.bool_]:
+def _counts(compliance: FloatArray) -> BoolArray:
     """Whether a load moves the body at all; forces and moments each by themselves."""
     halves = compliance.reshape(2, -1)
-    result: NDArray[np.bool_] = (halves > _NOTHING * halves.max(axis=1, keepdims=True)).ravel()
+    result: BoolArray = (halves > _NOTHING * halves.max(axis=1, keepdims=True)).ravel()
     return result

@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from ...fe.cells import elasticity
+from ...files.array_types import FloatArray, IntArray
 from ...files.progress import Reporter
-from ...mesh.model import ElementBlock, FloatArray, IntArray, Mesh
+from ...mesh.model import ElementBlock, Mesh
 from ...reduction.model import Model
 from .errors import SceneError
 

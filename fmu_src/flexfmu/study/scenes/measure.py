@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from ...body.flexible_body import FlexibleBody
 from ...body.loads import Loads
-from ...mesh.model import FloatArray
+from ...files.array_types import FloatArray
 from ...model.errors import RuntimeBodyError
 from .config import AcceptedTable
 from .reference import Reference, follow

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from ...files.array_types import FloatArray
+
 if TYPE_CHECKING:
     # The process that times FMUs needs neither.
     from ...body.flexible_body import FlexibleBody
-    from ...mesh.model import FloatArray
 
 T = TypeVar("T")
 

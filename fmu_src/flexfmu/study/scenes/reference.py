@@ -12,9 +12,9 @@ from ...body.flexible_body import FlexibleBody, StepLimits
 from ...body.loads import Loads
 from ...build.config import Basis, FormulationTable
 from ...build.reduce import reduce_body
+from ...files.array_types import FloatArray
 from ...files.progress import Reporter, Tell, tell_nobody
 from ...files.store import Store, content_key
-from ...mesh.model import FloatArray
 from ...model.errors import EquilibriumError, StepError
 from ...model.methods import Mass, Method
 from .errors import SceneError

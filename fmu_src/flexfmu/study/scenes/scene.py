@@ -10,8 +10,8 @@ import numpy as np
 
 from ...body.loads import Loads
 from ...build.config import BodyFile, read_body_file
+from ...files.array_types import FloatArray
 from ...files.tables import read_table
-from ...mesh.model import FloatArray
 from ...program.variables import ACCELERATION
 from .config import SceneFile, TransientTable, check_steps, read_scene_file
 from .errors import SceneError

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from ...mesh.model import FloatArray, IntArray
+from ...files.array_types import FloatArray, IntArray
 from ...model.reduced_body import ReducedBody
 from .config import BasisChoice
 

@@ -10,12 +10,12 @@ from ...build.config import BodyFile
 from ...fe.assembly import volume_matrices
 from ...fe.faces import element_faces
 from ...fe.nonlinear import load_path
+from ...files.array_types import FloatArray
 from ...files.errors import AccuracyError
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
 from ...mesh.checks import checked
 from ...mesh.formats import read_mesh
-from ...mesh.model import FloatArray
 from ...model.rotations import exponential, rotation_vector
 from ...reduction.basis import Matrices
 from ...reduction.interfaces import Interface, fit_interface

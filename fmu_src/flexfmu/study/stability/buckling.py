@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...body.flexible_body import FlexibleBody
-from ...mesh.model import FloatArray
+from ...files.array_types import FloatArray
 from ...model.methods import Method
 from ...model.reduced_body import ReducedBody
 from ...program.compile import compile_draft

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from ...body.flexible_body import FlexibleBody
+from ...files.array_types import FloatArray
 from ...files.errors import INTERRUPTED
 from ...fmu.package import package_fmu
 from ...master import couple
 from ...master.config import parse_coupling
 from ...master.coupling import CouplingStoppedError
 from ...master.results import Result
-from ...mesh.model import FloatArray
 from ...model.methods import Method
 from ...model.reduced_body import ReducedBody
 from ..scenes.map_config import Map

@@ -8,8 +8,8 @@ from types import TracebackType
 import numpy as np
 
 from ...core.library import library_path
+from ...files.array_types import FloatArray
 from ...fmu.python_slave import BodySlave, SlaveError, core_file
-from ...mesh.model import FloatArray
 from ...model.reduced_body import ReducedBody
 from ...program.programs import programs, with_guid
 from ...program.variable_table import variable_table

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...body.flexible_body import FlexibleBody
 from ...body.loads import Loads
-from ...mesh.model import FloatArray
+from ...files.array_types import FloatArray
 from ...model.errors import RuntimeBodyError
 from ...model.methods import Method, Variant, lean
 from ...program.variables import METHOD

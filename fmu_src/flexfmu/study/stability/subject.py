@@ -9,9 +9,9 @@ import numpy as np
 
 from ...body.flexible_body import FlexibleBody
 from ...build.config import BodyFile, FormulationTable, read_body_file
+from ...files.array_types import FloatArray
 from ...files.progress import Reporter
 from ...files.store import Store
-from ...mesh.model import FloatArray
 from ...model.methods import Method
 from ...model.reduced_body import ReducedBody
 from ..scenes.config import SceneFile, read_scene_file
