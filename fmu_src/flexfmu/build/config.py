@@ -1,274 +1,82 @@
-"""The body file (TOML): its keys, checked, with errors that name the key; docs/file-formats.md describes it."""
+"""The body file (TOML): all its tables together, checked, with errors that name the key."""
 
-from enum import Enum
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from ..files.errors import BodyFileError
 from ..files.inputs import Kind
-from ..files.limits import MOST_FRAMES, MOST_MODES
-from ..files.units import UnitSystem
-from ..model.methods import ASKED_BY, DEFAULT, Data, Mass, Method, Variant, conflict, has_frames, needs
-from ..model.errors import OptionError
-from .old_keys import OLD_KEYS, replaced
-from ..files.toml_files import Name, Table, Vector, read_toml, validated
+from ..files.limits import MOST_FRAMES
+from ..files.toml_files import Name, Table, read_toml, validated
+from ..model.methods import ASKED_BY, Data, Method, Variant, conflict, has_frames, needs
+from .tables import (
+    Basis,
+    BranchTable,
+    CutTable,
+    DampingTable,
+    FormulationTable,
+    FrameTable,
+    InputTable,
+    InterfaceTable,
+    MaterialTable,
+    MeshTable,
+    MeshUnits,
+    Nodes,
+    OutputTable,
+    Place,
+    ReductionTable,
+    StressTable,
+    SupportTable,
+)
 
-ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
+__all__ = [
+    "Basis",
+    "BodyFile",
+    "BodySpec",
+    "BranchTable",
+    "CutTable",
+    "DampingTable",
+    "FormulationTable",
+    "FrameTable",
+    "InputTable",
+    "InterfaceTable",
+    "MaterialTable",
+    "MeshTable",
+    "MeshUnits",
+    "Nodes",
+    "OutputTable",
+    "Place",
+    "ReductionTable",
+    "StressTable",
+    "SupportTable",
+    "read_body_file",
+]
+
 _C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
 """
-# Names become parts of FMU variable names and HDF5 paths.
-
-
-class MeshUnits(Table):
-    """What the numbers of a mesh and of `[material]` are in, and whether its own supports count."""
-
-    units: UnitSystem = Field(default=UnitSystem.SI, strict=False)
-    boundary: bool = True
-
-
-class MeshTable(MeshUnits):
-    """`[mesh]`: where the mesh is and in which units."""
-
-    file: Path = Field(strict=False, examples=["arm.inp"])
-
-
-class MaterialTable(Table):
-    """`[material]`: what the mesh file does not tell, or of the material of a name; in the units of `[mesh]`."""
-
-    name: str | None = Field(default=None, examples=["STEEL"])
-    youngs_modulus: float | None = Field(default=None, gt=0.0)
-    poissons_ratio: float | None = Field(default=None, gt=-1.0, lt=0.5)
-    density: float | None = Field(default=None, gt=0.0)
-
-    @model_validator(mode="after")
-    def _tells_something(self) -> "MaterialTable":
-        if self.youngs_modulus is None and self.poissons_ratio is None and self.density is None:
-            raise ValueError("tells nothing: give youngs_modulus, poissons_ratio or density, or all of them")
-        return self
-
-
-class Place(Table):
-    """Nodes by place, m: those that meet every condition given."""
-
-    set: str | None = None
-    numbers: Annotated[list[int], Field(min_length=1)] | None = None
-    plane: Vector | None = None
-    normal: Vector | None = None
-    box: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
-    cylinder: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
-    patch: Vector | None = None
-    radius: float | None = Field(default=None, gt=0.0)
-    nearest: Vector | None = None
-    tolerance: float | None = Field(default=None, gt=0.0)
-
-    @model_validator(mode="after")
-    def _complete(self) -> "Place":
-        chosen = (self.set, self.numbers, self.plane, self.box, self.cylinder, self.patch, self.nearest)
-        if all(one is None for one in chosen):
-            raise ValueError("names no place: give set, numbers, plane, box, cylinder, patch or nearest")
-        if (self.plane is None) != (self.normal is None) or (self.normal is not None and not any(self.normal)):
-            raise ValueError("plane is a point of it and goes with normal = [x, y, z], not zero")
-        if self.radius is None and (self.cylinder is not None or self.patch is not None):
-            raise ValueError("cylinder (two points of its axis) and patch (a point) go with radius, in m")
-        if self.cylinder is not None and self.cylinder[0] == self.cylinder[1]:
-            raise ValueError("cylinder is given by two equal points of its axis, expected both its ends")
-        return self
-
-
-Nodes = str | Place | list[str | Place]
-
-
-class SupportTable(Table):
-    """`[[support]]`: translations held at zero, or springs to the ground."""
-
-    nodes: Nodes = Field(examples=["CLAMP"])
-    fix: list[Literal["x", "y", "z"]] = Field(default=[], examples=[["x", "y", "z"]])
-    stiffness: Vector | None = Field(default=None, examples=[[1e6, 1e6, 1e6]])
-
-    @field_validator("stiffness")
-    @classmethod
-    def _not_negative(cls, value: list[float] | None) -> list[float] | None:
-        if value is not None and (min(value) < 0.0 or max(value) == 0.0):
-            raise ValueError(f"is {value} N/m, expected three numbers ≥ 0 along x, y, z, not all of them zero")
-        return value
-
-    @model_validator(mode="after")
-    def _holds_something(self) -> "SupportTable":
-        if not self.fix and self.stiffness is None:
-            raise ValueError('holds nothing: give fix = ["x", "y", "z"], or stiffness = [kx, ky, kz] in N/m')
-        for axis, value in zip(("x", "y", "z"), self.stiffness or (), strict=False):
-            if axis in self.fix and value > 0.0:
-                raise ValueError(
-                    f"both fixes {axis} and puts a spring of {value} N/m along it, expected one of the two"
-                )
-        return self
-
-
-class InterfaceTable(Table):
-    """`[[interface]]`: where loads come in and motion goes out."""
-
-    name: Name = Field(examples=["tip"])
-    nodes: Nodes = Field(examples=["FLANGE"])
-    point: Vector | None = Field(default=None, examples=[[0.0, 0.0, 0.0]])
-    weights: Literal["auto", "area", "node"] = "auto"
-    compliance: bool = False
-    follows: bool = False
-
-
-class FrameTable(Table):
-    """`[[frame]]`: a sub-domain with a frame of its own."""
-
-    name: Name
-    nodes: Nodes
-    joint: str | Vector | None = None
-    parent: str | None = None
-    rotation_points: list[str] | None = None
-
-    @field_validator("rotation_points")
-    @classmethod
-    def _one_or_three(cls, value: list[str] | None) -> list[str] | None:
-        if value is not None and len(value) not in (1, 3):
-            raise ValueError(
-                f"lists {len(value)} node sets, expected one (the far end: chord from the joint) or three (a "
-                "tetrahedron with the joint)"
-            )
-        return value
-
-
-class BranchTable(Table):
-    """`[[branch]]`: joints between frames on the way from the supports to an interface."""
-
-    toward: str
-    joints: list[Annotated[float, Field(gt=0.0)]] = Field(min_length=1)
-
-    @field_validator("joints")
-    @classmethod
-    def _ascending(cls, value: list[float]) -> list[float]:
-        if any(b <= a for a, b in pairwise(value)):
-            raise ValueError(f"is {value}, expected ascending distances from the supports in m, such as [0.2, 0.5]")
-        return value
-
-
-class CutTable(Table):
-    """`[[cut]]`: a section across the body at which it is cut into parts, joined again by stiff springs."""
-
-    nodes: str
-
-
-class Basis(Enum):
-    """Modal basis."""
-
-    NORMAL = "normal"
-    """Eigenmodes with the supports in place."""
-    CRAIG_BAMPTON = "craig_bampton"
-    """Constraint modes of the interfaces and fixed-interface normal modes."""
-
-
-class StressTable(Table):
-    """`[[stress]]`: a part of the body whose largest von Mises stress goes out."""
-
-    name: Name
-    elements: str
-
-
-class ReductionTable(Table):
-    """`[reduction]`: the modal basis."""
-
-    basis: Basis = Field(default=Basis.NORMAL, strict=False)
-    modes: ModeNumber | Annotated[list[ModeNumber], Field(min_length=1)] = 10
-    residual_flexibility: bool | Annotated[list[str], Field(min_length=1)] = False
-    geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
-    inertia: bool | None = None
-    second_order: bool | None = None
-    membrane: bool | Literal["auto"] = "auto"
-
-    @field_validator("modes")
-    @classmethod
-    def _ascending(cls, value: int | list[int]) -> int | list[int]:
-        if isinstance(value, list) and any(b <= a for a, b in pairwise(value)):
-            raise ValueError(f"is {value}, expected ascending numbers of modes, such as [1, 3, 5]")
-        return value
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """Numbers of the normal modes that are kept, in order of frequency, from 1."""
-        return tuple(self.modes) if isinstance(self.modes, list) else tuple(range(1, self.modes + 1))
-
-
-class DampingTable(Table):
-    """`[damping]`: modal damping ratio, one for all modes or one each."""
-
-    ratio: float | list[float] = Field(default=0.0, examples=[0.01])
-
-    @field_validator("ratio")
-    @classmethod
-    def _below_critical(cls, value: float | list[float]) -> float | list[float]:
-        for ratio in value if isinstance(value, list) else [value]:
-            if ratio < 0.0:
-                raise ValueError(f"a damping ratio is negative, {ratio:g}, expected ≥ 0")
-            if ratio > 1.0:
-                raise ValueError(
-                    f"a damping ratio is {ratio:g}, expected at most 1, which is critical damping; {ratio:g} % is "
-                    f"{ratio / 100.0:g}"
-                )
-        return value
-
-
-class FormulationTable(Table):
-    """`[formulation]`: the method that the FMU starts with; without one, see `BodyFile.variant`."""
-
-    method: Method | None = Field(default=None, strict=False)
-    mass: Mass = Field(default=Mass.CONSTANT, strict=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_old_keys(cls, data: object) -> object:
-        old = {key: data[key] for key in OLD_KEYS if key in data} if isinstance(data, dict) else {}
-        if old:
-            raise ValueError(replaced(old))
-        return data
-
-    @model_validator(mode="after")
-    def _meaningful(self) -> "FormulationTable":
-        try:
-            _ = self.variant
-        except OptionError as error:
-            raise ValueError(str(error)) from error
-        return self
-
-    @property
-    def variant(self) -> Variant:
-        """Method and mass of a body that has frames; a mass that the method does not know raises OptionError."""
-        return Variant(self.method or DEFAULT, self.mass)
-
-
-class InputTable(Table):
-    """`[input]`: what else the FMU takes in."""
-
-    acceleration: bool = False
-
-
-class OutputTable(Table):
-    """`[output]`: what else goes into the FMU."""
-
-    velocities: bool = False
-    surface: bool = True
-    stress: bool = False
-
-    @model_validator(mode="after")
-    def _stress_on_the_surface(self) -> "OutputTable":
-        if self.stress and not self.surface:
-            raise ValueError("stress is stored for the surface: take surface = false out, or stress = true")
-        return self
 
 
 class BodySpec(Table):
-    """What to make of a mesh: everything that a body file says, but for where the mesh is."""
+    """What to make of a mesh: everything that a body file says, but for where the mesh is.
+
+    Attributes
+    ----------
+    name
+        Name of the body and the FMU.
+    frames
+        Number of frames along the body, counted from the supports (at most one per element layer). 0: linear.
+        Default: 1
+    free
+        Nothing holds the body, or only a hinge.
+    root
+        Free body: interface from which frames are counted, and which a master may hold. Default: the first interface
+    cut
+        `"auto"`: cut loops between supports at slender sections; `[]`: never; or `[[cut]]` tables.
+        Default: where parts turn far against each other, if no key divides the body
+    """
 
     name: Name = Field(examples=["arm"])
     mesh: MeshUnits = MeshUnits()
