@@ -197,10 +197,16 @@ def wrong_input(fmu, name, wrong, right, step):
 
 
 def quiet(fmu, name):
-    """Log lines of a refused step when the master has turned logging off."""
-    one = Instance(fmu, logging=False).start()
-    one.set({name: float("nan")})
-    return {"status": one.refused(1e-3), "log": one.log}
+    """Log lines of a warning and a refused step: instantiated without logging, then with logging switched off."""
+    one, found = Instance(fmu, logging=False).start(), []
+    for _ in range(2):
+        with suppress(CallError):
+            one.set({"damping.scale": 2.0})
+        one.set({name: float("nan")})
+        found.append([one.refused(1e-3), [line[:2] for line in one.log]])
+        one.log.clear()
+        one.slave.setDebugLogging(False, [])
+    return found
 
 
 def wrong_step(fmu, sizes):

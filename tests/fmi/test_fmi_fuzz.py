@@ -353,7 +353,7 @@ def test_after_a_discarded_step_the_last_successful_time_is_where_it_began(folde
         "GetStringStatus": OK,
     }
     # The step's status, whether the simulation is at its end, and what is pending: nothing.
-    assert found["answers"] == [DISCARD, 0, ""]
+    assert found["answers"] == [DISCARD, 1, ""]
 
 
 def test_log_categories_choose_lines(folder, runtime):

@@ -137,7 +137,6 @@ FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
     c->sign = SIGN;
     c->callbacks = *callbacks;
     c->phase = INSTANTIATED;
-    /* What keeps an instance from being made is always told. */
     c->logging = 1;
     for (int k = 0; k < CATEGORIES; k++) c->logged[k] = 1;
     c->name = copied(name ? name : "");
@@ -155,7 +154,8 @@ FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
         fmi2FreeInstance(c);
         return 0;
     }
-    c->logging = logging != 0;
+    /* What refuses a call is told in any case; warnings where logging is on. */
+    c->logged[0] = logging != 0;
     instance_tell(c->body, tell, c);
     return c;
 }
@@ -441,7 +441,8 @@ FMI2_EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component handle, const fmi2Stat
     fmi2Status status;
     Component *c = asked(handle, kind, fmi2Terminated, value, "fmi2GetBooleanStatus", &status);
     if (!c) return status;
-    *value = 0;
+    /* A master that would go on repeating the same step ends here. */
+    *value = (c->phase & (STEP_FAILED | FAILED)) != 0;
     return fmi2OK;
 }
 

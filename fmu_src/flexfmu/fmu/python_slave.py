@@ -5,6 +5,7 @@ methods; it finds the class in a generated module that derives from this one and
 """
 
 import ctypes
+import logging
 import platform
 import sys
 from collections.abc import Callable
@@ -16,6 +17,8 @@ from xml.etree.ElementTree import ParseError, iterparse
 
 _OK, _WARNING, _DISCARD, _ERROR = 0, 1, 2, 3
 _CO_SIMULATION = 1
+WORDS = logging.getLogger("flexfmu.fmu")
+"""Says what was refused where the master has FMI's logging off, and pythonfmu's library says nothing of it."""
 _LOGGER = ctypes.CFUNCTYPE(
     None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p, use_errno=False
 )
@@ -214,7 +217,10 @@ class BodySlave:
     # Inside.
 
     def _logged(self, _environment: object, _name: bytes, status: int, category: bytes, text: bytes) -> None:
-        self._log.append(LogMessage(status, category.decode(), text.decode(errors="replace")))
+        words = text.decode(errors="replace")
+        self._log.append(LogMessage(status, category.decode(), words))
+        if status >= _DISCARD:
+            WORDS.warning("%s: %s", self.instance_name, words.replace("%%", "%"))
 
     def _call(self, name: str, *arguments: object) -> int:
         """Status of a call; an exception where it is an error."""

@@ -17,6 +17,7 @@ from ..files.progress import Reporter, ends_on_interrupt
 from ..files.tables import number, read_table, write_table
 from ..files.targets import check_target
 from ..program.variables import STEP_TOLERANCE
+from .python_slave import WORDS
 
 # FMI 2.0 statuses from here on mean that a call was not honoured.
 _FMI_DISCARD = 2
@@ -114,6 +115,8 @@ def simulate(
         A step that the FMU refuses, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
+    # The run's own log tells it.
+    WORDS.disabled = True
     check_input(fmu, SimulationError, Kind.FMU)
     try:
         description = fmpy.read_model_description(str(fmu))

@@ -1,0 +1,90 @@
+"""Plain `fmpy.simulate_fmu`, as users call it, where the FMU refuses a step: it ends, and says why; of both exports."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from bodies import beam_body
+from flexfmu.fmu.package import package_fmu
+from flexfmu.fmu.runtime import Runtime
+from references import DEMO
+
+# Wall clock, s, for runs that take some 2 s on a busy machine. Without an end they would go on for ever.
+DEADLINE = 60.0
+MARK = "RESULT "
+PROGRAM = """
+import json, sys
+import fmpy, numpy
+path, stop, interval, times, values = json.loads(sys.argv[1])
+table = numpy.array(list(zip(times, map(float, values))), dtype=[("time", float), ("tip.force.y", float)])
+result = fmpy.simulate_fmu(path, stop_time=stop, output_interval=interval, input=table)
+print("RESULT " + json.dumps([result["time"].tolist(), result["tip.displacement.y"].tolist()]), flush=True)
+"""
+
+
+@pytest.fixture(scope="module", params=list(Runtime), ids=lambda runtime: runtime.value)
+def runtime(request):
+    """Each export."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def beam(tmp_path_factory, runtime):
+    path = tmp_path_factory.mktemp("plain") / f"beam_{runtime.value}.fmu"
+    package_fmu(beam_body(3, modes=3), path, runtime)
+    return path
+
+
+def simulated(path, stop, interval, times, values):
+    """Times and deflections that fmpy returns in a process of its own, and all that a user reads meanwhile."""
+    job = json.dumps([str(path), stop, interval, times, [str(value) for value in values]])
+    command = [sys.executable, "-c", PROGRAM, job]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=False)
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith(MARK)] or [""]
+    assert line, f"no result:\n{done.stdout}\n{done.stderr}"
+    return *np.array(json.loads(line[len(MARK) :])), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "last", "words"),
+    [
+        ([0.0, 1.0], [1e12, 1e12], 0.0, "does not converge: the loads would turn the linear body"),
+        ([0.0, 0.05, 0.05, 1.0], [1.0, 1.0, "nan", "nan"], 0.05, "input tip.force.y is nan, expected a finite number"),
+        ([0.0, 1.0], [0.0, 1e14], 0.01, "does not converge: the loads would turn the linear body"),
+    ],
+    ids=["load", "not a number", "ramp"],
+)
+def test_a_refused_step_ends_the_run_and_says_why(beam, times, values, last, words):
+    time, deflection, read = simulated(beam, 1.0, 0.01, times, values)
+    assert time[-1] == pytest.approx(last)
+    # fmpy keeps the state before the refused step once more.
+    assert time[-1] == time[-2]
+    assert len(time) == round(last / 0.01) + 2
+    assert np.all(np.isfinite(deflection))
+    assert read.count(words) == 1
+
+
+def test_a_step_of_a_second_that_takes_too_much_work_ends_the_run_and_says_why(bodies, tmp_path, runtime):
+    package_fmu(bodies(DEMO / "bracket").model, tmp_path / "bracket.fmu", runtime)
+    time, _, read = simulated(tmp_path / "bracket.fmu", 3.0, 1.0, [0.0, 3.0], [100.0, 100.0])
+    assert time.tolist() == [0.0, 0.0]
+    assert read.count("the step of 1 s needs more work") == 1
+
+
+def test_a_step_of_a_second_that_can_be_taken_is_taken_in_silence(beam):
+    time, _, read = simulated(beam, 3.0, 1.0, [0.0, 3.0], [100.0, 100.0])
+    assert time.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert "refused" not in read
+    assert "DISCARD" not in read
+
+
+def test_flexfmu_simulate_says_it_once(beam, tmp_path):
+    (tmp_path / "loads.csv").write_text("time,tip.force.y\n0,1e12\n1,1e12\n")
+    words = ["simulate", str(beam), "--input", "loads.csv", "--output", "motion.csv"]
+    command = [sys.executable, "-m", "flexfmu", *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=False, cwd=tmp_path)
+    assert done.returncode
+    assert (done.stdout + done.stderr).count("does not converge") == 1
