@@ -1,0 +1,413 @@
+"""Tables of the body file (TOML), each with its keys, checked. The page of keys is made from what stands here."""
+
+from enum import Enum
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from ..files.limits import MOST_MODES
+from ..files.toml_files import Name, Table, Vector
+from ..files.units import UnitSystem
+from ..model.errors import OptionError
+from ..model.methods import DEFAULT, Mass, Method, Variant
+from .old_keys import OLD_KEYS, replaced
+
+ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
+
+
+class MeshUnits(Table):
+    """`[mesh]` of a mesh in memory.
+
+    Attributes
+    ----------
+    units
+        [Units](#units) of the mesh and of `[material]`.
+    boundary
+        Use the boundary conditions of the mesh file as supports.
+    """
+
+    units: UnitSystem = Field(default=UnitSystem.SI, strict=False)
+    boundary: bool = True
+
+
+class MeshTable(MeshUnits):
+    """`[mesh]`: where the mesh is and in which units.
+
+    Attributes
+    ----------
+    file
+        Deck (`.inp`) or another [mesh file](#mesh).
+    """
+
+    file: Path = Field(strict=False, examples=["arm.inp"])
+
+
+class MaterialTable(Table):
+    """`[material]`: constants that the mesh file lacks, or that replace those of one of its materials.
+
+    Attributes
+    ----------
+    name
+        Name of the material in the mesh file to override. Repeat as `[[material]]` for several.
+    youngs_modulus, poissons_ratio, density
+        Used for elements without a material and for materials without a density.
+    """
+
+    name: str | None = Field(default=None, examples=["STEEL"])
+    youngs_modulus: float | None = Field(default=None, gt=0.0)
+    poissons_ratio: float | None = Field(default=None, gt=-1.0, lt=0.5)
+    density: float | None = Field(default=None, gt=0.0)
+
+    @model_validator(mode="after")
+    def _tells_something(self) -> "MaterialTable":
+        if self.youngs_modulus is None and self.poissons_ratio is None and self.density is None:
+            raise ValueError("tells nothing: give youngs_modulus, poissons_ratio or density, or all of them")
+        return self
+
+
+class Place(Table):
+    """`nodes = { … }`: nodes by place, in m. They meet every condition that is given.
+
+    Attributes
+    ----------
+    set
+        Nodes of this set.
+    numbers
+        Nodes with these numbers.
+    plane, normal
+        Nodes on the plane through a point, with its normal.
+    box
+        Nodes between two opposite corners.
+    cylinder, radius
+        Nodes on the cylinder about the line between two points: a bore.
+    patch, radius
+        Nodes of the surface within the radius about a point.
+    nearest
+        The node nearest to a point.
+    tolerance
+        Largest distance from plane, box, cylinder or patch. Default: 10⁻⁴ of the body's longest side
+    """
+
+    set: str | None = None
+    numbers: Annotated[list[int], Field(min_length=1)] | None = None
+    plane: Vector | None = None
+    normal: Vector | None = None
+    box: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
+    cylinder: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
+    patch: Vector | None = None
+    radius: float | None = Field(default=None, gt=0.0)
+    nearest: Vector | None = None
+    tolerance: float | None = Field(default=None, gt=0.0)
+
+    @model_validator(mode="after")
+    def _complete(self) -> "Place":
+        chosen = (self.set, self.numbers, self.plane, self.box, self.cylinder, self.patch, self.nearest)
+        if all(one is None for one in chosen):
+            raise ValueError("names no place: give set, numbers, plane, box, cylinder, patch or nearest")
+        if (self.plane is None) != (self.normal is None) or (self.normal is not None and not any(self.normal)):
+            raise ValueError("plane is a point of it and goes with normal = [x, y, z], not zero")
+        if self.radius is None and (self.cylinder is not None or self.patch is not None):
+            raise ValueError("cylinder (two points of its axis) and patch (a point) go with radius, in m")
+        if self.cylinder is not None and self.cylinder[0] == self.cylinder[1]:
+            raise ValueError("cylinder is given by two equal points of its axis, expected both its ends")
+        return self
+
+
+Nodes = str | Place | list[str | Place]
+
+
+class SupportTable(Table):
+    """`[[support]]`: translations held at zero, or springs to the ground.
+
+    Attributes
+    ----------
+    nodes
+        Node set or [place](#places).
+    fix
+        Directions that are held: of `"x"`, `"y"`, `"z"`.
+    stiffness
+        Springs to the ground instead: `[kx, ky, kz]` in N/m, divided equally among the nodes.
+    """
+
+    nodes: Nodes = Field(examples=["CLAMP"])
+    fix: list[Literal["x", "y", "z"]] = Field(default=[], examples=[["x", "y", "z"]])
+    stiffness: Vector | None = Field(default=None, examples=[[1e6, 1e6, 1e6]])
+
+    @field_validator("stiffness")
+    @classmethod
+    def _not_negative(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and (min(value) < 0.0 or max(value) == 0.0):
+            raise ValueError(f"is {value} N/m, expected three numbers ≥ 0 along x, y, z, not all of them zero")
+        return value
+
+    @model_validator(mode="after")
+    def _holds_something(self) -> "SupportTable":
+        if not self.fix and self.stiffness is None:
+            raise ValueError('holds nothing: give fix = ["x", "y", "z"], or stiffness = [kx, ky, kz] in N/m')
+        for axis, value in zip(("x", "y", "z"), self.stiffness or (), strict=False):
+            if axis in self.fix and value > 0.0:
+                raise ValueError(
+                    f"both fixes {axis} and puts a spring of {value} N/m along it, expected one of the two"
+                )
+        return self
+
+
+class InterfaceTable(Table):
+    """`[[interface]]`: where loads act and motion is measured.
+
+    Attributes
+    ----------
+    name
+        Name in the FMU's variables.
+    nodes
+        Node set or [place](#places).
+    point
+        Reference point, m. Default: weighted centre
+    weights
+        `"area"` weighs nodes by element faces, also inside the body; `"node"` equally; `"auto"` by area where possible.
+    compliance
+        Offer the compliance over a step to masters that iterate.
+    follows
+        Force and moment turn with the interface; for methods with frames. Their axes are global while it is undeformed.
+    """
+
+    name: Name = Field(examples=["tip"])
+    nodes: Nodes = Field(examples=["FLANGE"])
+    point: Vector | None = Field(default=None, examples=[[0.0, 0.0, 0.0]])
+    weights: Literal["auto", "area", "node"] = "auto"
+    compliance: bool = False
+    follows: bool = False
+
+
+class FrameTable(Table):
+    """`[[frame]]`: a sub-domain with a frame of its own, in place of `frames = n`.
+
+    Attributes
+    ----------
+    name
+        Name of the frame.
+    nodes
+        Nodes of the sub-domain's elements. Neighbours have the nodes of their section in common.
+    parent
+        Frame that it hangs on. Default: none, a root
+    joint
+        Node set or point where it hangs on its parent. Default: common nodes; at a root those with supports
+    rotation_points
+        Average the rotation by one node set (chord from the joint) or three (tetrahedron). Default: mean of ½ curl u
+    """
+
+    name: Name
+    nodes: Nodes
+    joint: str | Vector | None = None
+    parent: str | None = None
+    rotation_points: list[str] | None = None
+
+    @field_validator("rotation_points")
+    @classmethod
+    def _one_or_three(cls, value: list[str] | None) -> list[str] | None:
+        if value is not None and len(value) not in (1, 3):
+            raise ValueError(
+                f"lists {len(value)} node sets, expected one (the far end: chord from the joint) or three (a "
+                "tetrahedron with the joint)"
+            )
+        return value
+
+
+class BranchTable(Table):
+    """`[[branch]]`: distances at which frames meet on the way to one place, in place of `frames = n`.
+
+    Attributes
+    ----------
+    toward
+        Interface, or `nodes` of a `[[cut]]`, at the end of the way. Other branches get no joints.
+    joints
+        Distances from the supports, m, ascending, measured from node to node.
+    """
+
+    toward: str
+    joints: list[Annotated[float, Field(gt=0.0)]] = Field(min_length=1)
+
+    @field_validator("joints")
+    @classmethod
+    def _ascending(cls, value: list[float]) -> list[float]:
+        if any(b <= a for a, b in pairwise(value)):
+            raise ValueError(f"is {value}, expected ascending distances from the supports in m, such as [0.2, 0.5]")
+        return value
+
+
+class CutTable(Table):
+    """`[[cut]]`: a section at which the body is cut into parts, joined again by stiff springs.
+
+    Attributes
+    ----------
+    nodes
+        Section of whole element faces through a closed loop. Each part needs a support; a frame belongs to one part.
+    """
+
+    nodes: str
+
+
+class Basis(Enum):
+    """Modal basis."""
+
+    NORMAL = "normal"
+    """Eigenmodes with the supports in place."""
+    CRAIG_BAMPTON = "craig_bampton"
+    """Constraint modes of the interfaces and fixed-interface normal modes."""
+
+
+class StressTable(Table):
+    """`[[stress]]`: a part of the body whose largest von Mises stress is an output.
+
+    Attributes
+    ----------
+    name
+        Name in the FMU's variables.
+    elements
+        Element set.
+    """
+
+    name: Name
+    elements: str
+
+
+class ReductionTable(Table):
+    """`[reduction]`: the modal basis, and what is stored for other methods.
+
+    Attributes
+    ----------
+    basis
+        `"normal"`: eigenmodes; `"craig_bampton"`: fixed-interface modes and six constraint modes an interface.
+    modes
+        Number of normal modes, or a list of their numbers. Of a cut body: in each part.
+    residual_flexibility
+        Add static shapes of interface loads: `true` (up to six an interface), or a list such as `["tip.force.y"]`.
+    geometric_stiffness
+        Store `"by_load"`, `"by_mode"`, or both. Default: as the method needs
+    inertia
+        Store the lumps that `mass = "configuration"` needs. Default: as the method needs
+    second_order
+        Store second derivatives: 6 m² numbers a frame, interface and centre of mass. Default: as the method needs
+    membrane
+        Store the energy of bending that stretches the body or flattens its sections. `"auto"`: where it matters.
+    """
+
+    basis: Basis = Field(default=Basis.NORMAL, strict=False)
+    modes: ModeNumber | Annotated[list[ModeNumber], Field(min_length=1)] = 10
+    residual_flexibility: bool | Annotated[list[str], Field(min_length=1)] = False
+    geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
+    inertia: bool | None = None
+    second_order: bool | None = None
+    membrane: bool | Literal["auto"] = "auto"
+
+    @field_validator("modes")
+    @classmethod
+    def _ascending(cls, value: int | list[int]) -> int | list[int]:
+        if isinstance(value, list) and any(b <= a for a, b in pairwise(value)):
+            raise ValueError(f"is {value}, expected ascending numbers of modes, such as [1, 3, 5]")
+        return value
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Numbers of the normal modes that are kept, in order of frequency, from 1."""
+        return tuple(self.modes) if isinstance(self.modes, list) else tuple(range(1, self.modes + 1))
+
+
+class DampingTable(Table):
+    """`[damping]`: modal damping.
+
+    Attributes
+    ----------
+    ratio
+        Damping ratio, 0 to 1: a number, or one per mode.
+    """
+
+    ratio: float | list[float] = Field(default=0.0, examples=[0.01])
+
+    @field_validator("ratio")
+    @classmethod
+    def _below_critical(cls, value: float | list[float]) -> float | list[float]:
+        for ratio in value if isinstance(value, list) else [value]:
+            if ratio < 0.0:
+                raise ValueError(f"a damping ratio is negative, {ratio:g}, expected ≥ 0")
+            if ratio > 1.0:
+                raise ValueError(
+                    f"a damping ratio is {ratio:g}, expected at most 1, which is critical damping; {ratio:g} % is "
+                    f"{ratio / 100.0:g}"
+                )
+        return value
+
+
+class FormulationTable(Table):
+    """`[formulation]`: the method that the FMU starts with.
+
+    Attributes
+    ----------
+    method
+        [Method](methods.md).
+        Default: `"second_order"`; where that is impossible `"frames"`; with `frames = 0` `"linear"`
+    mass
+        `"constant"`: of the undeformed body; `"configuration"`: of the deformed one.
+    """
+
+    method: Method | None = Field(default=None, strict=False)
+    mass: Mass = Field(default=Mass.CONSTANT, strict=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_old_keys(cls, data: object) -> object:
+        old = {key: data[key] for key in OLD_KEYS if key in data} if isinstance(data, dict) else {}
+        if old:
+            raise ValueError(replaced(old))
+        return data
+
+    @model_validator(mode="after")
+    def _meaningful(self) -> "FormulationTable":
+        try:
+            _ = self.variant
+        except OptionError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+    @property
+    def variant(self) -> Variant:
+        """Method and mass of a body that has frames; a mass that the method does not know raises OptionError."""
+        return Variant(self.method or DEFAULT, self.mass)
+
+
+class InputTable(Table):
+    """`[input]`: further inputs.
+
+    Attributes
+    ----------
+    acceleration
+        Inputs for the acceleration of the supports, weight included.
+    """
+
+    acceleration: bool = False
+
+
+class OutputTable(Table):
+    """`[output]`: further outputs, and what pictures need.
+
+    Attributes
+    ----------
+    velocities
+        Outputs for velocities and angular velocities.
+    surface
+        Store the surface's mode shapes for [pictures](view.md). They grow with the mesh.
+    stress
+        Store the stress of the surface's points as well.
+    """
+
+    velocities: bool = False
+    surface: bool = True
+    stress: bool = False
+
+    @model_validator(mode="after")
+    def _stress_on_the_surface(self) -> "OutputTable":
+        if self.stress and not self.surface:
+            raise ValueError("stress is stored for the surface: take surface = false out, or stress = true")
+        return self
