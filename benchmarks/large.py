@@ -20,9 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from flexfmu.api import Body
-from flexfmu.files.progress import ConsoleReporter, Tell
-from flexfmu.files.store import Store
 from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.files.console import ConsoleReporter
+from flexfmu.files.progress import Tell
+from flexfmu.files.store import Store
 
 SIZES = (50_000, 150_000, 300_000, 1_000_000)
 # A quarter of a ring of rectangular section, m.

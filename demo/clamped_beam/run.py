@@ -25,7 +25,8 @@ from demo.fmu_study import (
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import OutputTable, read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import ConsoleReporter, Reporter
+from flexfmu.files.console import ConsoleReporter
+from flexfmu.files.progress import Reporter
 from flexfmu.fmu.simulation import simulate
 
 HERE = Path(__file__).parent

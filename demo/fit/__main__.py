@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from demo.fit.scenes import DEMONSTRATIONS, Outcome, run
 
-from flexfmu.files.progress import ConsoleReporter
+from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.store import Store
 from flexfmu.study.scenes.measure import Errors
 

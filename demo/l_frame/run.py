@@ -18,7 +18,8 @@ from demo.fmu_study import (
     static_tip,
 )
 
-from flexfmu.files.progress import ConsoleReporter, Reporter
+from flexfmu.files.console import ConsoleReporter
+from flexfmu.files.progress import Reporter
 
 HERE = Path(__file__).parent
 FRAMES = (1, 3, 8)

@@ -18,7 +18,8 @@ from demo.tip_face import MOTION_COLUMNS
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import FormulationTable, read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import ConsoleReporter, Reporter
+from flexfmu.files.console import ConsoleReporter
+from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Method
 
 HERE = Path(__file__).parent

@@ -12,7 +12,7 @@ import numpy as np
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import ConsoleReporter
+from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.store import Store, default_folder
 
 HERE = Path(__file__).parent

@@ -1,14 +1,11 @@
 """Finite element models of flexible bodies as FMI 2.0 co-simulation FMUs that stay right when the body bends far."""
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING
-
-from .body.flexible_body import FlexibleBody, Response, State, StepLimits
-from .model.methods import Mass, Method
 
 if TYPE_CHECKING:
     from .api import Body, BuiltBody, SimulationResult, load
+    from .body.flexible_body import FlexibleBody, Response, State, StepLimits
     from .build.choices import Interface, Support
     from .build.config import Basis
     from .files.units import UnitSystem
@@ -18,8 +15,9 @@ if TYPE_CHECKING:
     from .given.sid import read_sid, write_sid
     from .mesh.formats import read_mesh
     from .mesh.model import Mesh
+    from .model.methods import Mass, Method
 
-__version__ = version("flexfmu")
+    __version__: str
 __all__ = [
     "Basis",
     "Body",
@@ -46,12 +44,18 @@ __all__ = [
     "write_sid",
 ]
 
-# Imported when first asked for: the build side takes a second to load, and a running body does without it.
+# Imported when first asked for; what is not listed is in `api`.
 _MODULES = {
     "Basis": ".build.config",
+    "FlexibleBody": ".body.flexible_body",
     "GivenModes": ".given.modes",
     "Interface": ".build.choices",
+    "Mass": ".model.methods",
     "Mesh": ".mesh.model",
+    "Method": ".model.methods",
+    "Response": ".body.flexible_body",
+    "State": ".body.flexible_body",
+    "StepLimits": ".body.flexible_body",
     "Support": ".build.choices",
     "UnitSystem": ".files.units",
     "linear_body": ".given.matrices",
@@ -66,4 +70,8 @@ _MODULES = {
 def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("flexfmu")
     return getattr(import_module(_MODULES.get(name, ".api"), __name__), name)

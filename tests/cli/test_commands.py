@@ -5,15 +5,16 @@ import json
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+import flexfmu.commands
 from bodies import random_body, with_second_order
-from flexfmu.commands.cli import app
-from flexfmu.commands.info import cost_table, describe
+from flexfmu.commands.cli import COMMANDS, app
 from flexfmu.files.errors import FlexfmuError
 from flexfmu.files.plain_data import json_text
 from flexfmu.files.quantities import factor, named, number, unit_of, with_unit
@@ -21,6 +22,7 @@ from flexfmu.files.tables import read_table, write_table
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.model.methods import Method, Variant, masses_of
 from flexfmu.study.cost import Cost
+from flexfmu.view.tables import cost_table, describe
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,38 @@ def test_shells_complete_the_commands():
     code = "from flexfmu.commands.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**words, "PATH": ""})
     assert "simulate" in done.stdout
+
+
+PACKAGE = Path(flexfmu.commands.__file__).parent
+# What takes long to import, and rooms that a running body does without.
+HEAVY = {"felupe", "fmpy", "joblib", "matplotlib", "meshio", "pymetis", "pythonfmu", "scipy"}
+ROOMS = {f"flexfmu.{room}" for room in ("build", "fe", "given", "master", "mesh", "reduction", "study")}
+
+
+@pytest.mark.parametrize(
+    ("words", "unused"),
+    [
+        (["--help"], {*HEAVY, *ROOMS, "flexfmu.model", "h5py", "numpy"}),
+        (["--version"], {*HEAVY, *ROOMS, "flexfmu.model", "h5py", "numpy"}),
+        (["info", "FMU"], {*HEAVY, *ROOMS}),
+        (["info", "FMU", "--json"], {*HEAVY, *ROOMS}),
+    ],
+)
+def test_commands_import_what_they_use_and_nothing_else(fmu, words, unused):
+    code = (
+        "import sys\nfrom flexfmu.commands.cli import app\n"
+        "app(sys.argv[1:], standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"
+    )
+    words = [str(fmu) if word == "FMU" else word for word in words]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
+    loaded = set(done.stderr.split())
+    assert "flexfmu.commands" in loaded
+    assert loaded & unused == set()
+
+
+def test_every_module_beside_the_command_line_is_a_command():
+    found = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__", "cli", "common"}
+    assert found == set(COMMANDS)
 
 
 def test_info_as_json_holds_the_frequencies(fmu):

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import pytest
 from typer.testing import CliRunner
 
+from flexfmu.build.pipeline import build_fmu
 from flexfmu.commands.cli import app
-from flexfmu.commands.pipeline import build_fmu
 from flexfmu.mesh.model import ElementType
 from meshes import BAR, box, write_deck
 

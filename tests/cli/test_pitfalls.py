@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexfmu.build.config import Basis, FrameTable, InterfaceTable, read_body_file
+from flexfmu.build.pipeline import build_fmu
 from flexfmu.build.reduce import reduce_body
-from flexfmu.commands.pipeline import build_fmu
 from flexfmu.files.errors import BodyFileError, OutputError, PackagingError, SimulationError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.tables import read_table

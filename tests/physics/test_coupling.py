@@ -931,7 +931,7 @@ import sys
 from pathlib import Path
 from flexfmu.files.errors import FlexfmuError
 from flexfmu.master import run
-from flexfmu.files.progress import ConsoleReporter
+from flexfmu.files.console import ConsoleReporter
 
 try:
     run(Path(sys.argv[1]), Path(sys.argv[2]), ConsoleReporter())
@@ -978,7 +978,7 @@ def test_a_run_that_stops_leaves_an_earlier_result_alone_and_its_own_beside_it(f
 INTERRUPTED = """
 import os, signal, sys, threading
 from flexfmu import cli
-from flexfmu.files.progress import ConsoleReporter
+from flexfmu.files.console import ConsoleReporter
 
 # Jobs in the background are started deaf to it.
 signal.signal(signal.SIGINT, signal.default_int_handler)

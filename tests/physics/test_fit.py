@@ -17,7 +17,6 @@ from rich.console import Console
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.commands.info import describe
 from flexfmu.files.errors import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
@@ -38,6 +37,7 @@ from flexfmu.study.scenes.reference import references
 from flexfmu.study.scenes.scene import read_scene
 from flexfmu.study.scenes.subspace import subset
 from flexfmu.study.scenes.workshop import Workshop
+from flexfmu.view.tables import describe
 from meshes import bars, body_file, box, with_sets
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 from scene_tools import BEND, Listening, calculix_results, scene_of, with_results

@@ -11,7 +11,6 @@ from rich.console import Console
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import OutputTable
 from flexfmu.build.reduce import reduce_body
-from flexfmu.commands.info import describe
 from flexfmu.files.errors import ModelError
 from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import EquilibriumError
@@ -21,6 +20,7 @@ from flexfmu.reduction import membrane
 from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING
 from flexfmu.study.scenes.measure import errors
 from flexfmu.study.scenes.reference import references
+from flexfmu.view.tables import describe
 from references import BEAM, DEMO, L_FRAME, calculix, relative
 from scene_tools import scene_of
 

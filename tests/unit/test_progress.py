@@ -8,8 +8,8 @@ import time
 import pytest
 from rich.console import Console
 
+from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.progress import (
-    ConsoleReporter,
     Reporter,
     duration_words,
     ends_on_interrupt,

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
-from flexfmu.commands.plots import plot_result
 from flexfmu.files.errors import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.files.targets import whole_file
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.modal_file import write_modal_file
+from flexfmu.view.curves import plot_result
 
 
 def text(path):

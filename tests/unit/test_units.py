@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from flexfmu.build.pipeline import build_fmu
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.commands.pipeline import build_fmu
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.model import ElementType, Material

@@ -15,8 +15,9 @@ import numpy as np
 from demo.rear_axle.alignment import LEFT, RIGHT, Alignment, FloatArray, alignment, arm_angle
 from demo.rear_axle.road.scene import SIDES, Ride, build_axle, build_wheel, coil_preload, coupling, motion
 
+from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.figures import BLUE, VERMILION
-from flexfmu.files.progress import ConsoleReporter, Reporter
+from flexfmu.files.progress import Reporter
 from flexfmu.master import Result, couple
 
 matplotlib.use("Agg")

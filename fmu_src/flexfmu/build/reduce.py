@@ -26,15 +26,13 @@ from ..reduction.piece import reduced_piece
 from ..reduction.places import by_name, node_set
 from ..reduction.sets import element_set
 from ..files.store import Store
-from ..model.summary import first_frequency, summary
+from ..model.summary import NORMAL_MODES, first_frequency, summary
 from ..files.array_types import FloatArray
 
 # Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
 _HEAVY_DAMPING = 0.3
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
-NUMBERS = "normal_modes"
-"""Where a body's origin tells the numbers of its normal modes, if the body file chose them."""
 
 
 def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) -> ReducedBody:
@@ -194,5 +192,5 @@ def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict
         "nodes": str(len(mesh.points)),
         "elements": str(mesh.element_count),
         "flexfmu_version": __version__,
-        **({NUMBERS: " ".join(map(str, config.reduction.numbers))} if isinstance(config.reduction.modes, list) else {}),
+        **({NORMAL_MODES: " ".join(map(str, config.reduction.numbers))} if isinstance(config.reduction.modes, list) else {}),
     }

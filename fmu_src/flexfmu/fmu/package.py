@@ -15,8 +15,6 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-import pythonfmu
-
 from ..core.binaries import core_binaries
 from ..core.building import FLAGS, PLATFORMS, source_files
 from ..files.errors import PackagingError
@@ -53,8 +51,6 @@ class FlexibleBodySlave(BodySlave, Fmi2Slave):
 
     guid = "{guid}"
 '''
-# pythonfmu's library for each platform that it has one for.
-_PYTHON_LIBRARIES = Path(pythonfmu.__file__).parent / "resources" / "binaries"
 _SOURCES_README = """The core of flexfmu, which runs the body: C99 without libraries of others. MIT licence.
 
 modelDescription.xml lists the C files. In this folder, for Linux:
@@ -127,7 +123,7 @@ def cores_for(runtime: Runtime, platforms: Sequence[str] = (), report: Reporter 
     """
     if runtime is Runtime.NATIVE:
         return core_binaries(platforms, report)
-    offered = [path.name for path in _PYTHON_LIBRARIES.iterdir()]
+    offered = [path.name for path in _pythonfmu()[1].iterdir()]
     refused = [name for name in platforms if name in PLATFORMS and name not in offered]
     if refused:
         raise PackagingError(
@@ -136,6 +132,14 @@ def cores_for(runtime: Runtime, platforms: Sequence[str] = (), report: Reporter 
         )
     cores = core_binaries(sorted(offered) if "all" in platforms else platforms, report)
     return {name: data for name, data in cores.items() if Path(name).stem in offered}
+
+
+def _pythonfmu() -> tuple[Path, Path]:
+    """Folders of pythonfmu's modules, and of its library for each platform that it has one for."""
+    import pythonfmu
+
+    modules = Path(pythonfmu.__file__).parent
+    return modules, modules / "resources" / "binaries"
 
 
 def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes]) -> dict[str, bytes]:
@@ -152,14 +156,14 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes]) -> d
         sources = {f"sources/{path.name}": path.read_bytes() for path in source_files()}
         sources["sources/README.txt"] = _SOURCES_README.format(name=body.name, flags=" ".join(FLAGS)).encode()
     else:
-        library, sources = Path(pythonfmu.__file__).parent, {}
+        (modules, libraries), sources = _pythonfmu(), {}
         binaries = {
             f"binaries/{path.parent.name}/{body.name}{path.suffix}": path.read_bytes()
-            for path in sorted(_PYTHON_LIBRARIES.glob("*/*"))
+            for path in sorted(libraries.glob("*/*"))
             if path.parent.name in {Path(name).stem for name in cores}
         }
         binaries |= {f"resources/core/{name}": data for name, data in cores.items()}
-        code = {f"pythonfmu/{name}.py": (library / f"{name}.py").read_bytes() for name in _SLAVE_LIBRARY}
+        code = {f"pythonfmu/{name}.py": (modules / f"{name}.py").read_bytes() for name in _SLAVE_LIBRARY}
         code["pythonfmu/__init__.py"] = (
             f'"""The slave side of pythonfmu {version("pythonfmu")} (MIT licence)."""\n'.encode()
         )

@@ -5,6 +5,9 @@ import numpy as np
 from ..files.array_types import FloatArray
 from .reduced_body import Properties
 
+NORMAL_MODES = "normal_modes"
+"""Where a body's origin tells the numbers of its normal modes, if the body file chose them."""
+
 
 def summary(properties: Properties) -> list[tuple[str, str]]:
     """Mass, volume, bounding box and materials.

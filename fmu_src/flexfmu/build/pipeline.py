@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..api import Body
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.targets import check_target, whole_file
@@ -11,6 +10,8 @@ from ..fmu.package import cores_for, package_fmu
 from ..fmu.runtime import Runtime
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import ReducedBody
+from .config import read_body_file
+from .reduce import reduce_body
 
 
 def build_fmu(
@@ -56,7 +57,7 @@ def build_fmu(
         check_target(modal_file, (".h5",))
     # What cannot be compiled is told before anything long begins.
     cores_for(runtime, platforms, report)
-    body = Body.read(body_file, report).build(report=report, store=store).reduced
+    body = reduce_body(read_body_file(body_file), report, store)
     with report.stage(f"Write {output}"):
         if modal_file is None:
             package_fmu(body, output, runtime, platforms)

@@ -1,0 +1,39 @@
+"""`flexfmu fit`: the smallest model within a tolerance."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..files.errors import NOT_MET
+from .common import Jobs, Json, reporter
+
+
+def fit(
+    body: Annotated[Path, typer.Argument(help="Body file (TOML).")],
+    scene: Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
+    fmu: Annotated[Path | None, typer.Option(help="FMU to write; default: beside the body file.")] = None,
+    jobs: Jobs = "1",
+    as_json: Json = False,
+) -> None:
+    """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU.
+
+    The last line says pass or fail; the exit code is 0 or 3.
+    """
+    from ..files.plain_data import fields_of, json_text
+    from ..files.store import Store, default_folder
+    from ..study.fit.search import fit as find
+    from ..study.scenes.jobs import Crew
+    from ..study.scenes.scene import read_scene
+
+    target = fmu or output.with_suffix(".fmu")
+    with Crew(jobs) as crew:
+        found = find(read_scene(scene, body), output, reporter(), Store(default_folder()), target, crew)
+    if as_json:
+        typer.echo(json_text({"pass": found.met, "verdict": found.verdict, **fields_of(found)}))
+    else:
+        took = f"{found.tried} models, {found.seconds:.1f} s."
+        typer.echo("\n".join([f"{output}, {target}", *found.summary, took, found.verdict]))
+    if not found.met:
+        raise typer.Exit(NOT_MET)

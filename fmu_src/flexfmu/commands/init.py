@@ -1,0 +1,28 @@
+"""`flexfmu init`: a body file to start from."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def init(
+    mesh: Annotated[Path, typer.Argument(help="Mesh.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Body file; default: beside the mesh.")] = None,
+    units: Annotated[str, typer.Option(help="Units of the mesh.")] = "m-kg-s",
+) -> None:
+    """Write a body file to start from: supports and interfaces at reference points and plane ends of a mesh."""
+    from ..build.choices import unit_system
+    from ..build.suggest import starting_body_file
+    from ..files.errors import OutputError
+    from ..mesh.checks import checked
+    from ..mesh.formats import read_mesh
+
+    target = output or mesh.with_suffix(".toml")
+    if target.exists():
+        raise OutputError(f"{target} is there already: name another with --output")
+    system = unit_system(units)
+    found = checked(read_mesh(mesh, system))
+    named = Path(mesh.name) if target.parent.resolve() == mesh.parent.resolve() else mesh.resolve()
+    target.write_text(starting_body_file(found, named, system), encoding="utf-8")
+    typer.echo(str(target))

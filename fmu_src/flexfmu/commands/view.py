@@ -1,0 +1,50 @@
+"""`flexfmu view`: pages and pictures of a body."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import reporter, show_written
+
+
+def view(
+    file: Annotated[Path, typer.Argument(help="FMU, modal file, body file or mesh.")],
+    table: Annotated[
+        Path | None, typer.Argument(help="Loads over time (CSV), as for simulate: the motion under them.")
+    ] = None,
+    load: Annotated[
+        list[str] | None,
+        typer.Option("--load", "-l", help="A load that holds still, such as tip.force.y=5kN; may be repeated."),
+    ] = None,
+    modes: Annotated[int, typer.Option("--modes", "-m", min=0, help="Show so many mode shapes.")] = 0,
+    static: Annotated[bool, typer.Option("--static", help="Each row of the table by its equilibrium.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Page (.html), ParaView (.vtu, .pvd) or picture (.png, .pdf, .svg)."),
+    ] = None,
+    colour: Annotated[str, typer.Option(help="displacement, von mises stress, frames, interfaces and supports.")] = "",
+    scale: Annotated[
+        float, typer.Option(min=0.0, help="Factor on displacements; default: 1 where they show, else a larger one.")
+    ] = 0.0,
+    method: Annotated[str | None, typer.Option(help="Method; default: the body's own.")] = None,
+    parameter: Annotated[
+        list[str] | None, typer.Option("--set", help="Parameter of the FMU, NAME=VALUE; may be repeated.")
+    ] = None,
+    step: Annotated[float | None, typer.Option(help="Communication step, s; default: the FMU's own.")] = None,
+    stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the table.")] = None,
+    shapes: Annotated[int, typer.Option(min=2, help="Most shapes of a motion.")] = 100,
+) -> None:
+    """Show a mesh, a body, its modes, an equilibrium or a motion: a page to turn and play, or a picture."""
+    from ..fmu.simulation import parse_parameters
+    from ..view.command import Request, show
+
+    target = output or Path(f"{file.stem}.html")
+    settings = parse_parameters(parameter or [])
+    request = Request(
+        file, target, table, tuple(load or ()), static, modes, colour, scale, method, settings, step, stop, shapes
+    )
+    seen = show(request, reporter())
+    for case in seen.cases[:1]:
+        typer.echo(f"{case.name}: {case.note}")
+    show_written(target)

@@ -1,0 +1,136 @@
+"""Progress on the terminal: stages with their time, how far they are, notes and warnings.
+
+On a terminal a stage is a line that moves; elsewhere (a file, a pipe) a counted stage prints a plain line now and then.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
+
+from .progress import Reporter, Tell, end_if_interrupted, progress_words
+
+# Seconds between two states of a line on a terminal, and between two lines elsewhere.
+_REFRESH, _PAUSE = 0.1, 10.0
+
+
+class ConsoleReporter(Reporter):
+    """Writes to the terminal: a moving line while a stage runs, its time when it is done.
+
+    Parameters
+    ----------
+    console : rich.console.Console, optional
+        Default: standard error, so that results on standard output stay clean.
+    clock : callable, optional
+        Seconds from any start.
+    quiet : bool
+        Whether nothing is written but warnings.
+    """
+
+    def __init__(
+        self,
+        console: Console | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+        quiet: bool = False,
+    ):
+        self._console = console or Console(stderr=True, highlight=False)
+        self._clock = clock
+        self._quiet = quiet
+        self.warnings = 0
+        # One display for all stages that are open at a time.
+        self._lines = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            _Bar(bar_width=24),
+            TextColumn("[dim]{task.fields[words]}[/]"),
+            console=self._console,
+            transient=True,
+            disable=quiet or not self._console.is_terminal,
+        )
+
+    @contextmanager
+    def stage(self, title: str) -> Iterator[None]:
+        """Show `title` with a spinner, then with the time it took."""
+        start = self._clock()
+        with self._line(title, None):
+            yield
+        self._done(title, start)
+
+    @contextmanager
+    def counted(self, title: str, total: float, unit: str = "") -> Iterator[Tell]:
+        """Show `title` with a bar, how much of `total` is done and the time left, then with the time it took."""
+        start = self._clock()
+        with self._line(title, total) as line:
+            yield _Count(self, line, total, unit, start).tell
+        self._done(title, start)
+
+    def note(self, text: str) -> None:
+        """Print an indented line."""
+        if not self._quiet:
+            self._console.print(f"  [dim]{escape(text)}[/]")
+
+    def warning(self, text: str) -> None:
+        """Print a line that stands out, and count it."""
+        self.warnings += 1
+        self._console.print(f"[yellow]! {escape(text)}[/]")
+
+    @contextmanager
+    def _line(self, title: str, total: float | None) -> Iterator[TaskID]:
+        """A line of the display, which stands as long as one stage is open."""
+        line = self._lines.add_task(escape(title) + (" …" if total is None else ""), total=total, words="")
+        self._lines.start()
+        try:
+            yield line
+        finally:
+            self._lines.remove_task(line)
+            if not self._lines.tasks:
+                self._lines.stop()
+
+    def _done(self, title: str, start: float) -> None:
+        end_if_interrupted()
+        if not self._quiet:
+            self._console.print(f"[green]✓[/] {escape(title)} [dim]{self._clock() - start:.2f} s[/]")
+
+    def _show(self, line: TaskID, done: float, words: str) -> None:
+        if self._console.is_terminal:
+            self._lines.update(line, completed=done, words=escape(words))
+        else:
+            self.note(words)
+
+
+class _Bar(BarColumn):
+    """A bar where it is known how much there is to do."""
+
+    def render(self, task):  # type: ignore[no-untyped-def]
+        return "" if task.total is None else super().render(task)
+
+
+class _Count:
+    """How far one stage is.
+
+    Parameters
+    ----------
+    reporter : ConsoleReporter
+    line : rich.progress.TaskID
+    total : float
+    unit : str
+    start : float
+        s.
+    """
+
+    def __init__(self, reporter: ConsoleReporter, line: TaskID, total: float, unit: str, start: float):
+        self._reporter, self._line, self._total, self._unit, self._start = reporter, line, total, unit, start
+        self._pause = _REFRESH if reporter._console.is_terminal else _PAUSE
+        self._said = start
+
+    def tell(self, done: float) -> None:
+        """Show it, unless something was shown a moment ago."""
+        end_if_interrupted()
+        now = self._reporter._clock()
+        if now - self._said >= self._pause:
+            self._said = now
+            words = progress_words(done, self._total, self._unit, now - self._start)
+            self._reporter._show(self._line, done, words)
