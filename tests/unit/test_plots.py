@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexfmu.commands import plots
+from flexfmu.view import curves
 
 
 def test_a_metre_is_drawn_as_a_thousand_millimetres_and_a_radian_as_its_degrees(tmp_path, monkeypatch):
@@ -10,8 +10,8 @@ def test_a_metre_is_drawn_as_a_thousand_millimetres_and_a_radian_as_its_degrees(
     rows = ["time," + ",".join(names), "0" + ",0" * len(names), "1" + ",1" * len(names)]
     (tmp_path / "t.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     drawn = []
-    monkeypatch.setattr(plots, "save", lambda figure, _: drawn.append(figure))
-    plots.plot_result(tmp_path / "t.csv", tmp_path / "t.png")
+    monkeypatch.setattr(curves, "save", lambda figure, _: drawn.append(figure))
+    curves.plot_result(tmp_path / "t.csv", tmp_path / "t.png")
     upper, lower = drawn[0].axes
     assert (upper.get_ylabel(), lower.get_ylabel()) == ("displacement / mm", "rotation / °")
     np.testing.assert_allclose([line.get_ydata()[-1] for line in upper.lines], 1e3)
