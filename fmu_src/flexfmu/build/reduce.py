@@ -192,5 +192,9 @@ def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict
         "nodes": str(len(mesh.points)),
         "elements": str(mesh.element_count),
         "flexfmu_version": __version__,
-        **({NORMAL_MODES: " ".join(map(str, config.reduction.numbers))} if isinstance(config.reduction.modes, list) else {}),
+        **(
+            {NORMAL_MODES: " ".join(map(str, config.reduction.numbers))}
+            if isinstance(config.reduction.modes, list)
+            else {}
+        ),
     }

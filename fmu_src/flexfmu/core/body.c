@@ -259,57 +259,6 @@ static double fewest_steps(const Body *body, double step) {
     return fmax(1.0, ceil(fmin(fewest, UNCOUNTED)));
 }
 
-void body_refusal(const Body *body, int answer, double step, const Work *work, char *text, int64_t size) {
-    const double most = body->limits.most;
-    char error[64] = "unsettled";
-    switch (answer) {
-    case FLEX_BAD_STEP: snprintf(text, (size_t)size, "step is %g s, expected a positive number", step); return;
-    case FLEX_NOT_FINITE:
-        snprintf(text, (size_t)size, "the step ends in values that are not finite: the loads are too large for the arithmetic");
-        return;
-    case FLEX_TOO_MANY_STEPS:
-        snprintf(text, (size_t)size,
-                 "the step of %.6g s needs %lld internal steps by %s, more than internal_step.most = %.6g: take a shorter "
-                 "communication step, or raise these limits",
-                 step, (long long)work->substeps,
-                 body->limits.longest > 0.0 ? "internal_step.limit" : "the slowest vibration", most);
-        return;
-    case FLEX_TOO_MUCH_WORK:
-        if (isfinite(work->error)) snprintf(error, sizeof error, "error %.2g", work->error);
-        snprintf(text, (size_t)size,
-                 "the step of %.6g s needs more work than %.6g internal steps of ordinary cost take (internal_step.most): "
-                 "tried %lld internal steps (%s) for a tolerance of %.2g, %lld rounds in all; take a shorter communication "
-                 "step, raise internal_step.most or internal_step.tolerance, or lower the load, which may exceed what the "
-                 "body can bear",
-                 step, most, (long long)work->substeps, error, body->limits.tolerance, (long long)work->iterations);
-        return;
-    default:
-        snprintf(text, (size_t)size,
-                 "the step of %.6g s does not converge: the loads would turn the linear body by more than two turns within "
-                 "a frame; lower the load or the communication step", step);
-    }
-}
-
-void body_static_refusal(const Body *body, int answer, double share, char *text, int64_t size) {
-    switch (answer) {
-    case FLEX_FREE:
-        snprintf(text, (size_t)size,
-                 "the body is free to move in %lld rigid motions and has no equilibrium of its own: fix an interface, or "
-                 "start at rest", (long long)body->p.rigid);
-        return;
-    case FLEX_TOO_MUCH_WORK:
-        snprintf(text, (size_t)size,
-                 "no equilibrium beyond %.1f %% of the load within the work of %.6g internal steps (internal_step.most): the "
-                 "load is near the critical one, or bends the body very far; lower it, or raise internal_step.most",
-                 100.0 * share, body->limits.most);
-        return;
-    default:
-        snprintf(text, (size_t)size,
-                 "no stable equilibrium beyond %.1f %% of the load: it is near or above the critical load of the reduced "
-                 "body; lower the load, or check its direction and units", 100.0 * share);
-    }
-}
-
 int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
               int64_t *hint, Work *work) {
     const Program *p = &body->p;

@@ -103,15 +103,8 @@ typedef struct Body {
 } Body;
 
 enum {
-    FLEX_OK = 0,
-    FLEX_NOT_FINITE,       /* the result is beyond the arithmetic */
-    FLEX_NOT_CONVERGED,    /* the loads are beyond the reach of the method */
-    FLEX_TOO_MUCH_WORK,    /* it would take more work than the limit */
-    FLEX_FREE,             /* no equilibrium: the body is free to move */
-    FLEX_BEYOND_CRITICAL,  /* no stable equilibrium beyond a share of the load */
-    FLEX_BAD_STEP,         /* not a positive, finite step */
-    FLEX_BAD_OPTION,
-    FLEX_TOO_MANY_STEPS    /* the longest internal step asks for more of them than the limit */
+#define ANSWER(symbol, ...) FLEX_##symbol,
+#include "interface.def"
 };
 
 /* Make a body of an image, which is copied; null with words in `why` where it cannot be. */

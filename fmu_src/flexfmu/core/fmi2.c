@@ -36,7 +36,7 @@ typedef struct {
     char *name;
     Phase phase;
     int logging, logged[CATEGORIES];
-    char text[MESSAGE], line[2 * MESSAGE], room[MESSAGE / 4];
+    char text[TEXT_SIZE], line[2 * TEXT_SIZE], room[TEXT_SIZE / 4];
     /* Names handed out by fmi2GetString stay until the next call. */
     char *strings;
 } Component;
@@ -69,7 +69,7 @@ static Component *allowed(fmi2Component handle, int phases, const char *call) {
     if (c->phase & phases) return c;
     int number = 0;
     while (!(c->phase >> number & 1)) number++;
-    snprintf(c->text, MESSAGE, "%s is not allowed %s; expected: %s", call, names[number], phases == INSTANTIATED ? "right after fmi2Instantiate or fmi2Reset"
+    snprintf(c->text, TEXT_SIZE, "%s is not allowed %s; expected: %s", call, names[number], phases == INSTANTIATED ? "right after fmi2Instantiate or fmi2Reset"
              : phases == INITIALIZING              ? "after fmi2EnterInitializationMode"
              : phases & INSTANTIATED               ? "before fmi2Terminate, and fmi2Reset after an error"
              : phases & INITIALIZING               ? "after fmi2EnterInitializationMode"
@@ -81,7 +81,7 @@ static Component *allowed(fmi2Component handle, int phases, const char *call) {
 /* The same for calls with arrays, none of which may be missing. */
 static Component *given(Component *c, int whole, const char *call) {
     if (!c || whole) return c;
-    snprintf(c->text, MESSAGE, "%s: a null pointer was given, expected an array or a place for the result", call);
+    snprintf(c->text, TEXT_SIZE, "%s: a null pointer was given, expected an array or a place for the result", call);
     tell(c, fmi2Error, c->text);
     return 0;
 }
@@ -108,7 +108,7 @@ FMI2_EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component handle, fmi2Boolean on,
         if (categories[i] && strcmp(categories[i], "logAll") == 0)
             for (int k = 0; k < CATEGORIES; k++) known = chosen[k] = 1;
         if (!known) {
-            snprintf(c->text, MESSAGE, "fmi2SetDebugLogging: log category '%.100s', expected one of logAll, %s, %s, %s, %s",
+            snprintf(c->text, TEXT_SIZE, "fmi2SetDebugLogging: log category '%.100s', expected one of logAll, %s, %s, %s, %s",
                      categories[i] ? categories[i] : "(null)", CATEGORY[0], CATEGORY[1], CATEGORY[2], CATEGORY[3]);
             return fail(c, c->text);
         }
@@ -166,7 +166,7 @@ FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component handle, fmi2Boolean tol
     Component *c = allowed(handle, INSTANTIATED, "fmi2SetupExperiment");
     if (!c) return fmi2Error;
     if (!isfinite(start) || (stop_given && !(stop >= start)) || (tolerance_given && !(tolerance > 0.0))) {
-        snprintf(c->text, MESSAGE, "fmi2SetupExperiment: start %g s, stop %g s, tolerance %g: expected start <= stop and a positive tolerance",
+        snprintf(c->text, TEXT_SIZE, "fmi2SetupExperiment: start %g s, stop %g s, tolerance %g: expected start <= stop and a positive tolerance",
                  start, stop, tolerance);
         return fail(c, c->text);
     }
@@ -212,7 +212,7 @@ static int64_t variable_of(Component *c, fmi2ValueReference reference, int type,
     static const char *const types[] = {"Real", "Integer", "Boolean", "String"};
     const Program *p = instance_description(c->body);
     if ((int64_t)reference < p->variables && p->variable_type[reference] == type) return (int64_t)reference;
-    snprintf(c->text, MESSAGE, "%s: value reference %u is no %s variable of this FMU; see its modelDescription.xml", call, reference, types[type]);
+    snprintf(c->text, TEXT_SIZE, "%s: value reference %u is no %s variable of this FMU; see its modelDescription.xml", call, reference, types[type]);
     tell(c, fmi2Error, c->text);
     return -1;
 }
@@ -230,7 +230,7 @@ static fmi2Status numbers_of(fmi2Component handle, const fmi2ValueReference refe
         const int64_t role = instance_description(c->body)->variable_role[references[i]];
         /* Inputs and parameters are what the master set. */
         if (!isfinite(number) && role != ROLE_INPUT && role != ROLE_PARAMETER) {
-            snprintf(c->text, MESSAGE, "%s: %s has no finite value: the loads are too large for the arithmetic; lower them", call,
+            snprintf(c->text, TEXT_SIZE, "%s: %s has no finite value: the loads are too large for the arithmetic; lower them", call,
                      variable_text(c->body, (int64_t)references[i], 0, c->room));
             return fail(c, c->text);
         }
@@ -280,7 +280,7 @@ static Component *settable(fmi2Component handle, const fmi2ValueReference vr[], 
     for (size_t i = 0; i < n; i++) {
         if (variable_of(c, vr[i], type, call) < 0) return 0;
         if (p->variable_role[vr[i]] == ROLE_INPUT || p->variable_role[vr[i]] == ROLE_PARAMETER) continue;
-        snprintf(c->text, MESSAGE, "%s: %s cannot be set, expected an input or a parameter", call, variable_text(c->body, (int64_t)vr[i], 0, c->room));
+        snprintf(c->text, TEXT_SIZE, "%s: %s cannot be set, expected an input or a parameter", call, variable_text(c->body, (int64_t)vr[i], 0, c->room));
         tell(c, fmi2Error, c->text);
         return 0;
     }
@@ -294,7 +294,7 @@ static fmi2Status put_parameter(Component *c, fmi2ValueReference reference, doub
         set_parameter(c->body, p->variable_index[reference], value);
         return fmi2OK;
     }
-    snprintf(c->text, MESSAGE, "%s is fixed once initialisation has ended; it keeps its value", variable_text(c->body, (int64_t)reference, 0, c->room));
+    snprintf(c->text, TEXT_SIZE, "%s is fixed once initialisation has ended; it keeps its value", variable_text(c->body, (int64_t)reference, 0, c->room));
     tell(c, fmi2Warning, c->text);
     return fmi2Warning;
 }
@@ -331,7 +331,7 @@ FMI2_EXPORT fmi2Status fmi2SetBoolean(fmi2Component handle, const fmi2ValueRefer
 
 /* Place of a text among the choices of a String variable; -1, told, where it is none. */
 static int64_t choice_of(Component *c, fmi2ValueReference reference, const char *text) {
-    char offered[MESSAGE / 2] = "";
+    char offered[TEXT_SIZE / 2] = "";
     size_t used = 0;
     for (int64_t k = 0;; k++) {
         const char *choice = variable_text(c->body, (int64_t)reference, 1 + k, c->room);
@@ -339,8 +339,8 @@ static int64_t choice_of(Component *c, fmi2ValueReference reference, const char 
         if (text && strcmp(choice, text) == 0) return k;
         if (used < sizeof offered) used += (size_t)snprintf(offered + used, sizeof offered - used, "%s'%s'", k ? ", " : "", choice);
     }
-    char name[MESSAGE / 4];
-    snprintf(c->text, MESSAGE, "%s is '%.100s', expected one of %s", variable_text(c->body, (int64_t)reference, 0, name), text ? text : "(null)", offered);
+    char name[TEXT_SIZE / 4];
+    snprintf(c->text, TEXT_SIZE, "%s is '%.100s', expected one of %s", variable_text(c->body, (int64_t)reference, 0, name), text ? text : "(null)", offered);
     tell(c, fmi2Error, c->text);
     return -1;
 }
@@ -365,7 +365,7 @@ FMI2_EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component handle, const f
     const Program *p = instance_description(c->body);
     for (size_t i = 0; i < n; i++)
         if (order[i] != 1 || p->variable_role[vr[i]] != ROLE_INPUT) {
-            snprintf(c->text, MESSAGE, "fmi2SetRealInputDerivatives: order %d of %s: expected order 1 of an input", order[i],
+            snprintf(c->text, TEXT_SIZE, "fmi2SetRealInputDerivatives: order %d of %s: expected order 1 of an input", order[i],
                      variable_text(c->body, (int64_t)vr[i], 0, c->room));
             return fail(c, c->text);
         }
@@ -408,7 +408,7 @@ static Component *asked(fmi2Component handle, int kind, int offered, const void 
     Component *c = given(allowed(handle, STEPPING | STEP_FAILED | TERMINATED | FAILED, call), value != 0, call);
     *status = fmi2Error;
     if (!c || kind == offered) return c;
-    snprintf(c->text, MESSAGE, "%s: no status of kind %d; steps end before fmi2DoStep returns, ask fmi2GetRealStatus for the last time reached", call, kind);
+    snprintf(c->text, TEXT_SIZE, "%s: no status of kind %d; steps end before fmi2DoStep returns, ask fmi2GetRealStatus for the last time reached", call, kind);
     tell(c, fmi2Discard, c->text);
     *status = fmi2Discard;
     return 0;

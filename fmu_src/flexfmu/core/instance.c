@@ -7,12 +7,22 @@
 
 #include "files.h"
 #include "internal.h"
+#include "messages.h"
 
 /* The program of the method that the FMU starts with describes its variables, too. */
 static const char DESCRIPTION[] = "body.prog";
 static const char MARK[] = "flexstat";
-/* As the table of variables has it. */
-static const double LEAST_TOLERANCE = 1e-14;
+
+enum { FIXED, TUNABLE };
+/* Of parameters, but for those that fix interfaces. */
+static const struct {
+    double least;
+    int variability;
+} PARAMETERS[] = {
+#define PARAMETER(symbol, name, type, unit, start, least, variability, ...) {least, variability},
+#define WATCH(symbol, ...) {0.0, FIXED}, {0.0, FIXED},
+#include "interface.def"
+};
 enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4 };
 
 struct Instance {
@@ -51,7 +61,7 @@ const char *variable_text(const Instance *x, int64_t variable, int64_t index, ch
         const char *end = strchr(at, '\n');
         if (!end) return "";
         if (index-- == 0) {
-            const size_t length = (size_t)(end - at) < MESSAGE / 4 - 1 ? (size_t)(end - at) : MESSAGE / 4 - 1;
+            const size_t length = (size_t)(end - at) < TEXT_SIZE / 4 - 1 ? (size_t)(end - at) : TEXT_SIZE / 4 - 1;
             memcpy(room, at, length);
             room[length] = 0;
             return room;
@@ -73,24 +83,30 @@ static Body *open_named(Instance *x, const char *name, char *why) {
     const char *wrong = "";
     void *image = read_whole(x->folder, name, &size);
     if (!image) {
-        snprintf(why, MESSAGE, "%s is not in the FMU's resources (%.600s)", name, x->folder);
+        snprintf(why, TEXT_SIZE, "%s is not in the FMU's resources (%.600s)", name, x->folder);
         return 0;
     }
     Body *body = body_open(image, size, &wrong);
     free(image);
-    if (!body) snprintf(why, MESSAGE, "%s cannot be used: %s; build the FMU again", name, wrong);
+    if (!body) snprintf(why, TEXT_SIZE, "%s cannot be used: %s; build the FMU again", name, wrong);
     return body;
 }
 
 /* Whether the variables of a description are consistent with its body. */
 static int variables_fit(const Program *p) {
-    const int64_t pairs = 36 * p->compliances * p->compliances;
-    const int64_t most[] = {p->loads, 6 * p->interfaces, 6 * p->interfaces, p->stress_sets, pairs, 1, P_FIXED + p->interfaces, D_SUBSTEPS + 1};
+    const int64_t most[] = {
+#define ROLE(symbol, count) count,
+#include "interface.def"
+    };
+    static const int diagnostic_type[] = {
+#define DIAGNOSTIC(symbol, name, type, ...) TYPE_##type,
+#include "interface.def"
+    };
     for (int64_t i = 0; i < p->variables; i++) {
         const int64_t role = p->variable_role[i], index = p->variable_index[i], type = p->variable_type[i];
-        if (role < ROLE_INPUT || role > ROLE_DIAGNOSTIC || index < 0 || index >= most[role]) return 0;
-        const int whole = role == ROLE_STATUS || (role == ROLE_DIAGNOSTIC && index >= D_ITERATIONS);
-        if (role == ROLE_PARAMETER ? type == TYPE_INTEGER : type != (whole ? TYPE_INTEGER : TYPE_REAL)) return 0;
+        if (role < 0 || role >= ROLES || index < 0 || index >= most[role]) return 0;
+        const int expected = role == ROLE_STATUS ? TYPE_INTEGER : role == ROLE_DIAGNOSTIC ? diagnostic_type[index] : TYPE_REAL;
+        if (role == ROLE_PARAMETER ? type == TYPE_INTEGER : type != expected) return 0;
     }
     return 1;
 }
@@ -135,7 +151,7 @@ void instance_reset(Instance *x) {
 
 Instance *instance_open(const char *location, const char *guid, char *why) {
     Instance *x = calloc(1, sizeof *x);
-    snprintf(why, MESSAGE, "there is not enough memory");
+    snprintf(why, TEXT_SIZE, "there is not enough memory");
     if (!x) return 0;
     x->folder = path_of_location(location);
     if (!x->folder || !(x->described = open_named(x, DESCRIPTION, why))) {
@@ -144,13 +160,13 @@ Instance *instance_open(const char *location, const char *guid, char *why) {
     }
     const Program *p = description(x);
     if (!guid || strcmp(guid, p->guid) != 0) {
-        snprintf(why, MESSAGE, "the guid %.80s is not that of this FMU's body, %.80s: modelDescription.xml and resources belong to different FMUs",
+        snprintf(why, TEXT_SIZE, "the guid %.80s is not that of this FMU's body, %.80s: modelDescription.xml and resources belong to different FMUs",
                  guid ? guid : "(none)", p->guid);
         instance_close(x);
         return 0;
     }
     if (!p->variables || !variables_fit(p)) {
-        snprintf(why, MESSAGE, "%s describes no variables; build the FMU again", DESCRIPTION);
+        snprintf(why, TEXT_SIZE, "%s describes no variables; build the FMU again", DESCRIPTION);
         instance_close(x);
         return 0;
     }
@@ -201,7 +217,7 @@ void set_parameter(Instance *x, int64_t index, double value) {
     x->body = 0;
 }
 
-int parameter_is_tunable(int64_t index) { return index == P_STEP_FEWEST; }
+int parameter_is_tunable(int64_t index) { return index < P_FIXED && PARAMETERS[index].variability == TUNABLE; }
 
 void set_input(Instance *x, int64_t index, double value) {
     x->input[index] = value;
@@ -218,7 +234,7 @@ void start_changed(Instance *x) {
 
 /* The file of the method chosen, with the interfaces that are fixed. */
 static void program_name(const Instance *x, char *name, size_t size) {
-    char room[MESSAGE / 4];
+    char room[TEXT_SIZE / 4];
     const int64_t variable = parameter_variable(x, P_METHOD);
     const int64_t chosen = (int64_t)x->parameter[P_METHOD];
     int fixed = 0;
@@ -236,16 +252,15 @@ static void program_name(const Instance *x, char *name, size_t size) {
 /* Whether every number among the parameters can be used; else what is wrong with it. */
 static Answer check_parameters(const Instance *x, char *why) {
     const Program *p = description(x);
-    char room[MESSAGE / 4];
+    char room[TEXT_SIZE / 4];
     for (int64_t i = 0; i < p->variables; i++) {
         if (p->variable_role[i] != ROLE_PARAMETER || p->variable_type[i] != TYPE_REAL) continue;
         const int64_t index = p->variable_index[i];
-        const int counted = index == P_STEP_MOST || index == P_STEP_FEWEST;
-        const double value = x->parameter[index], least = index == P_STEP_TOLERANCE ? LEAST_TOLERANCE : counted ? 1.0 : 0.0;
+        const double value = x->parameter[index], least = index < P_FIXED ? PARAMETERS[index].least : 0.0;
         /* In a run each step looks at it. */
         if (parameter_is_tunable(index) && runs(x)) continue;
         if (isfinite(value) && value >= least) continue;
-        snprintf(why, MESSAGE, "%s is %g, expected a finite number of at least %g", variable_text(x, i, 0, room), value, least);
+        snprintf(why, TEXT_SIZE, SAY_PARAMETER_RANGE, variable_text(x, i, 0, room), value, least);
         return ANSWER_FAILED;
     }
     return ANSWER_OK;
@@ -253,11 +268,11 @@ static Answer check_parameters(const Instance *x, char *why) {
 
 static Body *open_chosen(Instance *x, const char *name, char *why) {
     if (strcmp(name, DESCRIPTION) == 0) return x->described;
-    char path[MESSAGE], room[MESSAGE / 4];
+    char path[TEXT_SIZE], room[TEXT_SIZE / 4];
     Body *body = open_named(x, name, path);
     if (body) return body;
     const int64_t method = parameter_variable(x, P_METHOD);
-    snprintf(why, MESSAGE, "method '%s' with the interfaces fixed as they are: %.700s; fix others, or choose another method",
+    snprintf(why, TEXT_SIZE, "method '%s' with the interfaces fixed as they are: %.700s; fix others, or choose another method",
              method < 0 ? "" : variable_text(x, method, 1 + (int64_t)x->parameter[P_METHOD], room), path);
     return 0;
 }
@@ -266,20 +281,20 @@ static Body *open_chosen(Instance *x, const char *name, char *why) {
 static Answer choose(Instance *x, char *why) {
     if (x->body) return ANSWER_OK;
     if (check_parameters(x, why) != ANSWER_OK) return ANSWER_FAILED;
-    char name[MESSAGE / 2];
+    char name[TEXT_SIZE / 2];
     program_name(x, name, sizeof name);
     Body *body = open_chosen(x, name, why);
     if (!body) return ANSWER_FAILED;
     const Program *p = &body->p, *d = description(x);
     if (p->modes > d->modes || p->loads != d->loads || p->interfaces != d->interfaces || p->stress_sets != d->stress_sets ||
         strcmp(p->guid, d->guid) != 0) {
-        snprintf(why, MESSAGE, "%s is of another body; build the FMU again", name);
+        snprintf(why, TEXT_SIZE, "%s is of another body; build the FMU again", name);
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
     }
     const StepLimits limits = {x->parameter[P_STEP_LIMIT], x->parameter[P_STEP_TOLERANCE], x->parameter[P_STEP_MOST]};
     if (body_options(body, x->parameter[P_DAMPING_SCALE], &limits) != FLEX_OK) {
-        snprintf(why, MESSAGE, "a parameter of the steps is out of range: damping.scale %g, internal_step.limit %g, tolerance %g, most %g",
+        snprintf(why, TEXT_SIZE, "a parameter of the steps is out of range: damping.scale %g, internal_step.limit %g, tolerance %g, most %g",
                  x->parameter[P_DAMPING_SCALE], limits.longest, limits.tolerance, x->parameter[P_STEP_MOST]);
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
@@ -291,11 +306,11 @@ static Answer choose(Instance *x, char *why) {
 /* Tell of an input that is not finite. */
 static Answer wrong_input(const Instance *x, int64_t input, const char *before, char *why) {
     const Program *p = description(x);
-    char room[MESSAGE / 4];
+    char room[TEXT_SIZE / 4];
     int64_t variable = 0;
     while (variable < p->variables - 1 && !(p->variable_role[variable] == ROLE_INPUT && p->variable_index[variable] == input)) variable++;
     const int rated = isfinite(x->input[input]);
-    snprintf(why, MESSAGE, "%sinput %s%s is %g, expected a finite number", before, variable_text(x, variable, 0, room),
+    snprintf(why, TEXT_SIZE, SAY_WRONG_INPUT, before, variable_text(x, variable, 0, room),
              rated ? ": its derivative" : "", rated ? x->input_rate[input] : x->input[input]);
     return ANSWER_FAILED;
 }
@@ -316,9 +331,9 @@ static Answer begin(Instance *x, char *why) {
         int64_t rounds;
         const int answer = body_static(x->body, x->input, x->q1, &share, &rounds);
         if (answer != FLEX_OK) {
-            char words[MESSAGE];
-            body_static_refusal(x->body, answer, share, words, MESSAGE);
-            snprintf(why, MESSAGE, "static initialisation: %.900s", words);
+            char words[TEXT_SIZE];
+            body_static_refusal(x->body, answer, share, words, TEXT_SIZE);
+            snprintf(why, TEXT_SIZE, "static initialisation: %.900s", words);
             return ANSWER_FAILED;
         }
         memcpy(x->q, x->q1, (size_t)m * sizeof(double));
@@ -329,19 +344,10 @@ static Answer begin(Instance *x, char *why) {
     return ANSWER_OK;
 }
 
+/* Limits and what happens beyond them, which follow each other in turn. */
 static void watches(const Instance *x, Watch *watch) {
-    watch[WATCH_ROTATION].limit = x->parameter[P_ROTATION_LIMIT];
-    watch[WATCH_ROTATION].action = (OnLimit)x->parameter[P_ON_ROTATION];
-    watch[WATCH_STABILITY].limit = x->parameter[P_STABILITY_LIMIT];
-    watch[WATCH_STABILITY].action = (OnLimit)x->parameter[P_ON_STABILITY];
-    watch[WATCH_MISSED].limit = x->parameter[P_MISSED_LIMIT];
-    watch[WATCH_MISSED].action = (OnLimit)x->parameter[P_ON_MISSED];
-    watch[WATCH_SPIN].limit = x->parameter[P_SPIN_LIMIT];
-    watch[WATCH_SPIN].action = (OnLimit)x->parameter[P_ON_SPIN];
-    watch[WATCH_MOMENTUM].limit = x->parameter[P_MOMENTUM_LIMIT];
-    watch[WATCH_MOMENTUM].action = (OnLimit)x->parameter[P_ON_MOMENTUM];
-    watch[WATCH_INERTIA].limit = x->parameter[P_INERTIA_LIMIT];
-    watch[WATCH_INERTIA].action = (OnLimit)x->parameter[P_ON_INERTIA];
+    const double *limit = x->parameter + P_ROTATION_LIMIT;
+    for (int i = 0; i < WATCHES; i++, limit += 2) watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
 }
 
 /* Look at a place under loads; ANSWER_OK where only warnings were found, which are told. */
@@ -366,7 +372,7 @@ static Answer inspect(Instance *x, const double *q, const double *v, int stepped
     memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);
     for (int i = 0; i < found.count; i++) {
         if (found.action[i] == ON_WARN) continue;
-        snprintf(why, MESSAGE, "%s", found.text[i]);
+        snprintf(why, TEXT_SIZE, "%s", found.text[i]);
         if (found.action[i] == ON_TERMINATE) answer = ANSWER_FAILED;
         if (answer == ANSWER_OK) answer = ANSWER_REFUSED;
     }
@@ -391,9 +397,9 @@ Answer instance_start(Instance *x, char *why) {
     if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
     if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0, x->previous, why) != ANSWER_OK) {
-        char text[MESSAGE];
-        memcpy(text, why, MESSAGE);
-        snprintf(why, MESSAGE, "static initialisation: %.900s", text);
+        char text[TEXT_SIZE];
+        memcpy(text, why, TEXT_SIZE);
+        snprintf(why, TEXT_SIZE, "static initialisation: %.900s", text);
         return failed(x, ANSWER_FAILED);
     }
     x->single[S_RUNNING] = 1.0;
@@ -407,9 +413,9 @@ static int over_step(Instance *x, double step) {
     for (int64_t i = 0; i < x->loads; i++) {
         const double now = x->input[i], before = x->previous[i], rate = x->input_rate[i];
         double start = now, end = now;
-        if (kind == INPUT_RAMP)
+        if (kind == INTERPOLATION_RAMP)
             start = before;
-        else if (kind == INPUT_LINEAR && x->single[S_LAST_STEP] > 0.0)
+        else if (kind == INTERPOLATION_LINEAR && x->single[S_LAST_STEP] > 0.0)
             end = now + (now - before) * (step / x->single[S_LAST_STEP]);
         /* A derivative that the master sets says more than what was before. */
         if (rate != 0.0) {
@@ -425,7 +431,7 @@ static int over_step(Instance *x, double step) {
 
 Answer instance_step(Instance *x, double time, double step, char *why) {
     if (!isfinite(time) || !isfinite(step) || step < 0.0 || !isfinite(time + step)) {
-        snprintf(why, MESSAGE, "a step of %g s from %g s: expected a finite time, and a finite step of at least 0 s", step, time);
+        snprintf(why, TEXT_SIZE, SAY_BAD_TIME, step, time);
         return failed(x, ANSWER_REFUSED);
     }
     for (int64_t i = 0; i < x->loads; i++) {
@@ -439,12 +445,12 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     const int ramps = over_step(x, step);
     for (int64_t i = 0; i < x->loads; i++) {
         if (isfinite(x->start_inputs[i]) && isfinite(x->end_inputs[i])) continue;
-        snprintf(why, MESSAGE, "an input grows beyond all numbers over the step of %g s: lower its derivative, or set input.interpolation to 'constant'", step);
+        snprintf(why, TEXT_SIZE, SAY_GROWS, step);
         return failed(x, ANSWER_REFUSED);
     }
     const double fewest = x->parameter[P_STEP_FEWEST];
     if (!(fewest >= 1.0 && fewest < 1e15)) {
-        snprintf(why, MESSAGE, "internal_step.fewest is %g: expected a finite number of internal steps >= 1", fewest);
+        snprintf(why, TEXT_SIZE, SAY_FEWEST, fewest);
         return failed(x, ANSWER_REFUSED);
     }
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
@@ -453,8 +459,8 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     memcpy(x->v1, x->v, (size_t)m * sizeof(double));
     const int answer = body_step(x->body, x->start_inputs, ramps ? x->end_inputs : 0, step, x->q1, x->v1, &hint, &work);
     if (answer != FLEX_OK) {
-        body_refusal(x->body, answer, step, &work, why, MESSAGE);
-        return failed(x, x->parameter[P_ON_STEP] == REFUSE_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED);
+        body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
+        return failed(x, x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED);
     }
     const Answer verdict = inspect(x, x->q1, x->v1, 1, ramps ? x->end_inputs : x->start_inputs, why);
     if (verdict != ANSWER_OK) return failed(x, verdict);
@@ -479,22 +485,43 @@ static double usual_step(const Instance *x) {
     return x->single[S_LAST_STEP] > 0.0 ? x->single[S_LAST_STEP] : description(x)->suggested_step[0];
 }
 
-static double diagnostic(Instance *x, int64_t index) {
-    double strain, kinetic;
-    switch (index) {
-    case D_ROTATION: return body_rotations(x->body, x->q, 0);
-    /* Inputs set since the last step have not acted yet, and need not be finite. */
-    case D_STABILITY: return body_stability(x->body, x->previous, x->q, 0);
-    case D_MISSED: return body_missed(x->body, x->previous, 0);
-    case D_SPIN: return body_spin(x->body, x->q, x->v);
-    case D_MOMENTUM: return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1];
-    case D_INERTIA: return x->single[S_KINETIC] > 0.0 ? x->single[S_INERTIA] / x->single[S_KINETIC] : 0.0;
-    case D_STEP_ERROR: return x->single[S_ERROR];
-    case D_ITERATIONS: return x->single[S_ITERATIONS];
-    case D_SUBSTEPS: return x->single[S_SUBSTEPS];
-    default: body_energies(x->body, x->q, x->v, &strain, &kinetic); return index == D_STRAIN ? strain : kinetic;
-    }
+/* Diagnostics: `diagnose_symbol` of each in interface.def. Of the state alone. */
+static double diagnose_rotation(Instance *x) { return body_rotations(x->body, x->q, 0); }
+
+/* Inputs set since the last step have not acted yet, and need not be finite. */
+static double diagnose_stability(Instance *x) { return body_stability(x->body, x->previous, x->q, 0); }
+static double diagnose_missed(Instance *x) { return body_missed(x->body, x->previous, 0); }
+
+static double diagnose_spin(Instance *x) { return body_spin(x->body, x->q, x->v); }
+
+static double diagnose_momentum(Instance *x) { return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1]; }
+
+static double diagnose_inertia(Instance *x) {
+    return x->single[S_KINETIC] > 0.0 ? x->single[S_INERTIA] / x->single[S_KINETIC] : 0.0;
 }
+
+static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }
+
+static double diagnose_strain_energy(Instance *x) {
+    double strain, kinetic;
+    body_energies(x->body, x->q, x->v, &strain, &kinetic);
+    return strain;
+}
+
+static double diagnose_kinetic_energy(Instance *x) {
+    double strain, kinetic;
+    body_energies(x->body, x->q, x->v, &strain, &kinetic);
+    return kinetic;
+}
+
+static double diagnose_iterations(Instance *x) { return x->single[S_ITERATIONS]; }
+static double diagnose_substeps(Instance *x) { return x->single[S_SUBSTEPS]; }
+
+/* One that the table has and this file has not is an error of the compiler. */
+static double (*const DIAGNOSE[])(Instance *) = {
+#define DIAGNOSTIC(symbol, ...) diagnose_##symbol,
+#include "interface.def"
+};
 
 Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
     const Program *p = description(x);
@@ -528,7 +555,7 @@ Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
         *value = x->compliance[(6 * (pair / n) + row) * 6 * n + 6 * (pair % n) + column];
         break;
     }
-    default: *value = diagnostic(x, index);
+    default: *value = DIAGNOSE[index](x);
     }
     return ANSWER_OK;
 }
@@ -536,15 +563,15 @@ Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
 Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_count, const int64_t *inputs,
                            int64_t input_count, const double *direction, double *result, char *why) {
     const Program *p = description(x);
-    char room[MESSAGE / 4];
+    char room[TEXT_SIZE / 4];
     for (int64_t i = 0; i < output_count; i++)
         if (p->variable_role[outputs[i]] != ROLE_MOTION) {
-            snprintf(why, MESSAGE, "derivatives are offered of displacements and rotations, not of %s", variable_text(x, outputs[i], 0, room));
+            snprintf(why, TEXT_SIZE, "derivatives are offered of displacements and rotations, not of %s", variable_text(x, outputs[i], 0, room));
             return ANSWER_REFUSED;
         }
     for (int64_t i = 0; i < input_count; i++)
         if (p->variable_role[inputs[i]] != ROLE_INPUT) {
-            snprintf(why, MESSAGE, "derivatives are offered by inputs, not by %s", variable_text(x, inputs[i], 0, room));
+            snprintf(why, TEXT_SIZE, "derivatives are offered by inputs, not by %s", variable_text(x, inputs[i], 0, room));
             return ANSWER_REFUSED;
         }
     if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
@@ -555,7 +582,7 @@ Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_c
     for (int64_t i = 0; i < output_count; i++) {
         result[i] = x->rates[p->variable_index[outputs[i]]];
         if (isfinite(result[i])) continue;
-        snprintf(why, MESSAGE, "the derivative of %s is not finite: the loads, the direction or the step are too large for the arithmetic", variable_text(x, outputs[i], 0, room));
+        snprintf(why, TEXT_SIZE, "the derivative of %s is not finite: the loads, the direction or the step are too large for the arithmetic", variable_text(x, outputs[i], 0, room));
         return ANSWER_REFUSED;
     }
     return ANSWER_OK;
@@ -585,7 +612,7 @@ static int sensible(const Instance *x, const double *numbers) {
     const double *single = numbers + (x->single - x->numbers);
     for (int64_t i = 0; i < p->variables; i++) {
         if (p->variable_role[i] != ROLE_PARAMETER || p->variable_type[i] == TYPE_REAL) continue;
-        char room[MESSAGE / 4];
+        char room[TEXT_SIZE / 4];
         const double value = numbers[p->variable_index[i]];
         if (!(value >= 0.0 && value < 1e6) || value != floor(value)) return 0;
         if (p->variable_type[i] == TYPE_BOOLEAN ? value > 1.0 : !*variable_text(x, i, 1 + (int64_t)value, room)) return 0;

@@ -6,30 +6,51 @@
 #include "body.h"
 #include "monitor.h"
 
-/* Roles of variables, as program/description.py writes them. */
-enum { ROLE_INPUT, ROLE_MOTION, ROLE_RATE, ROLE_STRESS, ROLE_COMPLIANCE, ROLE_STATUS, ROLE_PARAMETER, ROLE_DIAGNOSTIC };
+/* All that follows is in the order of interface.def. */
+enum {
+#define ROLE(symbol, count) ROLE_##symbol,
+#include "interface.def"
+    ROLES
+};
 enum { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN, TYPE_STRING };
 /* Parameters by index; from P_FIXED on one for each interface that the scene may fix. */
 enum {
-    P_METHOD, P_INITIALIZATION, P_INTERPOLATION, P_DAMPING_SCALE, P_STEP_LIMIT, P_STEP_TOLERANCE, P_STEP_MOST, P_STEP_FEWEST, P_ON_STEP,
-    P_ROTATION_LIMIT, P_ON_ROTATION, P_STABILITY_LIMIT, P_ON_STABILITY, P_MISSED_LIMIT, P_ON_MISSED, P_SPIN_LIMIT,
-    P_ON_SPIN, P_MOMENTUM_LIMIT, P_ON_MOMENTUM, P_INERTIA_LIMIT, P_ON_INERTIA, P_FIXED
+#define PARAMETER(symbol, ...) P_##symbol,
+#define WATCH(symbol, ...) P_##symbol##_LIMIT, P_ON_##symbol,
+#include "interface.def"
+    P_FIXED
 };
-enum { START_AT_REST, START_STATIC };
-enum { INPUT_CONSTANT, INPUT_LINEAR, INPUT_RAMP };
-enum { REFUSE_DISCARD, REFUSE_TERMINATE };
-enum { D_ROTATION, D_STABILITY, D_MISSED, D_SPIN, D_MOMENTUM, D_INERTIA, D_STEP_ERROR, D_STRAIN, D_KINETIC, D_ITERATIONS, D_SUBSTEPS };
+enum {
+#define START(symbol, ...) START_##symbol,
+#include "interface.def"
+};
+enum {
+#define INTERPOLATION(symbol, ...) INTERPOLATION_##symbol,
+#include "interface.def"
+};
+enum {
+#define ON_REFUSAL(symbol, ...) ON_REFUSAL_##symbol,
+#include "interface.def"
+};
+enum {
+#define DIAGNOSTIC(symbol, ...) D_##symbol,
+#include "interface.def"
+    DIAGNOSTICS
+};
 /* Values of status.code. */
-enum { STATE_SOUND, STATE_REFUSED, STATE_PASSED };
+enum {
+#define STATE(symbol, ...) STATE_##symbol,
+#include "interface.def"
+};
 
-enum { MESSAGE = 1024 };
+enum { TEXT_SIZE = 1024 };
 typedef enum { ANSWER_OK, ANSWER_REFUSED, ANSWER_FAILED } Answer;
 
 /* What a call has to say: `status` is an FMI status. */
 typedef struct Instance Instance;
 typedef void (*Teller)(void *to, int status, const char *text);
 
-/* Make an instance of the FMU's resources folder; null with words in `why` (MESSAGE) where it cannot be. */
+/* Make an instance of the FMU's resources folder; null with words in `why` (TEXT_SIZE) where it cannot be. */
 Instance *instance_open(const char *folder, const char *guid, char *why);
 void instance_close(Instance *instance);
 /* Whom warnings are told. */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "algebra.h"
+#include "messages.h"
 
 /* Share of the largest loads' norm by which loads must have changed for stability to be looked at again. */
 static const double CHANGED = 0.05;
@@ -42,8 +43,7 @@ static void rotation(Body *body, const Watch *watch, const double *q, Memory *me
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_ROTATION]);
     if (!text) return;
     const int framed = p->frames > 0;
-    snprintf(text, FINDING_TEXT,
-             "material turns by %.3g deg within %s%s%s, beyond the limit of %.3g deg: displacements there are less accurate; %s",
+    snprintf(text, FINDING_TEXT, SAY_ROTATION,
              DEGREES * most, framed ? "frame '" : "the body as one piece",
              framed ? name_of(p, p->interfaces + p->turning_frame[worst]) : "", framed ? "'" : "", DEGREES * limit,
              text_at(p->advice, p->advice_bytes, ADVICE_ROTATION));
@@ -70,9 +70,7 @@ static void stability(Body *body, const Watch *watch, const double *q, const dou
     }
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_STABILITY]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT,
-             "the loads are %s: the tangent stiffness is down to %.3g of the unloaded body's (limit %.3g); %s = %.6g takes "
-             "off %.3g of it, in mode %lld (%.4g Hz); lower it, or look at whether the body really bears it",
+    snprintf(text, FINDING_TEXT, SAY_STABILITY,
              margin <= 0.0 ? "beyond the critical load" : "near the critical load", margin, watch->limit,
              input_name(p, worst), inputs[worst], most, (long long)mode + 1, p->omega[mode] / 6.283185307179586);
 }
@@ -92,9 +90,7 @@ static void missed(Body *body, const Watch *watch, const double *inputs, Memory 
     snprintf(words, sizeof words, margin > 0.0 ? "deflections are off by up to %.3g %%"
                                                : "the loads are beyond the critical load, which the method does not know of",
              100.0 * error);
-    snprintf(text, FINDING_TEXT,
-             "the method misses what the loads do to the stiffness: compared with %s, %s (limit %.3g %%); %s = %.6g does "
-             "most of it; %s",
+    snprintf(text, FINDING_TEXT, SAY_MISSED,
              text_at(p->advice, p->advice_bytes, SOURCE_MISSED), words, 100.0 * watch->limit, input_name(p, worst),
              inputs[worst], text_at(p->advice, p->advice_bytes, ADVICE_MISSED));
 }
@@ -106,9 +102,7 @@ static void spinning(Body *body, const Watch *watch, const double *q, const doub
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_SPIN]);
     if (!text) return;
     const double first = p->omega[p->rigid];
-    snprintf(text, FINDING_TEXT,
-             "the body spins at %.3g rad/s, %.3g %% of its first elastic frequency (%.4g Hz; limit %.3g %%): constant mass "
-             "leaves out centrifugal forces and the stiffness that they give; %s",
+    snprintf(text, FINDING_TEXT, SAY_SPIN,
              ratio * first, 100.0 * ratio, first / 6.283185307179586, 100.0 * watch->limit,
              text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
 }
@@ -119,9 +113,7 @@ static void momentum(Body *body, const Watch *watch, const double *q, const doub
     if (!(watch->limit > 0.0) || !(memory->momentum.drift > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_MOMENTUM]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT,
-             "the body turns about changing axes, and its angular momentum is off by %.3g %% of its largest (limit %.3g %%): "
-             "constant mass leaves out gyroscopic terms; %s",
+    snprintf(text, FINDING_TEXT, SAY_MOMENTUM,
              100.0 * memory->momentum.drift, 100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
 }
 
@@ -131,9 +123,7 @@ static void inertia(Body *body, const Watch *watch, const double *q, const doubl
     if (!(watch->limit > 0.0) || !(share > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_INERTIA]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT,
-             "constant mass leaves out %.3g %% of the kinetic energy (limit %.3g %%): the body has turned so far that vibrations "
-             "run early or late; build it with mass = \"configuration\" in [formulation]",
+    snprintf(text, FINDING_TEXT, SAY_INERTIA,
              100.0 * share, 100.0 * watch->limit);
 }
 

@@ -4,8 +4,15 @@
 
 #include "body.h"
 
-typedef enum { ON_WARN, ON_DISCARD, ON_TERMINATE } OnLimit;
-enum { WATCH_ROTATION, WATCH_STABILITY, WATCH_MISSED, WATCH_SPIN, WATCH_MOMENTUM, WATCH_INERTIA, WATCHES };
+typedef enum {
+#define ON_LIMIT(symbol, ...) ON_##symbol,
+#include "interface.def"
+} OnLimit;
+enum {
+#define WATCH(symbol, ...) WATCH_##symbol,
+#include "interface.def"
+    WATCHES
+};
 
 typedef struct {
     double limit;
