@@ -4,11 +4,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from .config import Place
 from ..fe.faces import element_faces
+from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
 from ..reduction.surface import surface_nodes
-from ..files.array_types import FloatArray, IntArray
+from .config import Place
 
 # Faces whose normals differ by less belong to one smooth piece: coarse bores of eight elements have 45° between them.
 _SMOOTH = np.cos(np.radians(50.0))

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from .config import BodySpec
-from ..files.errors import BodyFileError
-from ..mesh.model import Mesh
-from ..files.units import UnitSystem
-from ..files.toml_files import validated
 from ..files.array_types import FloatArray, IntArray
+from ..files.errors import BodyFileError
+from ..files.toml_files import validated
+from ..files.units import UnitSystem
+from ..mesh.model import Mesh
+from .config import BodySpec
 
 Nodes = str | Mapping[str, Any] | Sequence[int] | IntArray | Callable[[FloatArray], Any]
 """A node set's name, a place as a body file has it, rows of the mesh's points, a mask of them, or a function from

@@ -7,27 +7,27 @@ from dataclasses import replace
 import numpy as np
 
 from .. import __version__
-from .config import BodyFile, BodySpec
-from ..files.errors import BodyFileError
 from ..fe.assembly import volume_matrices
+from ..files.array_types import FloatArray
+from ..files.errors import BodyFileError
+from ..files.progress import Reporter
+from ..files.store import Store
 from ..mesh.checks import checked
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
 from ..mesh.plausibility import implausible
 from ..model.reduced_body import Properties, ReducedBody, Surface
+from ..model.summary import NORMAL_MODES, first_frequency, summary
 from ..program.missed_inertia import missed_inertia
-from ..files.progress import Reporter
 from ..reduction.cut.loop_choice import chosen_cuts
+from ..reduction.cut.parts import reduced_parts
 from ..reduction.masses import body_properties
 from ..reduction.materials import needless
 from ..reduction.model import assemble_model
-from ..reduction.cut.parts import reduced_parts
 from ..reduction.piece import reduced_piece
 from ..reduction.places import by_name, node_set
 from ..reduction.sets import element_set
-from ..files.store import Store
-from ..model.summary import NORMAL_MODES, first_frequency, summary
-from ..files.array_types import FloatArray
+from .config import BodyFile, BodySpec
 
 # Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
 _HEAVY_DAMPING = 0.3

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from .bores import bores
-from .config import BodyFile, Nodes, Place
 from ..fe.assembly import volume_matrices
 from ..fe.faces import element_faces, select
-from ..mesh.model import NO_MATERIAL, Mesh
+from ..files.array_types import FloatArray, IntArray
 from ..files.units import UnitSystem
+from ..mesh.model import NO_MATERIAL, Mesh
 from ..reduction.materials import KEYS, missing
 from ..reduction.places import node_set
-from ..files.array_types import FloatArray, IntArray
+from .bores import bores
+from .config import BodyFile, Nodes, Place
 
 _AXES = ("x", "y", "z")
 # Distance from a plane end of the body, over its longest side, of nodes that lie in it.
