@@ -12,7 +12,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, StressSet, Ties
 from meshes import body_file, box

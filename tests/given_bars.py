@@ -5,7 +5,7 @@ import scipy.sparse as sp
 
 from flexfmu.fe.assembly import mass as mass_matrix
 from flexfmu.fe.assembly import volume_matrices
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from meshes import box, with_sets
 
 LENGTH, SIDE, MODES = 1.0, 0.05, 8

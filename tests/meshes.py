@@ -6,7 +6,9 @@ from itertools import permutations
 import numpy as np
 
 from flexfmu.build.config import BodyFile
-from flexfmu.mesh.model import ElementBlock, ElementType, Material, Mesh
+from flexfmu.mesh.blocks import ElementBlock
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material, Mesh
 
 STEEL = Material("STEEL", 2.0e11, 0.3, 7850.0)
 BAR = """
@@ -177,7 +179,7 @@ def write_deck(mesh, path, *, materials=True):
     lines += [f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in zip(mesh.labels, mesh.points.tolist(), strict=True)]
     for block in mesh.blocks:
         for index in np.unique(block.material):
-            lines.append(f"*ELEMENT, TYPE={block.type.value}, ELSET=PART{index}")
+            lines.append(f"*ELEMENT, TYPE={block.type.name}, ELSET=PART{index}")
             chosen = block.material == index
             for label, nodes in zip(block.labels[chosen], mesh.labels[block.connectivity[chosen]], strict=True):
                 row = [str(label), *map(str, nodes)]

@@ -468,7 +468,7 @@ def _digest(mesh: Mesh) -> str:
     """Hash of a mesh's points, elements and sets."""
     digest = hashlib.sha256(mesh.points.tobytes())
     for block in mesh.blocks:
-        digest.update(block.type.value.encode() + block.connectivity.tobytes())
+        digest.update(block.type.name.encode() + block.connectivity.tobytes())
     for name, rows in mesh.node_sets.items():
         digest.update(name.encode() + rows.tobytes())
     return digest.hexdigest()

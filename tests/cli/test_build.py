@@ -25,7 +25,7 @@ from flexfmu.fe.faces import element_faces
 from flexfmu.files.errors import BodyFileError, FlexfmuError, MeshError, ModelError
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import read_packaged_body
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file
 from flexfmu.reduction.interfaces import fit_interface

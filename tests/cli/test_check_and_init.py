@@ -13,7 +13,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.errors import BodyFileError
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.places import node_set
 from meshes import box, grid, lattice, write_deck
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from flexfmu.build.pipeline import build_fmu
 from flexfmu.commands.cli import app
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from meshes import BAR, box, write_deck
 
 SCENE = '[[static]]\nname = "bend"\nloads = { "tip.force.y" = 100.0 }\n'

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from meshes import box
 
 HERE = Path(__file__).parent
@@ -57,7 +57,7 @@ def mesh_cards(mesh, name="BAR", first=0):
     lines = ["*NODE"]
     labels = first + mesh.labels
     lines += [f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in zip(labels, mesh.points.tolist(), strict=True)]
-    lines.append(f"*ELEMENT, TYPE={block.type.value}, ELSET={name}")
+    lines.append(f"*ELEMENT, TYPE={block.type.name}, ELSET={name}")
     for label, nodes in zip(first + block.labels, labels[block.connectivity], strict=True):
         row = [str(label), *map(str, nodes)]
         lines += [", ".join(row[:11]) + ("," if row[11:] else "")] + ([", ".join(row[11:])] if row[11:] else [])

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexfmu.mesh.decks.surfaces import BRICK_FACES, TETRAHEDRON_FACES
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from foreign.deck_bars import HERE, SIZE, STEEL, mesh_cards, write_table
 from meshes import box
 
@@ -37,11 +36,9 @@ def halves(name):
 def surface(mesh, name, rows, first):
     """Cards of a surface of all element faces within a set."""
     (block,) = mesh.blocks
-    table = BRICK_FACES if block.type.corner_count == 8 else TETRAHEDRON_FACES
     inside = np.isin(block.connectivity, rows)
     lines = [f"*SURFACE, NAME={name}"]
-    for place, face in enumerate(table, start=1):
-        corners = [node for node in face if node < block.type.corner_count]
+    for place, corners in enumerate(block.type.shape.cell.faces, start=1):
         lines += [f"{first + label}, S{place}" for label in block.labels[inside[:, corners].all(axis=1)]]
     return lines
 

@@ -8,12 +8,11 @@ corners and 1/3 between them.
 import csv
 import subprocess
 import tempfile
-from itertools import chain, product
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from flexfmu.fe.elements import FACES
 from flexfmu.mesh.formats import read_mesh
 
 HERE = Path(__file__).parent
@@ -29,8 +28,8 @@ def weights(mesh):
     tip = set(mesh.node_sets["TIP"].tolist())
     share = {}
     for row in block.connectivity:
-        for face in chain.from_iterable(FACES[block.type]):
-            nodes = row[face]
+        for face in block.type.shape.faces:
+            nodes = row[list(face)]
             if not set(nodes.tolist()) <= tip:
                 continue
             corners = len(nodes) // 2

@@ -7,8 +7,9 @@ import pytest
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
+from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.model import NO_MATERIAL, ElementType
+from flexfmu.mesh.model import NO_MATERIAL
 
 # Two unit cubes in a row along x; nodes by x, then the square's corners.
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]

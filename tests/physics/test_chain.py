@@ -12,7 +12,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from meshes import body_file, box
 from references import relative
 

@@ -11,8 +11,8 @@ from flexfmu.build.config import Basis, BranchTable, InterfaceTable, MeshTable, 
 from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.assembly import mean_gradient, volume_matrices
 from flexfmu.files.progress import Reporter
+from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.model import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.reduction.division import distance_along
 from flexfmu.reduction.subdomains import fitted_rotation, mean_rotation, volume_weighted

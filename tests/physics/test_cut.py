@@ -19,8 +19,8 @@ from flexfmu.files.errors import BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.fmu.package import package_fmu
+from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.model import ElementType
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method, missing
 from flexfmu.model.modal_file import read_modal_file, write_modal_file

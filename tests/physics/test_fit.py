@@ -21,7 +21,7 @@ from flexfmu.files.errors import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.fmu.package import read_packaged_body
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method, Variant
 from flexfmu.study.fit import delivery
 from flexfmu.study.fit.body_text import body_text

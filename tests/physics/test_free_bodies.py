@@ -12,7 +12,8 @@ from flexfmu.build.config import Basis, FrameTable, InputTable, InterfaceTable, 
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.errors import ModelError
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType, Material
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material
 from flexfmu.model.errors import EquilibriumError, OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.rotations import exponential

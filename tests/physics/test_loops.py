@@ -13,8 +13,8 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.faces import element_faces
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.model import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.reduction.cut.loops import loop_sections
 from meshes import box, renumbered, with_sets

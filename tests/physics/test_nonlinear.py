@@ -9,8 +9,8 @@ from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.errors import AccuracyError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.checks import checked
+from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.model import ElementType
 from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.model import assemble_model
 from meshes import body_file, box

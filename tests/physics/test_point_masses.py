@@ -12,7 +12,8 @@ from flexfmu.files.errors import MeshError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
-from flexfmu.mesh.model import ElementType, PointMass
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import PointMass
 from flexfmu.model.rotations import skew
 from flexfmu.reduction.masses import body_properties
 from flexfmu.reduction.model import free_motions

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType, Material
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Method
 from meshes import body_file, grid, lattice, with_sets
 from references import relative

@@ -8,7 +8,8 @@ import pytest
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType, Material
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material
 from flexfmu.study.stability.slave import Aboard, Told
 from meshes import bars, body_file, box, with_sets
 

@@ -11,7 +11,7 @@ from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.rotations import exponential
 from meshes import STEEL, body_file, box, with_sets

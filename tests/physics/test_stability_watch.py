@@ -11,7 +11,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.methods import Method
 from flexfmu.study.stability.slave import Aboard, Told

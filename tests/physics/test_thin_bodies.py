@@ -12,7 +12,7 @@ from flexfmu.fe.assembly import mass, stiffness, volume_matrices
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import AccuracyError
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.modes import normal_modes
 from flexfmu.reduction.supported import eliminated, supported
 from meshes import STEEL, body_file, box, held

@@ -15,7 +15,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.deck import read_deck
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.model import assemble_model
 from flexfmu.study.scenes import calculix
 from flexfmu.study.scenes.config import Solver

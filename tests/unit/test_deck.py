@@ -5,7 +5,8 @@ from decks import BODY, BRICK, NODES, STEEL, line_of, read, refuse, set_labels
 from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.deck import read_deck
-from flexfmu.mesh.model import NO_MATERIAL, ElementType
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import NO_MATERIAL
 
 
 def test_a_brick_with_its_material_is_read_as_written(tmp_path):

@@ -11,7 +11,7 @@ from flexfmu.files.errors import BodyFileError, DeckError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.places import node_set

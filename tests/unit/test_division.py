@@ -13,7 +13,7 @@ from flexfmu.fe.assembly import volume_matrices
 from flexfmu.fe.faces import element_faces
 from flexfmu.files.errors import BodyFileError, MeshError
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND
 from flexfmu.reduction.division import Branch, distance_along, divide, divide_branches
@@ -23,7 +23,7 @@ from references import relative
 pytestmark = pytest.mark.slow
 
 BRICK = ElementType.C3D20R
-EVERY = pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+EVERY = pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.name)
 
 
 def divided(mesh, levels):

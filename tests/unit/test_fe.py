@@ -2,8 +2,8 @@
 
 from ctypes import POINTER, c_int32, cast
 from itertools import product
+from math import factorial
 
-import felupe
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -13,18 +13,19 @@ from scipy.sparse.linalg import splu
 from flexfmu.fe import factorisation, memory
 from flexfmu.fe import unknowns as fe_unknowns
 from flexfmu.fe.assembly import mass, stiffness, summed, volume_matrices
-from flexfmu.fe.elements import face_rule, rule
 from flexfmu.fe.faces import element_faces
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.memory import factor_entries
 from flexfmu.files.errors import ModelError
-from flexfmu.mesh.model import ElementType, Material
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material
+from flexfmu.mesh.shapes import FACE_SHAPES, brick_rule, rectangle_rule, tetrahedron_rule, triangle_rule
 from flexfmu.reduction.supported import eliminated
 from meshes import DECK_TYPES, EVERY_TYPE, QUADRATIC, STEEL, box, distorted
 from references import relative
 
 SIZE = (1.5, 1.0, 0.8)
-EVERY = pytest.mark.parametrize("kind", EVERY_TYPE + DECK_TYPES, ids=lambda kind: kind.value)
+EVERY = pytest.mark.parametrize("kind", EVERY_TYPE + DECK_TYPES, ids=lambda kind: kind.name)
 
 
 def skewed(kind, random):
@@ -89,31 +90,75 @@ def check_completeness(value, gradient, nodes, points, degree):
     np.testing.assert_allclose(np.einsum("pnd,kn->kpd", gradient, at_nodes), slope, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("element", "quadrature"),
-    [
-        (felupe.Triangle(), felupe.TriangleQuadrature(2)),
-        (felupe.QuadraticTriangle(), felupe.TriangleQuadrature(5)),
-        (felupe.Quad(), felupe.GaussLegendre(order=2, dim=2)),
-        (felupe.QuadraticQuad(), felupe.GaussLegendre(order=2, dim=2)),
-    ],
-    ids=["tri3", "tri6", "quad4", "quad8"],
-)
-def test_face_shape_functions_and_their_gradients_are_complete(element, quadrature):
-    nodes = np.asarray(element.points, dtype=float)
-    value, gradient, weight = face_rule(len(nodes))
-    check_completeness(value, gradient, nodes, quadrature.points, 2 if len(nodes) in (6, 8) else 1)
-    assert weight.sum() == pytest.approx(0.5 if len(nodes) in (3, 6) else 4.0, rel=1e-9)
+SHAPES = {shape.name: shape for shape in (*(kind.shape for kind in ElementType), *FACE_SHAPES.values())}
+# Rules of the table by what they are exact for: all polynomials up to a degree, in all coordinates together or in each.
+TOGETHER = [(triangle_rule(degree), degree) for degree in (1, 2, 5)]
+TOGETHER += [(tetrahedron_rule(degree), degree) for degree in (1, 2, 4)]
+EACH = [(brick_rule(2), 3), (brick_rule(3), 5), (rectangle_rule(), 5)]
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shape_functions_and_their_gradients_are_complete(name, random):
+    shape = SHAPES[name]
+    points = random.uniform(-1.0, 1.0, (20, shape.nodes.shape[1]))
+    check_completeness(shape.value(points), shape.gradient(points), shape.nodes, points, 2 if shape.quadratic else 1)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shape_functions_are_one_at_their_node_and_zero_at_the_others(name):
+    shape = SHAPES[name]
+    np.testing.assert_allclose(shape.value(shape.nodes), np.eye(len(shape.nodes)), atol=1e-15)
+
+
+@pytest.mark.parametrize(("rule", "degree"), TOGETHER)
+def test_rules_of_triangles_and_tetrahedra_integrate_polynomials_exactly(rule, degree):
+    dimension = rule.points.shape[1]
+    for power in product(range(degree + 2), repeat=dimension):
+        found = rule.weights @ np.prod(rule.points ** np.array(power), axis=1)
+        # ∫ xᵃ yᵇ zᶜ dV = a! b! c! / (a + b + c + 3)!, of triangles alike.
+        exact = np.prod([factorial(p) for p in power]) / factorial(sum(power) + dimension)
+        if sum(power) <= degree:
+            assert found == pytest.approx(exact, rel=2e-15)
+    # And no further.
+    highest = rule.weights @ rule.points[:, 0] ** (degree + 1)
+    assert highest != pytest.approx(factorial(degree + 1) / factorial(degree + 1 + dimension), rel=1e-4)
+
+
+@pytest.mark.parametrize(("rule", "degree"), EACH)
+def test_rules_of_bricks_and_rectangles_integrate_polynomials_exactly(rule, degree):
+    for power in product(range(degree + 1), repeat=rule.points.shape[1]):
+        exact = np.prod([2.0 / (p + 1) if p % 2 == 0 else 0.0 for p in power])
+        assert rule.weights @ np.prod(rule.points ** np.array(power), axis=1) == pytest.approx(exact, abs=1e-14)
 
 
 @EVERY
-def test_element_shape_functions_and_their_gradients_are_complete(kind):
-    choice = rule(kind)
-    nodes = np.asarray(choice.element.points, dtype=float)
-    for quadrature in (choice.stiffness, choice.mass):
-        value = np.array([choice.element.function(point) for point in quadrature.points])
-        gradient = np.array([choice.element.gradient(point) for point in quadrature.points])
-        check_completeness(value, gradient, nodes, quadrature.points, 2 if kind in QUADRATIC else 1)
+def test_the_rules_of_an_element_lie_within_it_and_weigh_its_volume(kind):
+    volume = {4: 1.0 / 6.0, 6: 1.0, 8: 8.0}[kind.corner_count]
+    for rule in (kind.stiffness, kind.mass):
+        assert rule.weights.sum() == pytest.approx(volume, rel=1e-15)
+        assert (kind.shape.nodes.min(axis=0) <= rule.points).all()
+        assert (rule.points <= kind.shape.nodes.max(axis=0)).all()
+
+
+@EVERY
+def test_faces_of_an_element_close_it_and_hold_the_mid_side_nodes_of_their_edges(kind):
+    shape = kind.shape
+    edges = [frozenset(pair) for face in shape.cell.faces for pair in zip(face, face[1:] + face[:1], strict=True)]
+    assert sorted(map(sorted, edges)) == sorted(2 * [sorted(edge) for edge in shape.cell.edges])
+    for face in shape.faces:
+        corners = len(face) // 2 if shape.quadratic else len(face)
+        places = shape.nodes[list(face)]
+        middle = 0.5 * (places[:corners] + np.roll(places[:corners], -1, axis=0))
+        np.testing.assert_array_equal(places[corners:], middle[: len(places) - corners])
+
+
+@EVERY
+def test_an_element_in_mirrored_order_is_one_inside_out(kind):
+    shape = kind.shape
+    turned = shape.nodes[shape.mirrored]
+    slope = shape.gradient(kind.stiffness.points)
+    assert (np.linalg.det(np.einsum("ai,qaJ->qiJ", turned, slope)) < 0.0).all()
+    np.testing.assert_allclose(np.linalg.det(np.einsum("ai,qaJ->qiJ", shape.nodes, slope)), 1.0, rtol=1e-14)
 
 
 @EVERY
@@ -132,8 +177,7 @@ def test_turning_inertia_of_a_box_is_exact(kind):
     mesh = box(kind, (3, 2, 2), SIZE)
     spin = np.cross([0.0, 0.0, 1.0], mesh.points).ravel()
     expected = STEEL.density * np.prod(SIZE) * (SIZE[0] ** 2 + SIZE[1] ** 2) / 3.0
-    # felupe tabulates points of tetrahedra to nine digits.
-    assert spin @ mass(mesh, volume_matrices(mesh)) @ spin == pytest.approx(expected, rel=1e-9)
+    assert spin @ mass(mesh, volume_matrices(mesh)) @ spin == pytest.approx(expected, rel=1e-13)
 
 
 @EVERY
@@ -180,7 +224,7 @@ def test_linear_displacements_give_the_exact_constant_stress_on_a_distorted_mesh
     assert energy == pytest.approx(0.5 * np.sum(stress * strain) * volume, rel=1e-11)
 
 
-@pytest.mark.parametrize("kind", QUADRATIC, ids=lambda kind: kind.value)
+@pytest.mark.parametrize("kind", QUADRATIC, ids=lambda kind: kind.name)
 def test_quadratic_elements_bend_as_a_timoshenko_beam(kind):
     length, width = 1.0, 0.1
     inertia, area = width**4 / 12.0, width**2

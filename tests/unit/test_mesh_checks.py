@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from flexfmu.files.errors import MeshError
+from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.checks import checked, connected_parts, jacobian_determinants
-from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, Mesh
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import NO_MATERIAL, Mesh
 
 TETRA = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], float)
 BRICK = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)

@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from flexfmu.fe.assembly import mass, stiffness, volume_matrices
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import AccuracyError, BodyFileError, ModelError
-from flexfmu.mesh.model import ElementType, Material, Mesh
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material, Mesh
 from flexfmu.reduction.modes import Modes, normal_modes, with_residual_flexibility
 from flexfmu.reduction.supported import eliminated, supported
 from meshes import EVERY_TYPE, STEEL, box, held, lattice, renumbered, with_sets
@@ -43,7 +44,7 @@ def clamped(kind, counts, size):
     return held(box(kind, counts, size), "ROOT")
 
 
-@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.name)
 def test_modes_are_mass_orthonormal_and_solve_the_eigenvalue_problem(kind):
     found = reduced(clamped(kind, *UNEQUAL), 8)
     shapes, squares = found.modes.shapes, found.modes.angular_frequency**2
@@ -59,7 +60,7 @@ def test_modes_are_mass_orthonormal_and_solve_the_eigenvalue_problem(kind):
     assert not shapes[~free].any()
 
 
-@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.name)
 def test_modes_are_the_lowest_of_the_whole_dense_problem(kind):
     found = reduced(clamped(kind, (2, 2, 2), (0.3, 0.1, 0.13)), 5)
     free = np.flatnonzero(~found.mesh.fixed.ravel())
@@ -69,7 +70,7 @@ def test_modes_are_the_lowest_of_the_whole_dense_problem(kind):
     np.testing.assert_allclose(found.modes.angular_frequency, 1.0 / np.sqrt(largest), rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+@pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.name)
 def test_a_guided_rod_swings_lengthwise_at_a_quarter_wave(kind):
     # Without lateral contraction and with lateral motion held, the body is a rod: ω = (2 j − 1) π c / (2 L).
     material = Material("ROD", 2e11, 0.0, 8000.0)

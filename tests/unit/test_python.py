@@ -11,7 +11,7 @@ import pytest
 
 import flexfmu
 from flexfmu.files.errors import BodyFileError, MeshError, SimulationError
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from meshes import box
 
 DOCS = Path(__file__).parents[2] / "docs" / "python.md"

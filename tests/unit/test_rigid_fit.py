@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from flexfmu.fe.faces import area_matrix, element_faces, select
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.rigid_fit import Weighted, by_node, modal_fit, rigid_fit
 from meshes import EVERY_TYPE, arc, box, grid, lattice, with_sets
 
@@ -17,7 +17,7 @@ SHARES = {
     ElementType.C3D4: (3, 1 / 3, 0.0),
     ElementType.C3D10: (3, 0.0, 1 / 3),
 }
-EVERY = pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.value)
+EVERY = pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.name)
 
 
 def graded(kind):

@@ -10,7 +10,7 @@ from flexfmu.fe.assembly import volume_matrices
 from flexfmu.fe.initial_strain import strain_forces
 from flexfmu.fe.stress import nodal_stress
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Method
 from flexfmu.model.rotations import exponential
@@ -129,7 +129,7 @@ def test_uniform_strain_gives_hookes_stress_at_every_corner(kind):
     gradient = np.array([[1e-3, 4e-4, 0.0], [2e-4, -5e-4, 3e-4], [0.0, 1e-4, 7e-4]])
     corners = np.unique(
         np.concatenate(
-            [b.connectivity[:, : 4 if "10" in kind.value or kind.value == "C3D4" else 8].ravel() for b in mesh.blocks]
+            [b.connectivity[:, : 4 if "10" in kind.name or kind.name == "C3D4" else 8].ravel() for b in mesh.blocks]
         )
     )
     stress = nodal_stress(mesh, corners, (mesh.points @ gradient.T).reshape(-1, 1))[:, :, 0]

@@ -11,7 +11,8 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.model import ElementType, Material
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material
 from flexfmu.mesh.plausibility import implausible
 from meshes import box, write_deck
 

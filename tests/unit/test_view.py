@@ -16,7 +16,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import write_modal_file
 from flexfmu.view.model import shown_factor
 from meshes import body_file, box

@@ -60,7 +60,7 @@ def mesh_lines(mesh: Mesh) -> list[str]:
     list of str
     """
     size = " × ".join(f"{side:.4g}" for side in np.ptp(mesh.points, axis=0))
-    kinds = ", ".join(f"{len(block.labels)} {block.type.value}" for block in mesh.blocks)
+    kinds = ", ".join(f"{len(block.labels)} {block.type.name}" for block in mesh.blocks)
     lines = [f"{len(mesh.points)} nodes, elements: {kinds}; {size} m"]
     bare = sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
     for material in mesh.materials:

@@ -2,21 +2,16 @@
 
 from collections.abc import Iterable
 
-import felupe
 import numpy as np
 import scipy.sparse as sp
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.model import ElementBlock, Mesh
+from ..mesh.blocks import ElementBlock, jacobians
+from ..mesh.model import Mesh
 from .cells import cells
-from .elements import rule
 
 # Elements at a time: the strain operators of this many take some 200 MB.
 CHUNK = 2048
-
-
-def _region(mesh: Mesh, cells: IntArray, element: object, quadrature: object) -> felupe.Region:
-    return felupe.Region(felupe.Mesh(mesh.points, cells, "unused"), element, quadrature)
 
 
 def stiffness(mesh: Mesh) -> sp.csr_array:
@@ -86,24 +81,8 @@ def summed(parts: Iterable[sp.csr_array]) -> sp.csr_array:
 
 
 def volume_matrices(mesh: Mesh) -> tuple[FloatArray, ...]:
-    """∫ N_a N_b dV of each element, by the mass quadrature of its type.
-
-    Parameters
-    ----------
-    mesh : Mesh
-
-    Returns
-    -------
-    tuple of (n_elements, node_count, node_count) float
-        One array per block, m³.
-    """
-    result = []
-    for block in mesh.blocks:
-        choice = rule(block.type)
-        region = _region(mesh, block.connectivity, choice.element, choice.mass)
-        value = region.element_h
-        result.append(np.einsum("aq,bq,qe->eab", value, value, region.dV, optimize=True))
-    return tuple(result)
+    """As of `Mesh`."""
+    return mesh.volume_matrices
 
 
 def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]:
@@ -124,18 +103,14 @@ def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]
     """
     total, volume = np.zeros((len(mesh.points), 3)), 0.0
     used = np.zeros(len(mesh.points), dtype=bool)
-    first = 0
-    for block in mesh.blocks:
-        chosen = elements[(elements >= first) & (elements < first + len(block.labels))] - first
-        first += len(block.labels)
-        if not chosen.size:
-            continue
-        cells = block.connectivity[chosen]
-        choice = rule(block.type)
-        region = _region(mesh, cells, choice.element, choice.mass)
-        np.add.at(total, cells, np.einsum("aJqe,qe->eaJ", region.dhdX, region.dV, optimize=True))
-        volume += float(region.dV.sum())
-        used[cells] = True
+    for block, chosen in mesh.parts(elements):
+        nodes, rule = block.connectivity[chosen], block.type.mass
+        slope = block.type.shape.gradient(rule.points)
+        inverse, determinant = jacobians(mesh.points[nodes], slope)
+        weights = determinant * rule.weights
+        np.add.at(total, nodes, np.einsum("eqaJ,eq->eaJ", slope @ inverse, weights, optimize=True))
+        volume += float(weights.sum())
+        used[nodes] = True
     nodes = np.flatnonzero(used)
     return nodes, total[nodes] / volume
 

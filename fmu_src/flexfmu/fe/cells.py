@@ -8,12 +8,12 @@ E. L. Wilson, Int. J. Numer. Meth. Engng. 10 (1976) 1211). Their amplitudes are 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import felupe
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.model import ElementBlock, Mesh
-from .elements import Rule, rule
+from ..mesh.blocks import ElementBlock, jacobians
+from ..mesh.elements import ElementType
+from ..mesh.model import Mesh
 
 # Places of the components xx, yy, zz, xy, yz, zx.
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
@@ -160,20 +160,18 @@ def cells(mesh: Mesh, block: ElementBlock, size: int) -> Iterator[tuple[slice, C
         In the block.
     cells : Cells
     """
-    choice = rule(block.type)
+    shape, rule = block.type.shape, block.type.stiffness
+    value, slope = shape.value(rule.points), shape.gradient(rule.points)
     for first in range(0, len(block.labels), size):
         places = slice(first, min(first + size, len(block.labels)))
         nodes = block.connectivity[places]
         corners = mesh.points[nodes]
-        # On points of their own: felupe looks at all points of its mesh, for each part anew.
-        own = felupe.Mesh(corners.reshape(-1, 3), np.arange(nodes.size).reshape(nodes.shape), "unused")
-        region = felupe.Region(own, choice.element, choice.stiffness)
-        gradient, volume = np.ascontiguousarray(region.dhdX.transpose(3, 2, 0, 1)), np.ascontiguousarray(region.dV.T)
-        if choice.incompatible:
-            gradient = np.concatenate([gradient, _incompatible(corners, volume, choice)], axis=2)
-        value = np.array([choice.element.function(point) for point in choice.stiffness.points])
+        inverse, determinant = jacobians(corners, slope)
+        gradient = slope @ inverse
+        if block.type.incompatible:
+            gradient = np.concatenate([gradient, _incompatible(corners, determinant, block.type)], axis=2)
         chosen = block.part(np.arange(places.start, places.stop))
-        yield places, Cells(nodes, value, gradient, volume, elasticity(mesh, chosen))
+        yield places, Cells(nodes, value, gradient, determinant * rule.weights, elasticity(mesh, chosen))
 
 
 def elasticity(mesh: Mesh, block: ElementBlock) -> FloatArray:
@@ -203,12 +201,8 @@ def elasticity(mesh: Mesh, block: ElementBlock) -> FloatArray:
     return result
 
 
-def _incompatible(corners: FloatArray, volume: FloatArray, choice: Rule) -> FloatArray:
+def _incompatible(corners: FloatArray, determinant: FloatArray, kind: ElementType) -> FloatArray:
     """Gradients (e, q, 3, 3) of 1 − ξ_b² by the centre's Jacobian: −2 ξ_b (j₀/j) J₀⁻ᵀ e_b."""
-    centre = np.einsum("eai,aJ->eiJ", corners, choice.element.gradient(np.zeros(3)))
-    inverse, size = np.linalg.inv(centre), np.linalg.det(centre)
-    points = np.asarray(choice.stiffness.points)
-    weights = np.asarray(choice.stiffness.weights)
-    ratio = size[:, None] * weights / volume
-    result: FloatArray = -2.0 * np.einsum("qb,eq,ebJ->eqbJ", points, ratio, inverse)
+    inverse, size = jacobians(corners, kind.shape.gradient(np.zeros((1, 3))))
+    result: FloatArray = -2.0 * np.einsum("qb,eq,ebJ->eqbJ", kind.stiffness.points, size / determinant, inverse[:, 0])
     return result

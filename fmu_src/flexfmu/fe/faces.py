@@ -1,70 +1,17 @@
 """Element faces: which ones a node set consists of, and how nodes share in an area."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import BoolArray, FloatArray, IntArray
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
-from .elements import FACES, face_rule
-
-
-@dataclass(frozen=True, slots=True)
-class FaceBlock:
-    """Faces with the same number of nodes.
-
-    Attributes
-    ----------
-    nodes : (n_faces, k) int
-        Rows of `Mesh.points`, corners first; the outward side is not told.
-    element : (n_faces,) int
-        Element to which the face belongs, counted over all blocks.
-    outer : (n_faces,) bool
-        Whether no other element shares the face.
-    """
-
-    nodes: IntArray
-    element: IntArray
-    outer: BoolArray
-
-    @property
-    def corner_count(self) -> int:
-        """Three or four."""
-        return 3 if self.nodes.shape[1] in (3, 6) else 4
+from ..mesh.shapes import FACE_RULES, FACE_SHAPES
 
 
 def element_faces(mesh: Mesh) -> tuple[FaceBlock, ...]:
-    """All faces of all elements; a face between two elements appears twice.
-
-    Parameters
-    ----------
-    mesh : Mesh
-
-    Returns
-    -------
-    tuple of FaceBlock
-        One per block of the mesh, two of wedges: triangles, then rectangles.
-    """
-    first = 0
-    blocks, keys = [], []
-    for block in mesh.blocks:
-        for table in FACES[block.type]:
-            nodes = block.connectivity[:, table].reshape(-1, table.shape[1])
-            element = first + np.repeat(np.arange(len(block.labels)), len(table))
-            corners = 3 if table.shape[1] in (3, 6) else 4
-            key = np.full((len(nodes), 4), -1)
-            key[:, :corners] = np.sort(nodes[:, :corners], axis=1)
-            blocks.append((nodes, element))
-            keys.append(key)
-        first += len(block.labels)
-    _, inverse, count = np.unique(np.concatenate(keys), axis=0, return_inverse=True, return_counts=True)
-    outer = (count == 1)[inverse.ravel()]
-    ends = np.cumsum([len(key) for key in keys])
-    return tuple(
-        FaceBlock(nodes, element, outer[end - len(element) : end])
-        for (nodes, element), end in zip(blocks, ends, strict=True)
-    )
+    """As of `Mesh`."""
+    return mesh.faces
 
 
 def select(faces: tuple[FaceBlock, ...], nodes: IntArray, *, outer: bool) -> tuple[IntArray, ...]:
@@ -121,10 +68,11 @@ def area_matrix(points: FloatArray, faces: tuple[IntArray, ...], nodes: IntArray
         if not len(block):
             continue
         count = block.shape[1]
-        value, gradient, weight = face_rule(count)
-        tangents = np.einsum("fai,qaj->qfij", points[block], gradient)
+        shape, rule = FACE_SHAPES[count], FACE_RULES[count]
+        value = shape.value(rule.points)
+        tangents = np.einsum("fai,qaj->qfij", points[block], shape.gradient(rule.points))
         area = np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1)
-        matrices = np.einsum("qa,qb,q,qf->fab", value, value, weight, area, optimize=True)
+        matrices = np.einsum("qa,qb,q,qf->fab", value, value, rule.weights, area, optimize=True)
         local = np.searchsorted(nodes, block)
         rows, columns = np.repeat(local, count, axis=1).ravel(), np.tile(local, (1, count)).ravel()
         total = total + sp.csr_array(sp.coo_array((matrices.ravel(), (rows, columns)), shape=total.shape))

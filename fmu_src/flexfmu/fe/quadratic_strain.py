@@ -7,7 +7,6 @@ import numpy as np
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
 from .cells import Cells, cells
-from .elements import rule
 
 # Numbers of a strain field that are held at a time: few enough to stay in the processor's cache, which halves the time.
 _NUMBERS = 400_000
@@ -43,7 +42,7 @@ def quadratic_strain(
     energies = np.zeros((len(pairs), len(pairs)))
     done = 0
     for block in mesh.blocks:
-        points = len(rule(block.type).stiffness.weights)
+        points = len(block.type.stiffness.weights)
         size = max(1, _NUMBERS // (9 * points * len(pairs)))
         for _, some in cells(mesh, block, size):
             energies += _add(some, phi, pairs, forces)

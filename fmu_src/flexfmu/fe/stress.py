@@ -1,15 +1,15 @@
 """Stress of displacement fields at the integration points of chosen elements."""
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.model import ElementType, Mesh
+from ..mesh.elements import ElementType
+from ..mesh.model import Mesh
+from ..mesh.shapes import LINEAR
 from .assembly import CHUNK
 from .cells import VOIGT, cells
-from .elements import rule
 
 
 def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -33,12 +33,7 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
     """
     u = fields.reshape(len(mesh.points), 3, -1)
     places, stresses = [], []
-    first = 0
-    for block in mesh.blocks:
-        inside = elements[(elements >= first) & (elements < first + len(block.labels))] - first
-        first += len(block.labels)
-        if not inside.size:
-            continue
+    for block, inside in mesh.parts(elements):
         for _, some in cells(mesh, block.part(inside), CHUNK):
             gradient = some.displacement_gradient(u)
             found = some.stress(0.5 * (gradient + gradient.swapaxes(2, 3)))
@@ -67,8 +62,7 @@ def nodal_stress(mesh: Mesh, nodes: IntArray, fields: FloatArray) -> FloatArray:
     total, met = np.zeros((nodes.size, 6, fields.shape[1])), np.zeros(nodes.size)
     row = np.full(len(mesh.points), -1)
     row[nodes] = np.arange(nodes.size)
-    first = 0
-    for block in mesh.blocks:
+    for block, first in zip(mesh.blocks, mesh.starts, strict=False):
         outward = _extrapolation(block.type)
         corners = row[block.connectivity[:, : len(outward)]]
         touching = np.flatnonzero((corners >= 0).any(axis=1))
@@ -79,26 +73,13 @@ def nodal_stress(mesh: Mesh, nodes: IntArray, fields: FloatArray) -> FloatArray:
             there = corners[touching].ravel()
             np.add.at(total, there[there >= 0], at_corners[there >= 0])
             np.add.at(met, there[there >= 0], 1.0)
-        first += len(block.labels)
     return total / np.maximum(met, 1.0)[:, None, None]
 
 
 @cache
 def _extrapolation(kind: ElementType) -> FloatArray:
-    """Values at an element's corners of what fits those at its integration points best, (corners, points)."""
-    choice = rule(kind)
-    bricks, wedges = kind.corner_count == 8, kind.corner_count == 6
-    powers = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1) if bricks or i + j + (0 if wedges else k) < 2]
-    element: Any = choice.element
-    scheme: Any = choice.stiffness
-    corners, points = np.asarray(element.points)[: kind.corner_count], scheme.points
-    if len(points) < len(powers):
-        # One integration point: constant stress; one of the triangle at two heights: linear along the wedge.
-        powers = [(0, 0, k) for k in range(len(points))]
+    """Values at the corners (corners, points) between which linear functions fit those at the points best.
 
-    def terms(places: FloatArray) -> FloatArray:
-        found: FloatArray = np.stack([np.prod(places ** np.array(power), axis=1) for power in powers], axis=1)
-        return found
-
-    result: FloatArray = terms(corners) @ np.linalg.pinv(terms(points))
-    return result
+    Of several the least: one point gives a constant, one of the triangle at two heights what is linear along the wedge.
+    """
+    return np.linalg.pinv(LINEAR[kind.shape.cell].value(kind.stiffness.points)).astype(np.float64)

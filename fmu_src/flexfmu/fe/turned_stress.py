@@ -7,7 +7,6 @@ import numpy as np
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
 from .cells import Cells, cells
-from .elements import rule
 
 # Numbers of a stress field that are held at a time: as of the quadratic strain.
 _NUMBERS = 400_000
@@ -44,7 +43,7 @@ def turned_stress(
     spin, volume = np.zeros((count, 3, 3, modes)), np.zeros(count)
     done = 0
     for block in mesh.blocks:
-        points = len(rule(block.type).stiffness.weights)
+        points = len(block.type.stiffness.weights)
         size = max(1, _NUMBERS // (9 * points * max(len(pairs), modes)))
         for _, some in cells(mesh, block, size):
             _add(some, phi, pairs, result, spin, volume)

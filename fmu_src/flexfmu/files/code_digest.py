@@ -14,7 +14,7 @@ _PACKAGE = __name__.partition(".")[0]
 _CORE, _COMPILED = f"{_PACKAGE}.core.library", (".c", ".h", ".def")
 _ROOT = Path(__file__).parents[2]
 # Another version of these may give other numbers; the last two need not be there.
-_LIBRARIES = ("numpy", "scipy", "felupe", "pymetis", "pypardiso", "mkl")
+_LIBRARIES = ("numpy", "scipy", "pymetis", "pypardiso", "mkl")
 
 
 @cache

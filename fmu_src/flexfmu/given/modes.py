@@ -17,9 +17,8 @@ from ..files.inputs import Kind, kind_of
 from ..files.targets import check_target, whole_file
 from ..files.units import UnitSystem
 from ..mesh.checks import checked
-from ..mesh.in_memory import ELEMENT_TYPES
 from ..mesh.listing import listed
-from ..mesh.model import NO_MATERIAL, ElementType, Material, Mesh
+from ..mesh.model import NO_MATERIAL, Material, Mesh
 
 SUFFIXES = (".npz", ".h5")
 # Relative size of a mode at a node below which it is zero: the node is held.
@@ -153,15 +152,9 @@ class GivenModes:
         )
         heavy = replace(mesh, materials=materials, blocks=blocks)
         mass = mass_matrix(heavy, volume_matrices(heavy))
-        names = {kind: name for name, kind in ELEMENT_TYPES.items()} | {
-            ElementType.C3D20: "hexahedron20",
-            ElementType.C3D8I: "hexahedron",
-            ElementType.C3D6: "wedge",
-            ElementType.C3D15: "wedge15",
-        }
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
-            cells.setdefault(names[block.type], []).append(block.connectivity)
+            cells.setdefault(block.type.shape.name, []).append(block.connectivity)
         return cls(
             mesh.points,
             np.asarray(modes, dtype=float)[:, there],

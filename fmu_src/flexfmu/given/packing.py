@@ -16,12 +16,13 @@ from ..build.choices import NodeChoices, Nodes, checked_spec, interface_table, s
 from ..build.choices import plain as plain_value
 from ..build.config import BodySpec
 from ..fe.assembly import volume_matrices
-from ..fe.faces import FaceBlock, element_faces
+from ..fe.faces import element_faces
 from ..files.array_types import FloatArray, IntArray
 from ..files.counts import plural
 from ..files.errors import BodyFileError
 from ..files.progress import Reporter
 from ..files.units import UnitSystem
+from ..mesh.blocks import FaceBlock
 from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents
 from ..mesh.model import Material, Mesh

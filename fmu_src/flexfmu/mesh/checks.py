@@ -3,16 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-import felupe
 import numpy as np
 from scipy import sparse
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import MeshError
+from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.equations import coupled_nodes, without
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import ElementBlock, ElementType, Mesh
-from flexfmu.mesh.wedges import QuadraticWedge, Wedge, wedge_quadrature
+from flexfmu.mesh.model import Mesh
 
 # Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest
 # sensible element (1e-6 for one of aspect 1000 to 1000 to 1), far above round-off of coordinates (1e-13).
@@ -99,10 +98,11 @@ def jacobian_determinants(points: FloatArray, block: ElementBlock) -> FloatArray
     (n_elements, n_places) float
         m³; at the corners first, then at the quadrature points of the type.
     """
-    gradients = _reference_gradients(block.type)
+    shape = block.type.shape
+    places = np.concatenate([shape.cell.corners, block.type.stiffness.points])
     # Relative to the first node, so that a body far from the origin loses no digits.
     coordinates = points[block.connectivity] - points[block.connectivity[:, :1]]
-    determinants: FloatArray = np.linalg.det(np.einsum("ena,pnb->epab", coordinates, gradients))
+    determinants: FloatArray = np.linalg.det(np.einsum("ena,pnb->epab", coordinates, shape.gradient(places)))
     return determinants
 
 
@@ -112,25 +112,6 @@ def _unsound(points: FloatArray, block: ElementBlock) -> BoolArray:
     smallest: FloatArray = jacobian_determinants(points, block).min(axis=1)
     unsound: BoolArray = smallest <= DEGENERATE * extent**3
     return unsound
-
-
-def _reference_gradients(kind: ElementType) -> FloatArray:
-    """Gradients of the shape functions, (n_places, node_count, 3), at corners and quadrature points."""
-    tetrahedron = felupe.quadrature.Tetrahedron
-    brick = felupe.quadrature.GaussLegendre
-    linear, quadratic = felupe.element.Hexahedron(), felupe.element.QuadraticHexahedron()
-    element, scheme = {
-        ElementType.C3D4: (felupe.element.Tetra(), tetrahedron(order=1)),
-        ElementType.C3D6: (Wedge(), wedge_quadrature(1, 2)),
-        ElementType.C3D8: (linear, brick(order=1, dim=3)),
-        ElementType.C3D8I: (linear, brick(order=1, dim=3)),
-        ElementType.C3D10: (felupe.element.QuadraticTetra(), tetrahedron(order=2)),
-        ElementType.C3D15: (QuadraticWedge(), wedge_quadrature(2, 3)),
-        ElementType.C3D20: (quadratic, brick(order=2, dim=3)),
-        ElementType.C3D20R: (quadratic, brick(order=1, dim=3)),
-    }[kind]
-    places = np.concatenate([np.asarray(element.points)[: kind.corner_count], scheme.points])
-    return np.array([element.gradient(place) for place in places], dtype=float)
 
 
 def _without_unused_nodes(mesh: Mesh) -> Mesh:

@@ -11,32 +11,14 @@ from meshio._mesh import topological_dimension
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.blocks import ElementBlock
+from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.equations import matrix_of
-from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType, Material, Mesh, PointMass
+from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass
 from flexfmu.mesh.other.file_sets import cell_groups, node_sets_of
 
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.
 topological_dimension.setdefault("wedge15", 3)
-
-# meshio's names. They do not tell full from reduced integration: reduced, as most 20-node models are run.
-ELEMENT_TYPES = {
-    "tetra": ElementType.C3D4,
-    "tetra10": ElementType.C3D10,
-    "wedge": ElementType.C3D6,
-    "wedge15": ElementType.C3D15,
-    "hexahedron": ElementType.C3D8,
-    "hexahedron20": ElementType.C3D20R,
-}
-
-# Nodes of cells that are numbered the other way round, in the order that turns them inside out.
-_MIRRORED = {
-    "tetra": [1, 0, 2, 3],
-    "tetra10": [1, 0, 2, 3, 4, 6, 5, 8, 7, 9],
-    "hexahedron": [0, 3, 2, 1, 4, 7, 6, 5],
-    "hexahedron20": [0, 3, 2, 1, 4, 7, 6, 5, 11, 10, 9, 8, 15, 14, 13, 12, 16, 19, 18, 17],
-    "wedge": [0, 2, 1, 3, 5, 4],
-    "wedge15": [0, 2, 1, 3, 5, 4, 8, 7, 6, 11, 10, 9, 12, 14, 13],
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,21 +122,18 @@ def _turned(found: Any, points: FloatArray, places: Sequence[int]) -> list[str]:
     count = 0
     for place in places:
         block = found.cells[place]
-        corners = points[block.data[:, : _CORNERS[block.type.rstrip("0123456789")]]]
-        # Three edges of the first corner: of bricks and wedges the fourth node is not the one above it.
-        ends = corners[:, [1, {4: 2, 6: 2, 8: 3}[corners.shape[1]], {4: 3, 6: 3, 8: 4}[corners.shape[1]]]]
-        inverted = np.linalg.det(ends - corners[:, :1]) < 0.0
+        shape = ASSUMED[block.type].shape
+        # Edges of the first corner, along the first coordinate, the second and the third.
+        ends = [max(edge) for edge in shape.cell.edges if 0 in edge]
+        inverted = np.linalg.det(points[block.data[:, ends]] - points[block.data[:, :1]]) < 0.0
         if inverted.any():
             count += int(inverted.sum())
             data = np.array(block.data)
-            data[inverted] = data[inverted][:, _MIRRORED[block.type]]
+            data[inverted] = data[inverted][:, shape.mirrored]
             block.data = data
     return (
         [f"{count} elements are numbered the other way round (mirrored): their node order was turned"] if count else []
     )
-
-
-_CORNERS = {"tetra": 4, "wedge": 6, "hexahedron": 8}
 
 
 def as_mesh(given: object, units: UnitSystem) -> Mesh:
@@ -194,7 +173,7 @@ def as_mesh(given: object, units: UnitSystem) -> Mesh:
 
 def _from_arrays(points: Any, cells: Any) -> meshio.Mesh:
     by_kind = dict(cells) if isinstance(cells, Mapping) else {"": cells}
-    widths = {kind.node_count: name for name, kind in ELEMENT_TYPES.items()}
+    widths = {kind.node_count: name for name, kind in ASSUMED.items()}
     blocks = []
     for name, rows in by_kind.items():
         array = np.asarray(rows)
@@ -204,7 +183,7 @@ def _from_arrays(points: Any, cells: Any) -> meshio.Mesh:
                 "a cell)"
             )
         kind = name or widths.get(array.shape[1])
-        if kind is None or (kind in ELEMENT_TYPES and ELEMENT_TYPES[kind].node_count != array.shape[1]):
+        if kind is None or (kind in ASSUMED and ASSUMED[kind].node_count != array.shape[1]):
             known = ", ".join(f"{count} ({known})" for count, known in sorted(widths.items()))
             raise MeshError(f"cells {name!r} have {array.shape[1]} nodes, expected {known}")
         blocks.append((kind, array))
@@ -230,8 +209,8 @@ def _from_skfem(given: Any) -> meshio.Mesh:
 def _volume_blocks(found: Any, title: str) -> list[int]:
     """Return the places of the volume cells among the file's cell blocks."""
     places = [place for place, block in enumerate(found.cells) if block.dim == 3 and len(block.data)]
-    refused = sorted({found.cells[place].type for place in places} - set(ELEMENT_TYPES))
-    supported = ", ".join(f"{name} ({kind.value})" for name, kind in ELEMENT_TYPES.items())
+    refused = sorted({found.cells[place].type for place in places} - set(ASSUMED))
+    supported = ", ".join(f"{name} ({kind.name})" for name, kind in ASSUMED.items())
     if refused:
         raise MeshError(
             f"{title} holds cells of the kind {', '.join(refused)}, supported are {supported}; "
@@ -262,8 +241,8 @@ def _element_blocks(contents: Contents, places: list[int]) -> tuple[tuple[Elemen
     blocks = []
     positions: dict[int, IntArray] = {}
     end = 0
-    for kind in dict.fromkeys(ELEMENT_TYPES[cells[place].type] for place in places):
-        chosen = [place for place in places if ELEMENT_TYPES[cells[place].type] is kind]
+    for kind in dict.fromkeys(ASSUMED[cells[place].type] for place in places):
+        chosen = [place for place in places if ASSUMED[cells[place].type] is kind]
         labels, material = [], []
         for place in chosen:
             count = len(cells[place].data)

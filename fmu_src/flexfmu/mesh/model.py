@@ -1,42 +1,17 @@
 """The finite element mesh as data: nodes, blocks of solid elements, sets and materials; SI units throughout."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
+from flexfmu.mesh.blocks import ElementBlock, FaceBlock, faces_of, volume_matrices
 from flexfmu.mesh.listing import listed
 
 NO_MATERIAL = -1
-
-
-class ElementType(Enum):
-    """The solid elements that a body may be made of, by their Abaqus and CalculiX names.
-
-    Node order is that of the decks, which is meshio's (VTK's) too for all of them.
-    """
-
-    C3D4 = "C3D4"
-    C3D6 = "C3D6"
-    C3D8 = "C3D8"
-    C3D8I = "C3D8I"
-    C3D10 = "C3D10"
-    C3D15 = "C3D15"
-    C3D20 = "C3D20"
-    C3D20R = "C3D20R"
-
-    @property
-    def node_count(self) -> int:
-        """Nodes per element."""
-        return int("".join(filter(str.isdigit, self.value[3:])))
-
-    @property
-    def corner_count(self) -> int:
-        """Corners per element: 4 of a tetrahedron, 6 of a wedge, 8 of a brick."""
-        return {4: 4, 10: 4, 6: 6, 15: 6}.get(self.node_count, 8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,44 +51,6 @@ class Material:
 
 
 @dataclass(frozen=True, slots=True)
-class ElementBlock:
-    """Elements of one type.
-
-    Attributes
-    ----------
-    type : ElementType
-    labels : (n_elements,) int
-        The file's element numbers.
-    connectivity : (n_elements, node_count) int
-        Rows of `Mesh.points`.
-    material : (n_elements,) int
-        Rows of `Mesh.materials`; `NO_MATERIAL` where the file gives none.
-    axes : (n_elements, 3, 3) float, optional
-        Axes of the material as columns, global frame; by default the global axes.
-    """
-
-    type: ElementType
-    labels: IntArray
-    connectivity: IntArray
-    material: IntArray
-    axes: FloatArray | None = None
-
-    def part(self, chosen: IntArray | BoolArray) -> "ElementBlock":
-        """Return some of the elements.
-
-        Parameters
-        ----------
-        chosen : (k,) int or (n_elements,) bool
-
-        Returns
-        -------
-        ElementBlock
-        """
-        axes = None if self.axes is None else self.axes[chosen]
-        return ElementBlock(self.type, self.labels[chosen], self.connectivity[chosen], self.material[chosen], axes)
-
-
-@dataclass(frozen=True, slots=True)
 class PointMass:
     """A mass that hangs on nodes of the mesh.
 
@@ -137,9 +74,9 @@ class PointMass:
     inertia: FloatArray
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, repr=False)
 class Mesh:
-    """A body's mesh.
+    """A body's mesh; what follows from its nodes and elements alone is found once.
 
     Attributes
     ----------
@@ -178,11 +115,38 @@ class Mesh:
 
     def __repr__(self) -> str:
         """Size, kinds of elements, sets."""
-        kinds = ", ".join(f"{len(block.labels)} {block.type.value}" for block in self.blocks)
+        kinds = ", ".join(f"{len(block.labels)} {block.type.name}" for block in self.blocks)
         sets = f"node sets {listed(self.node_sets)}; element sets {listed(self.element_sets)}"
         return f"<Mesh: {len(self.points)} nodes, {kinds or 'no elements'}; {sets}>"
 
     @property
     def element_count(self) -> int:
         """Number of elements over all blocks."""
-        return sum(len(block.labels) for block in self.blocks)
+        return int(self.starts[-1])
+
+    @cached_property
+    def starts(self) -> IntArray:
+        """Number of each block's first element, counted over all blocks, and how many there are, (b + 1,)."""
+        return np.cumsum([0, *(len(block.labels) for block in self.blocks)])
+
+    @cached_property
+    def faces(self) -> tuple[FaceBlock, ...]:
+        """All faces of all elements, one item per block, two of wedges; a face between two elements appears twice."""
+        return faces_of(self.blocks)
+
+    @cached_property
+    def volume_matrices(self) -> tuple[FloatArray, ...]:
+        """∫ N_a N_b dV (n_elements, node_count, node_count) of each block's elements, m³."""
+        return volume_matrices(self.points, self.blocks)
+
+    @cached_property
+    def volumes(self) -> FloatArray:
+        """Volumes (n_elements,) over all blocks, m³."""
+        return np.concatenate([np.zeros(0), *(matrices.sum(axis=(1, 2)) for matrices in self.volume_matrices)])
+
+    def parts(self, elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
+        """Yield each block that has some of the elements, counted over all blocks, and their places in it."""
+        for block, start, end in zip(self.blocks, self.starts, self.starts[1:], strict=False):
+            inside = elements[(elements >= start) & (elements < end)] - start
+            if inside.size:
+                yield block, inside

@@ -39,7 +39,7 @@ class Matrices:
     def key(self) -> str:
         """Hash of all that the matrices depend on."""
         model, mesh = self.model, self.model.mesh
-        blocks = [part for b in mesh.blocks for part in (b.type.value, b.connectivity, b.material, b.axes)]
+        blocks = [part for b in mesh.blocks for part in (b.type.name, b.connectivity, b.material, b.axes)]
         materials = [(*m.elasticity.ravel().tolist(), m.density) for m in mesh.materials]
         found = mesh.equations
         tied = () if found is None else (found.data, found.indices, found.indptr)

@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ..fe.faces import FaceBlock
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError, MeshError
+from ..mesh.blocks import FaceBlock
 from ..mesh.equations import coupled_nodes
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND

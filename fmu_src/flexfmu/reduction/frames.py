@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..build.config import Basis, BodySpec, BranchTable, Nodes
-from ..fe.faces import FaceBlock
 from ..files.array_types import FloatArray, IntArray
+from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, WholeFrame
 from .division import Branch, divide, divide_branches, open_loops

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..build.config import InterfaceTable
-from ..fe.faces import FaceBlock, area_matrix, select
+from ..fe.faces import area_matrix, select
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError
+from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from .places import node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit

@@ -7,12 +7,13 @@ import numpy as np
 
 from ..build.config import BodySpec
 from ..fe.assembly import volume_matrices
-from ..fe.faces import FaceBlock, element_faces
+from ..fe.faces import element_faces
 from ..fe.stress import point_stress
 from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
+from ..mesh.blocks import FaceBlock
 from ..model.inertia import LumpedMass
 from ..model.membrane import Membrane
 from ..model.methods import Data, Mass, has_frames

@@ -19,7 +19,8 @@ import numpy as np
 
 from ..fe.geometric import geometric_stiffness
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.model import ElementType, Mesh
+from ..mesh.elements import ElementType
+from ..mesh.model import Mesh
 from ..model.curvature import from_ground, product
 from ..model.reduced_body import GROUND, SecondOrder
 from ..model.rotations import skew

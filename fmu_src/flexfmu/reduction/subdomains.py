@@ -7,9 +7,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fe.assembly import mean_gradient, scatter
-from ..fe.faces import FaceBlock, area_matrix, select
+from ..fe.faces import area_matrix, select
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError
+from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND
 from ..model.rotations import skew

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..fe.faces import FaceBlock
 from ..fe.initial_strain import strain_forces
 from ..fe.stress import nodal_stress
 from ..files.array_types import FloatArray, IntArray
+from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, Surface
 from .subdomains import Subdomain

@@ -9,6 +9,7 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.assembly import Assembly
 from flexfmu.mesh.decks.boundary import hold
 from flexfmu.mesh.decks.cards import Card, read_cards
@@ -23,7 +24,7 @@ from flexfmu.mesh.decks.surfaces import surface_faces, surface_nodes
 from flexfmu.mesh.decks.ties import TieSurface, TieTable
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import ElementBlock, Mesh
+from flexfmu.mesh.model import Mesh
 
 
 def read_deck(path: Path, units: UnitSystem) -> Mesh:

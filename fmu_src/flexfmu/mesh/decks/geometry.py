@@ -7,10 +7,12 @@ import numpy as np
 
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import DeckError
+from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.types import SUPPORTED, reading
+from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, ElementBlock, ElementType
+from flexfmu.mesh.model import NO_MATERIAL
 
 # CalculiX and Abaqus end a data line here at the latest, so that a shorter row is one line.
 FIELDS_PER_LINE = 16
@@ -172,7 +174,7 @@ class ElementTable:
             self._store(name, kind.solid, kind.dimension, row, line)
             labels.append(row[0])
         if kind.solid is not None and kind.note and labels:
-            self.notes.setdefault(f"elements of type {name} are read as {kind.solid.value}: {kind.note}")
+            self.notes.setdefault(f"elements of type {name} are read as {kind.solid.name}: {kind.note}")
         return labels
 
     @property

@@ -5,35 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flexfmu.files.array_types import IntArray
+from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.cards import Card, Line, fields
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.model import ElementBlock
 
-# Corners and mid-sides of the faces S1, S2, ... counted from zero (CalculiX manual, *SURFACE).
-BRICK_FACES = (
-    (0, 1, 2, 3, 8, 9, 10, 11),
-    (4, 7, 6, 5, 15, 14, 13, 12),
-    (0, 4, 5, 1, 16, 12, 17, 8),
-    (1, 5, 6, 2, 17, 13, 18, 9),
-    (2, 6, 7, 3, 18, 14, 19, 10),
-    (3, 7, 4, 0, 19, 15, 16, 11),
-)
-TETRAHEDRON_FACES = (
-    (0, 1, 2, 4, 5, 6),
-    (0, 3, 1, 7, 8, 4),
-    (1, 3, 2, 8, 9, 5),
-    (2, 3, 0, 9, 7, 6),
-)
-
-
-WEDGE_FACES = (
-    (0, 1, 2, 6, 7, 8),
-    (3, 5, 4, 11, 10, 9),
-    (0, 3, 4, 1, 12, 9, 13, 6),
-    (1, 4, 5, 2, 13, 10, 14, 7),
-    (2, 5, 3, 0, 14, 11, 12, 8),
-)
-_FACES = {4: TETRAHEDRON_FACES, 6: WEDGE_FACES, 8: BRICK_FACES}
 # Sides of a face, an edge's own surface: all its nodes.
 _SIDES = ("SPOS", "SNEG", "SP", "SN", "", "S1", "S2", "S3", "S4", "EDGE", "E1", "E2", "E3", "E4")
 
@@ -122,13 +97,11 @@ def _faces(positions: IntArray, face: str, blocks: Sequence[ElementBlock], line:
         inside = positions[(positions >= start) & (positions < start + count)] - start
         start += count
         if len(inside):
-            faces = _FACES[block.type.corner_count]
-            names = [f"S{index + 1}" for index in range(len(faces))]
-            if face not in names:
+            faces = {f"S{number}": nodes for number, nodes in enumerate(block.type.shape.faces, start=1)}
+            if face not in faces:
                 raise line.error(
-                    f"expected a face of {block.type.value} ({', '.join(names)}) after the comma, "
+                    f"expected a face of {block.type.name} ({', '.join(faces)}) after the comma, "
                     f"found '{face}'; name the face"
                 )
-            columns = [node for node in faces[names.index(face)] if node < block.type.node_count]
-            found.append(block.connectivity[inside][:, columns])
+            found.append(block.connectivity[inside][:, faces[face]])
     return found

@@ -7,9 +7,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.mesh.blocks import face_corners
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
 from flexfmu.mesh.listing import listed
+from flexfmu.mesh.shapes import FACE_SHAPES
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
 _NEAR = 0.05
@@ -17,9 +19,6 @@ _NEAR = 0.05
 _ROUNDS, _SETTLED = 20, 1e-12
 # Weights below this are round-off: the node lies on an edge or on a node of the face.
 _NO_WEIGHT = 1e-9
-_COMPLEX_STEP = 1e-20
-# Corners and mid-sides of a rectangle in its own coordinates.
-_RECTANGLE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0)], dtype=float)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,13 +122,9 @@ def _edge(points: FloatArray, faces: Sequence[IntArray]) -> float:
     """Mean distance of neighbouring corners."""
     lengths = []
     for block in faces:
-        corners = points[block[:, : _corners(block)]]
+        corners = points[block[:, : face_corners(block)]]
         lengths.append(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).ravel())
     return float(np.concatenate(lengths).mean())
-
-
-def _corners(block: IntArray) -> int:
-    return {3: 3, 6: 3, 4: 4, 8: 4}[block.shape[1]]
 
 
 def nearest_places(
@@ -159,7 +154,7 @@ def nearest_places(
         if not pairs:
             continue
         node, face = np.array(pairs).T
-        value, distance = _projected(points[node], points[block[face]], _corners(block))
+        value, distance = _projected(points[node], points[block[face]], face_corners(block))
         for k in np.flatnonzero(distance <= near).tolist():
             if node[k] not in best or distance[k] < best[node[k]][0]:
                 weights = {
@@ -173,10 +168,10 @@ def nearest_places(
 
 def _projected(targets: FloatArray, nodes: FloatArray, corners: int) -> tuple[FloatArray, FloatArray]:
     """Shape functions (p, a) at the places of faces (p, a, 3) nearest to targets (p, 3), and the distances (p,)."""
-    count = nodes.shape[1]
+    shape = FACE_SHAPES[nodes.shape[1]]
     place = np.full((len(nodes), 2), 0.0 if corners == 4 else 1.0 / 3.0)
     for _ in range(_ROUNDS):
-        value, slope = _shapes(place, count)
+        value, slope = shape.value(place), shape.gradient(place)
         gap = targets - np.einsum("pa,pai->pi", value, nodes)
         tangent = np.einsum("pab,pai->pib", slope, nodes)
         normal = np.einsum("pib,pic->pbc", tangent, tangent)
@@ -184,7 +179,7 @@ def _projected(targets: FloatArray, nodes: FloatArray, corners: int) -> tuple[Fl
         before, place = place, _inside(place + step, corners)
         if np.abs(place - before).max() < _SETTLED:
             break
-    value, _ = _shapes(place, count)
+    value = shape.value(place)
     return value, np.linalg.norm(targets - np.einsum("pa,pai->pi", value, nodes), axis=1)
 
 
@@ -196,30 +191,3 @@ def _inside(place: FloatArray, corners: int) -> FloatArray:
     area = np.maximum(area, 0.0)
     result: FloatArray = (area / area.sum(axis=1, keepdims=True))[:, 1:]
     return result
-
-
-def _shapes(place: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Shape functions (p, a) of a face of 3, 4, 6 or 8 nodes, and their derivatives (p, a, 2)."""
-    steps = [place[:, 0] + 1j * _COMPLEX_STEP, place[:, 1]], [place[:, 0], place[:, 1] + 1j * _COMPLEX_STEP]
-    functions = _triangle if count in (3, 6) else _rectangle
-    moved = [functions(np.asarray(x), np.asarray(y), count) for x, y in steps]
-    return moved[0].real, np.stack([part.imag / _COMPLEX_STEP for part in moved], axis=2)
-
-
-def _triangle(x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-    area = [1.0 - x - y, x, y]
-    if count == 3:
-        return np.stack(area, axis=1)
-    corners = [one * (2.0 * one - 1.0) for one in area]
-    return np.stack([*corners, *(4.0 * area[k] * area[(k + 1) % 3] for k in range(3))], axis=1)
-
-
-def _rectangle(x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-    found = []
-    for a, b in _RECTANGLE[:count]:
-        if a and b:
-            linear = 0.25 * (1.0 + a * x) * (1.0 + b * y)
-            found.append(linear if count == 4 else linear * (a * x + b * y - 1.0))
-        else:
-            found.append(0.5 * (1.0 - x * x) * (1.0 + b * y) if b else 0.5 * (1.0 + a * x) * (1.0 - y * y))
-    return np.stack(found, axis=1)

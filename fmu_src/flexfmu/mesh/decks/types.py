@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from flexfmu.mesh.model import ElementType
+from flexfmu.mesh.elements import ElementType
 
 # Names that stand for another element of small strains, with the reason.
 _HYBRID = "the pressure of its own matters to incompressible materials only"
@@ -15,9 +15,9 @@ READ_AS: dict[str, tuple[ElementType, str]] = {
         "reduced integration with enhanced hourglass control bends alike; other hourglass control is softer or stiffer",
     ),
 }
-for _kind in ("C3D4", "C3D6", "C3D8", "C3D8I", "C3D10", "C3D15", "C3D20", "C3D20R"):
-    READ_AS[f"{_kind}H"] = (ElementType(_kind), _HYBRID)
-    READ_AS[f"{_kind}T"] = (ElementType(_kind), _THERMAL)
+for _kind in ElementType:
+    READ_AS[f"{_kind.name}H"] = (_kind, _HYBRID)
+    READ_AS[f"{_kind.name}T"] = (_kind, _THERMAL)
 READ_AS |= {
     "C3D8RH": READ_AS["C3D8R"],
     "C3D8RT": (ElementType.C3D8I, _THERMAL),
@@ -40,7 +40,7 @@ _EDGES = {"DC1D", "T2D", "T3D", "RB3D"}
 # Beams count their order, 1 to 3, instead of their nodes.
 _BEAM = {"1": 2, "2": 3, "3": 2}
 
-SUPPORTED = ", ".join([*(kind.value for kind in ElementType), *READ_AS])
+SUPPORTED = ", ".join([*(kind.name for kind in ElementType), *READ_AS])
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +77,8 @@ def reading(name: str) -> Reading | None:
     Reading or None
         None where it is not known, or not supported.
     """
-    if name in {kind.value for kind in ElementType}:
-        kind = ElementType(name)
+    if name in ElementType.__members__:
+        kind = ElementType[name]
         return Reading(kind, kind.node_count, 3)
     if name in READ_AS:
         kind, note = READ_AS[name]

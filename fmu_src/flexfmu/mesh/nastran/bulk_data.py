@@ -12,33 +12,20 @@ import numpy as np
 from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.in_memory import Contents
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material
 from flexfmu.mesh.nastran.constraints import SPIDERS, multi_point_rows, single_point_sets, spiders
 from flexfmu.mesh.nastran.masses import point_masses, unit_of_mass
 from flexfmu.mesh.other.extras import imported, quiet
+from flexfmu.mesh.shapes import FACE_SHAPES
 
-# meshio's kind by card and number of nodes, and where its nodes stand on the card: mid-side nodes of bricks and wedges
-# come around the bottom, up the sides, around the top.
-_BRICK = [*range(12), *range(16, 20), *range(12, 16)]
-_WEDGE = [*range(9), 12, 13, 14, 9, 10, 11]
-_SOLIDS = {
-    ("CTETRA", 4): ("tetra", [*range(4)]),
-    ("CTETRA", 10): ("tetra10", [*range(10)]),
-    ("CHEXA", 8): ("hexahedron", [*range(8)]),
-    ("CHEXA", 20): ("hexahedron20", _BRICK),
-    ("CPENTA", 6): ("wedge", [*range(6)]),
-    ("CPENTA", 15): ("wedge15", _WEDGE),
-}
-# Faces that belong to no property have no stiffness: mesh generators mark groups by them.
-_FACES = {
-    ("CTRIA3", 3): "triangle",
-    ("CTRIA6", 6): "triangle6",
-    ("CQUAD4", 4): "quad",
-    ("CQUAD8", 8): "quad8",
-}
-_CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+# Solids and faces by card and number of nodes. Faces that belong to no property have no stiffness: mesh generators
+# mark groups by them.
+_SOLIDS = {(kind.shape.cell.names[0], kind.node_count): kind.shape for kind in ASSUMED.values()}
+_FACES = {(f"{shape.cell.names[0]}{count}", count): shape for count, shape in FACE_SHAPES.items()}
+_CORNERS = {shape.cell.names[0]: len(shape.cell.corners) for shape in _SOLIDS.values()}
 # They hold or load nothing.
 _DRAWN = ("PLOTEL", "PLOTEL3", "PLOTEL4")
 
@@ -159,14 +146,14 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
             kinds.setdefault((element.type, _node_count(element, path)), []).append(element)
     cells, cell_labels, material, properties = [], [], [], []
     for key, members in kinds.items():
-        kind, order = _SOLIDS[key] if key in _SOLIDS else (_FACES[key], [*range(key[1])])
+        shape = _SOLIDS[key] if key in _SOLIDS else _FACES[key]
         try:
-            rows = [[row[element.nodes[k]] for k in order] for element in members]
+            rows = [[row[element.nodes[k]] for k in shape.layered] for element in members]
         except KeyError as error:
             raise MeshError(
                 f"{path}: an element names GRID {error}, which is not there; export the file again"
             ) from error
-        cells.append((kind, np.array(rows)))
+        cells.append((shape.name, np.array(rows)))
         cell_labels.append(np.array([element.eid for element in members], dtype=np.int64))
         properties.append(np.array([element.pid for element in members], dtype=np.int64))
         material.append(np.array([of_property.get(element.pid, NO_MATERIAL) for element in members], dtype=np.int64))

@@ -11,41 +11,18 @@ from scipy.io import netcdf_file
 
 from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import MeshError
+from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.in_memory import Contents
 from flexfmu.mesh.other.extras import quiet
+from flexfmu.mesh.shapes import FACE_SHAPES
 
-# meshio's kind by the first three letters and the number of nodes, and where its nodes stand in Exodus: mid-side nodes
-# of bricks and wedges come around the bottom, up the sides, around the top.
-_KINDS = {
-    ("TET", 4): ("tetra", [*range(4)]),
-    ("TET", 10): ("tetra10", [*range(10)]),
-    ("HEX", 8): ("hexahedron", [*range(8)]),
-    ("HEX", 20): ("hexahedron20", [*range(12), *range(16, 20), *range(12, 16)]),
-    ("WED", 6): ("wedge", [*range(6)]),
-    ("WED", 15): ("wedge15", [*range(9), 12, 13, 14, 9, 10, 11]),
-    ("TRI", 3): ("triangle", [*range(3)]),
-    ("TRI", 6): ("triangle6", [*range(6)]),
-    ("QUA", 4): ("quad", [*range(4)]),
-    ("QUA", 8): ("quad8", [*range(8)]),
-    ("SHE", 4): ("quad", [*range(4)]),
-    ("SHE", 8): ("quad8", [*range(8)]),
-    ("BAR", 2): ("line", [*range(2)]),
-    ("BAR", 3): ("line3", [*range(3)]),
-}
-# Corners of each side, in the order in which Exodus numbers them.
-_SIDES = {
-    "tetra": ((0, 1, 3), (1, 2, 3), (0, 3, 2), (0, 2, 1)),
-    "wedge": ((0, 1, 4, 3), (1, 2, 5, 4), (0, 3, 5, 2), (0, 2, 1), (3, 4, 5)),
-    "hexahedron": ((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0, 4, 7, 3), (0, 3, 2, 1), (4, 5, 6, 7)),
-}
-# Corners between which mid-side nodes lie, in meshio's order.
-_EDGES = {
-    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
-    "hexahedron": (
-        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7),
-    ),
-}  # fmt: skip
+# Shapes by the first three letters and the number of nodes.
+_SOLIDS = [kind.shape for kind in ASSUMED.values()]
+_KINDS = {(shape.cell.names[1], len(shape.nodes)): shape for shape in (*_SOLIDS, *FACE_SHAPES.values())}
+_KINDS |= {("SHE", 4): FACE_SHAPES[4], ("SHE", 8): FACE_SHAPES[8]}
+_EDGES = {("BAR", 2): "line", ("BAR", 3): "line3"}
+# Where the faces of solids stand in Exodus' order of sides.
+_SIDES = {"TET": (1, 2, 3, 0), "WED": (2, 3, 4, 0, 1), "HEX": (2, 3, 4, 5, 0, 1)}
 _HDF5 = b"\x89HDF"
 
 
@@ -84,13 +61,13 @@ def _contents(variables: Mapping[str, Any], path: Path) -> Contents:
         given = variables[f"connect{number}"]
         rows = np.asarray(given["data"], dtype=np.int64) - 1
         title = given["elem_type"].upper()
-        found = _KINDS.get((title[:3], rows.shape[1]))
-        if found is None:
+        key = title[:3], rows.shape[1]
+        if key not in _KINDS and key not in _EDGES:
             raise MeshError(
                 f"{path}: block {number} is of the kind {title} with {rows.shape[1]} nodes, expected TET, WEDGE or HEX "
                 "of first or second order"
             )
-        cells.append((found[0], rows[:, found[1]]))
+        cells.append((_KINDS[key].name, rows[:, _KINDS[key].layered]) if key in _KINDS else (_EDGES[key], rows))
     for number in range(count):
         name = names[number] if number < len(names) and names[number] else f"block {number + 1}"
         sets[name] = [np.arange(len(cells[k][1])) if k == number else np.zeros(0, int) for k in range(count)]
@@ -117,14 +94,11 @@ def _side_nodes(cells: list[tuple[str, IntArray]], elements: IntArray, sides: In
     start = 0
     for kind, rows in cells:
         inside = (elements >= start) & (elements < start + len(rows))
-        family = kind.rstrip("0123456789")
         for side in np.unique(sides[inside]).tolist():
             chosen = rows[elements[inside & (sides == side)] - start]
-            if family in _SIDES:
-                corners = _SIDES[family][side]
-                first = max(max(face) for face in _SIDES[family]) + 1
-                middle = [first + k for k, edge in enumerate(_EDGES[family]) if set(edge) <= set(corners)]
-                chosen = chosen[:, [*corners, *(node for node in middle if node < rows.shape[1])]]
+            if kind in ASSUMED:
+                shape = ASSUMED[kind].shape
+                chosen = chosen[:, shape.faces[_SIDES[shape.cell.names[1]][side]]]
             found.append(chosen.ravel())
         start += len(rows)
     return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.int64)

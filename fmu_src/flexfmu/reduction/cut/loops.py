@@ -12,8 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ...fe.faces import FaceBlock
 from ...files.array_types import FloatArray, IntArray
+from ...mesh.blocks import FaceBlock
 from ...mesh.model import Mesh
 from ..division import distance_along
 

@@ -20,7 +20,8 @@ import numpy as np
 from ...fe.cells import elasticity
 from ...files.array_types import FloatArray, IntArray
 from ...files.progress import Reporter
-from ...mesh.model import ElementBlock, Mesh
+from ...mesh.blocks import ElementBlock
+from ...mesh.model import Mesh
 from ...reduction.model import Model
 from .errors import SceneError
 
@@ -115,7 +116,7 @@ def _mesh_cards(model: Model) -> Iterator[str]:
         for index in np.unique(materials):
             name = f"PART{place}_{index}"
             used.append((name, int(index)))
-            yield f"*ELEMENT, TYPE={block.type.value}, ELSET={name}"
+            yield f"*ELEMENT, TYPE={block.type.name}, ELSET={name}"
             for row, material in enumerate(materials):
                 if material != index:
                     continue

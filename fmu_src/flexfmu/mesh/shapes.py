@@ -1,0 +1,239 @@
+"""Reference cells, the polynomials on them that are one at one node and zero at the others, and quadrature.
+
+Coordinates go from −1 to 1 along the edges of bricks and rectangles, from 0 to 1 in triangles and tetrahedra. Those of
+wedges are the triangle's, then −1 to 1 along the prism. Source: K.-J. Bathe, Finite Element Procedures, 2nd ed., 5.3.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from math import factorial
+
+import numpy as np
+
+from flexfmu.files.array_types import FloatArray, IntArray
+
+# Decimals of a polynomial's coefficients, which are fractions of small numbers: what comes after is round-off.
+_DECIMALS = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cell:
+    """A polyhedron or polygon in its own coordinates.
+
+    Attributes
+    ----------
+    corners : (c, d) float
+    names : tuple of (str, str)
+        Nastran's, without the number of nodes of a face's, and Exodus' first three letters.
+    edges : tuple of (int, int)
+        Corners between which mid-side nodes lie, in the order of these nodes.
+    faces : tuple of tuple of int
+        Corners around each face, in the order of the decks' S1, S2, ...; none of a polygon.
+    """
+
+    corners: FloatArray
+    names: tuple[str, str]
+    edges: tuple[tuple[int, int], ...]
+    faces: tuple[tuple[int, ...], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Nodes of a cell, and the polynomials between them.
+
+    Attributes
+    ----------
+    cell : Cell
+    name : str
+        meshio's, which follows VTK.
+    quadratic : bool
+        Whether there are mid-side nodes, after the corners.
+    powers : (n, d) int
+        Exponents of the monomials that the polynomials are made of.
+    """
+
+    cell: Cell
+    name: str
+    quadratic: bool
+    powers: IntArray
+
+    @cached_property
+    def nodes(self) -> FloatArray:
+        """Places of the nodes (n, d)."""
+        corners = self.cell.corners
+        middle = corners[np.array(self.cell.edges)].mean(axis=1)
+        return np.concatenate([corners, middle]) if self.quadratic else corners
+
+    @cached_property
+    def faces(self) -> tuple[tuple[int, ...], ...]:
+        """Nodes of each face, in the cell's order: corners around it, then mid-side nodes likewise."""
+        if not self.quadratic:
+            return self.cell.faces
+        middle = {frozenset(edge): len(self.cell.corners) + k for k, edge in enumerate(self.cell.edges)}
+        return tuple(
+            (*face, *(middle[frozenset(ends)] for ends in zip(face, (*face[1:], face[0]), strict=True)))
+            for face in self.cell.faces
+        )
+
+    @cached_property
+    def mirrored(self) -> IntArray:
+        """The nodes (n,) in the order that turns a cell inside out."""
+        turned = self.nodes[:, [1, 0, *range(2, self.nodes.shape[1])]]
+        return np.array([np.flatnonzero((self.nodes == place).all(axis=1))[0] for place in turned], dtype=np.int64)
+
+    @cached_property
+    def layered(self) -> IntArray:
+        """Where the nodes (n,) stand in Nastran and Exodus, with mid-side nodes from the bottom to the top."""
+        count = len(self.cell.corners)
+        height = self.nodes[count:, 2:].sum(axis=1)
+        return np.argsort([*range(count), *(count + np.argsort(height, kind="stable"))])
+
+    @cached_property
+    def _coefficients(self) -> FloatArray:
+        return np.round(np.linalg.inv(_monomials(self.nodes, self.powers)), _DECIMALS)
+
+    def value(self, points: FloatArray) -> FloatArray:
+        """The polynomials (q, n) at points (q, d)."""
+        return _monomials(points, self.powers) @ self._coefficients
+
+    def gradient(self, points: FloatArray) -> FloatArray:
+        """Their derivatives (q, n, d) at points (q, d)."""
+        slopes = []
+        for axis, unit in enumerate(np.eye(points.shape[1], dtype=np.int64)):
+            lower = _monomials(points, np.maximum(self.powers - unit, 0))
+            slopes.append((self.powers[:, axis] * lower) @ self._coefficients)
+        return np.stack(slopes, axis=2)
+
+
+def _monomials(points: FloatArray, powers: IntArray) -> FloatArray:
+    result: FloatArray = np.prod(points[:, None, :] ** powers, axis=2)
+    return result
+
+
+def _powers(dimension: int, wanted: Callable[..., bool]) -> IntArray:
+    """Exponents up to two of each coordinate for which a condition holds."""
+    return np.array([power for power in product(range(3), repeat=dimension) if wanted(*power)], dtype=np.int64)
+
+
+_TRIANGLE = Cell(np.array([(0, 0), (1, 0), (0, 1)], dtype=float), ("CTRIA", "TRI"), ((0, 1), (1, 2), (2, 0)))
+_RECTANGLE = Cell(
+    np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float),
+    ("CQUAD", "QUA"),
+    ((0, 1), (1, 2), (2, 3), (3, 0)),
+)
+TETRAHEDRON = Cell(
+    np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=float),
+    ("CTETRA", "TET"),
+    ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    ((0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
+)
+WEDGE = Cell(
+    np.array([(*corner, end) for end in (-1.0, 1.0) for corner in _TRIANGLE.corners]),
+    ("CPENTA", "WED"),
+    ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+    ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
+)
+BRICK = Cell(
+    np.array([(*corner, end) for end in (-1.0, 1.0) for corner in _RECTANGLE.corners]),
+    ("CHEXA", "HEX"),
+    ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+    ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+)
+
+TRIANGLE_3 = Shape(_TRIANGLE, "triangle", False, _powers(2, lambda r, s: r + s <= 1))
+TRIANGLE_6 = Shape(_TRIANGLE, "triangle6", True, _powers(2, lambda r, s: r + s <= 2))
+RECTANGLE_4 = Shape(_RECTANGLE, "quad", False, _powers(2, lambda r, s: max(r, s) <= 1))
+RECTANGLE_8 = Shape(_RECTANGLE, "quad8", True, _powers(2, lambda *p: p.count(2) <= 1))
+TETRAHEDRON_4 = Shape(TETRAHEDRON, "tetra", False, _powers(3, lambda r, s, t: r + s + t <= 1))
+TETRAHEDRON_10 = Shape(TETRAHEDRON, "tetra10", True, _powers(3, lambda r, s, t: r + s + t <= 2))
+WEDGE_6 = Shape(WEDGE, "wedge", False, _powers(3, lambda r, s, t: r + s <= 1 and t <= 1))
+WEDGE_15 = Shape(WEDGE, "wedge15", True, _powers(3, lambda r, s, t: r + s <= (2 if t <= 1 else 1)))
+BRICK_8 = Shape(BRICK, "hexahedron", False, _powers(3, lambda *p: max(p) <= 1))
+BRICK_20 = Shape(BRICK, "hexahedron20", True, _powers(3, lambda *p: p.count(2) <= 1))
+
+LINEAR = {shape.cell: shape for shape in (TETRAHEDRON_4, WEDGE_6, BRICK_8)}
+"""The functions between the corners of a cell."""
+FACE_SHAPES = {len(shape.nodes): shape for shape in (TRIANGLE_3, TRIANGLE_6, RECTANGLE_4, RECTANGLE_8)}
+"""By the number of a face's nodes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quadrature:
+    """Where and with which weights functions on a cell are summed.
+
+    Attributes
+    ----------
+    points : (q, d) float
+    weights : (q,) float
+    """
+
+    points: FloatArray
+    weights: FloatArray
+
+
+def brick_rule(count: int) -> Quadrature:
+    """Gauss points, `count` along each edge (2 or 3), in the order of the corners, mid-sides, faces and the centre."""
+    faces = np.concatenate([[-unit, unit] for unit in np.eye(3)])
+    return _gauss(BRICK.corners if count == 2 else np.concatenate([BRICK_20.nodes, faces, np.zeros((1, 3))]), count)
+
+
+def rectangle_rule() -> Quadrature:
+    """Three Gauss points along each edge, in the order of the corners, mid-sides and the centre."""
+    return _gauss(np.concatenate([RECTANGLE_8.nodes, np.zeros((1, 2))]), 3)
+
+
+def _gauss(places: FloatArray, count: int) -> Quadrature:
+    """Gauss points in the order of places with the coordinates −1, 0 and 1."""
+    along, length = np.polynomial.legendre.leggauss(count)
+    index = ((places + 1.0) * (0.5 * (count - 1))).astype(np.int64)
+    return Quadrature(along[index], np.prod(length[index], axis=1))
+
+
+def triangle_rule(degree: int) -> Quadrature:
+    """Rule that is exact to degree 1, 2 or 5; the last is J. Radon's, Monatsh. Math. 52 (1948) 286."""
+    root = np.sqrt(15.0)
+    orbits = {
+        1: [(1.0 / 3.0, 1.0)],
+        2: [(2.0 / 3.0, 1.0)],
+        5: [((9.0 + 2.0 * root) / 21.0, (155.0 - root) / 400.0), ((9.0 - 2.0 * root) / 21.0, (155.0 + root) / 400.0)],
+    }[degree]
+    centre = [(1.0 / 3.0, 9.0 / 40.0)] if degree == 5 else []
+    return _simplex_rule(2, [*orbits, *centre])
+
+
+def tetrahedron_rule(degree: int) -> Quadrature:
+    """Rule that is exact to degree 1, 2 or 4; the last is P. Keast's, Comp. Meth. Appl. Mech. Engng. 55 (1986) 339."""
+    if degree < 3:
+        return _simplex_rule(3, [(0.25 if degree == 1 else (5.0 + 3.0 * np.sqrt(5.0)) / 20.0, 1.0)])
+    corners = _simplex_rule(
+        3, [(0.698419704324386603, 0.354359298971922790), (0.0568813795204234229, 0.531354986742362930)]
+    )
+    middle = TETRAHEDRON_10.nodes[len(TETRAHEDRON.corners) :]
+    weights = np.full(len(middle), 1.0 / 315.0)
+    return Quadrature(np.concatenate([middle, corners.points]), np.concatenate([weights, corners.weights]))
+
+
+def _simplex_rule(dimension: int, orbits: Sequence[tuple[float, float]]) -> Quadrature:
+    """Points with one area or volume coordinate that differs from the others: it, and their part of the weights."""
+    points, weights = [], []
+    for odd, part in orbits:
+        areas = np.full((dimension + 1, dimension + 1), (1.0 - odd) / dimension)
+        np.fill_diagonal(areas, odd)
+        chosen = areas[:1] if np.isclose(odd, areas[0, 1]) else areas
+        points.append(chosen[:, 1:])
+        weights.append(np.full(len(chosen), part / len(chosen) / factorial(dimension)))
+    return Quadrature(np.concatenate(points), np.concatenate(weights))
+
+
+def wedge_rule(degree: int, count: int) -> Quadrature:
+    """A triangle's rule at each of some Gauss points along the prism."""
+    flat = triangle_rule(degree)
+    heights, lengths = np.polynomial.legendre.leggauss(count)
+    points = np.array([(*point, height) for height in heights for point in flat.points])
+    return Quadrature(points, np.outer(lengths, flat.weights).ravel())
+
+
+FACE_RULES = {3: triangle_rule(2), 6: triangle_rule(5), 4: rectangle_rule(), 8: rectangle_rule()}
+"""Rules that integrate a face's mass matrix exactly, by the number of its nodes."""
