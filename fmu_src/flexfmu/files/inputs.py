@@ -69,8 +69,11 @@ def kind_of(path: Path) -> Kind | None:
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
             return None
     if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            return Kind.FMU if "modelDescription.xml" in archive.namelist() else None
+        try:
+            with zipfile.ZipFile(path) as archive:
+                return Kind.FMU if "modelDescription.xml" in archive.namelist() else None
+        except zipfile.BadZipFile:
+            return None
     with path.open("rb") as file:
         head = file.read(_BEGINNINGS[-1] + len(_HDF5))
     return Kind.MODAL if any(head[place:].startswith(_HDF5) for place in _BEGINNINGS) else None

@@ -1,0 +1,1 @@
+"""From a body file to a body."""
