@@ -19,7 +19,6 @@ import numpy as np
 from demo.calculix_results import read_displacements
 from demo.calculix_tools import find_ccx
 
-from flexfmu.fe.faces import element_faces
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.reduction.surface import surface_nodes
@@ -47,7 +46,7 @@ def run(case: str) -> None:
     folder, name = case.split("/")
     model = HERE / folder / CASES[case]
     mesh = read_mesh(model, UnitSystem.SI)
-    nodes, faces = surface_nodes(mesh, element_faces(mesh))
+    nodes, faces = surface_nodes(mesh, mesh.faces)
     chosen = nodes[np.unique(corner_edges(mesh.points[nodes], faces))]
     labels = mesh.labels[chosen]
     deck = (HERE / folder / "calculix" / f"{name}.inp").read_text()

@@ -4,7 +4,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfmu.fe.assembly import mass as mass_matrix
-from flexfmu.fe.assembly import volume_matrices
 from flexfmu.mesh.elements import ElementType
 from meshes import box, with_sets
 
@@ -23,7 +22,7 @@ def eigenmodes(mesh, held):
 
     from flexfmu.fe.assembly import stiffness
 
-    volumes = volume_matrices(mesh)
+    volumes = mesh.volume_matrices
     k, m = sp.csc_array(stiffness(mesh)), sp.csc_array(mass_matrix(mesh, volumes))
     count = len(mesh.points)
     if m.shape[0] == count:

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from flexfmu.build.config import InterfaceTable
-from flexfmu.fe.faces import area_matrix, element_faces, select
+from flexfmu.fe.faces import area_matrix, select
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.reduction.interfaces import Interface, fit_interface
@@ -73,7 +73,7 @@ class Wheel:
 def wheels(deck: Path) -> dict[str, Wheel]:
     """Fit the wheels to the flanges of a model deck."""
     mesh = read_mesh(deck, UnitSystem.SI)
-    faces = element_faces(mesh)
+    faces = mesh.faces
     result = {}
     for name, nodes in FLANGES.items():
         interface = fit_interface(InterfaceTable(name=name, nodes=nodes, weights="area"), mesh, faces, ())

@@ -21,7 +21,6 @@ from flexfmu.build.config import InterfaceTable
 from flexfmu.build.pipeline import build_fmu
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.fe.faces import element_faces
 from flexfmu.files.errors import BodyFileError, FlexfmuError, MeshError, ModelError
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import read_packaged_body
@@ -145,7 +144,7 @@ def test_weights_by_area_are_refused_for_a_piece_of_the_body(tmp_path):
 
 def test_a_force_on_a_section_inside_the_body_is_a_uniform_traction():
     mesh = bar()
-    interface = fit_interface(InterfaceTable(name="inside", nodes="INSIDE"), mesh, element_faces(mesh), ())
+    interface = fit_interface(InterfaceTable(name="inside", nodes="INSIDE"), mesh, mesh.faces, ())
     assert interface.by_area
     forces = interface.nodal_loads(len(mesh.points)).reshape(-1, 3, 6)[interface.nodes, 0, 0]
     # Of four 8-node faces around one corner: a third of a face's share between corners, twice that where two meet.

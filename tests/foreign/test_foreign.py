@@ -10,7 +10,7 @@ import pytest
 
 import flexfmu
 import flexfmu.mesh.checks
-from flexfmu.fe.assembly import stiffness, volume_matrices
+from flexfmu.fe.assembly import stiffness
 from flexfmu.files.errors import MeshError
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
@@ -40,10 +40,9 @@ LOAD = [1.0e3, 2.0e3, 3.0e3, 400.0, 500.0, 600.0]
 
 def mass(mesh):
     """Mass of a mesh with materials, kg."""
-    from flexfmu.fe.assembly import volume_matrices
     from flexfmu.reduction.masses import body_properties
 
-    return body_properties(mesh, volume_matrices(mesh)).mass
+    return body_properties(mesh, mesh.volume_matrices).mass
 
 
 def answer(mesh, root, tip, material=STEEL):
@@ -262,6 +261,6 @@ def test_wedges_keep_their_nodes_in_order(tmp_path, kind, name, suffix):
     blocks = tuple(replace(block, material=np.zeros_like(block.labels)) for block in read.blocks)
     read = replace(read, blocks=blocks)
     assert [block.type for block in read.blocks] == [kind]
-    assert sum(part.sum() for part in volume_matrices(read)) == pytest.approx(0.2 * 0.1 * 0.1)
+    assert sum(part.sum() for part in read.volume_matrices) == pytest.approx(0.2 * 0.1 * 0.1)
     found, expected = (np.sort(np.linalg.eigvalsh(stiffness(mesh).toarray())) for mesh in (read, own))
     np.testing.assert_allclose(found, expected, atol=1e-9 * expected[-1])

@@ -9,7 +9,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build import reduce as build
 from flexfmu.build.config import Basis, BranchTable, InterfaceTable, MeshTable, SupportTable, read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.fe.assembly import mean_gradient, volume_matrices
+from flexfmu.fe.assembly import mean_gradient
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
@@ -106,7 +106,7 @@ def test_sideways_bending_of_an_arc_is_no_roll(kind):
     expected = np.array([cosine + angle * sine - 1.0, sine - angle * cosine, 0.0]) / angle
     assert relative(turn, expected) < 1e-3
     # A rigid fit sees a roll about the chord that is as large as the turn.
-    fitted = fitted_rotation(mesh.points, volume_weighted(mesh, volume_matrices(mesh), np.arange(mesh.element_count)))
+    fitted = fitted_rotation(mesh.points, volume_weighted(mesh, mesh.volume_matrices, np.arange(mesh.element_count)))
     assert relative(fitted.of(field.reshape(-1, 1))[:, 0], expected) > 0.5
 
 

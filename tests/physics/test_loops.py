@@ -10,7 +10,6 @@ from demo.loops.make_mesh import HERE
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import BodyFile, FormulationTable, read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.fe.faces import element_faces
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ElementType
@@ -164,7 +163,7 @@ def test_a_ring_on_two_feet_is_cut_in_both_arcs_beside_its_interface():
 
 def sections(mesh, *supports, clear=()):
     nodes = np.concatenate([mesh.node_sets[name] for name in supports])
-    return loop_sections(mesh, element_faces(mesh), nodes, {name: mesh.node_sets[name] for name in clear})
+    return loop_sections(mesh, mesh.faces, nodes, {name: mesh.node_sets[name] for name in clear})
 
 
 def bar(length=1.0, cells=20, **sets):

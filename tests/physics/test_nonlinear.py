@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from flexfmu.build.config import read_body_file
-from flexfmu.fe.faces import element_faces
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.errors import AccuracyError
 from flexfmu.files.progress import Reporter
@@ -27,7 +26,7 @@ def path(folder, direction, forces):
 def path_of(config, direction, forces):
     """The same of a body file."""
     model = assemble_model(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
-    interface = fit_interface(config.interface[0], model.mesh, element_faces(model.mesh), [])
+    interface = fit_interface(config.interface[0], model.mesh, model.mesh.faces, [])
     load = max(forces) * interface.nodal_loads(len(model.mesh.points))[:, :3] @ np.asarray(direction, dtype=float)
     factors = np.asarray(forces) / max(forces)
     found = load_path(model.mesh, model.unknowns, model.spring, load, factors.tolist(), Reporter())

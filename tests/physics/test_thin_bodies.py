@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
-from flexfmu.fe.assembly import mass, stiffness, volume_matrices
+from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import AccuracyError
 from flexfmu.files.progress import Reporter
@@ -78,7 +78,7 @@ def test_one_layer_of_elements_leaves_a_thin_strip_more_digits_than_two():
     told = []
     for layers in (1, 2):
         mesh = held(box(ElementType.C3D20R, (40, 4, layers), (LENGTH, WIDTH, 0.3e-3)), "ROOT")
-        k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+        k, m = stiffness(mesh), mass(mesh, mesh.volume_matrices)
         told.append(
             normal_modes(
                 supported(eliminated(k, m, unknowns(mesh.fixed, None)), np.zeros((k.shape[0], 0))), 6

@@ -6,7 +6,6 @@ import pytest
 from decks import ASSEMBLY, BODY, BRICK, CAE, COUPLING, MATERIAL, NODES, PART, STEEL, line_of, read, refuse, set_labels
 from flexfmu.api import Body
 from flexfmu.build.config import BodySpec
-from flexfmu.fe.faces import element_faces
 from flexfmu.files.errors import BodyFileError, DeckError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
@@ -173,7 +172,7 @@ def test_a_coupling_is_an_interface_under_its_names_at_its_reference_node(tmp_pa
     moved = read(tmp_path, BODY + COUPLING.replace("100, 2.,", "100, 3.,"))
     for body, x in ((mesh, 2.0), (moved, 3.0)):
         body = checked(body)
-        interface = fit_interface(spec.interface[0], body, element_faces(body), ())
+        interface = fit_interface(spec.interface[0], body, body.faces, ())
         np.testing.assert_allclose(interface.point, [x, 0.5, 0.5])
     assert any("keeps its nodes rigid, the interface lets them deform" in note for note in mesh.notes)
 

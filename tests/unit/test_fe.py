@@ -12,8 +12,7 @@ from scipy.sparse.linalg import splu
 
 from flexfmu.fe import factorisation, memory
 from flexfmu.fe import unknowns as fe_unknowns
-from flexfmu.fe.assembly import mass, stiffness, summed, volume_matrices
-from flexfmu.fe.faces import element_faces
+from flexfmu.fe.assembly import mass, stiffness, summed
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.memory import factor_entries
 from flexfmu.files.errors import ModelError
@@ -164,7 +163,7 @@ def test_an_element_in_mirrored_order_is_one_inside_out(kind):
 @EVERY
 def test_mass_and_centre_of_a_box_are_exact(kind):
     mesh = box(kind, (3, 2, 2), SIZE)
-    m = mass(mesh, volume_matrices(mesh))
+    m = mass(mesh, mesh.volume_matrices)
     total = STEEL.density * np.prod(SIZE)
     moving = np.kron(np.ones(len(mesh.points)), np.array([1.0, 0.0, 0.0]))
     assert moving @ m @ moving == pytest.approx(total, rel=1e-12)
@@ -177,13 +176,13 @@ def test_turning_inertia_of_a_box_is_exact(kind):
     mesh = box(kind, (3, 2, 2), SIZE)
     spin = np.cross([0.0, 0.0, 1.0], mesh.points).ravel()
     expected = STEEL.density * np.prod(SIZE) * (SIZE[0] ** 2 + SIZE[1] ** 2) / 3.0
-    assert spin @ mass(mesh, volume_matrices(mesh)) @ spin == pytest.approx(expected, rel=1e-13)
+    assert spin @ mass(mesh, mesh.volume_matrices) @ spin == pytest.approx(expected, rel=1e-13)
 
 
 @EVERY
 def test_matrices_are_symmetric_and_mass_is_positive(kind, random):
     mesh = skewed(kind, random)
-    k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+    k, m = stiffness(mesh), mass(mesh, mesh.volume_matrices)
     assert abs(k - k.T).max() == 0.0
     assert abs(m - m.T).max() < 1e-14 * abs(m).max()
     # Reduced integration leaves the mass of a single brick singular, never negative.
@@ -212,13 +211,13 @@ def test_linear_displacements_give_the_exact_constant_stress_on_a_distorted_mesh
     stress, strain = elasticity(STEEL, gradient)
 
     outer = np.zeros(len(mesh.points), dtype=bool)
-    for faces in element_faces(mesh):
+    for faces in mesh.faces:
         outer[faces.nodes[faces.outer]] = True
     assert (~outer).sum() > 0
     assert np.abs(force[~outer]).max() < 1e-12 * np.abs(force).max()
 
     # ∫ t ⊗ x dA over the surface is stress times volume, and so is the energy stress : strain.
-    volume = sum(float(part.sum()) for part in volume_matrices(mesh))
+    volume = float(mesh.volumes.sum())
     np.testing.assert_allclose(force.T @ mesh.points, stress * volume, atol=1e-11 * np.abs(stress).max() * volume)
     energy = 0.5 * displacement.ravel() @ force.ravel()
     assert energy == pytest.approx(0.5 * np.sum(stress * strain) * volume, rel=1e-11)
@@ -251,7 +250,7 @@ def test_reduced_integration_is_that_of_both_matrices():
     ranks = [np.linalg.matrix_rank(stiffness(mesh).toarray(), tol=1e-3) for mesh in (full, reduced)]
     # Eight points with six strains each leave twelve motions of 60, six of them rigid.
     assert ranks == [54, 48]
-    scalar = [volume_matrices(mesh)[0][0] for mesh in (full, reduced)]
+    scalar = [mesh.volume_matrices[0][0] for mesh in (full, reduced)]
     assert [np.linalg.matrix_rank(matrix) for matrix in scalar] == [20, 8]
 
 
@@ -275,7 +274,7 @@ def test_two_materials_in_series_stretch_as_springs_do(kind):
     ends = np.concatenate([mesh.node_sets["ROOT"], mesh.node_sets["TIP"]])
     assert np.abs(np.delete(force, ends, axis=0)).max() < 1e-12
     assert relative(solve(mesh, fixed, force.ravel()), u) < 1e-10
-    m = mass(mesh, volume_matrices(mesh))
+    m = mass(mesh, mesh.volume_matrices)
     assert m.sum() / 3.0 == pytest.approx(0.25 * (1.0 * 1000.0 + 2.0 * 2000.0), rel=1e-12)
 
 
@@ -389,7 +388,7 @@ def test_a_solver_that_lacks_memory_says_so_and_not_that_the_body_is_free_to_mov
 def test_stiffness_and_mass_take_twelve_bytes_a_number():
     mesh = box(ElementType.C3D10, (3, 2, 2), (1.0, 0.3, 0.3))
     held = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
-    matrices = eliminated(stiffness(mesh), mass(mesh, volume_matrices(mesh)), fe_unknowns.unknowns(held, None))
+    matrices = eliminated(stiffness(mesh), mass(mesh, mesh.volume_matrices), fe_unknowns.unknowns(held, None))
     for one in (matrices.stiffness, matrices.mass, factorisation.upper_triangle(matrices.stiffness)):
         assert one.indices.dtype == one.indptr.dtype == np.int32
     # Those of all displacements are not kept.
@@ -410,7 +409,7 @@ def test_the_arm_whose_build_is_timed_is_a_quarter_ring_of_any_size(unknowns):
     held = int((np.abs(mesh.points[:, 0]) < 1e-9).sum())
     # A layer of elements more would be too many.
     assert unknowns <= 3 * (len(mesh.points) - held) < unknowns + 6 * held
-    volume = sum(float(matrices.sum()) for matrices in volume_matrices(mesh))
+    volume = float(mesh.volumes.sum())
     # Guldin's rule, less what quadratic sides leave of the arc.
     assert volume == pytest.approx(0.5 * np.pi * large.RADIUS * large.WIDTH * large.THICKNESS, rel=1e-4)
 

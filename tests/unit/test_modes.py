@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 
-from flexfmu.fe.assembly import mass, stiffness, volume_matrices
+from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import AccuracyError, BodyFileError, ModelError
 from flexfmu.mesh.elements import ElementType
@@ -35,7 +35,7 @@ class Reduced:
 
 
 def reduced(mesh, count):
-    k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+    k, m = stiffness(mesh), mass(mesh, mesh.volume_matrices)
     motions = np.zeros((k.shape[0], 0))
     return Reduced(mesh, k, m, normal_modes(supported(eliminated(k, m, unknowns(mesh.fixed, None)), motions), count))
 
@@ -198,7 +198,7 @@ class Noisy:
 
 def test_one_load_given_twice_adds_a_shape_once_whatever_the_round_off_of_its_solution(random):
     mesh = clamped(ElementType.C3D20, (6, 1, 1), (1.0, 0.1, 0.1))
-    k, m = stiffness(mesh), mass(mesh, volume_matrices(mesh))
+    k, m = stiffness(mesh), mass(mesh, mesh.volume_matrices)
     model = supported(eliminated(k, m, unknowns(mesh.fixed, None)), np.zeros((k.shape[0], 0)))
     load = np.zeros((k.shape[0], 1))
     load[3 * int(np.argmax(mesh.points.sum(axis=1))) + 1] = 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from flexfmu.fe.faces import area_matrix, element_faces, select
+from flexfmu.fe.faces import area_matrix, select
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.rigid_fit import Weighted, by_node, modal_fit, rigid_fit
 from meshes import EVERY_TYPE, arc, box, grid, lattice, with_sets
@@ -32,7 +32,7 @@ def graded(kind):
 
 def by_area(mesh, name):
     nodes = mesh.node_sets[name]
-    return Weighted(nodes, area_matrix(mesh.points, select(element_faces(mesh), nodes, outer=True), nodes))
+    return Weighted(nodes, area_matrix(mesh.points, select(mesh.faces, nodes, outer=True), nodes))
 
 
 def rigid_motion(points, origin, displacement, rotation):
@@ -93,7 +93,7 @@ def test_virtual_work_of_spread_loads_is_that_of_the_load_on_the_fit(kind, rando
 def test_a_central_force_becomes_the_consistent_nodal_forces_of_a_uniform_traction(kind):
     mesh = graded(kind)
     nodes = mesh.node_sets["FACE"]
-    (faces,) = select(element_faces(mesh), nodes, outer=True)
+    (faces,) = select(mesh.faces, nodes, outer=True)
     corners, at_corner, at_middle = SHARES[kind]
     expected = np.zeros(len(mesh.points))
     total = 0.0
@@ -191,7 +191,7 @@ def test_moving_the_origin_moves_the_displacement_by_rotation_times_arm(kind, ra
 def test_a_set_that_is_no_union_of_faces_has_no_area():
     mesh = graded(ElementType.C3D20R)
     nodes = mesh.node_sets["FACE"]
-    faces = element_faces(mesh)
+    faces = mesh.faces
     assert area_matrix(mesh.points, select(faces, nodes, outer=True), nodes) is not None
     # A node that no whole face holds, of the other end.
     more = np.union1d(nodes, [np.argmax(mesh.points[:, 0])])
@@ -203,7 +203,7 @@ def test_a_set_that_is_no_union_of_faces_has_no_area():
 def test_a_section_inside_the_body_counts_once_and_only_where_inner_faces_are_wanted():
     mesh = with_sets(box(ElementType.C3D8, (2, 2, 2), (2.0, 1.0, 0.5)), MIDDLE=lambda p: p[:, 0] - 1.0)
     nodes = mesh.node_sets["MIDDLE"]
-    faces = element_faces(mesh)
+    faces = mesh.faces
     inner = area_matrix(mesh.points, select(faces, nodes, outer=False), nodes)
     assert inner.sum() == pytest.approx(0.5, rel=1e-12)
     assert area_matrix(mesh.points, select(faces, nodes, outer=True), nodes) is None

@@ -4,7 +4,6 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..fe.faces import element_faces
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
 from ..reduction.surface import surface_nodes
@@ -31,7 +30,7 @@ def bores(mesh: Mesh) -> dict[str, Place]:
     dict of str to Place
         Cylinders, the widest first.
     """
-    nodes, faces = surface_nodes(mesh, element_faces(mesh))
+    nodes, faces = surface_nodes(mesh, mesh.faces)
     points = mesh.points[nodes]
     corners = points[faces]
     normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from .. import __version__
-from ..fe.assembly import volume_matrices
 from ..files.array_types import FloatArray
 from ..files.errors import BodyFileError
 from ..files.progress import Reporter
@@ -86,7 +85,7 @@ def reduce_mesh(
         model = assemble_model(mesh, config)
         mesh = model.mesh
         check_sets(config, mesh)
-        properties = body_properties(mesh, volume_matrices(mesh))
+        properties = body_properties(mesh, mesh.volume_matrices)
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)

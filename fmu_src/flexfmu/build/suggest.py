@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..fe.assembly import volume_matrices
-from ..fe.faces import element_faces, select
+from ..fe.faces import select
 from ..files.array_types import FloatArray, IntArray
 from ..files.units import UnitSystem
 from ..mesh.model import NO_MATERIAL, Mesh
@@ -33,7 +32,7 @@ def plane_ends(mesh: Mesh) -> dict[str, Place]:
     """
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     side = high - low
-    faces = element_faces(mesh)
+    faces = mesh.faces
     found = []
     for axis, name in enumerate(_AXES):
         for end, value in (("min", low[axis]), ("max", high[axis])):
@@ -101,7 +100,7 @@ def mass_lines(mesh: Mesh) -> list[str]:
     total, volume, moment = 0.0, 0.0, np.zeros(3)
     density = np.array([*(material.density for material in mesh.materials), np.nan])
     weighed = not any(np.isnan(density[block.material]).any() for block in mesh.blocks)
-    for block, matrices in zip(mesh.blocks, volume_matrices(mesh), strict=True):
+    for block, matrices in zip(mesh.blocks, mesh.volume_matrices, strict=True):
         nodal = matrices.sum(axis=2)
         volume += float(nodal.sum())
         weight = nodal * density[block.material][:, None] if weighed else nodal

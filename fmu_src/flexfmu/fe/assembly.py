@@ -80,11 +80,6 @@ def summed(parts: Iterable[sp.csr_array]) -> sp.csr_array:
     return total
 
 
-def volume_matrices(mesh: Mesh) -> tuple[FloatArray, ...]:
-    """As of `Mesh`."""
-    return mesh.volume_matrices
-
-
 def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]:
     """Mean displacement gradient over the volume of some elements, as a sum over their nodes.
 
@@ -142,7 +137,7 @@ def mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> sp.csr_array:
     ----------
     mesh : Mesh
     volumes : tuple of (n_elements, node_count, node_count) float
-        From `volume_matrices`.
+        From `Mesh.volume_matrices`.
 
     Returns
     -------

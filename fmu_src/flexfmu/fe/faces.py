@@ -5,13 +5,7 @@ import scipy.sparse as sp
 
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import FaceBlock
-from ..mesh.model import Mesh
 from ..mesh.shapes import FACE_RULES, FACE_SHAPES
-
-
-def element_faces(mesh: Mesh) -> tuple[FaceBlock, ...]:
-    """As of `Mesh`."""
-    return mesh.faces
 
 
 def select(faces: tuple[FaceBlock, ...], nodes: IntArray, *, outer: bool) -> tuple[IntArray, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fe.assembly import mass as mass_matrix
-from ..fe.assembly import volume_matrices
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import FlexfmuError
 from ..files.inputs import Kind, kind_of
@@ -151,7 +150,7 @@ class GivenModes:
             for block in mesh.blocks
         )
         heavy = replace(mesh, materials=materials, blocks=blocks)
-        mass = mass_matrix(heavy, volume_matrices(heavy))
+        mass = mass_matrix(heavy, heavy.volume_matrices)
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
             cells.setdefault(block.type.shape.name, []).append(block.connectivity)

@@ -15,8 +15,6 @@ from ..build.choices import Interface as Choice
 from ..build.choices import NodeChoices, Nodes, checked_spec, interface_table, support_table
 from ..build.choices import plain as plain_value
 from ..build.config import BodySpec
-from ..fe.assembly import volume_matrices
-from ..fe.faces import element_faces
 from ..files.array_types import FloatArray, IntArray
 from ..files.counts import plural
 from ..files.errors import BodyFileError
@@ -201,8 +199,8 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         report.warning(text)
     shapes = given.modes[:, rows].reshape(len(given.modes), -1).T
     model = _model(given, mesh, spec, shapes, rows)
-    volumes = volume_matrices(mesh) if mesh.blocks else ()
-    faces = element_faces(mesh) if mesh.blocks else ()
+    volumes = mesh.volume_matrices if mesh.blocks else ()
+    faces = mesh.faces if mesh.blocks else ()
     subdomains = _subdomains(given, spec, model, volumes, faces, rows, report)
     interfaces = [fit_interface(table, mesh, faces, subdomains) for table in spec.interface]
     frames = frame_operators(mesh.points, shapes, subdomains)
@@ -269,7 +267,7 @@ def _mesh(given: GivenModes) -> tuple[Mesh, IntArray]:
     mesh = from_contents(Contents(plain, labels), "the cells", UnitSystem.SI)
     mesh = checked(mesh)
     blocks = tuple(replace(block, material=np.zeros(len(block.labels), dtype=np.int64)) for block in mesh.blocks)
-    volume = sum(float(matrices.sum()) for matrices in volume_matrices(mesh))
+    volume = float(mesh.volumes.sum())
     density = float(given.nodal_mass.sum()) / volume
     # Stiffness is in the modes; it is never asked for here.
     return replace(mesh, blocks=blocks, materials=(Material("given", 1.0, 0.0, density),)), mesh.labels

@@ -26,7 +26,7 @@ class Matrices:
     ----------
     model : Model
     volumes : tuple of (n_elements, node_count, node_count) float
-        From `fe.assembly.volume_matrices`.
+        From `Mesh.volume_matrices`.
     report : Reporter
     """
 

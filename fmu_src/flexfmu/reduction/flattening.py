@@ -9,8 +9,6 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
-from ..fe.assembly import volume_matrices
-from ..fe.faces import element_faces
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
 from ..model.rotations import skew
@@ -45,7 +43,7 @@ def slices(mesh: Mesh, anchored: IntArray) -> list[IntArray]:
         anchored = np.array([np.argmax(np.linalg.norm(mesh.points - mesh.points.mean(axis=0), axis=1))])
     distance = distance_along(mesh, anchored)
     way = float(distance.max())
-    link = linked(mesh, element_faces(mesh))
+    link = linked(mesh, mesh.faces)
     middle = _across(mesh, link, np.concatenate([distance[b.connectivity].mean(axis=1) for b in mesh.blocks]), way)
     level = np.floor(np.round(_LEVELS * middle / way, _DIGITS)).astype(np.int64)
     piece = connected_components(link.multiply(equal_labels(link, level)), directed=False)[1]
@@ -62,7 +60,7 @@ def _across(mesh: Mesh, link: sp.csr_array, distance: FloatArray, way: float) ->
     """Distances (e,) made even across each section: the shorter way inside of a bend would have slices lie askew."""
     pairs = link.tocoo()
     centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
-    volume = np.concatenate([matrices.sum(axis=(1, 2)) for matrices in volume_matrices(mesh)])
+    volume = mesh.volumes
     flow = pairs.data / np.linalg.norm(centre[pairs.row] - centre[pairs.col], axis=1)
     spread = sp.csr_array(sp.coo_array((-flow, (pairs.row, pairs.col)), shape=link.shape))
     spread = spread - sp.diags_array(np.asarray(spread.sum(axis=1)))

@@ -27,7 +27,7 @@ def element_lumps(
     mesh : Mesh
         Every element with a material.
     volumes : tuple of (n_elements, node_count, node_count) float
-        From `fe.assembly.volume_matrices`.
+        From `Mesh.volume_matrices`.
     subdomains : sequence of Subdomain
 
     Returns

@@ -56,7 +56,7 @@ def body_properties(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Properties:
     mesh : Mesh
         Every element with a material.
     volumes : tuple of (n_elements, node_count, node_count) float
-        From `fe.assembly.volume_matrices`.
+        From `Mesh.volume_matrices`.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def sub_masses(
     mesh : Mesh
         Every element with a material.
     volumes : tuple of (n_elements, node_count, node_count) float
-        From `fe.assembly.volume_matrices`.
+        From `Mesh.volume_matrices`.
     shapes : (3n, m) float
     subdomains : sequence of Subdomain
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..build.config import BodySpec
-from ..fe.assembly import volume_matrices
-from ..fe.faces import element_faces
 from ..fe.stress import point_stress
 from ..files.array_types import FloatArray
 from ..files.counts import plural
@@ -181,8 +179,8 @@ def reduced_piece(
 def _divided(config: BodySpec, model: Model, report: Reporter) -> _Divided:
     """Divide a model into frames, and fit its interfaces."""
     with report.stage("Divide into frames and fit interfaces"):
-        volumes = volume_matrices(model.mesh)
-        faces = element_faces(model.mesh)
+        volumes = model.mesh.volume_matrices
+        faces = model.mesh.faces
         subdomains, cuts = body_subdomains(config, model, volumes, faces)
         interfaces = [fit_interface(table, model.mesh, faces, subdomains) for table in config.interface]
     for interface in interfaces:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from ..build.config import BodySpec, Nodes, Place
-from ..fe.faces import element_faces
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import BodyFileError
 from ..mesh.listing import listed
@@ -136,7 +135,7 @@ def _surface(mesh: Mesh, key: str) -> IntArray:
     """Nodes of the body's surface."""
     if not mesh.blocks:
         raise BodyFileError(f"{key}: patch needs elements, which tell the surface; give a box or a cylinder instead")
-    return np.unique(np.concatenate([block.nodes[block.outer].ravel() for block in element_faces(mesh)]))
+    return np.unique(np.concatenate([block.nodes[block.outer].ravel() for block in mesh.faces]))
 
 
 def _nearby(mesh: Mesh, place: Place) -> str:

@@ -63,7 +63,7 @@ def model_mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> sp.csr_array:
     ----------
     mesh : Mesh
     volumes : tuple of (n_elements, node_count, node_count) float
-        From `fe.assembly.volume_matrices`.
+        From `Mesh.volume_matrices`.
 
     Returns
     -------

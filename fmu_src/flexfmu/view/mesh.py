@@ -7,8 +7,6 @@ from scipy.spatial import cKDTree
 
 from ..build.config import BodyFile, BodySpec
 from ..build.reduce import check_sets
-from ..fe.assembly import volume_matrices
-from ..fe.faces import element_faces
 from ..files.array_types import FloatArray, IntArray
 from ..files.progress import Reporter
 from ..files.units import UnitSystem
@@ -59,7 +57,7 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
             config, model, _ = cut_loops(config, model)
             mesh = model.mesh
     count = len(mesh.points)
-    faces = element_faces(mesh)
+    faces = mesh.faces
     numbered = []
     marks, places = [], []
     with report.stage("Divide into frames"):
@@ -96,7 +94,7 @@ def _frames(config: BodyFile, model: Model, report: Reporter) -> tuple[list[Subd
     number = np.full(len(points), GROUND)
     for k, (own, piece) in enumerate(pieces, start=1):
         mesh = piece.mesh
-        found, warnings = body_subdomains(own, piece, volume_matrices(mesh), element_faces(mesh))
+        found, warnings = body_subdomains(own, piece, mesh.volume_matrices, mesh.faces)
         for text in warnings:
             report.warning(text)
         carried = carrying_frames(len(mesh.points), found)
@@ -116,7 +114,7 @@ def _view(
     marks: tuple[Mark, ...],
     mark_points: FloatArray,
 ) -> View:
-    nodes, corners = surface_nodes(mesh, element_faces(mesh))
+    nodes, corners = surface_nodes(mesh, mesh.faces)
     row = np.full(len(mesh.points), -1)
     row[nodes] = np.arange(nodes.size)
     sets = {name: row[rows][row[rows] >= 0] for name, rows in mesh.node_sets.items()}

@@ -13,7 +13,6 @@ from scipy.sparse.csgraph import connected_components
 
 from ...build.config import Basis, BodySpec, BranchTable, CutTable, InterfaceTable, SupportTable
 from ...fe.assembly import stiffness
-from ...fe.faces import element_faces
 from ...files.array_types import FloatArray, IntArray
 from ...files.errors import BodyFileError
 from ...mesh.checks import connected_parts
@@ -105,7 +104,7 @@ def cut_loops(config: _Spec, model: Model) -> tuple[_Spec, Model, list[str]]:
     """
     mesh = model.mesh
     clear = {one.name: node_set(mesh, one.nodes, f"interface {one.name!r}, nodes") for one in config.interface}
-    found = loop_sections(mesh, element_faces(mesh), model.anchored, clear)
+    found = loop_sections(mesh, mesh.faces, model.anchored, clear)
     sets, tables, notes = dict(mesh.node_sets), [], []
     for k, one in enumerate(found, start=1):
         # A name that no mesh file has.
@@ -187,7 +186,7 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
     nodes = node_set(mesh, cut, key)
     member = np.zeros(len(mesh.points), dtype=bool)
     member[nodes] = True
-    faces = element_faces(mesh)
+    faces = mesh.faces
     across = [np.all(member[block.nodes], axis=1) & ~block.outer for block in faces]
     if not any(chosen.any() for chosen in across):
         raise BodyFileError(
@@ -417,7 +416,7 @@ def section_tractions(part: Part, section: str, fields: FloatArray) -> FloatArra
     rows = (3 * nodes[:, None] + np.arange(3)).ravel()
     force = (stiffness(mesh)[rows] @ own).astype(np.float64)
     # The fit of the interface that the section is.
-    fitted = section_weights(mesh.points, element_faces(mesh), nodes)
+    fitted = section_weights(mesh.points, mesh.faces, nodes)
     fit, _ = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
     # Self-equilibrated forces do no work on rigid motions; G R = 1.
     arm = mesh.points[nodes] - fitted.centre(mesh.points)

@@ -7,8 +7,6 @@ from typing import TypeVar
 import numpy as np
 
 from ...build.config import BodySpec
-from ...fe.assembly import volume_matrices
-from ...fe.faces import element_faces
 from ...fe.quadratic_strain import mean_spin
 from ...files.array_types import FloatArray, IntArray
 from ...files.errors import BodyFileError
@@ -106,10 +104,10 @@ def _parts(config: BodySpec, model: Model) -> list[Part]:
 def _decided(config: BodySpec, model: Model, parts: list[Part], report: Reporter, store: Store) -> _Choice:
     """Cut where the parts turn as a whole, unless stretch stops the body before it turns far."""
     mesh = model.mesh
-    faces = element_faces(mesh)
+    faces = mesh.faces
     nodal = [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interface]
     forces = np.hstack([loads[:, :3] for loads in nodal])
-    matrices = Matrices(model, volume_matrices(mesh), report)
+    matrices = Matrices(model, mesh.volume_matrices, report)
     gain = turning_taken(
         mesh, FourthOrder(matrices, report).responses(forces).fields, [part.elements for part in parts]
     )
@@ -142,7 +140,7 @@ def turning_taken(mesh: Mesh, fields: FloatArray, parts: Sequence[IntArray]) -> 
     if not fields.shape[1]:
         return 1.0
     turned = np.diag(mean_spin(mesh, fields))
-    volume = np.concatenate([matrices.sum(axis=(1, 2)) for matrices in volume_matrices(mesh)])
+    volume = mesh.volumes
     weight = np.array([volume[elements].sum() for elements in parts]) / volume.sum()
     means = np.array([mean_rotation(mesh, elements).of(fields) for elements in parts])
     whole = np.tensordot(weight, means, axes=1)

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from ...build.config import BodySpec
-from ...fe.assembly import volume_matrices
-from ...fe.faces import element_faces
 from ...files.array_types import FloatArray
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
@@ -90,11 +88,11 @@ def reduced_parts(config: BodySpec, model: Model, report: Reporter, store: Store
 def _unit_responses(config: BodySpec, model: Model, report: Reporter, store: Store) -> FloatArray:
     """Static displacements (3n, l) of the body in one piece under its interfaces' unit loads, of unit work."""
     mesh = model.mesh
-    faces = element_faces(mesh)
+    faces = mesh.faces
     loads = np.hstack(
         [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interface]
     )
-    matrices = Matrices(model, volume_matrices(mesh), report)
+    matrices = Matrices(model, mesh.volume_matrices, report)
 
     def make() -> dict[str, FloatArray]:
         whole = matrices.supported

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...build.config import BodyFile, BodySpec
-from ...fe.assembly import volume_matrices
-from ...fe.faces import element_faces
 from ...files.array_types import FloatArray
 from ...mesh.checks import checked
 from ...mesh.formats import read_mesh
@@ -73,7 +71,7 @@ def find_branches(config: BodyFile) -> list[Branch]:
     if config.cut == "auto":
         config, model, _ = cut_loops(config, model)
     if not config.cut:
-        return _branches(model, config, 0, len(root_frame(model, volume_matrices(model.mesh))))[0]
+        return _branches(model, config, 0, len(root_frame(model, model.mesh.volume_matrices)))[0]
     opened, parts = cut_parts(model, [table.nodes for table in config.cuts], config.support)
     found: list[Branch] = []
     count = 0
@@ -87,7 +85,7 @@ def find_branches(config: BodyFile) -> list[Branch]:
 def _branches(model: Model, config: BodySpec, part: int, offset: int) -> tuple[list[Branch], int]:
     """Branches of a model in one piece, and its number of frames."""
     mesh = model.mesh
-    volumes, faces = volume_matrices(mesh), element_faces(mesh)
+    volumes, faces = mesh.volume_matrices, mesh.faces
     supported = hanging(model, config)
     domains = divide(mesh, volumes, faces, supported, LEVELS).subdomains
     distance = distance_along(mesh, supported)

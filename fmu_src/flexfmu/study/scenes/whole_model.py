@@ -7,8 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from ...build.config import BodyFile
-from ...fe.assembly import volume_matrices
-from ...fe.faces import element_faces
 from ...fe.nonlinear import load_path
 from ...files.array_types import FloatArray
 from ...files.errors import AccuracyError
@@ -77,7 +75,7 @@ class WholeModel:
     def interfaces(self) -> list[Interface]:
         """The fits of the interfaces."""
         mesh = self.model.mesh
-        faces = element_faces(mesh)
+        faces = mesh.faces
         return [fit_interface(table, mesh, faces, []) for table in self._config.interface]
 
     @property
@@ -93,7 +91,7 @@ class WholeModel:
             result += interface.nodal_loads(len(mesh.points))[:, :3] @ force
         if np.any(case.peak.acceleration):
             # In the frame of its supports every mass feels the opposite.
-            result -= model_mass(mesh, volume_matrices(mesh)) @ np.tile(case.peak.acceleration, len(mesh.points))
+            result -= model_mass(mesh, mesh.volume_matrices) @ np.tile(case.peak.acceleration, len(mesh.points))
         return result
 
     def refusal(self, case: StaticCase) -> str:
