@@ -19,7 +19,6 @@ from demo.rear_axle.run import HERE as AXLE
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.core import StepAnswer
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store, default_folder
 from flexfmu.model.methods import Method
@@ -77,7 +76,7 @@ def call(body: FlexibleBody, loads: Mapping[str, list[float]], step: float) -> t
         start = time.process_time()
         answer, _, _, _, work = body.core.step(rest.q, rest.v, inputs, step)
         best = min(best, time.process_time() - start)
-    return "ok" if answer is StepAnswer.OK else answer.name.lower(), int(work[0]), int(work[1]), float(best)
+    return "ok" if answer.ok else answer.name.lower(), int(work[0]), int(work[1]), float(best)
 
 
 def measure(name: str, body: FlexibleBody, interface: str, cases: list[tuple[str, list[float], float]]) -> list[Record]:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from bodies import body_of_everything, random_ties
-from flexfmu.core import Core, StepAnswer, StepLimits
+from flexfmu.core import Core, StepLimits
 from flexfmu.core import library as core_library
 from flexfmu.core.image import _HEAD, checksum, fields, read_image
 from flexfmu.fmu.python_slave import SlaveError, core_file
@@ -117,11 +117,11 @@ def answers(image, rng):
     inputs = rng.standard_normal(core.loads)
     q, v = 0.1 * rng.standard_normal(m), rng.standard_normal(m)
     answer, found, share, _ = core.static(inputs)
-    yield "static", (answer, found, np.array(share)) if answer is StepAnswer.OK else (answer, rest, np.array(share))
+    yield "static", (answer, found, np.array(share)) if answer.ok else (answer, rest, np.array(share))
     for step, end in ((1e-3, None), (1e-3, -inputs), (0.3, None)):
         answer, q1, v1, _, _ = core.step(q, v, inputs, step, end)
         yield "step", (answer, q1, v1)
-        if answer is StepAnswer.OK:
+        if answer.ok:
             q, v = q1, v1
     for at in (rest, q):
         yield "motion", (None, *core.motion_and_rates(at, v))
@@ -138,9 +138,9 @@ def answers(image, rng):
 def judge(name, given):
     """Why an answer is nonsense; None where it is sound."""
     answer, *arrays = given
-    if answer is StepAnswer.OK and not all(np.all(np.isfinite(array)) for array in arrays):
+    if answer.ok and not all(np.all(np.isfinite(array)) for array in arrays):
         return "not finite, and yet OK"
-    if name == "static" and answer is StepAnswer.OK and given[2] != 1.0:
+    if name == "static" and answer.ok and given[2] != 1.0:
         return "an equilibrium under part of the load"
     if name == "nodes":
         rotation = arrays[1][np.all(np.isfinite(arrays[1]), axis=(1, 2))]

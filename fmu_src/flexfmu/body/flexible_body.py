@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import Core, StepAnswer, StepLimits
+from ..core import Core, StepLimits
 from ..files.array_types import FloatArray
 from ..model.division import divided
 from ..model.errors import EquilibriumError, LoadError, OptionError, StepError
@@ -188,7 +188,7 @@ class FlexibleBody:
         True
         """
         answer, q, share, _ = self.core.static(self._packed(loads))
-        if answer is not StepAnswer.OK:
+        if not answer.ok:
             raise EquilibriumError(self.core.static_refusal(answer, share), share)
         return State(q, np.zeros_like(q))
 
@@ -241,7 +241,7 @@ class FlexibleBody:
     ) -> tuple[State, Work]:
         """As `step_with_work`, with loads as the array (6I,) or, of a body with masses, (6I + 3,) of `Loads.packed`."""
         answer, q, v, hint, work = self.core.step(state.q, state.v, inputs, step, end_inputs, state.substeps)
-        if answer is not StepAnswer.OK:
+        if not answer.ok:
             raise StepError(self.core.step_refusal(answer, step, work))
         return State(q, v, hint), Work(*work)
 

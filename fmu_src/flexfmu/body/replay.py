@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..core import StepLimits
+from ..core.interface import word_of
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from ..model.errors import StepError
@@ -24,8 +25,6 @@ from ..program.variables import (
     STEP_LIMIT,
     STEP_MOST,
     STEP_TOLERANCE,
-    Initialization,
-    Interpolation,
 )
 from .flexible_body import FlexibleBody
 from .loads import Loads
@@ -129,20 +128,20 @@ def replay(
     -------
     Replay
     """
-    interpolation = Interpolation(parameters.get(INTERPOLATION, Interpolation.CONSTANT.value))
+    interpolation = word_of("INTERPOLATION", parameters.get(INTERPOLATION))
     # fmpy sets the values before a jump for the start, those after it for the first step.
     before = table[0, 1:]
     state = body.rest()
-    if Initialization(parameters.get(INITIALIZATION, Initialization.REST.value)) is Initialization.STATIC:
+    if word_of("START", parameters.get(INITIALIZATION)) == "static":
         state = body.static(Loads.unpacked(before, body.model.interface_count))
     states, length, ended = [state.q], 0.0, ""
     with report.counted(f"Follow {body.model.name} to {points[-1]:g} s", len(points) - 1, "steps") as tell:
         for k, (begin, end) in enumerate(pairwise(points)):
             now = loads_at(table, float(begin))
             start, finish = now, now
-            if interpolation is Interpolation.RAMP:
+            if interpolation == "ramp":
                 start = before
-            elif interpolation is Interpolation.LINEAR and length > 0.0:
+            elif interpolation == "linear" and length > 0.0:
                 finish = now + (now - before) * ((end - begin) / length)
             try:
                 same = np.array_equal(start, finish)

@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from ..files.array_types import FloatArray
 from ..model.errors import OptionError
 from .building import PLATFORMS, source_hash, sources, this_platform
 from .image import read_image
+from .interface import parameter, symbols
 
 SHIPPED = Path(__file__).parent / "binaries"
 """Where a wheel has the cores of all platforms."""
@@ -49,23 +49,31 @@ class StepLimits:
         Work accepted per call, discarded tries included, in internal steps of ordinary cost; more is refused.
     """
 
-    longest: float = 0.0
-    tolerance: float = 1e-4
-    most: float = 4096.0
+    longest: float = parameter("STEP_LIMIT").start
+    tolerance: float = parameter("STEP_TOLERANCE").start
+    most: float = parameter("STEP_MOST").start
 
 
-class StepAnswer(Enum):
-    """How a step or an equilibrium ended; as core/body.h has it."""
+@dataclass(frozen=True, slots=True)
+class StepAnswer:
+    """How a step or an equilibrium ended: a line of the table of answers.
 
-    OK = 0
-    NOT_FINITE = 1
-    BEYOND_REACH = 2
-    TOO_MUCH_WORK = 3
-    FREE = 4
-    BEYOND_CRITICAL = 5
-    BAD_STEP = 6
-    BAD_OPTION = 7
-    TOO_MANY_STEPS = 8
+    Attributes
+    ----------
+    number : int
+    """
+
+    number: int
+
+    @property
+    def ok(self) -> bool:
+        """Whether it was found."""
+        return self.number == 0
+
+    @property
+    def name(self) -> str:
+        """The table's symbol."""
+        return symbols("ANSWER")[self.number]
 
 
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -255,13 +263,13 @@ class Core:
     def step_refusal(self, answer: StepAnswer, step: float, work: tuple[int, int, float]) -> str:
         """Why a step of some length (s) was refused."""
         text, told = ctypes.create_string_buffer(_WORDS), _Work(*work)
-        self._library.body_refusal(self._body, answer.value, step, ctypes.byref(told), text, _WORDS)
+        self._library.body_refusal(self._body, answer.number, step, ctypes.byref(told), text, _WORDS)
         return text.value.decode()
 
     def static_refusal(self, answer: StepAnswer, share: float) -> str:
         """Why there is no equilibrium beyond a share of the load."""
         text = ctypes.create_string_buffer(_WORDS)
-        self._library.body_static_refusal(self._body, answer.value, share, text, _WORDS)
+        self._library.body_static_refusal(self._body, answer.number, share, text, _WORDS)
         return text.value.decode()
 
     def motion(self, q: FloatArray) -> FloatArray:

@@ -1,23 +1,27 @@
 """The programs that an FMU carries: one for each method that its body has the data for, and interfaces held."""
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
+import numpy as np
+
 from ..core.image import read_image
+from ..core.interface import symbols
 from ..model.division import divided
 from ..model.errors import OptionError
 from ..model.fixing import with_fixed_interfaces
 from ..model.methods import Mass, Method, chosen, has_frames, masses_of, offered
 from ..model.reduced_body import GROUND, ReducedBody
 from .compile import Draft, compile_draft
-from .description import variable_fields
 from .variable_table import variable_table
+from .variables import Variable
 
 DESCRIPTION = "body.prog"
 """The program of the method that the FMU starts with; it describes the variables, too."""
 # Sets of interfaces that a linear body may be fixed at: all of them as long as there are few.
 _MOST_FIXED = 5
+_TYPES = ("Real", "Integer", "Boolean", "String")
 
 
 def programs(body: ReducedBody) -> dict[str, Draft]:
@@ -51,6 +55,40 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
             draft = compile_draft(held, method, mass)
             result[name] = Draft(draft.sizes | fields.sizes, draft.arrays | fields.arrays)
     return result
+
+
+def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
+    """Fields of a program that describe its variables.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    table : sequence of Variable
+        By value reference.
+
+    Returns
+    -------
+    Draft
+    """
+    roles = symbols("ROLE")
+    texts = b"".join("".join(f"{text}\n" for text in (v.name, *v.choices)).encode() + b"\0" for v in table)
+    start = [v.choices.index(str(v.start)) if v.choices else float(v.start or 0.0) for v in table]
+    offered = [body.interface_names.index(name) for name in body.compliance_interfaces]
+    return Draft(
+        {
+            "variables": len(table),
+            "variable_bytes": len(texts),
+            "compliances": len(offered),
+        },
+        {
+            "variable_type": np.array([_TYPES.index(v.type) for v in table]),
+            "variable_role": np.array([roles.index(v.role) for v in table]),
+            "variable_index": np.array([v.number for v in table]),
+            "variable_start": np.array(start, dtype=np.float64),
+            "variable_texts": texts,
+            "compliance_interface": np.array(offered, dtype=np.int64),
+        },
+    )
 
 
 def with_guid(made: Mapping[str, Draft], guid: str) -> dict[str, bytes]:

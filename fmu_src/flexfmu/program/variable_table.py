@@ -1,81 +1,162 @@
-"""The variables of a body's FMU."""
+"""The variables of a body's FMU: the rows of core/interface.def for its interfaces, axes and the like.
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
-from enum import Enum
+Value references count from zero in this order. The model description and the programs that the core runs follow it.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import groupby, product
 
 import numpy as np
 
-from ..core import StepLimits
+from ..core.interface import Row, lines, rows, words_of
 from ..model.methods import Mass, chosen, offered
 from ..model.reduced_body import GROUND, ReducedBody
-from .variables import (
-    ACCELERATION,
-    AXES,
-    DAMPING_SCALE,
-    FIXED,
-    FRAME_ROTATION,
-    INERTIA,
-    INERTIA_LIMIT,
-    INITIALIZATION,
-    INTERPOLATION,
-    ITERATIONS,
-    KINETIC_ENERGY,
-    METHOD,
-    MISSED,
-    MISSED_LIMIT,
-    MOMENTUM,
-    MOMENTUM_LIMIT,
-    ON_INERTIA,
-    ON_MISSED,
-    ON_MOMENTUM,
-    ON_ROTATION,
-    ON_SPIN,
-    ON_STABILITY,
-    ON_STEP,
-    ROTATION_LIMIT,
-    SPIN,
-    SPIN_LIMIT,
-    STABILITY,
-    STABILITY_LIMIT,
-    STATUS_CODE,
-    STEP_ERROR,
-    STEP_FEWEST,
-    STEP_LIMIT,
-    STEP_MOST,
-    STEP_TOLERANCE,
-    STRAIN_ENERGY,
-    SUBSTEPS,
-    TUNABLE,
-    Group,
-    Initialization,
-    Interpolation,
-    OnLimit,
-    OnRefusal,
-    Variable,
-)
+from .variables import AXES, Variable
 
-# Orders of magnitude of metals under load, and of gravity.
-_NOMINAL_STRESS, _NOMINAL_ACCELERATION = 1e8, 10.0
-_MOTIONS = (
-    ("displacement", "m", "displacement of the reference point"),
-    ("rotation", "rad", "component of the rotation vector"),
-)
-_RATES = (
-    ("velocity", "m/s", "velocity of the reference point"),
-    ("angular_velocity", "rad/s", "angular velocity"),
-)
-_LOADS = (
-    ("force", "N", "force at the reference point, fixed in direction"),
-    ("moment", "N.m", "moment about the moving reference point, fixed in direction"),
-)
-_FOLLOWING = {"force": "force at the reference point", "moment": "moment about the reference point"}
+_INPUT, _OUTPUT = ("input", "continuous", None), ("output", "continuous", "calculated")
+_LOCAL = ("local", "continuous", "calculated")
+_FMI = {
+    "INPUT": _INPUT,
+    "MOTION": _OUTPUT,
+    "RATE": _OUTPUT,
+    "STRESS": _OUTPUT,
+    # Not an output: masters that take every output for a real number would stop at an integer.
+    "STATUS": _LOCAL,
+    "PARAMETER": ("parameter", "fixed", "exact"),
+    "DIAGNOSTIC": _LOCAL,
+    "COMPLIANCE": _LOCAL,
+}
+"""Causality, variability and initial of each role."""
 # Rows and columns of an interface's compliance, and the unit of each pair of their first letters.
-_COMPLIANCE_ROWS = {f"u{axis}": f"displacement along {axis}" for axis in AXES}
-_COMPLIANCE_ROWS |= {f"r{axis}": f"rotation about {axis}" for axis in AXES}
-_COMPLIANCE_COLUMNS = {f"f{axis}": f"the force along {axis}" for axis in AXES}
-_COMPLIANCE_COLUMNS |= {f"m{axis}": f"the moment about {axis}" for axis in AXES}
-_COMPLIANCE_UNITS = {"uf": "m/N", "um": "m/(N.m)", "rf": "rad/N", "rm": "rad/(N.m)"}
+_ROWS = {f"u{axis}": f"displacement along {axis}" for axis in AXES}
+_ROWS |= {f"r{axis}": f"rotation about {axis}" for axis in AXES}
+_COLUMNS = {f"f{axis}": f"the force along {axis}" for axis in AXES}
+_COLUMNS |= {f"m{axis}": f"the moment about {axis}" for axis in AXES}
+_UNITS = {"uf": "m/N", "um": "m/(N.m)", "rf": "rad/N", "rm": "rad/(N.m)"}
+
+Words = dict[str, str]
+
+CONDITIONS: dict[str, Callable[[ReducedBody], bool]] = {
+    "always": lambda _: True,
+    "masses": lambda body: body.masses is not None,
+    "rates": lambda body: body.velocity_outputs,
+    "free": lambda body: body.rigid_count > 0,
+    "turning": lambda body: body.missed_inertia is not None and body.mass is Mass.CONSTANT,
+    "fixable": lambda body: body.root_interface != GROUND,
+}
+"""Which bodies have a variable, by its column `when`."""
+
+
+def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
+    """All variables of a body's FMU.
+
+    Parameters
+    ----------
+    body : ReducedBody
+
+    Returns
+    -------
+    tuple of Variable
+    """
+    nominal = _nominal_values(body)
+    there = [row for row in rows() if CONDITIONS[row.when](body)]
+    result = []
+    for role, kinds in groupby(there, lambda row: row.role):
+        for place, (row, words, spoken) in enumerate(_expanded(body, role, list(kinds))):
+            result.append(_variable(body, row, _number(body, row, words, place), words, words | spoken, nominal))
+    return tuple(result)
+
+
+def _expanded(body: ReducedBody, role: str, kinds: Sequence[Row]) -> Iterator[tuple[Row, Words, Words]]:
+    """Rows with what stands for their capitals in names, and otherwise in descriptions."""
+    if role == "COMPLIANCE":
+        for name, other in product(body.compliance_interfaces, repeat=2):
+            for (motion, moved), (cause, load) in product(_ROWS.items(), _COLUMNS.items()):
+                words = {"NAME": name, "OTHER": other, "ROW": motion, "COLUMN": cause}
+                yield kinds[name != other], words, {"ROW": moved, "COLUMN": load}
+    elif role == "STRESS":
+        for part in body.stress_sets:
+            yield kinds[0], {"SET": part.name}, {"COUNT": str(len(part.point))}
+    else:
+        for each, block in groupby(kinds, lambda row: "NAME" in row.name):
+            for name, row in product(body.interface_names if each else ("",), list(block)):
+                for axis in AXES if "AXIS" in row.name else ("",):
+                    yield row, {"NAME": name, "AXIS": axis}, {}
+
+
+def _number(body: ReducedBody, row: Row, words: Words, place: int) -> int:
+    """The core's number of a variable among those of its role."""
+    known = [kind.symbol for kind in rows() if kind.role == row.role and kind.symbol]
+    if row.symbol:
+        return known.index(row.symbol)
+    # Parameters that fix interfaces follow the others.
+    return len(known) + body.interface_names.index(words["NAME"]) if known else place
+
+
+def _variable(
+    body: ReducedBody, row: Row, number: int, words: Words, spoken: Words, nominal: Mapping[str, float]
+) -> Variable:
+    """The variable of a row."""
+    causality, variability, initial = _FMI[row.role]
+    if row.tunable:
+        variability = "tunable"
+    elif row.type == "Integer":
+        variability = "discrete"
+    choices = _choices(body, row)
+    return Variable(
+        name=_filled(row.name, words),
+        type=row.type,
+        role=row.role,
+        number=number,
+        causality=causality,
+        variability=variability,
+        initial=initial,
+        start=_start(body, row, choices),
+        unit=_UNITS[words["ROW"][0] + words["COLUMN"][0]] if row.role == "COMPLIANCE" else row.unit or None,
+        description=_filled(_description(body, row, choices, words), spoken),
+        minimum=row.least if row.role == "PARAMETER" and row.type == "Real" else None,
+        nominal=nominal[row.name.split(".")[1]] if row.role in ("INPUT", "MOTION", "RATE", "STRESS") else None,
+        choices=choices,
+    )
+
+
+def _filled(pattern: str, words: Words) -> str:
+    """A text with words for its capitals."""
+    return re.sub("|".join(words), lambda found: words[found[0]], pattern)
+
+
+def _choices(body: ReducedBody, row: Row) -> tuple[str, ...]:
+    """What a String offers."""
+    return tuple(method.value for method in offered(body)) if row.words == "METHOD" else words_of(row.words)
+
+
+def _start(body: ReducedBody, row: Row, choices: Sequence[str]) -> float | bool | str | None:
+    """Start value of inputs and parameters."""
+    if row.words:
+        return chosen(body).method.value if row.words == "METHOD" else choices[0]
+    if row.symbol == "STABILITY_LIMIT" and body.ties is not None:
+        # The joints of a cut body ring in tension as it moves, which says nothing of the loads.
+        return 0.0
+    if row.role not in ("INPUT", "PARAMETER"):
+        return None
+    return row.start if row.type == "Real" else False
+
+
+def _description(body: ReducedBody, row: Row, choices: Sequence[str], words: Words) -> str:
+    """What the model description says of a row."""
+    text, axis = row.text, ", along the global AXIS axis"
+    if row.role == "INPUT" and words["NAME"] in body.following_interfaces:
+        text = text.removesuffix(", fixed in direction").replace("moving ", "")
+        axis = ", along the interface's own AXIS axis, which turns with it"
+    if row.role == "STATUS":
+        states = "; ".join(f"{code}: {meaning}" for code, (_, meaning) in enumerate(lines("STATE")))
+        text = f"{states}; {text}"
+    if choices:
+        listed = ", ".join(f'"{choice}"' for choice in choices)
+        text = f"{text}: {listed}"
+    owner = next((f"{word}: " for word in ("NAME", "SET") if word in row.name), "")
+    return f"{owner}{text}{axis if 'AXIS' in row.name else ''}"
 
 
 def _nominal_values(body: ReducedBody) -> dict[str, float]:
@@ -96,245 +177,8 @@ def _nominal_values(body: ReducedBody) -> dict[str, float]:
         "angular_velocity": rotation * float(frequency[0]),
         "force": displacement / compliance[0] if compliance[0] > 0.0 else 1.0,
         "moment": rotation / compliance[1] if compliance[1] > 0.0 else 1.0,
+        # Of gravity, and of metals under load.
+        "acceleration": 10.0,
+        "von_mises": 1e8,
     }
     return {name: float(f"{value:.0e}") for name, value in values.items()}
-
-
-def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
-    """All variables of a body's FMU.
-
-    Parameters
-    ----------
-    body : ReducedBody
-
-    Returns
-    -------
-    tuple of Variable
-    """
-    nominal = _nominal_values(body)
-    rates = _motions(body, Group.RATE, _RATES, nominal) if body.velocity_outputs else []
-    status = (
-        "0: sound; 1: a step was refused or the start failed; 2: a limit was passed; see the log; stays until reset"
-    )
-    return (
-        *_loads(body, nominal),
-        *(_accelerations() if body.masses is not None else []),
-        *_motions(body, Group.MOTION, _MOTIONS, nominal),
-        *rates,
-        *_stresses(body),
-        # Not an output: masters that take every output for a real number would stop at an integer.
-        Variable(STATUS_CODE, "Integer", Group.STATUS, "local", "discrete", "calculated", None, None, status),
-        *_parameters(body),
-        *_diagnostics(body),
-        *_compliances(body),
-    )
-
-
-def _input(name: str, unit: str, description: str, nominal: float) -> Variable:
-    return Variable(name, "Real", Group.INPUT, "input", "continuous", None, 0.0, unit, description, nominal=nominal)
-
-
-def _output(name: str, group: Group, unit: str, description: str, nominal: float) -> Variable:
-    return Variable(name, "Real", group, "output", "continuous", "calculated", None, unit, description, nominal=nominal)
-
-
-def _loads(body: ReducedBody, nominal: Mapping[str, float]) -> list[Variable]:
-    """Forces and moments on the interfaces."""
-    result = []
-    for interface in body.interface_names:
-        follows = interface in body.following_interfaces
-        for quantity, unit, fixed_words in _LOADS:
-            for axis in AXES:
-                words = f"{fixed_words}, along the global {axis} axis"
-                if follows:
-                    words = f"{_FOLLOWING[quantity]}, along the interface's own {axis} axis, which turns with it"
-                name = f"{interface}.{quantity}.{axis}"
-                result.append(_input(name, unit, f"{interface}: {words}", nominal[quantity]))
-    return result
-
-
-def _accelerations() -> list[Variable]:
-    """Acceleration of the frame of reference."""
-    words = "acceleration of the supports (a weight is one against gravity), along the global {} axis"
-    return [_input(f"{ACCELERATION}.{axis}", "m/s2", words.format(axis), _NOMINAL_ACCELERATION) for axis in AXES]
-
-
-def _motions(
-    body: ReducedBody, group: Group, quantities: Iterable[tuple[str, str, str]], nominal: Mapping[str, float]
-) -> list[Variable]:
-    """Motions of the interfaces, or their rates."""
-    return [
-        _output(
-            f"{interface}.{quantity}.{axis}",
-            group,
-            unit,
-            f"{interface}: {words}, along the global {axis} axis",
-            nominal[quantity],
-        )
-        for interface in body.interface_names
-        for quantity, unit, words in quantities
-        for axis in AXES
-    ]
-
-
-def _stresses(body: ReducedBody) -> list[Variable]:
-    """Largest stress of each set."""
-    return [
-        _output(
-            f"{part.name}.von_mises",
-            Group.STRESS,
-            "Pa",
-            f"{part.name}: largest von Mises stress at {len(part.point)} points",
-            _NOMINAL_STRESS,
-        )
-        for part in body.stress_sets
-    ]
-
-
-def _compliances(body: ReducedBody) -> list[Variable]:
-    """How interfaces give way over a step, to their own loads and to each other's."""
-    return [
-        Variable(
-            f"{interface}.compliance.{'' if other == interface else f'{other}.'}{row}.{column}",
-            "Real",
-            Group.COMPLIANCE,
-            "local",
-            "continuous",
-            "calculated",
-            None,
-            _COMPLIANCE_UNITS[row[0] + column[0]],
-            f"{interface}: change of {words} at the end of a step with {cause}"
-            f"{'' if other == interface else f' on {other}'} held over it",
-        )
-        for interface in body.compliance_interfaces
-        for other in body.compliance_interfaces
-        for row, words in _COMPLIANCE_ROWS.items()
-        for column, cause in _COMPLIANCE_COLUMNS.items()
-    ]
-
-
-def _choice(name: str, start: Enum, among: Iterable[Enum], description: str) -> Variable:
-    """A parameter that is one of several words."""
-    choices = tuple(str(option.value) for option in among)
-    offered_words = ", ".join(f'"{option}"' for option in choices)
-    words = f"{description}: {offered_words}"
-    return _parameter(name, "String", str(start.value), None, words, choices=choices)
-
-
-def _number(name: str, start: float, unit: str | None, description: str, minimum: float = 0.0) -> Variable:
-    """A parameter that is a number from `minimum` on."""
-    return _parameter(name, "Real", start, unit, description, minimum=minimum)
-
-
-def _parameter(
-    name: str,
-    kind: str,
-    start: float | bool | str,
-    unit: str | None,
-    description: str,
-    *,
-    minimum: float | None = None,
-    choices: tuple[str, ...] = (),
-) -> Variable:
-    return Variable(
-        name,
-        kind,
-        Group.PARAMETER,
-        "parameter",
-        "fixed",
-        "exact",
-        start,
-        unit,
-        description,
-        minimum=minimum,
-        choices=choices,
-    )
-
-
-def _limit(quantity: tuple[str, str], start: float, unit: str | None, description: str, side: str) -> list[Variable]:
-    """A limit that is watched, and what happens beyond it."""
-    limit, on_limit = quantity
-    return [
-        _number(limit, start, unit, f"{description}; 0 for no limit"),
-        _choice(on_limit, OnLimit.WARN, OnLimit, f"what happens {side} it"),
-    ]
-
-
-def _parameters(body: ReducedBody) -> list[Variable]:
-    """Parameters in the order of the core's."""
-    limits = StepLimits()
-    # The joints of a cut body ring in tension as it moves, which says nothing of the loads.
-    stability = 0.05 if body.ties is None else 0.0
-    table = [
-        _choice(METHOD, chosen(body).method, offered(body), "how the motion follows from the modes"),
-        _choice(INITIALIZATION, Initialization.REST, Initialization, "how the body starts"),
-        _choice(INTERPOLATION, Interpolation.CONSTANT, Interpolation, "how inputs are taken over a step"),
-        _number(DAMPING_SCALE, 1.0, None, "factor on all modal damping ratios"),
-        _number(STEP_LIMIT, limits.longest, "s", "longest internal step; 0 for none"),
-        _number(STEP_TOLERANCE, limits.tolerance, None, "error accepted per step, relative, in the energy norm", 1e-14),
-        _number(STEP_MOST, limits.most, None, "most work of a call, in internal steps of ordinary cost", 1.0),
-        replace(
-            # A master that repeats a step raises it, so that all tries have the same internal steps.
-            _number(STEP_FEWEST, 1.0, None, "internal steps that a step with implicit loads has at least", 1.0),
-            variability=TUNABLE,
-        ),
-        _choice(ON_STEP, OnRefusal.DISCARD, OnRefusal, "what happens when a step is refused"),
-        *_limit((ROTATION_LIMIT, ON_ROTATION), 0.5, "rad", "largest rotation within a frame", "above"),
-        *_limit((STABILITY_LIMIT, ON_STABILITY), stability, None, f"smallest stability, see {STABILITY}", "below"),
-        *_limit((MISSED_LIMIT, ON_MISSED), 0.1, None, f"largest {MISSED}", "above"),
-    ]
-    if body.rigid_count:
-        table += _limit((SPIN_LIMIT, ON_SPIN), 0.15, None, f"largest {SPIN}", "above")
-        table += _limit((MOMENTUM_LIMIT, ON_MOMENTUM), 0.1, None, f"largest {MOMENTUM}", "above")
-    if watches_inertia(body):
-        table += _limit((INERTIA_LIMIT, ON_INERTIA), 0.01, None, f"largest {INERTIA}", "beyond")
-    if body.root_interface != GROUND:
-        table += [
-            _parameter(
-                f"{interface}{FIXED}",
-                "Boolean",
-                False,
-                None,
-                f"{interface}: held at zero displacement and rotation",
-            )
-            for interface in body.interface_names
-        ]
-    return table
-
-
-def watches_inertia(body: ReducedBody) -> bool:
-    """Whether it is told what constant mass leaves out."""
-    return body.missed_inertia is not None and body.mass is Mass.CONSTANT
-
-
-def _diagnostics(body: ReducedBody) -> list[Variable]:
-    """Diagnostics in the order of the core's."""
-
-    def local(name: str, kind: str, unit: str | None, description: str) -> Variable:
-        variability = "continuous" if kind == "Real" else "discrete"
-        return Variable(name, kind, Group.DIAGNOSTIC, "local", variability, "calculated", None, unit, description)
-
-    turned = "largest rotation within a frame; trustworthy up to about 0.5 rad"
-    tangent = "tangent stiffness over the unloaded one: 1 without loads, 0 at the critical load"
-    missed = "upper bound of the deflection error from geometric stiffness that the method omits"
-    table = [
-        local(FRAME_ROTATION, "Real", "rad", turned),
-        local(STABILITY, "Real", None, tangent),
-        local(MISSED, "Real", None, missed),
-    ]
-    if body.rigid_count:
-        drift = "share by which its angular momentum has drifted from the moments' impulse"
-        table += [
-            local(SPIN, "Real", None, "spin of a body with constant mass over its first elastic frequency"),
-            local(MOMENTUM, "Real", None, drift),
-        ]
-    if watches_inertia(body):
-        table.append(local(INERTIA, "Real", None, "share of the kinetic energy so far that constant mass leaves out"))
-    return [
-        *table,
-        local(STEP_ERROR, "Real", None, f"estimated error of the last step, as {STEP_TOLERANCE} bounds it"),
-        local(STRAIN_ENERGY, "Real", "J", "strain energy"),
-        local(KINETIC_ENERGY, "Real", "J", "kinetic energy"),
-        local(ITERATIONS, "Integer", None, "rounds of the implicit iteration in the last step"),
-        local(SUBSTEPS, "Integer", None, "internal steps in the last step"),
-    ]
