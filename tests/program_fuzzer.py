@@ -21,7 +21,7 @@ from flexfmu.fmu.python_slave import SlaveError, core_file
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method, missing
 from flexfmu.program.compile import compile_program
-from flexfmu.study.stability.slave import Aboard
+from flexfmu.study.stability.slave import BodyPrograms
 
 # Seconds that one program may take, with every call and under sanitizers.
 PATIENCE = 60
@@ -188,7 +188,7 @@ def main(core, seed, count):
 def through_the_fmu(core, seed, count):
     """The same with the programs of an FMU, variables and all: its slave is started, stepped and read."""
     small = body_of_everything(1, modes=3, frames=2, interfaces=2)
-    aboard = Aboard(replace(small, compliance_interfaces=small.interface_names[:1], velocity_outputs=True))
+    aboard = BodyPrograms(replace(small, compliance_interfaces=small.interface_names[:1], velocity_outputs=True))
     folder = Path(aboard._folder.name)
     core_file(folder).write_bytes(Path(core).read_bytes())
     images = {path: path.read_bytes() for path in sorted(folder.glob("*.prog"))}

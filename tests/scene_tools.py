@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from flexfmu.files.progress import Reporter
-from flexfmu.study.scenes.scene import read_scene
+from flexfmu.study.scene.scene import read_scene
 from references import BEAM, calculix
 
 AXES = "xyz"

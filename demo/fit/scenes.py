@@ -22,9 +22,9 @@ from flexfmu.files.store import Store
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.study.fit.delivery import Fit
 from flexfmu.study.fit.search import fit
-from flexfmu.study.scenes.measure import Errors, errors
-from flexfmu.study.scenes.reference import references
-from flexfmu.study.scenes.scene import AXES, Scene, read_scene
+from flexfmu.study.scene.measure import Errors, errors
+from flexfmu.study.scene.reference import references
+from flexfmu.study.scene.scene import AXES, Scene, read_scene
 
 HERE = Path(__file__).parent
 DEMO = HERE.parent

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -15,31 +16,20 @@ from flexfmu.build.config import read_body_file
 from flexfmu.files.errors import OutputError, SimulationError
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Mass, Method, Variant, has_frames
-from flexfmu.study.chart import look
+from flexfmu.study import fmu_cost
+from flexfmu.study import pictures as look
+from flexfmu.study.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
 from flexfmu.study.chart import sweep as sweeping
 from flexfmu.study.chart.draw import chart
 from flexfmu.study.chart.extent import Grid, members
-from flexfmu.study.chart.front import (
-    RATIO,
-    cost_axis,
-    finding,
-    front,
-    pareto_front,
-    plain_front,
-    recommended,
-    tolerance,
-)
-from flexfmu.study.chart.records import LAYOUT, Record
 from flexfmu.study.chart.sweep import sweep
 from flexfmu.study.fit.body_text import body_text
-from flexfmu.study.scenes import fmu_cost
-from flexfmu.study.scenes.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
-from flexfmu.study.scenes.config import BasisChoice, SweepTable
-from flexfmu.study.scenes.errors import SceneError
-from flexfmu.study.scenes.fmu_cost import FmuTimer
-from flexfmu.study.scenes.record_file import RecordFile
-from flexfmu.study.scenes.scene import read_scene
-from flexfmu.study.scenes.workshop import Workshop
+from flexfmu.study.fmu_cost import FmuTimer
+from flexfmu.study.front import RATIO, cost_axis, finding, front, pareto_front, plain_front, recommended, tolerance
+from flexfmu.study.records import RECORDS, Record, RecordFile
+from flexfmu.study.scene.config import BasisChoice, SceneError, SweepTable
+from flexfmu.study.scene.scene import read_scene
+from flexfmu.study.workshop import Workshop
 from references import BEAM, DEMO
 from scene_tools import BEND, SMALL_SWEEP, Listening, calculix_results, scene_of
 
@@ -87,15 +77,6 @@ def test_a_sweep_leaves_out_what_the_body_file_would_refuse(tmp_path):
     found = candidates(scene_of(tmp_path, text, DEMO / "rear_axle" / "body.toml"))
     cut = {Method.LINEAR, Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.FRAMES, Method.SECOND_ORDER}
     assert {c.variant.method for c in found} == cut
-
-
-def test_old_keys_of_a_sweep_are_answered_with_the_methods_of_their_product(tmp_path):
-    tree = '[sweep]\nkinematics = ["linear", "corotated"]\ndivision = ["tree"]\n'
-    listed = r'\["linear", "stiffness_by_load", "frames", "frames_stiffness"\]'
-    with pytest.raises(SceneError, match=rf"sweep: write methods = {listed} instead of kinematics, division"):
-        scene_of(tmp_path, BEND + tree)
-    with pytest.raises(SceneError, match=r'write methods = \["modal_rotation"\] instead of kinematics, loads'):
-        scene_of(tmp_path, BEND + '[sweep]\nkinematics = ["literal"]\nloads = ["corrective_moment"]\n')
 
 
 def test_where_nothing_moves_over_time_one_internal_step_is_enough(tmp_path):
@@ -179,7 +160,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(bent_beam, tmp_path, stor
         assert row.bare_ms_per_s == pytest.approx(1e-3 * row.step_us / row.step, rel=1e-4)
     errors_found = {(row.frames, row.modes): row.static_displacement for row in rows}
     assert errors_found[0, 6] > errors_found[1, 6] > errors_found[2, 6]
-    assert sweep(bent_beam, target, Reporter(), store) == LAYOUT.read(target)
+    assert sweep(bent_beam, target, Reporter(), store) == RECORDS.read(target)
     assert len(tried) == 3
 
 
@@ -209,7 +190,7 @@ def made_up(number, **values):
 
 
 def test_records_come_back_as_they_were_written(tmp_path):
-    kept = RecordFile(LAYOUT, tmp_path / "r.csv", "scene")
+    kept = RecordFile(RECORDS, tmp_path / "r.csv", "scene")
     rows = [
         made_up(1, static_displacement=0.0125, step_us=11.5, share=0.5, mode_count=3),
         made_up(2, status="no answer", note="beyond,\nthe critical load", share=math.inf),
@@ -217,7 +198,7 @@ def test_records_come_back_as_they_were_written(tmp_path):
     for row in rows:
         kept.append(row)
     assert (tmp_path / "r.csv").read_text(encoding="utf-8").count("\n") == 3
-    again = LAYOUT.read(tmp_path / "r.csv")
+    again = RECORDS.read(tmp_path / "r.csv")
     assert [row.key for row in again] == [row.key for row in rows]
     assert again[0].static_displacement == 0.0125
     assert math.isnan(again[0].fmu_ratio)
@@ -226,36 +207,36 @@ def test_records_come_back_as_they_were_written(tmp_path):
 
 def test_records_of_another_scene_or_kind_are_left_alone(tmp_path):
     path = tmp_path / "r.csv"
-    RecordFile(LAYOUT, path, "scene").append(made_up(1))
+    RecordFile(RECORDS, path, "scene").append(made_up(1))
     with pytest.raises(SceneError, match="records of another scene"):
-        RecordFile(LAYOUT, path, "other")
+        RecordFile(RECORDS, path, "other")
     path.write_text("time,tip.displacement.x\n0,1\n", encoding="utf-8")
     with pytest.raises(SceneError, match="not the records of a sweep"):
-        RecordFile(LAYOUT, path, "scene")
+        RecordFile(RECORDS, path, "scene")
     assert path.read_text(encoding="utf-8").startswith("time")
 
 
 def test_records_of_other_code_are_not_continued_and_altered_ones_not_read(tmp_path, monkeypatch):
     path = tmp_path / "r.csv"
-    RecordFile(LAYOUT, path, "scene").append(made_up(1, static_displacement=0.0125))
-    RecordFile(LAYOUT, path, "scene").append(made_up(2, static_displacement=0.5))
+    RecordFile(RECORDS, path, "scene").append(made_up(1, static_displacement=0.0125))
+    RecordFile(RECORDS, path, "scene").append(made_up(2, static_displacement=0.5))
     with monkeypatch.context() as patch:
-        patch.setattr("flexfmu.study.scenes.record_file.code_digest", lambda module: f"not {module}")
-        with pytest.raises(SceneError, match=r"made by other code.*now not flexfmu\.chart\.sweep"):
-            RecordFile(LAYOUT, path, "scene")
+        patch.setattr("flexfmu.study.records.code_digest", lambda module: f"not {module}")
+        with pytest.raises(SceneError, match=r"made by other code.*now not flexfmu\.study\.chart\.sweep"):
+            RecordFile(RECORDS, path, "scene")
     # They can be drawn.
-    assert len(LAYOUT.read(path)) == 2
+    assert len(RECORDS.read(path)) == 2
     sound = path.read_text(encoding="utf-8")
     path.write_text(sound.replace("0.0125", "0.0025"), encoding="utf-8")
     with pytest.raises(SceneError, match="line 2: the row does not match its checksum"):
-        LAYOUT.read(path)
+        RECORDS.read(path)
 
 
 def test_a_file_of_another_kind_is_not_written_over(tmp_path):
     path = tmp_path / "notes.csv"
     path.write_text("one line without an end", encoding="utf-8")
     with pytest.raises(SceneError, match="not the records"):
-        RecordFile(LAYOUT, path, "scene")
+        RecordFile(RECORDS, path, "scene")
     assert path.read_text(encoding="utf-8") == "one line without an end"
 
 
@@ -303,7 +284,7 @@ def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_come_next(bent
 @pytest.mark.parametrize("demo", ["clamped_beam", "l_frame", "rear_axle"])
 def test_half_of_the_models_find_the_front_of_all_of_them(demo):
     """By the demos' records of every model: what a sweep from coarse to fine would have tried, and found."""
-    rows = {row.key: row for row in LAYOUT.read(DEMO / demo / "records.csv") if row.solver == "reduced"}
+    rows = {row.key: row for row in RECORDS.read(DEMO / demo / "records.csv") if row.solver == "reduced"}
     scene = read_scene(DEMO / demo / "scene.toml", DEMO / demo / "body.toml")
     grid = Grid.of(scene, candidates(scene))
     tried, more = set(), {model.key for model in grid.coarse()}
@@ -328,7 +309,7 @@ def test_a_body_is_packaged_once_for_all_its_methods(bent_beam, tmp_path, store,
     monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, path: packaged.append(body) or plain(body, path))
     variants = [FRAMES, Variant(Method.LINEAR)]
     body = Workshop(bent_beam, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 3, 1), variants).body
-    with FmuTimer(tmp_path) as timer:
+    with closing(FmuTimer(tmp_path)) as timer:
         for variant in variants:
             found = timer.times(body, bent_beam, 1e-3, variant, StepLimits())
             assert found["fmu_ratio"] == pytest.approx(found["fmu_us"] / found["empty_us"])
@@ -377,7 +358,7 @@ def test_of_models_that_are_as_good_the_plainest_is_named():
 @pytest.fixture
 def drawn(tmp_path):
     """Records of two bodies, with the finite element model and a model that has no answer."""
-    records = RecordFile(LAYOUT, tmp_path / "r.csv", "scene")
+    records = RecordFile(RECORDS, tmp_path / "r.csv", "scene")
     for n in range(1, 6):
         costs = {"step_us": 10.0 * n, "fmu_ratio": 2.0 + n, "fmu_ms_per_s": 20.0 * n, "bare_ms_per_s": 10.0 * n}
         records.append(made_up(n, static_displacement=0.1 / n, share=2.0 / n, mode_count=n, **costs))
@@ -385,13 +366,13 @@ def drawn(tmp_path):
     records.append(made_up(10, status="no answer"))
     costs = {"step_us": 3e6, "fmu_ratio": 4e5, "static_displacement": 0.0, "mode_count": 3600}
     records.append(Record("scene", "body", "flexfmu", "bend", share=0.0, **costs))
-    other = RecordFile(LAYOUT, tmp_path / "other.csv", "another scene")
+    other = RecordFile(RECORDS, tmp_path / "other.csv", "another scene")
     other.append(made_up(1, body="other", static_displacement=0.001, step_us=900.0, fmu_ratio=100.0, share=0.1))
     return tmp_path
 
 
 def test_the_fastest_model_within_the_tolerance_is_the_one_to_take(drawn):
-    rows = [row for row in LAYOUT.read(drawn / "r.csv") if row.status == "ok" and row.solver == "reduced"]
+    rows = [row for row in RECORDS.read(drawn / "r.csv") if row.status == "ok" and row.solver == "reduced"]
     assert recommended(rows, RATIO).modes == 2
     assert finding(rows, RATIO) == "take #2: frames, 2 frames; 2 normal modes; 5 %, 4 × empty FMU"
     # Over the cheapest linear model.
@@ -435,7 +416,7 @@ def test_charts_are_made_of_records_alone(drawn):
     assert "transient_displacement" not in data["errors"]
     with pytest.raises(OutputError, match="expected a file name"):
         chart(drawn / "r.csv", drawn / "c.txt")
-    (drawn / "none.csv").write_text(",".join(LAYOUT.columns) + "\n", encoding="utf-8")
+    (drawn / "none.csv").write_text(",".join(RECORDS.columns) + "\n", encoding="utf-8")
     with pytest.raises(SceneError, match="nothing to draw"):
         chart(drawn / "none.csv", picture)
 
@@ -513,7 +494,7 @@ KEPT = [
 @pytest.mark.parametrize(("folder", "body", "records"), KEPT)
 def test_the_demos_records_are_of_their_scenes_as_they_stand(folder, body, records):
     scene = read_scene(DEMO / folder / "scene.toml", DEMO / folder / body)
-    rows = LAYOUT.read(DEMO / folder / records)
+    rows = RECORDS.read(DEMO / folder / records)
     assert {row.scene for row in rows} == {scene.digest}
     reduced = {row.key for row in rows if row.solver == "reduced"}
     assert {candidate.key for candidate in candidates(scene)} == reduced

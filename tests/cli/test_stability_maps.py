@@ -13,11 +13,12 @@ from matplotlib.figure import Figure
 
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
-from flexfmu.study.scenes.record_file import RecordFile
-from flexfmu.study.stability import buckling, coupling, picture, rotation
+from flexfmu.study import pictures
+from flexfmu.study.pictures import draw_maps
+from flexfmu.study.records import RUNS, RecordFile, Run, StabilityError, Verdict, verdict
+from flexfmu.study.stability import coupling
+from flexfmu.study.stability.equilibria import BUCKLING, ROTATION
 from flexfmu.study.stability.maps import chart_stability
-from flexfmu.study.stability.picture import pictures
-from flexfmu.study.stability.records import LAYOUT, Run, StabilityError, Verdict, verdict
 from flexfmu.study.stability.subject import read_subject
 from scene_tools import Listening
 
@@ -68,14 +69,14 @@ def found(folder, kind, panel="", **place):
     """Runs of a map by panel and place."""
     return [
         run
-        for run in LAYOUT.read(folder / "runs.csv")
+        for run in RUNS.read(folder / "runs.csv")
         if run.map == kind and panel in run.panel and all(getattr(run, key) == value for key, value in place.items())
     ]
 
 
 def test_nothing_is_wrong_in_silence_and_every_verdict_is_there(mapped):
     folder, out, _ = mapped
-    verdicts = {run.verdict for run in LAYOUT.read(folder / "runs.csv")}
+    verdicts = {run.verdict for run in RUNS.read(folder / "runs.csv")}
     assert verdicts == {"right", "warned", "refused"}
     assert out.count("0 wrong in silence") == 3
 
@@ -84,10 +85,10 @@ def test_runs_that_are_planned_are_those_that_are_made(mapped):
     folder, _, _ = mapped
     body = DEMO / "clamped_beam" / "body.toml"
     subject = read_subject(body, folder / "scene.toml", Reporter(), Store())
-    planned = [run.key for of_map in (buckling, rotation, coupling) for run in of_map.planned(subject)]
-    assert planned == [run.key for run in LAYOUT.read(folder / "runs.csv")]
+    planned = [run.key for of_map in (BUCKLING, ROTATION, coupling) for run in of_map.planned(subject)]
+    assert planned == [run.key for run in RUNS.read(folder / "runs.csv")]
     # Two angles of linear, and of frames and second order with one frame and with four.
-    assert len(rotation.planned(subject)) == 10
+    assert len(ROTATION.planned(subject)) == 10
     report = Listening()
     chart_stability(body, folder / "scene.toml", folder / "runs.csv", None, report, Store())
     assert [(title, left) for title, left, *_ in report.counts] == [
@@ -103,15 +104,15 @@ def test_pictures_are_drawn_from_records_alone(mapped, tmp_path):
     for kind in kinds:
         assert (folder / f"map_{kind}.png").stat().st_size > 5000
         assert f"map_{kind}.png" in out
-    again = pictures(folder / "runs.csv", tmp_path / "again.svg")
+    again = draw_maps(folder / "runs.csv", tmp_path / "again.svg")
     assert [path.name for path in again] == [f"again_{kind}.svg" for kind in kinds]
 
 
 def test_cells_are_shaded_by_error_and_every_panel_has_its_axes(mapped, monkeypatch):
     folder, _, _ = mapped
     drawn = {}
-    monkeypatch.setattr(picture, "save", lambda figure, path: drawn.update({path.stem: figure}))
-    pictures(folder / "runs.csv", folder / "m.png")
+    monkeypatch.setattr(pictures, "save", lambda figure, path: drawn.update({path.stem: figure}))
+    draw_maps(folder / "runs.csv", folder / "m.png")
     for kind in ("buckling", "rotation", "coupling"):
         panels = [axes for axes in drawn[f"m_{kind}"].axes if axes.get_title() or axes.get_xlabel()]
         assert len(panels) == (4 if kind == "coupling" else 1)
@@ -120,17 +121,17 @@ def test_cells_are_shaded_by_error_and_every_panel_has_its_axes(mapped, monkeypa
         assert not any(axes.get_legend() for axes in panels)
         (legend,) = drawn[f"m_{kind}"].legends
         assert legend.get_texts()
-    shades = [picture._shade(error) for error in (0.0, 1e-3, 0.01, 0.1, 1.0, 7.0)]
+    shades = [pictures._shade(error) for error in (0.0, 1e-3, 0.01, 0.1, 1.0, 7.0)]
     np.testing.assert_allclose(shades, [0.0, 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 1.0], atol=1e-12)
     for sign in (Verdict.WARNED, Verdict.REFUSED, Verdict.SILENT):
-        assert picture._sign(sign, 0.0, 0.0, 1.0, 1.0)
-    assert not picture._sign(Verdict.RIGHT, 0.0, 0.0, 1.0, 1.0)
+        assert pictures._sign(sign, 0.0, 0.0, 1.0, 1.0)
+    assert not pictures._sign(Verdict.RIGHT, 0.0, 0.0, 1.0, 1.0)
 
 
 def test_a_run_that_nothing_is_known_to_compare_with_has_no_shade_and_says_so():
     axes = Figure().add_subplot()
     runs = [Run("", "bar", "buckling", "", x, "linear", word) for x, word in (("1", "warned"), ("2", "refused"))]
-    picture._panel(axes, runs, named=True)
+    pictures._draw_runs(axes, runs, named=True)
     assert [text.get_text() for text in axes.texts] == ["–"]
     assert to_hex(axes.patches[0].get_facecolor()) == "#ffffff"
 
@@ -138,7 +139,7 @@ def test_a_run_that_nothing_is_known_to_compare_with_has_no_shade_and_says_so():
 def test_runs_shared_among_processes_are_those_of_one(mapped):
     folder, _, _ = mapped
     assert chart(folder, "--records", "two.csv", "--jobs", "2")[2] == 0
-    one, two = (LAYOUT.read(folder / name) for name in ("runs.csv", "two.csv"))
+    one, two = (RUNS.read(folder / name) for name in ("runs.csv", "two.csv"))
     # All but the time of each run.
     assert [repr(replace(run, seconds=0.0)) for run in one] == [repr(replace(run, seconds=0.0)) for run in two]
 
@@ -150,7 +151,7 @@ def test_what_is_recorded_is_not_run_again(mapped):
     # Interrupted while it wrote its last line.
     (folder / "broken.csv").write_text("".join(lines[:-1]) + lines[-1][:20], encoding="utf-8")
     assert chart(folder, "--records", "broken.csv")[2] == 0
-    before, after = (LAYOUT.read(folder / name) for name in ("runs.csv", "broken.csv"))
+    before, after = (RUNS.read(folder / name) for name in ("runs.csv", "broken.csv"))
     assert [run.key for run in after] == [run.key for run in before]
     assert (folder / "broken.csv").read_text(encoding="utf-8").splitlines()[:-1] == text.splitlines()[:-1]
 
@@ -165,10 +166,10 @@ def test_records_of_another_scene_are_refused(mapped):
 
 def test_runs_of_other_code_are_not_continued(mapped, monkeypatch):
     folder, _, _ = mapped
-    (digest,) = {run.digest for run in LAYOUT.read(folder / "runs.csv")}
-    monkeypatch.setattr("flexfmu.study.scenes.record_file.code_digest", lambda module: f"not {module}")
-    with pytest.raises(StabilityError, match=r"made by other code.*now not flexfmu\.stability\.maps"):
-        RecordFile(LAYOUT, folder / "runs.csv", digest)
+    (digest,) = {run.digest for run in RUNS.read(folder / "runs.csv")}
+    monkeypatch.setattr("flexfmu.study.records.code_digest", lambda module: f"not {module}")
+    with pytest.raises(StabilityError, match=r"made by other code.*now not flexfmu\.study\.stability\.maps"):
+        RecordFile(RUNS, folder / "runs.csv", digest)
 
 
 def test_a_linear_beam_misses_as_much_of_its_deflection_as_it_is_pressed(mapped):
@@ -244,4 +245,4 @@ def test_a_scene_without_loads_is_refused_with_what_to_do(tmp_path):
 def test_a_file_that_holds_no_runs_is_refused(tmp_path):
     (tmp_path / "runs.csv").write_text("a,b\n1,2\n", encoding="utf-8")
     with pytest.raises(StabilityError, match="expected the columns"):
-        LAYOUT.read(tmp_path / "runs.csv")
+        RUNS.read(tmp_path / "runs.csv")

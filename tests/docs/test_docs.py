@@ -23,7 +23,7 @@ from flexfmu.fmu.package import package_fmu
 from flexfmu.master.config import CouplingFile
 from flexfmu.model.arrays import BODY as BODY_ARRAYS
 from flexfmu.model.reduced_body import PARTS
-from flexfmu.study.scenes.config import SceneFile
+from flexfmu.study.scene.config import SceneFile
 from references import BEAM
 
 ROOT = Path(__file__).parents[2]

@@ -16,7 +16,7 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.reduction.model import assemble_model
-from flexfmu.study.scenes.calculix import deck as calculix_deck
+from flexfmu.study.scene.calculix import deck as calculix_deck
 from foreign.deck_bars import FORCE, LARGE, SIZE
 from foreign.glued_bars import HALVES, deck
 from foreign.test_glued_bars import calculix

@@ -23,20 +23,20 @@ from flexfmu.files.store import Store
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method, Variant
+from flexfmu.study.candidates import Reduction, reduction_config
+from flexfmu.study.cost import StepCost
 from flexfmu.study.fit import delivery
 from flexfmu.study.fit.body_text import body_text
 from flexfmu.study.fit.branches import Branch, find_branches, spread_joints
-from flexfmu.study.fit.motion import contributions
+from flexfmu.study.fit.contributions import contributions
 from flexfmu.study.fit.search import fit
-from flexfmu.study.scenes.candidates import Reduction, reduction_config
-from flexfmu.study.scenes.config import BasisChoice
-from flexfmu.study.scenes.jobs import Crew
-from flexfmu.study.scenes.measure import errors
-from flexfmu.study.scenes.pace import StepCost
-from flexfmu.study.scenes.reference import references
-from flexfmu.study.scenes.scene import read_scene
-from flexfmu.study.scenes.subspace import subset
-from flexfmu.study.scenes.workshop import Workshop
+from flexfmu.study.jobs import Crew
+from flexfmu.study.scene.config import BasisChoice
+from flexfmu.study.scene.measure import errors
+from flexfmu.study.scene.reference import references
+from flexfmu.study.scene.scene import read_scene
+from flexfmu.study.subspace import subset
+from flexfmu.study.workshop import Workshop
 from flexfmu.view.tables import describe
 from meshes import bars, body_file, box, with_sets
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative

@@ -18,8 +18,8 @@ from flexfmu.model.membrane import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane
 from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING
-from flexfmu.study.scenes.measure import errors
-from flexfmu.study.scenes.reference import references
+from flexfmu.study.scene.measure import errors
+from flexfmu.study.scene.reference import references
 from flexfmu.view.tables import describe
 from references import BEAM, DEMO, L_FRAME, calculix, relative
 from scene_tools import scene_of

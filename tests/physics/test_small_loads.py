@@ -10,7 +10,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
-from flexfmu.study.stability.slave import Aboard, Told
+from flexfmu.study.stability.slave import BodyPrograms, DrivenSlave
 from meshes import bars, body_file, box, with_sets
 
 WIDTH = 2e-3
@@ -43,8 +43,8 @@ def test_the_cross_has_modes_that_its_interface_does_not_see(cross):
 def test_a_millinewton_is_no_critical_load_of_a_symmetric_body(cross, axis):
     inputs = np.zeros(6)
     inputs[axis] = 1e-3
-    with Aboard(cross) as aboard:
-        told = Told(aboard, DISCARD, inputs)
+    with BodyPrograms(cross) as aboard:
+        told = DrivenSlave(aboard, DISCARD, inputs)
         assert told.step(1e-3)
         assert told.words == ""
         assert not told.warned

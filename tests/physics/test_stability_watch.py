@@ -14,7 +14,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.methods import Method
-from flexfmu.study.stability.slave import Aboard, Told
+from flexfmu.study.stability.slave import BodyPrograms, DrivenSlave
 from meshes import arc, body_file, box, with_sets
 
 BEAM = Beam()
@@ -32,8 +32,8 @@ def column(press):
 def pressed(body, share):
     inputs = np.zeros(6)
     inputs[:2] = -share * BEAM.critical_load, SIDE
-    with Aboard(body) as aboard:
-        return Told(aboard, STATIC, inputs)
+    with BodyPrograms(body) as aboard:
+        return DrivenSlave(aboard, STATIC, inputs)
 
 
 @pytest.mark.parametrize(
@@ -76,9 +76,9 @@ def test_a_column_beyond_its_critical_load_is_refused_where_the_formulation_know
 def test_a_static_start_beyond_a_limit_fails_where_it_is_to_end_the_simulation():
     body = beam_body(4, method=LINEAR)
     inputs = np.array([-0.5 * BEAM.critical_load, 0.0, 0.0, 0.0, 0.0, 0.0])
-    with Aboard(body) as aboard:
-        assert Told(aboard, {**STATIC, "watch.stiffness_missed.on_limit": "terminate"}, inputs).refused
-        assert not Told(aboard, STATIC, inputs).refused
+    with BodyPrograms(body) as aboard:
+        assert DrivenSlave(aboard, {**STATIC, "watch.stiffness_missed.on_limit": "terminate"}, inputs).refused
+        assert not DrivenSlave(aboard, STATIC, inputs).refused
 
 
 @pytest.mark.parametrize(
@@ -114,8 +114,8 @@ def turned(body, angle):
     """Static start under the end moment that bends the beam into an arc of an angle (rad)."""
     inputs = np.zeros(6)
     inputs[5] = BEAM.bending_stiffness * angle / BEAM.length
-    with Aboard(body) as aboard:
-        return Told(aboard, {**STATIC, "watch.stiffness_missed.limit": 0.0}, inputs)
+    with BodyPrograms(body) as aboard:
+        return DrivenSlave(aboard, {**STATIC, "watch.stiffness_missed.limit": 0.0}, inputs)
 
 
 @pytest.mark.parametrize(("frames", "right", "beyond"), [(0, 10, 45), (1, 35, 100), (2, 80, 150)])
@@ -135,8 +135,8 @@ def test_an_arc_is_right_until_the_fmu_says_that_material_turns_too_far_within_a
 def test_what_was_seen_is_part_of_the_state():
     body = replace(beam_body(3, modes=3), method=LINEAR)
     inputs = np.array([-0.5 * BEAM.critical_load, SIDE, 0.0, 0.0, 0.0, 0.0])
-    with Aboard(body) as aboard:
-        told = Told(aboard, {}, inputs)
+    with BodyPrograms(body) as aboard:
+        told = DrivenSlave(aboard, {}, inputs)
         kept = told._slave._get_fmu_state()
         assert told.step(1e-3)
         lines = len(told._slave._get_log_queue())
@@ -151,9 +151,9 @@ def test_kinematics_that_are_wrong_by_the_angle_are_watched_more_closely():
     body = beam_body(1, modes=6)
     inputs = np.zeros(6)
     inputs[5] = BEAM.bending_stiffness * np.radians(30.0)
-    with Aboard(body) as aboard:
+    with BodyPrograms(body) as aboard:
         found = {
-            method: Told(aboard, {**STATIC, "method": method.value}, inputs).warned
+            method: DrivenSlave(aboard, {**STATIC, "method": method.value}, inputs).warned
             for method in (Method.LINEAR, Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.FRAMES)
         }
     assert found == {

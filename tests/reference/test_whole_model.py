@@ -17,11 +17,10 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.model import assemble_model
-from flexfmu.study.scenes import calculix
-from flexfmu.study.scenes.config import Solver
-from flexfmu.study.scenes.errors import SceneError
-from flexfmu.study.scenes.reference import references
-from flexfmu.study.scenes.whole_model import WholeModel
+from flexfmu.study.scene import calculix
+from flexfmu.study.scene.config import SceneError, Solver
+from flexfmu.study.scene.reference import references
+from flexfmu.study.scene.whole_model import WholeModel
 from meshes import EVERY_TYPE, STEEL, body_file, box, with_sets
 from scene_tools import BEND, Listening, scene_of
 

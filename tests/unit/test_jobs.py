@@ -12,11 +12,11 @@ import pytest
 
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
-from flexfmu.study.chart.records import LAYOUT
+from flexfmu.study.candidates import candidates, grouped
 from flexfmu.study.chart.sweep import measure
-from flexfmu.study.scenes.candidates import candidates, grouped
-from flexfmu.study.scenes.jobs import Crew, JobsError
-from flexfmu.study.scenes.workshop import Workshop
+from flexfmu.study.jobs import Crew, JobsError
+from flexfmu.study.records import RECORDS
+from flexfmu.study.workshop import Workshop
 from scene_tools import SMALL_SWEEP, with_results
 
 
@@ -82,7 +82,7 @@ def test_ctrl_c_ends_all_processes_and_leaves_whole_records(tmp_path):
     assert job.returncode == 130, said
     assert "goes on from there" in " ".join(said.split())
     assert "Traceback" not in said
-    rows = LAYOUT.read(records)
+    rows = RECORDS.read(records)
     assert 3 <= len(rows) < 36
     deadline = time.monotonic() + 300.0
     while _alive(job.pid) and time.monotonic() < deadline:

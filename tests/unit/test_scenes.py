@@ -9,14 +9,13 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Method, Variant
 from flexfmu.model.rotations import exponential, rotation_vector
-from flexfmu.study.scenes.candidates import Reduction
-from flexfmu.study.scenes.config import BasisChoice
-from flexfmu.study.scenes.errors import SceneError
-from flexfmu.study.scenes.measure import equilibria_errors, errors, within
-from flexfmu.study.scenes.reference import references
-from flexfmu.study.scenes.scene import read_scene
-from flexfmu.study.scenes.whole_model import finite_motion
-from flexfmu.study.scenes.workshop import Workshop
+from flexfmu.study.candidates import Reduction
+from flexfmu.study.scene.config import BasisChoice, SceneError
+from flexfmu.study.scene.measure import equilibria_errors, errors, within
+from flexfmu.study.scene.reference import references
+from flexfmu.study.scene.scene import read_scene
+from flexfmu.study.scene.whole_model import finite_motion
+from flexfmu.study.workshop import Workshop
 from references import BEAM, calculix, displacement, relative
 from scene_tools import BEND, Listening, scene_of, with_results
 

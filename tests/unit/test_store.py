@@ -171,7 +171,7 @@ def test_other_code_or_libraries_take_nothing(store, monkeypatch):
         "build.reduce",
         *(
             pytest.param(name, marks=pytest.mark.slow)
-            for name in ("reduction.basis", "study.scenes.reference", "study.chart.sweep", "study.stability.maps")
+            for name in ("reduction.basis", "study.scene.reference", "study.chart.sweep", "study.stability.maps")
         ),
     ],
 )

@@ -12,8 +12,8 @@ from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store, default_folder
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.study.scenes.candidates import Candidate, Reduction, candidates, reduction_config
-from flexfmu.study.scenes.scene import read_scene
+from flexfmu.study.candidates import Candidate, Reduction, candidates, reduction_config
+from flexfmu.study.scene.scene import read_scene
 
 CHARTED = HERE.parent / "body.toml"
 

@@ -1,7 +1,6 @@
 """Keys of files from before methods had names, and the method that stands in their place."""
 
 from collections.abc import Mapping
-from itertools import product
 
 from ..model.methods import Division, Kinematics, LoadPlacement, Method, Recipe, Stiffness, recipe_of
 
@@ -13,13 +12,6 @@ _USUAL = {
     "stiffness": "constant",
     "division": "tree",
     "evaluation": "implicit",
-}
-# The same of `[sweep]`.
-_SWEPT = {
-    "kinematics": ["linear", "corotated", "second_order"],
-    "loads": ["reference", "deformed"],
-    "stiffness": ["constant", "by_load"],
-    "division": [member.value for member in Division],
 }
 
 
@@ -59,34 +51,6 @@ def replaced(old: Mapping[str, object]) -> str:
     if same is not None:
         return f'write method = "{same.value}" instead of {given}'
     return f'{given} is gone; method = "{_nearest(recipe).value}" comes nearest'
-
-
-def replaced_lists(old: Mapping[str, object]) -> str:
-    """What to write instead of old lists of `[sweep]`, which were combined with each other.
-
-    Parameters
-    ----------
-    old : mapping of str to object
-        Keys of `OLD_KEYS`, as a file has them.
-
-    Returns
-    -------
-    str
-        A sentence with the methods that their product holds.
-    """
-    given = ", ".join(key for key in _USUAL if key in old)
-    lists = {key: old.get(key, usual) for key, usual in _SWEPT.items()}
-    words = [value if isinstance(value, list) else [value] for value in lists.values()]
-    found = set()
-    for kinematics, loads, stiffness, division in product(*words):
-        try:
-            recipe = Recipe(Kinematics(kinematics), LoadPlacement(loads), Stiffness(stiffness), Division(division))
-        except ValueError:
-            continue
-        found.add(_known_name(recipe))
-    names = [method.value for method in Method if recipe_of(method) in found]
-    listed = ", ".join(f'"{name}"' for name in names or [method.value for method in Method])
-    return f"write methods = [{listed}] instead of {given}"
 
 
 def _known_name(recipe: Recipe) -> Recipe:

@@ -76,8 +76,8 @@ def _try_models(
     from ..study.chart.draw import chart as draw
     from ..study.chart.draw import check_targets
     from ..study.chart.sweep import sweep
-    from ..study.scenes.jobs import Crew
-    from ..study.scenes.scene import read_scene
+    from ..study.jobs import Crew
+    from ..study.scene.scene import read_scene
 
     check_targets(records, picture, page)
     drawn: list[Drawn] = []
@@ -96,7 +96,7 @@ def _try_models(
 
 def _show(shown: "Drawn", several: bool, as_json: bool) -> None:
     from ..files.plain_data import json_text
-    from ..study.chart.front import describe
+    from ..study.front import describe
 
     if as_json:
         typer.echo(json_text(shown.named))
@@ -109,15 +109,15 @@ def _show(shown: "Drawn", several: bool, as_json: bool) -> None:
 def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None, jobs: str) -> None:
     """Run and draw the maps of stability; without a body the records are drawn as they are."""
     from ..files.store import Store, default_folder
-    from ..study.scenes.jobs import Crew
+    from ..study.jobs import Crew
+    from ..study.pictures import draw_maps
     from ..study.stability.maps import chart_stability
-    from ..study.stability.picture import pictures
 
     if body is not None and scene is not None:
         with Crew(jobs) as crew:
             lines = chart_stability(body, scene, records, picture, reporter(), Store(default_folder()), crew)
     elif picture is not None:
-        lines = [str(path) for path in pictures(records, picture)]
+        lines = [str(path) for path in draw_maps(records, picture)]
     else:
         raise typer.BadParameter("--stability draws records where no body is given: name a --picture")
     typer.echo("\n".join(lines))

@@ -24,8 +24,8 @@ def fit(
     from ..files.plain_data import fields_of, json_text
     from ..files.store import Store, default_folder
     from ..study.fit.search import fit as find
-    from ..study.scenes.jobs import Crew
-    from ..study.scenes.scene import read_scene
+    from ..study.jobs import Crew
+    from ..study.scene.scene import read_scene
 
     target = fmu or output.with_suffix(".fmu")
     with Crew(jobs) as crew:

@@ -1,19 +1,85 @@
-"""What a step of each method costs, measured on the body itself."""
+"""What a step of a model costs, without FMI; of each method, on the body itself."""
 
+import statistics
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import Loads
+from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from ..model.errors import RuntimeBodyError
 from ..model.methods import Method, Variant, offered_variants
 from ..model.reduced_body import ReducedBody
-from .scenes.pace import time_steps
+from .pace import Clock, calm_blocks, timed_piece
 
 # Tip motion, relative to the body's size, that the measuring load brings about: bent enough to need its iterations.
 _BENT = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class StepCost:
+    """Time of a step of the model without FMI, outputs included.
+
+    Attributes
+    ----------
+    fastest, median : float
+        s, of blocks of steps.
+    iterations : float
+        Rounds of the implicit iteration a step.
+    busy : float
+        How much slower than at its best the machine did a fixed piece of work meanwhile: 1 when it was calm.
+    """
+
+    fastest: float
+    median: float
+    iterations: float
+    busy: float
+
+
+def time_steps(model: FlexibleBody, rows: Sequence[FloatArray], step: float) -> StepCost:
+    """Time steps of a model from rest, outputs included.
+
+    Parameters
+    ----------
+    model : FlexibleBody
+    rows : sequence of (L,) float
+        Loads of each step; a single one holds.
+    step : float
+        s.
+
+    Returns
+    -------
+    StepCost
+
+    Raises
+    ------
+    RuntimeBodyError
+        The model has no answer.
+    """
+    # Two steps, so that whatever is prepared once is there.
+    state = model.rest()
+    for _ in range(2):
+        state, _ = model.step_packed(state, rows[0], step)
+    clock = Clock()
+    model.step_packed(state, rows[0], step)
+    # Every block is the same piece of the scene, from its start.
+    piece = timed_piece(rows, clock.elapsed())
+
+    def block() -> tuple[float, float]:
+        state, iterations, clock = model.rest(), 0, Clock()
+        for inputs in piece:
+            state, work = model.step_packed(state, inputs, step)
+            model.motion(state)
+            iterations += work.iterations
+        return clock.elapsed() / len(piece), iterations / len(piece)
+
+    done = calm_blocks(block)
+    times = [took for _, (took, _) in done]
+    rounds = statistics.mean(iterations for _, (_, iterations) in done)
+    return StepCost(min(times), statistics.median(times), rounds, statistics.median(busy for busy, _ in done))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,15 +116,14 @@ def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
     costs = []
     step = body.suggested_step
     with report.stage(f"Time steps of {step:g} s"):
-        loads = _measuring_loads(body)
+        loads = _measuring_loads(body).packed(body.masses is not None)
         for variant in offered_variants(body):
             try:
-                model = FlexibleBody(body, variant.method, variant.mass)
-                cost = time_steps(model, [loads.packed(body.masses is not None)], step)
+                found = time_steps(FlexibleBody(body, variant.method, variant.mass), [loads], step)
             except RuntimeBodyError:
                 # Not stable under this load: nothing to time.
                 continue
-            costs.append(Cost(variant, cost.median, cost.fastest, cost.iterations))
+            costs.append(Cost(variant, found.median, found.fastest, found.iterations))
     return costs
 
 

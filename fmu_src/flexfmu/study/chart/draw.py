@@ -1,16 +1,42 @@
-"""Charts of records: a picture, and a page to look into."""
+"""Charts of records: a picture, and a page to look into, one HTML file with its data, drawing and script inside."""
 
+import json
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from html import escape
+from importlib.resources import files
 from pathlib import Path
 
 from ...files.targets import PICTURE_SUFFIXES, check_target, whole_file
-from ..scenes.candidates import REDUCED
-from ..scenes.errors import SceneError
-from .front import QUANTITIES, Axis, bodies, cost_axis, finding, front, recommended
-from .page import page
-from .picture import Picture
-from .records import LAYOUT, Record
+from ...model.methods import Method
+from .. import pictures as look
+from ..candidates import REDUCED
+from ..front import QUANTITIES, Axis, bodies, cost_axis, finding, front, recommended, tolerance
+from ..records import RECORDS, Record
+from ..scene.config import SceneError
+
+_FILTERS = ("body", "solver", "method", "frames", "basis", "modes", "mass", "internal_step", "status")
+_COSTS = {
+    "fmu_ratio": "time of a step over that of an empty FMU",
+    "fmu_ms_per_s": "ms per simulated second, through the FMU",
+    "bare_ms_per_s": "ms per simulated second, from Python",
+    "step_us": "time of a step from Python / µs",
+    "equilibrium_ms": "one equilibrium from rest, from Python / ms",
+    "memory_bytes": "memory of the running model / bytes",
+    "modal_bytes": "modal file / bytes",
+    "mode_count": "modes",
+    "build_s": "time to build / s",
+}
+_ERRORS = {
+    "static_displacement": "static displacement error",
+    "static_rotation": "static rotation error",
+    "transient_displacement": "displacement error over time, rms",
+    "transient_rotation": "rotation error over time, rms",
+    "share": "error over the scene's tolerance",
+}
+# What the data says of all rows alike.
+_LEFT_OUT = ("scene",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +87,7 @@ def chart(
     """
     paths = [records] if isinstance(records, Path) else list(records)
     check_targets(paths, picture, html)
-    every = [row for path in paths for row in LAYOUT.read(path) if row.status == "ok"]
+    every = [row for path in paths for row in RECORDS.read(path) if row.status == "ok"]
     rows = [row for row in every if row.solver == REDUCED]
     # Of descriptions of the same body one will do.
     whole = list({(row.solver, row.case): row for row in reversed(every) if row.solver != REDUCED}.values())[::-1]
@@ -72,14 +98,13 @@ def chart(
     title = f"{', '.join(bodies(rows))}, {extent or f'{len(rows)} models'}: {found}"
     if html is not None:
         with whole_file(html) as part:
-            part.write_text(page(every, title), encoding="utf-8")
-    quantities = [q for q in QUANTITIES if any(getattr(row, q) > 0.0 for row in rows)]
-    fronts = {q: front(rows, q, axis) for q in quantities}
+            part.write_text(_page(every, title), encoding="utf-8")
+    fronts = {q: front(rows, q, axis) for q in QUANTITIES if any(getattr(row, q) > 0.0 for row in rows)}
     if picture is not None:
-        Picture(rows, whole, axis).draw(fronts, picture, title)
+        look.Picture(rows, whole, axis).draw(fronts, picture, title)
     taken = recommended(rows, axis)
-    named = [row for members in fronts.values() for row in members]
-    return Drawn(list(dict.fromkeys([*named, *([] if taken is None else [taken])])), axis, found)
+    named = [row for members in fronts.values() for row in members] + ([] if taken is None else [taken])
+    return Drawn(list(dict.fromkeys(named)), axis, found)
 
 
 def check_targets(records: Sequence[Path], picture: Path | None, html: Path | None) -> None:
@@ -99,3 +124,38 @@ def check_targets(records: Sequence[Path], picture: Path | None, html: Path | No
         check_target(picture, PICTURE_SUFFIXES, inputs=records)
     if html is not None:
         check_target(html, (".html", ".htm"), inputs=records)
+
+
+def _page(rows: Sequence[Record], title: str) -> str:
+    """Text of the page: reduced models, and the finite element model where it was timed."""
+    names = [field.name for field in fields(Record) if field.name not in _LEFT_OUT]
+    told = ("label", "short_label", "plainness")
+    data = [{name: _plain(getattr(row, name)) for name in (*names, *told)} for row in rows]
+    reduced = [row for row in rows if row.solver == REDUCED]
+    content: dict[str, object] = {"rows": data, "columns": names, "filters": _FILTERS, "reduced": REDUCED}
+    for kind, axes in (("costs", _COSTS), ("errors", _ERRORS)):
+        content[kind] = {n: words for n, words in axes.items() if any(0 < getattr(r, n) < math.inf for r in reduced)}
+    content["tolerances"] = {"share": 1.0, **{quantity: tolerance(reduced, quantity) for quantity in QUANTITIES}}
+    content["look"] = {
+        "colours": look.COLOURS,
+        "other": look.OTHER,
+        "beaten": look.BEATEN,
+        "beatenWords": look.BEATEN_WORDS,
+        "taken": look.TAKEN,
+        "takenWords": look.TAKEN_WORDS,
+        "whole": look.WHOLE,
+        "markers": look.MARKERS,
+        "bases": look.BASIS_WORDS,
+        "stars": look.STARS,
+        "solvers": look.SOLVERS,
+        "methods": {method.value: method.label for method in Method},
+    }
+    # Nothing in the data may end the script.
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+    template = files(__package__).joinpath("page.html").read_text(encoding="utf-8")
+    return template.replace("@TITLE@", escape(title)).replace("@DATA@", text)
+
+
+def _plain(value: object) -> object:
+    """JSON knows numbers that are finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

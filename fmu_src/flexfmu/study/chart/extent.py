@@ -4,11 +4,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from ...model.methods import Method, has_frames
-from ..scenes.candidates import EXACT, REDUCED, SINGLE, Candidate, offered_frames
-from ..scenes.config import BasisChoice
-from ..scenes.scene import Scene
-from .front import QUANTITIES, cost_axis, front
-from .records import Record
+from ..candidates import EXACT, REDUCED, SINGLE, Candidate, offered_frames
+from ..front import QUANTITIES, cost_axis, front
+from ..records import Record
+from ..scene.config import BasisChoice
+from ..scene.scene import Scene
 
 _MAIN = (Method.LINEAR, Method.FRAMES, Method.SECOND_ORDER)
 
@@ -37,49 +37,45 @@ class Grid:
     def coarse(self) -> list[Candidate]:
         """Few modes and few frames under the main methods, in one basis."""
         methods = {m.variant.method for m in self.models}
-        methods &= set(_MAIN) if methods & set(_MAIN) else methods
         bases = {m.reduction.basis for m in self.models}
-        basis = BasisChoice.RESIDUAL if BasisChoice.RESIDUAL in bases else min(bases, key=lambda one: one.value)
-        # The fewest, and a middling number.
-        modes, frames = ({listed[0], listed[len(listed) // 2]} for listed in (self.modes, self.frames))
         steps = {m.internal_step for m in self.models} - {EXACT}
         step = SINGLE if SINGLE in steps else max(steps, default=EXACT)
-        masses = [m.variant.mass for m in self.models]
+        # The fewest, and a middling number.
+        modes, frames = ({listed[0], listed[len(listed) // 2]} for listed in (self.modes, self.frames))
         return [
             m
             for m in self.models
-            if m.variant.method in methods
-            and m.variant.mass is min(masses, key=lambda one: one.value != "constant")
-            and m.reduction.basis is basis
+            if m.variant.method in (methods & set(_MAIN) or methods)
+            and m.variant.mass is min((m.variant.mass for m in self.models), key=lambda one: one.value != "constant")
+            and m.reduction.basis is min(bases, key=lambda one: (one is not BasisChoice.RESIDUAL, one.value))
             and m.reduction.modes in modes
-            and (not self._divided(m) or m.reduction.frames in frames)
+            and (not _divided(m) or m.reduction.frames in frames)
             and m.internal_step in (step, EXACT)
         ]
 
     def around(self, keys: Collection[tuple[str, ...]]) -> list[Candidate]:
         """Models that differ in one thing, by one number at most, from some that are given by their keys."""
-        given = [model for model in self.models if model.key in keys]
-        return [model for model in self.models if any(self._near(model, one) for one in given)]
+        places = {model: self._place(model) for model in self.models}
+        given = [place for model, place in places.items() if model.key in keys]
+        return [model for model, place in places.items() if any(_distance(place, one) <= 1 for one in given)]
 
-    def _divided(self, model: Candidate) -> bool:
-        method = model.variant.method
-        return has_frames(method) and method is not Method.FLOATING_FRAME
+    def _place(self, model: Candidate) -> tuple[object, ...]:
+        """What tells a model from its neighbours; None where that has no meaning for it."""
+        reduction, variant = model.reduction, model.variant
+        assert isinstance(reduction.frames, int)
+        frames = self.frames.index(reduction.frames) if _divided(model) else None
+        step = None if model.internal_step == EXACT else model.internal_step
+        return self.modes.index(reduction.numbers[-1]), frames, reduction.basis, variant.method, variant.mass, step
 
-    def _near(self, one: Candidate, other: Candidate) -> bool:
-        here, there = one.reduction, other.reduction
-        apart = [abs(self.modes.index(here.numbers[-1]) - self.modes.index(there.numbers[-1]))]
-        if self._divided(one) and self._divided(other):
-            apart.append(abs(self._place(one) - self._place(other)))
-        apart += [here.basis is not there.basis, one.variant.method is not other.variant.method]
-        apart += [one.variant.mass is not other.variant.mass]
-        if EXACT not in (one.internal_step, other.internal_step):
-            apart.append(one.internal_step != other.internal_step)
-        return sum(apart) <= 1
 
-    def _place(self, model: Candidate) -> int:
-        frames = model.reduction.frames
-        assert isinstance(frames, int)
-        return self.frames.index(frames)
+def _divided(model: Candidate) -> bool:
+    method = model.variant.method
+    return has_frames(method) and method is not Method.FLOATING_FRAME
+
+
+def _distance(place: tuple[object, ...], other: tuple[object, ...]) -> int:
+    pairs = [(a, b) for a, b in zip(place, other, strict=True) if None not in (a, b)]
+    return sum(abs(a - b) if isinstance(a, int) and isinstance(b, int) else int(a != b) for a, b in pairs)
 
 
 def members(rows: Sequence[Record]) -> set[tuple[str, ...]]:

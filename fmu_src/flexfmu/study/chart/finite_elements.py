@@ -4,18 +4,17 @@ import math
 import statistics
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 from ...files.progress import Reporter
-from ..scenes import calculix
-from ..scenes.candidates import REDUCED
-from ..scenes.config import Solver
-from ..scenes.errors import SceneError
-from ..scenes.measure import equilibria_errors
-from ..scenes.record_file import RecordFile
-from ..scenes.reference import Reference
-from ..scenes.scene import Scene, StaticCase, TransientCase
-from ..scenes.whole_model import Equilibria, WholeModel
-from .records import Record
+from ..candidates import REDUCED
+from ..records import Record, RecordFile
+from ..scene import calculix
+from ..scene.config import SceneError, Solver
+from ..scene.measure import equilibria_errors
+from ..scene.reference import Reference
+from ..scene.scene import Scene, StaticCase
+from ..scene.whole_model import Equilibria, WholeModel
 
 BROUGHT = "results"
 """The solver of what the user brings."""
@@ -46,36 +45,37 @@ def finite_element_records(
     done = {(row.solver, row.case) for row in kept.rows}
     if not rows:
         return
-    step = rows[0].step
     empty = [row.empty_us for row in rows if math.isfinite(row.empty_us)]
     empty_us = statistics.median(empty) if empty else math.nan
-    plain = Record(scene.digest, scene.config.name, step=step, empty_us=empty_us)
+    plain = Record(scene.digest, scene.config.name, step=rows[0].step, empty_us=empty_us)
     for case in scene.static:
         if case.results_seconds is not None and (BROUGHT, case.name) not in done:
-            yield _of_results(plain, case, known[case.name])
+            count, seconds = known[case.name].equilibria, case.results_seconds
+            note, spent = f"{count} equilibria in {seconds:.3g} s", 1e3 * seconds
+            own = _timed(plain, BROUGHT, case.name, seconds / count, note=note, equilibrium_ms=spent)
+            yield replace(own, static_displacement=0.0, share=0.0)
     for motion in scene.transient:
         if motion.seconds_per_second is not None and (BROUGHT, motion.name) not in done:
-            yield _of_motion(plain, motion)
+            note = f"{motion.seconds_per_second:.3g} s per simulated second"
+            own = _timed(plain, BROUGHT, motion.name, motion.seconds_per_second * plain.step, note=note)
+            yield replace(own, transient_displacement=0.0, share=0.0)
     for solver in scene.file.sweep.finite_elements if scene.static else ():
         case = scene.static[0]
         if (solver.value, case.name) in done:
             continue
         found = _solve(case, solver, known[case.name], scene, whole, report)
         if found is not None:
-            errors = equilibria_errors(scene, case, found.motion, known[case.name])
-            yield replace(
-                _timed(plain, solver.value, case.name, found.seconds / found.increments),
+            yield _timed(
+                plain,
+                solver.value,
+                case.name,
+                found.seconds / found.increments,
                 equilibrium_ms=1e3 * found.seconds,
                 iterations=found.iterations / found.increments,
                 mode_count=whole.size,
                 note=f"{len(case.factors)} equilibria in {found.seconds:.3g} s: {found.increments} increments, "
                 f"{found.iterations} iterations",
-                static_displacement=errors.static_displacement,
-                static_rotation=errors.static_rotation,
-                static_rotation_rad=errors.static_rotation_rad,
-                static_at=errors.static_at,
-                share=errors.share,
-                limited_by=errors.limited_by,
+                **equilibria_errors(scene, case, found.motion, known[case.name]).columns,
             )
 
 
@@ -99,40 +99,9 @@ def _solve(
         return None
 
 
-def _of_results(plain: Record, case: StaticCase, known: Reference) -> Record:
-    """The run that made what the user brings: as many equilibria as it has rows."""
-    assert case.results_seconds is not None
-    seconds = case.results_seconds
-    return replace(
-        _timed(plain, BROUGHT, case.name, seconds / known.equilibria),
-        equilibrium_ms=1e3 * seconds,
-        note=f"{known.equilibria} equilibria in {seconds:.3g} s",
-        static_displacement=0.0,
-        share=0.0,
-    )
-
-
-def _of_motion(plain: Record, case: TransientCase) -> Record:
-    assert case.seconds_per_second is not None
-    return replace(
-        _timed(plain, BROUGHT, case.name, case.seconds_per_second * plain.step),
-        note=f"{case.seconds_per_second:.3g} s per simulated second",
-        transient_displacement=0.0,
-        share=0.0,
-    )
-
-
-def _timed(plain: Record, solver: str, case: str, seconds: float) -> Record:
+def _timed(plain: Record, solver: str, case: str, seconds: float, **others: Any) -> Record:
     """Record of what takes so many seconds where a reduced model takes a step."""
-    per_second, us = 1e3 * seconds / plain.step, 1e6 * seconds
-    return replace(
-        plain,
-        solver=solver,
-        case=case,
-        step_us=us,
-        step_us_median=us,
-        fmu_us=us,
-        bare_ms_per_s=per_second,
-        fmu_ms_per_s=per_second,
-        fmu_ratio=us / plain.empty_us,
-    )
+    us = 1e6 * seconds
+    others |= dict.fromkeys(("step_us", "step_us_median", "fmu_us"), us)
+    others |= dict.fromkeys(("bare_ms_per_s", "fmu_ms_per_s"), 1e3 * seconds / plain.step)
+    return replace(plain, solver=solver, case=case, fmu_ratio=us / plain.empty_us, **others)

@@ -3,7 +3,6 @@
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 from ...body.flexible_body import FlexibleBody
@@ -15,18 +14,15 @@ from ...model.errors import RuntimeBodyError
 from ...model.methods import lean
 from ...model.modal_file import write_modal_file
 from ...model.reduced_body import ReducedBody
-from ..scenes.candidates import REDUCED, Candidate, Reduction, candidates, grouped
-from ..scenes.cost import equilibrium_time, step_cost
-from ..scenes.fmu_cost import FmuTimer, fmu_timer
-from ..scenes.jobs import Crew
-from ..scenes.measure import Errors
-from ..scenes.record_file import RecordFile
-from ..scenes.scene import Scene
-from ..scenes.words import BASES, frames_words
-from ..scenes.workshop import Built, Workshop
+from ..candidates import BASES, REDUCED, Candidate, candidates, frames_words, grouped
+from ..fmu_cost import FmuTimer, fmu_timer
+from ..jobs import Crew
+from ..records import KEY, RECORDS, Record, RecordFile
+from ..scene.measure import Errors
+from ..scene.scene import Scene
+from ..workshop import Built, Workshop
 from .extent import Grid, members
 from .finite_elements import finite_element_records
-from .records import KEY, LAYOUT, Record
 
 Look = Callable[[str], None]
 # A sweep that takes long is drawn as often as this, s.
@@ -70,145 +66,119 @@ def sweep(
     ------
     SceneError
     """
-    kept = RecordFile(LAYOUT, target, scene.digest)
+    kept = RecordFile(RECORDS, target, scene.digest)
     wanted = candidates(scene)
     report.note(f"{len(wanted)} combinations, {sum(c.key in kept for c in wanted)} of them recorded already")
     workshop = Workshop(scene, report, store, crew)
-    grid = Grid.of(scene, wanted)
-    drawing = _Drawing(grid, kept, look)
     with fmu_timer(fmu) as timer:
+        trial = _Trial(workshop, Grid.of(scene, wanted), kept, timer, look)
         if every:
-            left = [c for c in wanted if c.key not in kept]
-            try_models(workshop, "Try", left, kept, timer, drawing.now_and_then)
+            trial.run("Try", wanted)
         else:
-            _refine(workshop, drawing, timer)
+            trial.refine()
     for record in finite_element_records(scene, workshop.known, workshop.whole, kept, report):
         kept.append(record)
-    drawing.now()
+    trial.draw()
     return kept.rows
 
 
-class _Drawing:
-    """Draws what is known of a sweep.
-
-    Parameters
-    ----------
-    grid : Grid
-    kept : RecordFile
-    look : callable
-        See `sweep`.
-    """
-
-    def __init__(self, grid: Grid, kept: RecordFile[Record], look: Look):
-        self.grid, self.kept, self.coarse = grid, kept, False
-        self._look, self._last = look, time.monotonic()
-
-    @property
-    def possible(self) -> bool:
-        """Whether any model has an answer."""
-        return any(row.status == "ok" and row.solver == REDUCED for row in self.kept.rows)
-
-    def now(self) -> None:
-        """Draw, and say how much of the sweep it is."""
-        if self.possible:
-            known = sum(model.key in self.kept for model in self.grid.models)
-            self._look(f"{'coarse: ' if self.coarse else ''}{known} of {len(self.grid.models)} models")
-        self._last = time.monotonic()
-
-    def now_and_then(self) -> None:
-        """Draw, unless that was done a moment ago."""
-        if time.monotonic() - self._last > _PAUSE:
-            self.now()
-
-
-def _refine(workshop: Workshop, drawing: _Drawing, timer: FmuTimer | None) -> None:
-    """Try few models, and then the neighbours of those on the front until all of them are known."""
-    grid, kept = drawing.grid, drawing.kept
-    title, wanted, drawing.coarse = "Coarse sweep: try", grid.coarse(), True
-    while left := [c for c in wanted if c.key not in kept]:
-        before = len(kept.rows)
-        try_models(workshop, title, left, kept, timer, drawing.now_and_then)
-        if len(kept.rows) == before:
-            # What cannot be reduced leaves no record.
-            break
-        drawing.now()
-        drawing.coarse = False
-        title = "Finer where the front is: try"
-        wanted = grid.around(members(kept.rows)) if drawing.possible else list(grid.models)
-    drawing.coarse = False
-
-
-def try_models(
-    workshop: Workshop,
-    title: str,
-    wanted: Sequence[Candidate],
-    kept: RecordFile[Record],
-    timer: FmuTimer | None,
-    now_and_then: Callable[[], None],
-) -> None:
-    """Measure and time some models, and record each.
-
-    Errors are measured by the crew, as many reductions at once as it has processes. While models are timed it rests.
+class _Trial:
+    """Tries the models of a sweep, records them, and has them drawn.
 
     Parameters
     ----------
     workshop : Workshop
-    title : str
-        What is done, before the number of models.
-    wanted : sequence of Candidate
+    grid : Grid
     kept : RecordFile
     timer : FmuTimer or None
-    now_and_then : callable
-        Called between reductions.
+    look : callable
+        See `sweep`.
     """
-    if not wanted:
-        return
-    _ = workshop.known
-    report, done, size = workshop.report, 0, workshop.crew.count
-    groups = list(grouped(wanted))
-    with report.counted(f"{title} {len(wanted)} models", len(wanted), "models") as tell:
-        for first in range(0, len(groups), size):
-            some = groups[first : first + size]
-            with report.stage("; ".join(_words(members) for members in some)):
-                for members, found in zip(some, list(workshop.each(measure, [(one,) for one in some])), strict=True):
-                    if isinstance(found, str):
-                        report.warning(f"{_words(members)}: {found}")
-                        done += len(members)
-                        continue
-                    for member, (built, errors) in zip(members, found, strict=True):
-                        kept.append(record(workshop, member, built, errors, timer))
-                        done += 1
-                        tell(done)
-            now_and_then()
+
+    def __init__(self, workshop: Workshop, grid: Grid, kept: RecordFile[Record], timer: FmuTimer | None, look: Look):
+        self._workshop, self._grid, self._kept, self._timer, self._look = workshop, grid, kept, timer, look
+        self._extent, self._last = "", time.monotonic()
+
+    @property
+    def _drawable(self) -> bool:
+        """Whether any model has an answer."""
+        return any(row.status == "ok" and row.solver == REDUCED for row in self._kept.rows)
+
+    def draw(self) -> None:
+        """Draw, and say how much of the sweep it is."""
+        if self._drawable:
+            models = self._grid.models
+            self._look(f"{self._extent}{sum(one.key in self._kept for one in models)} of {len(models)} models")
+        self._last = time.monotonic()
+
+    def refine(self) -> None:
+        """Try few models, and then the neighbours of those on the front until all of them are known."""
+        title, wanted, self._extent = "Coarse sweep: try", self._grid.coarse(), "coarse: "
+        while any(one.key not in self._kept for one in wanted):
+            before = len(self._kept.rows)
+            self.run(title, wanted)
+            if len(self._kept.rows) == before:
+                # What cannot be reduced leaves no record.
+                break
+            self.draw()
+            self._extent, title = "", "Finer where the front is: try"
+            wanted = self._grid.around(members(self._kept.rows)) if self._drawable else list(self._grid.models)
+        self._extent = ""
+
+    def run(self, title: str, wanted: Sequence[Candidate]) -> None:
+        """Measure and time those of some models that are not recorded, and record each.
+
+        Errors are measured by the crew, as many reductions at once as it has processes. While models are timed it
+        rests.
+        """
+        left = [one for one in wanted if one.key not in self._kept]
+        if not left:
+            return
+        workshop, done = self._workshop, 0
+        _ = workshop.known
+        groups, size = list(grouped(left)), workshop.crew.count
+        with workshop.report.counted(f"{title} {len(left)} models", len(left), "models") as tell:
+            for first in range(0, len(groups), size):
+                some = groups[first : first + size]
+                with workshop.report.stage("; ".join(_words(group) for group in some)):
+                    for group, found in zip(some, list(workshop.each(measure, [(one,) for one in some])), strict=True):
+                        if isinstance(found, str):
+                            workshop.report.warning(f"{_words(group)}: {found}")
+                            done += len(group)
+                            continue
+                        for member, (built, errors) in zip(group, found, strict=True):
+                            self._kept.append(record(workshop, member, built, errors, self._timer))
+                            done += 1
+                            tell(done)
+                if time.monotonic() - self._last > _PAUSE:
+                    self.draw()
 
 
-def _words(members: Sequence[Candidate]) -> str:
-    first = members[0].reduction
-    modes = ", ".join(str(modes) for modes in dict.fromkeys(member.reduction.modes for member in members))
-    return f"{BASES[first.basis.value]}, {modes} modes, {frames_words(first.frames)}: {plural(len(members), 'model')}"
+def _words(group: Sequence[Candidate]) -> str:
+    first = group[0].reduction
+    modes = ", ".join(str(modes) for modes in dict.fromkeys(member.reduction.modes for member in group))
+    return f"{BASES[first.basis.value]}, {modes} modes, {frames_words(first.frames)}: {plural(len(group), 'model')}"
 
 
-def measure(workshop: Workshop, members: Sequence[Candidate]) -> list[tuple[Built, Errors]] | str:
+def measure(workshop: Workshop, group: Sequence[Candidate]) -> list[tuple[Built, Errors]] | str:
     """Reduce the body for some models of one basis and division, and measure their errors.
 
     Parameters
     ----------
     workshop : Workshop
-    members : sequence of Candidate
+    group : sequence of Candidate
 
     Returns
     -------
     list of (Built, Errors), or str
         Why the body cannot be reduced so.
     """
-    variants = list(dict.fromkeys(member.variant for member in members))
-    bodies: dict[Reduction, Built] = {}
+    variants = list(dict.fromkeys(member.variant for member in group))
     try:
-        for reduction in dict.fromkeys(member.reduction for member in members):
-            bodies[reduction] = workshop.shared(reduction, variants)
+        bodies = {one: workshop.shared(one, variants) for one in dict.fromkeys(member.reduction for member in group)}
     except AccuracyError as error:
         return str(error)
-    return [(bodies[m.reduction], workshop.errors(bodies[m.reduction].body, m.variant, m.limits)) for m in members]
+    return [(bodies[m.reduction], workshop.errors(bodies[m.reduction].body, m.variant, m.limits)) for m in group]
 
 
 def record(
@@ -229,25 +199,21 @@ def record(
     -------
     Record
     """
-    scene, reduction, body = workshop.scene, candidate.reduction, built.body
-    slim = lean(body, candidate.variant)
-    found = asdict(errors)
-    failure = found.pop("failure")
+    body, slim = built.body, lean(built.body, candidate.variant)
     words: dict[str, object] = {
-        "scene": scene.digest,
-        "body": scene.config.name,
+        "scene": workshop.scene.digest,
+        "body": workshop.scene.config.name,
         **dict(zip(KEY, candidate.key, strict=True)),
-        "modes": reduction.modes,
-        "frames": reduction.frames,
+        "modes": candidate.reduction.modes,
+        "frames": candidate.reduction.frames,
         "mode_count": body.mode_count,
         "frame_count": body.frame_count,
         "build_s": built.seconds,
         "build_reused": "yes" if built.reused else "no",
         "modal_bytes": modal_size(slim),
-        "note": failure,
-        "status": "no answer" if failure else "ok",
-        **found,
+        **errors.columns,
     }
+    failure = errors.failure
     if not failure:
         try:
             model = FlexibleBody(slim, limits=candidate.limits)
@@ -255,14 +221,15 @@ def record(
             if timer is not None:
                 words |= _fmu_costs(workshop, timer, body, candidate, workshop.step(model))
         except RuntimeBodyError as error:
-            words |= {"note": str(error), "status": "no answer"}
+            failure = str(error)
+    if failure:
+        words |= {"note": failure, "status": "no answer"}
     return Record(**words)  # type: ignore[arg-type]
 
 
 def _costs(workshop: Workshop, model: FlexibleBody) -> dict[str, object]:
     """What a model costs without FMI."""
-    step = workshop.step(model)
-    cost = step_cost(workshop.scene, model, step)
+    step, cost = workshop.step(model), workshop.time_steps(model)
     return {
         "step": step,
         "step_us": 1e6 * cost.fastest,
@@ -270,7 +237,7 @@ def _costs(workshop: Workshop, model: FlexibleBody) -> dict[str, object]:
         "iterations": cost.iterations,
         "busy": cost.busy,
         "bare_ms_per_s": 1e3 * cost.fastest / step,
-        "equilibrium_ms": 1e3 * equilibrium_time(workshop.scene, model),
+        "equilibrium_ms": 1e3 * workshop.time_equilibrium(model),
         "memory_bytes": model.core.bytes,
     }
 

@@ -21,7 +21,7 @@ from ...reduction.frames import hanging, root_frame
 from ...reduction.model import Model, assemble_model
 from ...reduction.places import by_name, node_set
 from ...reduction.subdomains import carrying_frame
-from ..scenes.candidates import Joints
+from ..candidates import Joints
 
 LEVELS = 24
 """Equal levels of the model that tells where the body turns."""

@@ -14,16 +14,14 @@ from ...fmu.package import package_fmu
 from ...model.errors import RuntimeBodyError
 from ...model.methods import Variant, chosen
 from ...model.reduced_body import ReducedBody
-from ..scenes.candidates import Reduction, reduction_config
-from ..scenes.config import BasisChoice
-from ..scenes.fmu_cost import fmu_timer
-from ..scenes.measure import Errors
-from ..scenes.words import in_percent, times
-from ..scenes.workshop import Workshop, build
+from ..candidates import Reduction, reduction_config, times
+from ..fmu_cost import fmu_timer
+from ..scene.config import BasisChoice
+from ..scene.measure import Errors
+from ..workshop import Workshop, build
 from .body_text import body_text
-from .choice import Choice
-from .modes import loaded_inputs
-from .other_loads import load_names, missed
+from .contributions import load_names, missed
+from .modes import Choice, loaded_inputs
 
 _TIMINGS = 2
 # Natural logarithm of the ratio of two paces that are the same: timings of one model differ by as much.
@@ -97,7 +95,7 @@ class Fit:
         where = f" ({self.measured.limited_by})" if self.measured.limited_by else ""
         lines = [
             f"Error over tolerance: predicted {times(self.predicted.share)}, measured {times(self.measured.share)}"
-            f"{where}; {in_percent(self.measured)}.",
+            f"{where}; {_in_percent(self.measured)}.",
             f"{_counts(self.mode_count, self.frame_count)}; a step from Python takes {1e6 * self.step:.3g} µs.",
         ]
         if math.isfinite(self.given_step):
@@ -121,6 +119,15 @@ class Fit:
                 "may come, put them into the scene, or give its [fit] a smaller other_loads."
             )
         return [*lines, self.limit] if self.limit else lines
+
+
+def _in_percent(found: Errors) -> str:
+    parts = []
+    if not math.isnan(found.static_displacement):
+        parts.append(f"static displacement {100.0 * found.static_displacement:.2g} %")
+    if not math.isnan(found.transient_displacement):
+        parts.append(f"displacement over time {100.0 * found.transient_displacement:.2g} % rms")
+    return ", ".join(parts)
 
 
 def _counts(modes: int, frames: int) -> str:

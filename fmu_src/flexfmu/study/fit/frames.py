@@ -11,14 +11,13 @@ from ...files.progress import Tell
 from ...model.errors import RuntimeBodyError
 from ...model.methods import Mass, Method, Variant, has_frames, lean
 from ...model.reduced_body import ReducedBody
-from ..scenes.candidates import Candidate, Joints, Reduction, has_meaning, linear_frames, offered_frames
-from ..scenes.config import BasisChoice
-from ..scenes.measure import Errors
-from ..scenes.scene import Scene
-from ..scenes.words import frames_words, times
-from ..scenes.workshop import Workshop
+from ..candidates import Candidate, Joints, Reduction, frames_words, has_meaning, linear_frames, offered_frames, times
+from ..scene.config import BasisChoice
+from ..scene.measure import Errors
+from ..scene.scene import Scene
+from ..workshop import Workshop
 from .branches import LEVELS, Branch, find_branches, frames_of, spread_joints, turning
-from .motion import courses
+from .contributions import courses
 
 LADDER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
 """Numbers that are tried one after the other."""

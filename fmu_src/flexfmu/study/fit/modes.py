@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,16 +10,36 @@ from ...files.array_types import IntArray
 from ...files.errors import AccuracyError, BodyFileError
 from ...model.methods import Mass, Method, Variant
 from ...model.reduced_body import ReducedBody
-from ..scenes.candidates import Joints, Reduction
-from ..scenes.config import BasisChoice
-from ..scenes.measure import Errors
-from ..scenes.scene import AXES, Scene
-from ..scenes.subspace import joined_numbers, normal_frequencies, pairs, subset
-from ..scenes.workshop import Workshop
-from .choice import Choice
+from ..candidates import Joints, Reduction
+from ..scene.config import BasisChoice
+from ..scene.measure import Errors
+from ..scene.scene import AXES, Scene
+from ..subspace import joined_numbers, normal_frequencies, pairs, subset
+from ..workshop import Workshop
+from .contributions import contributions, load_names, loads_to_keep
 from .frames import LADDER
-from .motion import contributions
-from .other_loads import load_names, loads_to_keep
+
+
+@dataclass(slots=True)
+class Choice:
+    """A model that will do.
+
+    Attributes
+    ----------
+    plan : Reduction
+    variant : Variant
+    body : ReducedBody
+    errors : Errors
+    cost : float
+        Fastest step seen, s.
+    """
+
+    plan: Reduction
+    variant: Variant
+    body: ReducedBody
+    errors: Errors
+    cost: float = float("inf")
+
 
 # Steps whose times differ by less cost the same.
 _SAME_COST = 0.05

@@ -10,16 +10,14 @@ from ...files.counts import plural
 from ...files.errors import AccuracyError
 from ...model.errors import RuntimeBodyError
 from ...model.methods import Data, Mass, Method, Variant, has_frames, lean, masses_of, needs
-from ..scenes.candidates import GIVEN, Candidate, Joints, Reduction, has_meaning
-from ..scenes.config import BasisChoice
-from ..scenes.scene import Scene
-from ..scenes.subspace import normal_frequencies
-from ..scenes.words import basis_words, frames_words, times
-from ..scenes.workshop import Workshop
-from .choice import Choice
+from ..candidates import GIVEN, Candidate, Joints, Reduction, basis_words, frames_words, has_meaning, times
+from ..scene.config import BasisChoice
+from ..scene.scene import Scene
+from ..subspace import normal_frequencies
+from ..workshop import Workshop
+from .contributions import contributions, courses
 from .frames import HELPS, Tried
-from .modes import loaded_inputs, mode_groups
-from .motion import contributions, courses
+from .modes import Choice, loaded_inputs, mode_groups
 
 # Groups of modes that a comment lists.
 _LISTED = 6

@@ -14,15 +14,14 @@ from ...mesh.formats import read_mesh
 from ...reduction.cut.cut import cut_loops
 from ...reduction.model import assemble_model
 from ...reduction.places import by_name
-from ..scenes.candidates import Joints, Reduction
-from ..scenes.config import BasisChoice
-from ..scenes.jobs import Crew
-from ..scenes.scene import Scene
-from ..scenes.workshop import Workshop
-from .choice import Choice
+from ..candidates import Joints, Reduction
+from ..jobs import Crew
+from ..scene.config import BasisChoice
+from ..scene.scene import Scene
+from ..workshop import Workshop
 from .delivery import Fit, deliver
 from .frames import Tried, frames_needed
-from .modes import bases_to_try, cheapest, modes_needed
+from .modes import Choice, bases_to_try, cheapest, modes_needed
 from .reasons import limit, reasons
 
 # Share of an error that may be added to it where the tolerance is out of reach anyway, for the sake of fewer modes.

@@ -19,9 +19,9 @@ from ...master.coupling import CouplingStoppedError
 from ...master.results import Result
 from ...model.methods import Method
 from ...model.reduced_body import ReducedBody
-from ..scenes.map_config import Map
-from ..scenes.reports import Heard
-from .records import Run, verdict
+from ..records import Run, verdict
+from ..scene.config import Map
+from ..workshop import Heard
 from .subject import Subject, Task, linear_response, period, unit
 
 SCHEMES: dict[str, dict[str, str]] = {
@@ -37,31 +37,7 @@ _PERIODS, _FEWEST, _MOST = 3.0, 40, 400
 _POINT = "point"
 
 
-@dataclass(frozen=True, slots=True)
-class _Interface:
-    """An interface along a direction.
-
-    Attributes
-    ----------
-    name : str
-    along : (3,) float
-    shape : (m,) float
-        Its displacement along that direction per unit modal coordinate.
-    stiffness, mass : float
-        That a held force, and a sudden one, meet: N/m, kg.
-    size : float
-        Of the body, m.
-    """
-
-    name: str
-    along: FloatArray
-    shape: FloatArray
-    stiffness: float
-    mass: float
-    size: float
-
-
-def reason_against(subject: Subject) -> str | None:
+def obstacle(subject: Subject) -> str | None:
     """Why the map has no meaning for a body."""
     if subject.config.free:
         return "a free body and a mass on it fly away under the load that the map puts on"
@@ -95,27 +71,27 @@ def tasks(subject: Subject, done: Container[object], folder: Path) -> list[Task]
     -------
     list of Task
     """
-    body = subject.reduced()
-    interface = _interface(subject, body)
+    bench = _bench(subject, folder)
+    body = bench.body
     subject.report.note(
-        f"{interface.name}: {interface.stiffness:.4g} N/m, {interface.mass:.4g} kg within a step; lowest period "
+        f"{bench.name}: {bench.stiffness:.4g} N/m, {bench.mass:.4g} kg within a step; lowest period "
         f"{period(body):.4g} s"
     )
     package_fmu(body, folder / "body.fmu")
     found: list[Task] = []
-    silent = subject.silent()
     for mass_ratio in subject.table.mass_ratios:
-        mass, file = mass_ratio * interface.mass, f"mass{mass_ratio:g}.fmu"
+        mass, file = mass_ratio * bench.mass, f"mass{mass_ratio:g}.fmu"
         package_fmu(_point_mass(mass), folder / file)
         found += [
-            partial(_run, silent, folder, file, run, body, interface, mass, ratio, count, scheme)
+            partial(bench.couple, run, file, mass, ratio * bench.stiffness, period(body) / count, scheme)
             for run, scheme, count, ratio in _cells(subject, mass_ratio)
             if run.key not in done
         ]
     return found
 
 
-def _interface(subject: Subject, body: ReducedBody) -> _Interface:
+def _bench(subject: Subject, folder: Path) -> "_Bench":
+    body = subject.reduced()
     place = subject.interface(body)
     given = subject.table.direction
     along = unit(np.array(given) if given is not None else linear_response(body, subject.peak(body))[place, 0])
@@ -124,8 +100,8 @@ def _interface(subject: Subject, body: ReducedBody) -> _Interface:
     give = float(np.sum((shape[elastic] / body.angular_frequency[elastic]) ** 2))
     points = np.concatenate([body.interface_point, body.joint_point])
     size = float(np.max(np.linalg.norm(points - body.interface_point[place], axis=1))) or 1.0
-    name = body.interface_names[place]
-    return _Interface(name, along, shape, 1.0 / give, 1.0 / float(shape @ shape), size)
+    tolerance, mass = subject.table.tolerance, 1.0 / float(shape @ shape)
+    return _Bench(folder, tolerance, body, body.interface_names[place], along, shape, 1.0 / give, mass, size)
 
 
 def _point_mass(mass: float) -> ReducedBody:
@@ -147,97 +123,109 @@ def _point_mass(mass: float) -> ReducedBody:
     )
 
 
-def _run(
-    subject: Subject,
-    folder: Path,
-    file: str,
-    run: Run,
-    body: ReducedBody,
-    interface: _Interface,
-    mass: float,
-    ratio: float,
-    count: float,
-    scheme: str,
-) -> tuple[list[Run], list[str]]:
-    start = time.perf_counter()
-    stiffness, step = ratio * interface.stiffness, period(body) / count
-    force = _SMALL * interface.size * interface.stiffness
-    rate, source = _system(body, interface, mass, stiffness, force)
-    growth, shapes = np.linalg.eig(rate)
-    slowest = float(np.min(np.abs(growth[np.abs(growth) > 0.0])))
-    steps = int(np.clip(np.ceil(_PERIODS * 2.0 * np.pi / slowest / step), _FEWEST, _MOST))
-    spring = {"a": f"body.{interface.name}", "b": f"mass.{_POINT}", "stiffness": [float(stiffness)] * 3 + [0.0] * 3}
-    pushed = {f"{_POINT}.force.{axis}": float(force * x) for axis, x in zip("xyz", interface.along, strict=True)}
-    axes = [f"{name}.displacement.{axis}" for name in (f"body.{interface.name}", f"mass.{_POINT}") for axis in "xyz"]
-    heard = Heard()
-    coupling = parse_coupling(
-        {
-            "experiment": {"stop": steps * step, "step": step, **SCHEMES[scheme]},
-            "fmu": [
-                {"name": "body", "file": "body.fmu"},
-                {"name": "mass", "file": file, "start": pushed},
-            ],
-            "spring": [spring],
-            "output": {"variables": axes},
-        },
-        folder,
-    )
-    refused, said = False, ""
-    try:
-        result = couple(coupling, heard)
-    except CouplingStoppedError as stopped:
-        if stopped.exit_code == INTERRUPTED:
-            # Of the user, not of the coupling.
-            raise
-        refused, said, result = True, str(stopped), stopped.result
-    error = _error(result, axes, interface, growth, shapes, source)
-    found = verdict(error, bool(heard.warnings), refused, subject.table.tolerance)
-    told = said or (heard.warnings[0] if heard.warnings else "")
-    kappa = _kappa(body, interface, mass, stiffness, step)
-    seconds = time.perf_counter() - start
-    taken = len(result.time) - 1
-    return [replace(run, verdict=found.value, error=error, measure=kappa, taken=taken, seconds=seconds, words=told)], []
+@dataclass(frozen=True, slots=True)
+class _Bench:
+    """A body with one interface, along a direction, on which a mass hangs by a spring.
 
+    Attributes
+    ----------
+    folder : Path
+        Of the FMUs.
+    tolerance : float
+        Error that counts as right.
+    body : ReducedBody
+    name : str
+        Of the interface.
+    along : (3,) float
+    shape : (m,) float
+        Displacement along that direction per unit modal coordinate.
+    stiffness, mass : float
+        That a held force, and a sudden one, meet: N/m, kg.
+    size : float
+        Of the body, m.
+    """
 
-def _system(
-    body: ReducedBody, interface: _Interface, mass: float, stiffness: float, force: float
-) -> tuple[FloatArray, FloatArray]:
-    """Linear equations ẏ = A y + s of modes and mass in continuous time, y = (q, x, q̇, ẋ)."""
-    m = body.mode_count
-    spring = np.append(interface.shape, -1.0)
-    inertia = np.append(np.ones(m), mass)
-    pull = np.diag(np.append(body.angular_frequency**2, 0.0)) + stiffness * np.outer(spring, spring)
-    damping = np.diag(np.append(2.0 * body.damping_ratio * body.angular_frequency, 0.0))
-    size = m + 1
-    rate = np.zeros((2 * size, 2 * size))
-    rate[:size, size:] = np.eye(size)
-    rate[size:, :size], rate[size:, size:] = -pull / inertia[:, None], -damping / inertia[:, None]
-    source = np.zeros(2 * size)
-    source[-1] = force / mass
-    return rate, source
+    folder: Path
+    tolerance: float
+    body: ReducedBody
+    name: str
+    along: FloatArray
+    shape: FloatArray
+    stiffness: float
+    mass: float
+    size: float
 
+    def couple(
+        self, run: Run, file: str, mass: float, stiffness: float, step: float, scheme: str
+    ) -> tuple[list[Run], list[str]]:
+        """Let a mass (kg) on a spring (N/m) swing under a sudden force, coupled in steps (s)."""
+        start = time.perf_counter()
+        force = _SMALL * self.size * self.stiffness
+        rate, source = self._system(mass, stiffness, force)
+        growth, shapes = np.linalg.eig(rate)
+        slowest = float(np.min(np.abs(growth[np.abs(growth) > 0.0])))
+        steps = int(np.clip(np.ceil(_PERIODS * 2.0 * np.pi / slowest / step), _FEWEST, _MOST))
+        ends = f"body.{self.name}", f"mass.{_POINT}"
+        pushed = {f"{_POINT}.force.{axis}": float(force * x) for axis, x in zip("xyz", self.along, strict=True)}
+        axes = [f"{name}.displacement.{axis}" for name in ends for axis in "xyz"]
+        heard = Heard()
+        coupling = parse_coupling(
+            {
+                "experiment": {"stop": steps * step, "step": step, **SCHEMES[scheme]},
+                "fmu": [{"name": "body", "file": "body.fmu"}, {"name": "mass", "file": file, "start": pushed}],
+                "spring": [{"a": ends[0], "b": ends[1], "stiffness": [float(stiffness)] * 3 + [0.0] * 3}],
+                "output": {"variables": axes},
+            },
+            self.folder,
+        )
+        refused = ""
+        try:
+            result = couple(coupling, heard)
+        except CouplingStoppedError as stopped:
+            if stopped.exit_code == INTERRUPTED:
+                # Of the user, not of the coupling.
+                raise
+            refused, result = str(stopped), stopped.result
+        error = self._error(np.stack([result[name] for name in axes], axis=1), result, growth, shapes, source)
+        found = verdict(error, bool(heard.warnings), bool(refused), self.tolerance)
+        words = refused or (heard.warnings[0] if heard.warnings else "")
+        run = replace(run, verdict=found.value, error=error, measure=self._kappa(mass, stiffness, step), words=words)
+        return [replace(run, taken=len(result.time) - 1, seconds=time.perf_counter() - start)], []
 
-def _error(
-    result: Result, axes: list[str], interface: _Interface, growth: FloatArray, shapes: FloatArray, source: FloatArray
-) -> float:
-    """Rms error of the interface's and the mass's displacement over its rms, the larger."""
-    moved = np.stack([result[name] for name in axes], axis=1).reshape(-1, 2, 3) @ interface.along
-    # y(t) = ∫ exp(A t') dt' s, mode by mode.
-    weight = np.linalg.solve(shapes, source)
-    gain = np.expm1(growth * result.time[:, None]) / growth
-    y = ((gain * weight) @ shapes.T).real
-    half = y.shape[1] // 2
-    true = np.stack([y[:, : half - 1] @ interface.shape, y[:, half - 1]], axis=1)
-    with np.errstate(all="ignore"):
-        off = np.linalg.norm(moved - true, axis=0) / np.linalg.norm(true, axis=0)
-    return float(np.max(off)) if len(moved) > 1 else float("nan")
+    def _system(self, mass: float, stiffness: float, force: float) -> tuple[FloatArray, FloatArray]:
+        """Linear equations ẏ = A y + s of modes and mass in continuous time, y = (q, x, q̇, ẋ)."""
+        omega, m = self.body.angular_frequency, self.body.mode_count
+        spring = np.append(self.shape, -1.0)
+        inertia = np.append(np.ones(m), mass)
+        pull = np.diag(np.append(omega**2, 0.0)) + stiffness * np.outer(spring, spring)
+        damping = np.diag(np.append(2.0 * self.body.damping_ratio * omega, 0.0))
+        size = m + 1
+        rate = np.zeros((2 * size, 2 * size))
+        rate[:size, size:] = np.eye(size)
+        rate[size:, :size], rate[size:, size:] = -pull / inertia[:, None], -damping / inertia[:, None]
+        source = np.zeros(2 * size)
+        source[-1] = force / mass
+        return rate, source
 
+    def _error(
+        self, moved: FloatArray, result: Result, growth: FloatArray, shapes: FloatArray, source: FloatArray
+    ) -> float:
+        """Rms error of the interface's and the mass's displacement over its rms, the larger."""
+        moved = moved.reshape(-1, 2, 3) @ self.along
+        # y(t) = ∫ exp(A t') dt' s, mode by mode.
+        weight = np.linalg.solve(shapes, source)
+        gain = np.expm1(growth * result.time[:, None]) / growth
+        y = ((gain * weight) @ shapes.T).real
+        half = y.shape[1] // 2
+        true = np.stack([y[:, : half - 1] @ self.shape, y[:, half - 1]], axis=1)
+        with np.errstate(all="ignore"):
+            off = np.linalg.norm(moved - true, axis=0) / np.linalg.norm(true, axis=0)
+        return float(np.max(off)) if len(moved) > 1 else float("nan")
 
-def _kappa(body: ReducedBody, interface: _Interface, mass: float, stiffness: float, step: float) -> float:
-    """κ = h²k/m: twice what the spring answers its own load with within a step."""
-    free = replace(body, compliance_interfaces=())
-    model = FlexibleBody(free)
-    inputs = np.zeros(6 * body.interface_count + (0 if body.masses is None else 3))
-    place = body.interface_names.index(interface.name)
-    give = model.compliance(model.rest(), inputs, step, [place])[:3, :3]
-    return float(2.0 * stiffness * (interface.along @ give @ interface.along + 0.5 * step**2 / mass))
+    def _kappa(self, mass: float, stiffness: float, step: float) -> float:
+        """κ = h²k/m: twice what the spring answers its own load with within a step."""
+        model = FlexibleBody(replace(self.body, compliance_interfaces=()))
+        inputs = np.zeros(6 * self.body.interface_count + (0 if self.body.masses is None else 3))
+        place = self.body.interface_names.index(self.name)
+        give = model.compliance(model.rest(), inputs, step, [place])[:3, :3]
+        return float(2.0 * stiffness * (self.along @ give @ self.along + 0.5 * step**2 / mass))

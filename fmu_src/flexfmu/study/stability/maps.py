@@ -2,21 +2,22 @@
 
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ...files.progress import Reporter, Tell
 from ...files.store import Store
 from ...files.targets import PICTURE_SUFFIXES, check_target
-from ..scenes.jobs import Crew
-from ..scenes.map_config import Map
-from ..scenes.record_file import RecordFile
-from . import buckling, coupling, rotation
-from .picture import pictures
-from .records import LAYOUT, Run, Verdict
+from ..jobs import Crew
+from ..pictures import draw_maps
+from ..records import RUNS, RecordFile, Run, Verdict
+from ..scene.config import Map
+from . import coupling
+from .equilibria import BUCKLING, ROTATION
 from .subject import Subject, read_subject
 
-_MAPS = {Map.BUCKLING: buckling, Map.ROTATION: rotation, Map.COUPLING: coupling}
+_MAPS: dict[Map, Any] = {Map.BUCKLING: BUCKLING, Map.ROTATION: ROTATION, Map.COUPLING: coupling}
+_WORDS = {Verdict.SILENT: "wrong in silence"}
 
 
 def chart_stability(
@@ -57,28 +58,28 @@ def chart_stability(
     if picture is not None:
         check_target(picture, PICTURE_SUFFIXES, inputs=(body, scene, records))
     subject = read_subject(body, scene, report, store)
-    kept = RecordFile(LAYOUT, records, subject.digest)
+    kept = RecordFile(RUNS, records, subject.digest)
     lines = []
     wanted = [kind for kind in Map if kind in subject.table.maps]
     for place, kind in enumerate(wanted, start=1):
-        reason = _MAPS[kind].reason_against(subject)
-        if reason is not None:
-            lines.append(f"{kind.value}: left out, {reason}")
+        obstacle = _MAPS[kind].obstacle(subject)
+        if obstacle is not None:
+            lines.append(f"{kind.value}: left out, {obstacle}")
             continue
         left = sum(run.key not in kept for run in _MAPS[kind].planned(subject))
-        title = f"Map of {kind.value}, {place} of {len(wanted)}"
-        with report.counted(title, left, "runs") as tell:
-            _run(subject, kind, kept, crew or Crew(), tell)
-        lines.append(f"{kind.value}: {_summary([run for run in kept.rows if run.map == kind.value])}")
+        with report.counted(f"Map of {kind.value}, {place} of {len(wanted)}", left, "runs") as tell:
+            if left:
+                _run(subject, kind, kept, crew or Crew(), tell)
+        counts = Counter(Verdict(run.verdict) for run in kept.rows if run.map == kind.value)
+        found = [f"{counts[v]} {_WORDS.get(v, v.value)}" for v in Verdict if counts[v] or v is Verdict.SILENT]
+        lines.append(f"{kind.value}: {', '.join(found)}")
     if picture is not None:
-        lines += [str(path) for path in pictures(records, picture)]
+        lines += [str(path) for path in draw_maps(records, picture)]
     return lines
 
 
 def _run(subject: Subject, kind: Map, kept: RecordFile[Run], crew: Crew, tell: Tell) -> None:
     """Make and record the runs of a map that are not recorded yet."""
-    if all(run.key in kept for run in _MAPS[kind].planned(subject)):
-        return
     done = 0
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
         for runs, warnings in crew.each(_MAPS[kind].tasks(subject, kept, Path(folder))):
@@ -88,11 +89,3 @@ def _run(subject: Subject, kind: Map, kept: RecordFile[Run], crew: Crew, tell: T
                 kept.append(run)
                 done += 1
                 tell(done)
-
-
-def _summary(runs: Sequence[Run]) -> str:
-    counts = Counter(run.verdict for run in runs)
-    words = {Verdict.SILENT: "wrong in silence"}
-    return ", ".join(
-        f"{counts[v.value]} {words.get(v, v.value)}" for v in Verdict if counts[v.value] or v is Verdict.SILENT
-    )

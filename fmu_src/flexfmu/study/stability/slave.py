@@ -3,7 +3,6 @@
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ...program.variable_table import variable_table
 from ...program.variables import STATUS_CODE
 
 
-class Aboard:
+class BodyPrograms:
     """A body's programs in a folder, from which slaves start.
 
     Parameters
@@ -46,31 +45,29 @@ class Aboard:
                 slave.set_real([number], [float(value)])
         return slave
 
-    def __enter__(self) -> "Aboard":
+    def __enter__(self) -> "BodyPrograms":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._folder.cleanup()
 
 
-class Told:
-    """A slave that is driven until its fate is known.
+class DrivenSlave:
+    """An instance that takes steps until it refuses one.
 
     Parameters
     ----------
-    aboard : Aboard
+    programs : BodyPrograms
     parameters : mapping of str to float or str
     inputs : (L,) float
         Held throughout.
     """
 
-    def __init__(self, aboard: Aboard, parameters: Mapping[str, float | str], inputs: FloatArray):
-        self._variables = aboard.variables
-        self._count = 6 * aboard.body.interface_count
+    def __init__(self, programs: BodyPrograms, parameters: Mapping[str, float | str], inputs: FloatArray):
+        self._variables = programs.variables
+        self._count = 6 * programs.body.interface_count
         self.refused = False
-        self._slave = aboard.start(**parameters)
+        self._slave = programs.start(**parameters)
         self._slave.set_real(list(range(inputs.size)), inputs.tolist())
         try:
             self._slave.enter_initialization_mode()

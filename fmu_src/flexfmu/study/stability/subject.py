@@ -14,13 +14,11 @@ from ...files.progress import Reporter
 from ...files.store import Store
 from ...model.methods import Method
 from ...model.reduced_body import ReducedBody
-from ..scenes.config import SceneFile, read_scene_file
-from ..scenes.map_config import Map, StabilityTable
-from ..scenes.reports import Heard
-from ..scenes.workshop import build
-from .records import Run, StabilityError
+from ..records import Run, StabilityError
+from ..scene.config import Map, SceneFile, StabilityTable, read_scene_file
+from ..scene.scene import load_names
+from ..workshop import Heard, build
 
-_AXES = ("x", "y", "z")
 # Modes and frames of what others are compared with.
 _REFERENCE_MODES, _REFERENCE_FRAMES = 20, 16
 # Components of a direction below this part of the largest are round-off.
@@ -103,20 +101,16 @@ class Subject:
     def peak(self, body: ReducedBody) -> FloatArray:
         """Loads (L,) of the scene's first static case, as of `Loads.packed`."""
         inputs = np.zeros(6 * body.interface_count + (0 if body.masses is None else 3))
-        for name, value in self._peak().items():
-            interface, kind, axis = (*name.split("."), "")[:3]
-            if interface in body.interface_names and kind in ("force", "moment") and axis in _AXES:
-                place = 6 * body.interface_names.index(interface) + 3 * (kind == "moment") + _AXES.index(axis)
-                inputs[place] = value
+        names = load_names(body.interface_names)
+        for name, value in self.scene.static[0].loads.items() if self.scene.static else ():
+            if name in names:
+                inputs[names.index(name)] = value
         if not inputs.any():
             raise StabilityError(
                 "the scene has no [[static]] case with forces or moments on the body's interfaces, which the maps of "
                 "stability start from: add one"
             )
         return inputs
-
-    def _peak(self) -> dict[str, float]:
-        return self.scene.static[0].loads if self.scene.static else {}
 
 
 def read_subject(body: Path, scene: Path, report: Reporter, store: Store) -> Subject:
@@ -168,11 +162,6 @@ def unit(vector: FloatArray) -> FloatArray:
 def period(body: ReducedBody) -> float:
     """Period of the lowest elastic mode, s."""
     return float(2.0 * np.pi / body.angular_frequency[body.rigid_count])
-
-
-def slim(body: ReducedBody) -> ReducedBody:
-    """Body without the data that only some methods need."""
-    return replace(body, stiffness_by_load=None, stiffness_by_mode=None, inertia=None)
 
 
 def _mode_count(config: BodyFile) -> int:

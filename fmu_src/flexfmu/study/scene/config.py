@@ -7,16 +7,20 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ...build.old_keys import OLD_KEYS, replaced_lists
+from ...files.errors import FlexfmuError
 from ...files.inputs import Kind
 from ...files.limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
-from ...files.toml_files import Name, Positive, Table, read_toml, validated
+from ...files.toml_files import Name, Positive, Table, Vector, read_toml, validated
 from ...model.methods import Mass, Method
-from .errors import SceneError
-from .map_config import StabilityTable
 
 Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
 Frames = Annotated[int, Field(ge=1, le=MOST_FRAMES)]
+Numbers = Annotated[list[Positive], Field(min_length=1)]
+Results = Annotated[Path | None, Field(strict=False)]
+
+
+class SceneError(FlexfmuError):
+    """The scene file, its tables or its records name, lack or contradict something."""
 
 
 class BasisChoice(Enum):
@@ -44,8 +48,8 @@ class StaticTable(Table):
 
     name: Name
     loads: dict[str, float] = Field(min_length=1, examples=[{"tip.force.y": 1000.0}])
-    factors: list[Positive] = Field(default=[0.5, 1.0], min_length=1)
-    results: Path | None = Field(default=None, strict=False)
+    factors: Numbers = [0.5, 1.0]
+    results: Results = None
     results_seconds: Positive | None = None
 
     @model_validator(mode="after")
@@ -77,7 +81,7 @@ class TransientTable(Table):
     duration: Positive | None = None
     step: Positive
     frequencies: list[float] | None = None
-    results: Path | None = Field(default=None, strict=False)
+    results: Results = None
     seconds_per_second: Positive | None = None
 
     @field_validator("frequencies")
@@ -94,9 +98,9 @@ class TransientTable(Table):
                 raise ValueError("all loads are zero, expected at least one that is not")
             if self.duration is None:
                 raise ValueError("a sudden load needs a duration (s); only a table of loads has an end of its own")
-        if self.duration is not None and self.duration < 2.0 * self.step:
-            raise ValueError(f"a duration of {self.duration} s has no two steps of {self.step} s")
         if self.duration is not None:
+            if self.duration < 2.0 * self.step:
+                raise ValueError(f"a duration of {self.duration} s has no two steps of {self.step} s")
             check_steps(self.duration, self.step)
         if self.frequencies is not None and self.frequencies[1] > 0.4 / self.step:
             raise ValueError(
@@ -167,14 +171,7 @@ class SweepTable(Table):
     modes: list[Modes] = Field(default=[5, 10, 20], min_length=1)
     frames: list[Frames] = Field(default=[1, 2, 4, 8], min_length=1)
     methods: list[Annotated[Method, Field(strict=False)]] = Field(
-        default=[
-            Method.LINEAR,
-            Method.STIFFNESS_BY_LOAD,
-            Method.FLOATING_FRAME,
-            Method.FRAMES,
-            Method.FRAMES_STIFFNESS,
-            Method.SECOND_ORDER,
-        ],
+        default=[m for m in Method if m not in (Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.STIFFNESS_BY_MODE)],
         min_length=1,
     )
     mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=[Mass.CONSTANT], min_length=1)
@@ -183,13 +180,33 @@ class SweepTable(Table):
     )
     finite_elements: list[Annotated[Solver, Field(strict=False)]] = list(Solver)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _without_old_keys(cls, data: object) -> object:
-        old = {key: data[key] for key in OLD_KEYS if key in data} if isinstance(data, dict) else {}
-        if old:
-            raise ValueError(replaced_lists(old))
-        return data
+
+class Map(Enum):
+    """What is mapped."""
+
+    BUCKLING = "buckling"
+    """Axial load against the critical one, per method."""
+    ROTATION = "rotation"
+    """Rotation against the number of frames."""
+    COUPLING = "coupling"
+    """Coupling step against stiffness and mass of what hangs on an interface."""
+
+
+class StabilityTable(Table):
+    """`[stability]`: every key has a default, found from the scene's first static case or from the body."""
+
+    maps: list[Annotated[Map, Field(strict=False)]] = Field(default=list(Map), min_length=1)
+    interface: str | None = None
+    tolerance: float = Field(default=0.1, gt=0.0, lt=1.0)
+    axial: Vector | None = None
+    shares: Numbers = [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0, 1.05, 1.2, 1.5]
+    axis: Vector | None = None
+    angles: Numbers = [5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0]
+    frames: list[Frames] = Field(default=[1, 2, 4, 8], min_length=1)
+    direction: Vector | None = None
+    mass_ratios: Numbers = [0.1, 1.0, 10.0]
+    stiffness_ratios: Numbers = [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0]
+    coupling_steps_per_period: Numbers = [160.0, 40.0, 10.0, 2.5]
 
 
 class FitTable(Table):
@@ -240,16 +257,12 @@ def read_scene_file(path: Path) -> SceneFile:
     """
     data = read_toml(path, SceneError, Kind.SCENE)
     scene = validated(SceneFile, data, SceneError, "docs/scenes.md", path)
-    folder = path.parent
-    placed: dict[str, Any] = {}
-    for kind in ("static", "transient"):
-        cases = []
-        for case in getattr(scene, kind):
-            update: dict[str, Any] = {}
-            if case.results is not None:
-                update["results"] = folder / case.results
-            if isinstance(case.loads, str):
-                update["loads"] = str(folder / case.loads)
-            cases.append(case.model_copy(update=update))
-        placed[kind] = cases
-    return scene.model_copy(update=placed)
+
+    def placed(case: Any) -> Any:
+        results = case.results and path.parent / case.results
+        loads = str(path.parent / case.loads) if isinstance(case.loads, str) else case.loads
+        return case.model_copy(update={"results": results, "loads": loads})
+
+    return scene.model_copy(
+        update={"static": [placed(case) for case in scene.static], "transient": [placed(c) for c in scene.transient]}
+    )

@@ -2,14 +2,13 @@
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ...body.flexible_body import FlexibleBody, StepLimits
-from ...body.loads import Loads
+from ...body.flexible_body import FlexibleBody, State, StepLimits
 from ...build.config import Basis, FormulationTable
 from ...build.reduce import reduce_body
 from ...files.array_types import FloatArray
@@ -17,7 +16,7 @@ from ...files.progress import Reporter, Tell, tell_nobody
 from ...files.store import Store, content_key
 from ...model.errors import EquilibriumError, StepError
 from ...model.methods import Mass, Method
-from .errors import SceneError
+from .config import SceneError
 from .scene import Scene, StaticCase, TransientCase, read_results
 from .whole_model import WORDS, Equilibria, WholeModel
 
@@ -81,49 +80,41 @@ def references(
     whole = whole or WholeModel(scene, report, store)
     found: dict[str, Reference] = {}
     for case in scene.static:
-        found[case.name] = _whole_model(scene, case, whole) if case.results is None else _brought_static(scene, case)
+        if case.results is None:
+            solver = scene.file.reference.static
+            solved = whole.equilibria(case, solver)
+            words = f"{WORDS[solver]}, {len(whole.model.mesh.points)} nodes, geometric nonlinearity"
+            found[case.name] = Reference(solved.motion, words, solved)
+        else:
+            found[case.name] = _brought_static(scene, case, case.results)
     for motion in scene.transient:
-        found[motion.name] = (
-            _tight_model(scene, motion, found, report, store)
-            if motion.results is None
-            else _brought_transient(scene, motion)
-        )
+        if motion.results is None:
+            found[motion.name] = _tight_model(scene, motion, found, report, store)
+        else:
+            found[motion.name] = _brought_transient(scene, motion, motion.results)
     return found
 
 
-def _whole_model(scene: Scene, case: StaticCase, whole: WholeModel) -> Reference:
-    solver = scene.file.reference.static
-    found = whole.equilibria(case, solver)
-    nodes = len(whole.model.mesh.points)
-    return Reference(found.motion, f"{WORDS[solver]}, {nodes} nodes, geometric nonlinearity", found)
-
-
-def _brought_static(scene: Scene, case: StaticCase) -> Reference:
-    assert case.results is not None
-    factors, motion = read_results(case.results, "factor", scene.read)
+def _brought_static(scene: Scene, case: StaticCase, path: Path) -> Reference:
+    factors, motion = read_results(path, "factor", scene.read)
     rows = []
     for factor in case.factors:
         near = np.flatnonzero(np.abs(factors - factor) <= _SAME * max(1.0, factor))
         if not near.size:
-            raise SceneError(
-                f"{case.results}: no row for the factor {factor} of {case.name}; it has {factors.tolist()}"
-            )
+            raise SceneError(f"{path}: no row for the factor {factor} of {case.name}; it has {factors.tolist()}")
         rows.append(near[-1])
-    loaded = int(np.sum(factors > 0.0))
-    return Reference(_complete(motion[rows], case.results), str(case.results.name), equilibria=loaded)
+    return Reference(_complete(motion[rows], path), path.name, equilibria=int(np.sum(factors > 0.0)))
 
 
-def _brought_transient(scene: Scene, case: TransientCase) -> Reference:
-    assert case.results is not None
-    times, motion = read_results(case.results, "time", scene.read)
+def _brought_transient(scene: Scene, case: TransientCase, path: Path) -> Reference:
+    times, motion = read_results(path, "time", scene.read)
     if np.any(np.diff(times) <= 0.0) or times[0] > _SAME or times[-1] < case.time[-1] * (1.0 - _SAME):
         raise SceneError(
-            f"{case.results}: times go from {times[0]} s to {times[-1]} s, expected them to ascend from 0 to at least "
+            f"{path}: times go from {times[0]} s to {times[-1]} s, expected them to ascend from 0 to at least "
             f"{case.time[-1]:g} s"
         )
-    columns = motion.reshape(len(times), -1)
-    at = np.column_stack([np.interp(case.time, times, column) for column in columns.T])
-    return Reference(_complete(at.reshape(len(at), *motion.shape[1:]), case.results), str(case.results.name))
+    at = np.column_stack([np.interp(case.time, times, column) for column in motion.reshape(len(times), -1).T])
+    return Reference(_complete(at.reshape(len(at), *motion.shape[1:]), path), path.name)
 
 
 def _complete(motion: FloatArray, path: Path) -> FloatArray:
@@ -137,21 +128,13 @@ def _tight_model(
 ) -> Reference:
     """Motion of a model with more modes and frames than any that will be delivered."""
     settings, config = scene.file.reference, scene.config
-    mass = settings.mass
-    if config.cut or settings.frames == 0:
-        mass = Mass.CONSTANT
-    reduction = config.reduction.model_copy(
-        update={
-            "basis": Basis.NORMAL,
-            "modes": settings.modes,
-            "residual_flexibility": True,
-            "geometric_stiffness": [],
-            "inertia": mass is Mass.CONFIGURATION,
-        }
-    )
+    mass = Mass.CONSTANT if config.cut or settings.frames == 0 else settings.mass
+    changes = {"basis": Basis.NORMAL, "modes": settings.modes, "residual_flexibility": True, "geometric_stiffness": []}
+    reduction = config.reduction.model_copy(update={**changes, "inertia": mass is Mass.CONFIGURATION})
     method = FormulationTable(method=Method.FRAMES, mass=mass)
-    changes = {"frames": settings.frames, "frame": [], "reduction": reduction, "formulation": method}
-    tight = config.model_copy(update=changes).without_pictures
+    tight = config.model_copy(
+        update={"frames": settings.frames, "frame": [], "reduction": reduction, "formulation": method}
+    ).without_pictures
 
     def run() -> dict[str, FloatArray]:
         body = reduce_body(tight, report, store)
@@ -223,17 +206,19 @@ def follow(model: FlexibleBody, case: TransientCase, tell: Tell = tell_nobody) -
     ------
     StepError
     """
-    heavy = model.model.masses is not None
-    start, end = _packed(case.start_loads, heavy), _packed(case.end_loads, heavy)
-    state = model.rest()
-    rows = [model.motion(state)]
-    for first, last in zip(start, end, strict=True):
-        same = np.array_equal(first, last)
-        state, _ = model.step_packed(state, first, case.step, None if same else last)
+    rows = []
+    for done, state in enumerate(states_through(model, case)):
         rows.append(model.motion(state))
-        tell(len(rows) - 1)
+        tell(done)
     return np.array(rows).reshape(len(rows), -1, 6)
 
 
-def _packed(loads: Sequence[Loads], heavy: bool) -> list[FloatArray]:
-    return [one.packed(heavy) for one in loads]
+def states_through(model: FlexibleBody, case: TransientCase) -> Iterator[State]:
+    """States of a model from rest through a transient, one a communication point; it may raise a StepError."""
+    heavy = model.model.masses is not None
+    state = model.rest()
+    yield state
+    for start, end in zip(case.start_loads, case.end_loads, strict=True):
+        first, last = start.packed(heavy), end.packed(heavy)
+        state, _ = model.step_packed(state, first, case.step, None if np.array_equal(first, last) else last)
+        yield state

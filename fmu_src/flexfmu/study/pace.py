@@ -1,20 +1,12 @@
 """Timing on a machine that does other things too: blocks of work, of which those count that met it calm."""
 
 import math
-import statistics
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
-
-from ...files.array_types import FloatArray
-
-if TYPE_CHECKING:
-    # The process that times FMUs needs neither.
-    from ...body.flexible_body import FlexibleBody
 
 T = TypeVar("T")
 
@@ -112,66 +104,3 @@ def calm_blocks(block: Callable[[], T]) -> list[tuple[float, T]]:
             # Someone else is at work: wait a little.
             time.sleep(_PAUSE)
     return sorted(done, key=lambda one: one[0])[:BLOCKS]
-
-
-@dataclass(frozen=True, slots=True)
-class StepCost:
-    """Time of a step of the model without FMI, outputs included.
-
-    Attributes
-    ----------
-    fastest, median : float
-        s, of blocks of steps.
-    iterations : float
-        Rounds of the implicit iteration a step.
-    busy : float
-        How much slower than at its best the machine did a fixed piece of work meanwhile: 1 when it was calm.
-    """
-
-    fastest: float
-    median: float
-    iterations: float
-    busy: float
-
-
-def time_steps(model: "FlexibleBody", rows: Sequence["FloatArray"], step: float) -> StepCost:
-    """Time steps of a model from rest, outputs included.
-
-    Parameters
-    ----------
-    model : FlexibleBody
-    rows : sequence of (L,) float
-        Loads of each step; a single one holds.
-    step : float
-        s.
-
-    Returns
-    -------
-    StepCost
-
-    Raises
-    ------
-    RuntimeBodyError
-        The model has no answer.
-    """
-    # Two steps, so that whatever is prepared once is there.
-    state = model.rest()
-    for _ in range(2):
-        state, _ = model.step_packed(state, rows[0], step)
-    clock = Clock()
-    model.step_packed(state, rows[0], step)
-    # Every block is the same piece of the scene, from its start.
-    piece = timed_piece(rows, clock.elapsed())
-
-    def block() -> tuple[float, float]:
-        state, iterations, clock = model.rest(), 0, Clock()
-        for inputs in piece:
-            state, work = model.step_packed(state, inputs, step)
-            model.motion(state)
-            iterations += work.iterations
-        return clock.elapsed() / len(piece), iterations / len(piece)
-
-    done = calm_blocks(block)
-    times = [took for _, (took, _) in done]
-    rounds = statistics.mean(iterations for _, (_, iterations) in done)
-    return StepCost(min(times), statistics.median(times), rounds, statistics.median(busy for busy, _ in done))

@@ -1,5 +1,6 @@
 """Models of a scene's body: reduced, held against the references, and timed; what chart and fit have in common."""
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,26 +9,50 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...body.flexible_body import FlexibleBody, StepLimits
-from ...build.config import BodyFile
-from ...build.reduce import reduce_body
-from ...files.progress import Reporter
-from ...files.store import REUSED, Store
-from ...model.errors import RuntimeBodyError
-from ...model.methods import Variant, lean
-from ...model.reduced_body import ReducedBody
+from ..body.flexible_body import FlexibleBody, StepLimits
+from ..build.config import BodyFile
+from ..build.reduce import reduce_body
+from ..files.progress import Reporter
+from ..files.store import REUSED, Store
+from ..model.errors import RuntimeBodyError
+from ..model.methods import Variant, lean
+from ..model.reduced_body import ReducedBody
 from .candidates import Reduction, reduction_config
-from .cost import communication_step, step_cost
+from .cost import StepCost, time_steps
 from .jobs import Crew
-from .measure import Errors, errors
-from .pace import StepCost
-from .reference import Reference, references
-from .reports import Heard
-from .scene import Scene
+from .pace import Clock
+from .scene.measure import Errors, errors, on_interfaces
+from .scene.reference import Reference, references
+from .scene.scene import Scene
+from .scene.whole_model import WholeModel
 from .subspace import subset
-from .whole_model import WholeModel
 
 T = TypeVar("T")
+_EQUILIBRIA = 3
+
+
+class Heard(Reporter):
+    """Keeps notes and warnings; passes warnings on, once each, where someone is given who wants them.
+
+    Parameters
+    ----------
+    report : Reporter, optional
+    """
+
+    def __init__(self, report: Reporter | None = None):
+        self._report = report
+        self.notes: list[str] = []
+        self.warnings: list[str] = []
+
+    def note(self, text: str) -> None:
+        """Keep it."""
+        self.notes.append(text)
+
+    def warning(self, text: str) -> None:
+        """Keep it, and pass it on if it is new."""
+        if self._report is not None and text not in self.warnings:
+            self._report.warning(text)
+        self.warnings.append(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,21 +116,18 @@ class Workshop:
         return references(self.scene, self.report, self.store, self.whole)
 
     def build(self, reduction: Reduction, variants: list[Variant]) -> Built:
-        """Reduce the body for some variants."""
-        return build(reduction_config(self.scene.config, reduction, variants).without_pictures, self.store)
-
-    def once(self, reduction: Reduction, variants: list[Variant]) -> Built:
         """Reduce the body unless it was reduced for these variants, maybe among others, before."""
         found, before = self._bodies.get(reduction, (None, ()))
         if found is None or not set(variants) <= set(before):
-            every = tuple(dict.fromkeys([*variants, *before]))
-            found = self.build(reduction, list(every))
-            self._bodies[reduction] = found, every
+            before = tuple(dict.fromkeys([*variants, *before]))
+            config = reduction_config(self.scene.config, reduction, list(before))
+            found = build(config.without_pictures, self.store)
+            self._bodies[reduction] = found, before
         return found
 
     def body(self, reduction: Reduction, variants: list[Variant]) -> ReducedBody:
         """Reduce the body for some variants, once."""
-        return self.once(reduction, variants).body
+        return self.build(reduction, variants).body
 
     def shared(self, reduction: Reduction, variants: list[Variant]) -> Built:
         """Reduce the body with the most modes of the sweep, once, and leave modes out.
@@ -115,8 +137,8 @@ class Workshop:
         most = max(self.scene.file.sweep.modes)
         count = reduction.modes
         if self.scene.config.cut or not isinstance(count, int) or count >= most:
-            return self.once(reduction, variants)
-        built = self.once(replace(reduction, modes=most), variants)
+            return self.build(reduction, variants)
+        built = self.build(replace(reduction, modes=most), variants)
         return replace(built, body=subset(built.body, reduction.basis, np.arange(count)))
 
     def errors(self, body: ReducedBody, variant: Variant, limits: StepLimits | None = None) -> Errors:
@@ -135,13 +157,28 @@ class Workshop:
 
     def cost(self, body: ReducedBody, variant: Variant) -> StepCost:
         """Time of a step."""
-        model = FlexibleBody(lean(body, variant))
-        return step_cost(self.scene, model, self.step(model))
+        return self.time_steps(FlexibleBody(lean(body, variant)))
+
+    def time_steps(self, model: FlexibleBody) -> StepCost:
+        """Time of a step of a model under the scene's `timing_loads`."""
+        heavy = model.model.masses is not None
+        rows = [on_interfaces(self.scene, model, loads).packed(heavy) for loads in self.scene.timing_loads]
+        return time_steps(model, rows, self.step(model))
+
+    def time_equilibrium(self, model: FlexibleBody) -> float:
+        """Time (s) of the equilibrium under the first static case, from rest, if there is one; the fastest of a few."""
+        times = []
+        for case in self.scene.static[:1] * _EQUILIBRIA:
+            loads = on_interfaces(self.scene, model, case.peak.scaled(case.factors[-1]))
+            clock = Clock()
+            model.static(loads)
+            times.append(clock.elapsed())
+        return min(times, default=math.nan)
 
     def step(self, model: FlexibleBody) -> float:
-        """Step (s) at which all models are timed."""
+        """Step (s) at which all models are timed: the first transient's, else what the first body suggests."""
         if self._step is None:
-            self._step = communication_step(self.scene, model)
+            self._step = self.scene.transient[0].step if self.scene.transient else model.model.suggested_step
         return self._step
 
 

@@ -20,8 +20,7 @@ from ...reduction.interfaces import Interface, fit_interface
 from ...reduction.model import Model, assemble_model
 from ...reduction.point_masses import model_mass
 from . import calculix
-from .config import Solver
-from .errors import SceneError
+from .config import SceneError, Solver
 from .scene import Scene, StaticCase
 
 _FIT_ROUNDS = 50

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...model.methods import Method
-from ..scenes.words import short
+from ..model.methods import Method
+from .candidates import short
 from .records import Record
 
 # A member of the front is named where it takes at least this share off the error of the one before it.

@@ -23,7 +23,7 @@ from ...files.progress import Reporter
 from ...mesh.blocks import ElementBlock
 from ...mesh.model import Mesh
 from ...reduction.model import Model
-from .errors import SceneError
+from .config import SceneError
 
 PROGRAM = "ccx"
 _JOB = "model"

@@ -1,8 +1,9 @@
 """How far a model is off in a scene."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -18,6 +19,8 @@ from .scene import Scene, StaticCase, TransientCase
 # An interface that moves less than this share of the one that moves farthest is judged by that share.
 _FLOOR = 1e-3
 _FILTER_ORDER = 4
+# Their places among the six components of a motion.
+_KINDS = {"displacement": slice(0, 3), "rotation": slice(3, 6)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +60,19 @@ class Errors:
     limited_by: str = ""
     failure: str = ""
 
+    @property
+    def columns(self) -> dict[str, Any]:
+        """All but the failure, by the names of a record's columns."""
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "failure"}
+
 
 class _Worst:
     """The largest of several errors, and where."""
 
     def __init__(self) -> None:
-        self.relative = {"displacement": math.nan, "rotation": math.nan}
-        self.absolute = {"displacement": math.nan, "rotation": math.nan}
-        self.at = {"displacement": "", "rotation": ""}
+        self.relative = dict.fromkeys(_KINDS, math.nan)
+        self.absolute = dict.fromkeys(_KINDS, math.nan)
+        self.at = dict.fromkeys(_KINDS, "")
         self.share = 0.0
         self.share_at = ""
 
@@ -120,15 +128,8 @@ def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> Er
                 found = model.motion(model.static(fit(case.peak.scaled(factor)))).reshape(-1, 6)[places]
                 _look_at_rest(static, scene, case, factor, found, expected)
         for transient in scene.transient:
-            adapted = TransientCase(
-                transient.name,
-                transient.step,
-                tuple(fit(loads) for loads in transient.start_loads),
-                tuple(fit(loads) for loads in transient.end_loads),
-                transient.frequencies,
-                None,
-            )
-            motion = follow(model, adapted)[:, places]
+            start, end = tuple(map(fit, transient.start_loads)), tuple(map(fit, transient.end_loads))
+            motion = follow(model, replace(transient, start_loads=start, end_loads=end))[:, places]
             _look_over_time(moving, scene, transient, motion, known[transient.name].motion)
     except RuntimeBodyError as error:
         return Errors(failure=str(error))
@@ -172,7 +173,7 @@ def _look_at_rest(
     worst: _Worst, scene: Scene, case: StaticCase, factor: float, found: FloatArray, expected: FloatArray
 ) -> None:
     where = [f"{case.name} × {factor:g}, {name}" for name in scene.read]
-    for kind, part in (("displacement", slice(0, 3)), ("rotation", slice(3, 6))):
+    for kind, part in _KINDS.items():
         error = np.linalg.norm(found[:, part] - expected[:, part], axis=1)
         size = np.linalg.norm(expected[:, part], axis=1)
         worst.look(kind, error, size, scene.file.tolerance.static, where)
@@ -183,7 +184,7 @@ def _look_over_time(worst: _Worst, scene: Scene, case: TransientCase, found: Flo
     if case.frequencies is not None:
         error, size = (within(signal, case.frequencies, case.step) for signal in (error, size))
     where = [f"{case.name}, {name}" for name in scene.read]
-    for kind, part in (("displacement", slice(0, 3)), ("rotation", slice(3, 6))):
+    for kind, part in _KINDS.items():
         rms = [np.sqrt(np.mean(np.sum(signal[:, :, part] ** 2, axis=2), axis=0)) for signal in (error, size)]
         worst.look(kind, rms[0], rms[1], scene.file.tolerance.transient, where)
 

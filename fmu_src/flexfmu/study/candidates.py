@@ -1,15 +1,16 @@
-"""Models of a body that may do for a scene: basis, modes, frames and method."""
+"""Models of a body that may do for a scene: basis, modes, frames and method; and their words."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
-from ...body.flexible_body import StepLimits
-from ...build.config import Basis, BodyFile, BranchTable, FormulationTable
-from ...model.methods import Data, Mass, Method, Variant, conflict, has_frames, masses_of, needs
-from .config import BasisChoice
-from .scene import Scene
+from ..body.flexible_body import StepLimits
+from ..build.config import Basis, BodyFile, BranchTable, FormulationTable
+from ..files.counts import plural
+from ..model.methods import Data, Mass, Method, Variant, conflict, has_frames, masses_of, needs
+from .scene.config import BasisChoice
+from .scene.scene import Scene
 
 REDUCED = "reduced"
 """Who solves a reduced model; all others are finite element models."""
@@ -82,9 +83,9 @@ class Candidate:
     @property
     def limits(self) -> StepLimits:
         """The internal step as the body takes it."""
-        if self.internal_step == EXACT:
-            return StepLimits()
-        return StepLimits(tolerance=_ANY_ERROR if self.internal_step == SINGLE else self.internal_step)
+        return (
+            StepLimits() if self.internal_step == EXACT else StepLimits(tolerance=min(self.internal_step, _ANY_ERROR))
+        )
 
 
 def candidates(scene: Scene) -> list[Candidate]:
@@ -98,44 +99,28 @@ def candidates(scene: Scene) -> list[Candidate]:
     -------
     list of Candidate
     """
-    sweep, config = scene.file.sweep, scene.config
+    sweep, config, usual = scene.file.sweep, scene.config, StepLimits().tolerance
     tolerances = [SINGLE if one == "single" else float(one) for one in sweep.internal_step]
     if not scene.transient:
         # Nothing shows the error of a step: one will do, the default where it is listed.
-        tolerances = [StepLimits().tolerance if StepLimits().tolerance in tolerances else tolerances[-1]]
-    bases = [_known_basis(config, basis) for basis in sweep.basis]
-    found: dict[Candidate, None] = {}
+        tolerances = [usual if usual in tolerances else tolerances[-1]]
+    # A cut body always has residual flexibility.
+    bases = [BasisChoice.RESIDUAL if config.cut and b is BasisChoice.NORMAL else b for b in sweep.basis]
+    found: dict[Candidate, tuple[int, int, str]] = {}
     for method, mass in product(sweep.methods, sweep.mass):
         # Without motion no mass is felt.
         if mass not in (masses_of(method) if scene.transient else (Mass.CONSTANT,)):
             continue
-        variant = Variant(method, mass)
-        frames = _frame_counts(config, method, sweep.frames)
+        frames = offered_frames(config, sweep.frames) if has_frames(method) else [linear_frames(config)]
+        if method is Method.FLOATING_FRAME:
+            # One frame for the whole body is the same in a body of any number.
+            frames = [1]
         steps = [EXACT] if method is Method.LINEAR else tolerances
         for basis, modes, count, internal in product(bases, sweep.modes, frames, steps):
-            candidate = Candidate(Reduction(basis, modes, count), variant, internal)
+            candidate = Candidate(Reduction(basis, modes, count), Variant(method, mass), internal)
             if has_meaning(config, candidate):
-                found[candidate] = None
-    order = {candidate: place for place, candidate in enumerate(found)}
-    return sorted(found, key=lambda c: (_reduction_key(c.reduction), order[c]))
-
-
-def _frame_counts(config: BodyFile, method: Method, listed: Iterable[int]) -> list[int]:
-    """Numbers of frames with which a method is tried."""
-    if not has_frames(method):
-        return [linear_frames(config)]
-    # One frame for the whole body is the same in a body of any number.
-    return [1] if method is Method.FLOATING_FRAME else offered_frames(config, listed)
-
-
-def _known_basis(config: BodyFile, basis: BasisChoice) -> BasisChoice:
-    """The basis, under the one name of those that are the same: a cut body always has residual flexibility."""
-    return BasisChoice.RESIDUAL if config.cut and basis is BasisChoice.NORMAL else basis
-
-
-def _reduction_key(reduction: Reduction) -> tuple[int, int, str]:
-    assert isinstance(reduction.frames, int)
-    return reduction.frames, reduction.numbers[-1], reduction.basis.value
+                found.setdefault(candidate, (count, modes, basis.value))
+    return sorted(found, key=lambda candidate: found[candidate])
 
 
 def linear_frames(config: BodyFile) -> int:
@@ -145,15 +130,14 @@ def linear_frames(config: BodyFile) -> int:
 
 def offered_frames(config: BodyFile, numbers: Iterable[int]) -> list[int]:
     """Numbers of frames, ascending, with the body's own among them where it has some."""
-    own = [(len(config.frame), GIVEN)] if config.frame else []
-    return [frames for _, frames in sorted([*((n, n) for n in set(numbers)), *own])]
+    counts = {number: number for number in numbers} | ({GIVEN: len(config.frame)} if config.frame else {})
+    return sorted(counts, key=lambda number: (counts[number], number))
 
 
 def has_meaning(config: BodyFile, candidate: Candidate) -> bool:
     """Whether the body file would take a combination."""
-    if conflict(candidate.variant, config.free, bool(config.cut)) is not None:
-        return False
-    return not (config.cut and candidate.reduction.frames == 0)
+    possible = conflict(candidate.variant, config.free, bool(config.cut)) is None
+    return possible and not (config.cut and candidate.reduction.frames == 0)
 
 
 def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Variant]) -> BodyFile:
@@ -198,3 +182,40 @@ def grouped(found: Sequence[Candidate]) -> Iterator[list[Candidate]]:
     kinds = [(candidate.reduction.frames, candidate.reduction.basis) for candidate in found]
     for kind in dict.fromkeys(kinds):
         yield [candidate for candidate, own in zip(found, kinds, strict=True) if own == kind]
+
+
+BASES = {"normal": "normal", "residual": "normal + residual", "craig_bampton": "Craig-Bampton"}
+"""Bases by the word of a scene file."""
+_MODES = {"normal": "normal mode", "residual": "normal mode", "craig_bampton": "mode"}
+_STATIC_SHAPES = {"residual": " + residual", "craig_bampton": ", Craig-Bampton"}
+
+
+def basis_words(reduction: Reduction) -> str:
+    """A basis, with the loads whose residual flexibility it has if not all of them."""
+    return BASES[reduction.basis.value] + (f" of {', '.join(reduction.residual)}" if reduction.residual else "")
+
+
+def modes_words(basis: str, modes: int) -> str:
+    """A number of modes of a basis."""
+    return plural(modes, _MODES.get(basis, "mode")) + _STATIC_SHAPES.get(basis, "")
+
+
+def frames_words(division: int | Joints) -> str:
+    """A division."""
+    if not isinstance(division, int):
+        return "joints at " + "; ".join(
+            f"{', '.join(f'{place:g}' for place in places)} m toward {toward}" for toward, places in division
+        )
+    return "the body's own frames" if division == GIVEN else plural(division, "frame")
+
+
+def short(value: float) -> str:
+    """A number in three digits at most."""
+    if not math.isfinite(value):
+        return "no answer"
+    return f"{value:.3g}" if abs(value) < 1e4 else f"{value:.2g}"
+
+
+def times(share: float) -> str:
+    """An error over what is accepted."""
+    return f"{share:.2g}" if share < 100.0 else f"{share:.0f}" if math.isfinite(share) else "no answer"

@@ -13,8 +13,7 @@ from ...build.config import BodyFile, read_body_file
 from ...files.array_types import FloatArray
 from ...files.tables import read_table
 from ...program.variables import ACCELERATION
-from .config import SceneFile, TransientTable, check_steps, read_scene_file
-from .errors import SceneError
+from .config import SceneError, SceneFile, TransientTable, check_steps, read_scene_file
 
 AXES = ("x", "y", "z")
 MOTION = ("displacement", "rotation")
@@ -114,9 +113,19 @@ class Scene:
         return tuple(table.name for table in self.config.interface)
 
     @property
+    def timing_loads(self) -> tuple[Loads, ...]:
+        """Loads of steps that are timed: the first transient's, or half the first static load, suddenly put on."""
+        return self.transient[0].start_loads if self.transient else (self.static[0].peak.scaled(0.5),)
+
+    @property
     def read_index(self) -> list[int]:
         """Places of the interfaces that count among `names`."""
         return [self.names.index(name) for name in self.read]
+
+
+def load_names(interfaces: Sequence[str]) -> list[str]:
+    """Forces and moments on interfaces as FMU inputs, in the order of `Loads.packed`."""
+    return [f"{name}.{kind}.{axis}" for name in interfaces for kind in ("force", "moment") for axis in AXES]
 
 
 def read_scene(path: Path, body: Path) -> Scene:

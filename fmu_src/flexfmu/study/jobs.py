@@ -3,12 +3,11 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
-from types import TracebackType
 from typing import Any, TypeVar
 
 import joblib
 
-from ...files.errors import FlexfmuError
+from ..files.errors import FlexfmuError
 
 T = TypeVar("T")
 
@@ -72,9 +71,7 @@ class Crew:
         """Processes start when there is something for them to do."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the processes of this machine, and leave the cluster."""
         if self._client is not None:
             self._client.close()

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from ...files.array_types import FloatArray, IntArray
-from ...model.reduced_body import ReducedBody
-from .config import BasisChoice
+from ..files.array_types import FloatArray, IntArray
+from ..model.reduced_body import ReducedBody
+from .scene.config import BasisChoice
+from .scene.scene import load_names
 
 # As in reduction/modes.py: the share of a static shape's strain energy below which modes hold it already.
 _HELD_ALREADY = 1e-12
@@ -44,9 +45,7 @@ def subset(body: ReducedBody, basis: BasisChoice, chosen: IntArray, residual: Se
     # Work of unit loads, one column a load: what residual flexibility and constraint modes answer.
     work = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1).reshape(-1, body.mode_count).T
     if residual:
-        names = [
-            f"{name}.{kind}.{axis}" for name in body.interface_names for kind in ("force", "moment") for axis in "xyz"
-        ]
+        names = load_names(body.interface_names)
         work = work[:, [names.index(name) for name in residual]]
     statics = np.zeros_like(work)
     statics[elastic] = work[elastic] / squares[elastic, None]

@@ -1,0 +1,440 @@
+"""Pictures of records: error against cost of a sweep's models, a panel a kind of case; and maps of stability.
+
+Records alone are drawn. Colours, markers and words of a chart's points are the same on its page (chart/page.html).
+"""
+
+import math
+import statistics
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerPatch
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon, Rectangle
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
+
+from ..files.figures import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, YELLOW, save
+from ..files.targets import PICTURE_SUFFIXES, check_target
+from ..model.methods import Method
+from .candidates import short
+from .front import QUANTITIES, Axis, bodies, recommended, tolerance
+from .records import RUNS, Record, Run, StabilityError, Verdict
+from .scene.config import Map
+
+# --- charts
+
+COLOURS = {
+    Method.LINEAR.value: BLACK,
+    Method.STIFFNESS_BY_LOAD.value: ORANGE,
+    Method.FLOATING_FRAME.value: YELLOW,
+    Method.FRAMES.value: SKY,
+    Method.FRAMES_STIFFNESS.value: GREEN,
+    Method.SECOND_ORDER.value: BLUE,
+}
+"""Of models on the front, by method; all others are grey."""
+OTHER, BEATEN, TAKEN, WHOLE = PINK, "#bfbfbf", VERMILION, VERMILION
+MARKERS = {"normal": "o", "residual": "s", "craig_bampton": "^"}
+"""By basis."""
+BASIS_WORDS = {"normal": "normal modes", "residual": "with residual flexibility", "craig_bampton": "Craig-Bampton"}
+STARS = {"flexfmu": "*", "calculix": "P", "results": "X"}
+"""By solver of the finite element model."""
+SOLVERS = {"flexfmu": "finite elements (flexfmu)", "calculix": "CalculiX", "results": "your results"}
+BEATEN_WORDS = "beaten in speed and accuracy"
+TAKEN_WORDS = "take this: the fastest within the tolerance"
+
+# Panels, inches: with and without the strip for the finite element model.
+_WIDTH, _STRIP, _HEIGHT = 5.6, 0.9, 3.6
+# Axes of less than so many times their start: two decades nearly, and less than one.
+_FEW, _SHORT = 60.0, 6.0
+# Room of a letter and of a line of names beside points, half of a point's and the gap between them, parts of a panel.
+_LETTER, _LINE, _DOT, _GAP = 0.0125, 0.04, 0.012, 0.022
+# Names of the front that are longer, in characters, are set smaller.
+_LONG_LINE = 95
+_Box = tuple[float, float, float, float]
+
+
+class Picture:
+    """A picture of some records.
+
+    Parameters
+    ----------
+    rows : sequence of Record
+        Of reduced models.
+    whole : sequence of Record
+        Of the finite element model.
+    axis : Axis
+    """
+
+    def __init__(self, rows: Sequence[Record], whole: Sequence[Record], axis: Axis):
+        self._rows = rows
+        self._whole = whole
+        self._axis = axis
+        self._bodies = bodies(rows)
+        self._best = recommended(rows, axis)
+
+    def draw(self, fronts: dict[str, list[Record]], picture: Path, title: str) -> None:
+        """Write the picture."""
+        names = {quantity: self._names(members, quantity) for quantity, members in fronts.items()}
+        handles = self._handles({row.method for members in fronts.values() for row in members})
+        columns = (5 if len(self._bodies) > 1 else 6) if len(fronts) > 1 else 3
+        below = 0.125 * max(len(lines) for lines in names.values()) + 0.15
+        above = 0.42 + 0.17 * math.ceil(len(handles) / columns) + 0.4
+        height = _HEIGHT + below + above + 0.45
+        figure = plt.figure(figsize=((_WIDTH + _STRIP) * len(fronts), height))
+        for number, (quantity, members) in enumerate(fronts.items()):
+            left = (number + 0.11) / len(fronts)
+            bottom, tall = (below + 0.45) / height, _HEIGHT / height
+            self._panel(figure, quantity, members, (left, bottom, 0.87 / len(fronts), tall))
+            place = (number + 0.07) / len(fronts), (below - 0.02) / height
+            size = "xx-small" if max(map(len, names[quantity])) > _LONG_LINE else "x-small"
+            figure.text(*place, "\n".join(names[quantity]), fontsize=size, va="top", linespacing=1.3)
+        place = 0.5, 1.0 - 0.27 / height
+        look: dict[str, Any] = {"fontsize": "x-small", "frameon": False, "ncols": columns}
+        figure.legend(handles=handles, loc="upper center", bbox_to_anchor=place, **look)
+        figure.suptitle(title, fontsize="medium", y=1.0 - 0.1 / height, va="top")
+        save(figure, picture)
+
+    def _cost(self, row: Record) -> float:
+        return float(getattr(row, self._axis.column))
+
+    def _finite_elements(self, quantity: str) -> list[Record]:
+        return [row for row in self._whole if not math.isnan(getattr(row, quantity))]
+
+    def _panel(self, figure: Figure, quantity: str, members: list[Record], place: _Box) -> None:
+        whole = [row for row in self._finite_elements(quantity) if math.isfinite(self._cost(row))]
+        left, bottom, wide, tall = place
+        share = _STRIP / (_WIDTH + _STRIP) if whole else 0.0
+        axes = figure.add_axes((left, bottom, wide * (1.0 - share), tall))
+        self._points(axes, members, quantity)
+        self._front(axes, members, quantity)
+        self._label(axes, quantity)
+        if whole:
+            gap = 0.012 * wide
+            strip = figure.add_axes((left + wide * (1.0 - share) + gap, bottom, wide * share - gap, tall))
+            self._strip(strip, axes, whole, quantity)
+
+    def _points(self, axes: Axes, members: Sequence[Record], quantity: str) -> None:
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        for row in self._rows:
+            value, cost = getattr(row, quantity), self._cost(row)
+            if not (math.isfinite(value) and value > 0.0 and math.isfinite(cost)):
+                continue
+            named = row in members or row is self._best
+            colour = COLOURS.get(row.method, OTHER) if named else BEATEN
+            axes.plot(cost, 100.0 * value, zorder=3.0 if named else 2.0, **self._look(row, colour))
+            if row is self._best:
+                axes.plot(cost, 100.0 * value, "o", mfc="none", mec=TAKEN, mew=1.6, markersize=13, zorder=4.0)
+        limit = tolerance(self._rows, quantity)
+        if limit is not None:
+            axes.axhline(100.0 * limit, color=TAKEN, linewidth=1.0, linestyle=(0, (5, 3)), zorder=1.0)
+            words = axes.annotate(
+                f"tolerance {100.0 * limit:.3g} %", (1.0, 100.0 * limit), (-3, 2), ("axes fraction", "data"),
+                "offset points", ha="right", fontsize="xx-small", color=TAKEN,
+            )  # fmt: skip
+            words.set_path_effects([withStroke(linewidth=2.0, foreground="w")])
+
+    def _look(self, row: Record, colour: str) -> dict[str, Any]:
+        """Form by basis, size by modes, filled for the first body."""
+        return {
+            "marker": MARKERS.get(row.basis, "D"),
+            "markersize": 4.0 + 1.5 * math.log10(max(row.mode_count, 1)),
+            "color": "none",
+            "markerfacecolor": colour if row.body == self._bodies[0] else "w",
+            "markeredgecolor": colour,
+        }
+
+    def _label(self, axes: Axes, quantity: str) -> None:
+        axes.set_xlabel(self._axis.label, fontsize="small")
+        axes.set_ylabel(f"{QUANTITIES[quantity]} / %", fontsize="small")
+        for direction in (axes.xaxis, axes.yaxis):
+            direction.set_major_formatter("{x:g}")
+        values = [v for v in (getattr(row, quantity) for row in self._rows) if 0.0 < v < math.inf]
+        # Within less than two decades the decades alone say too little, within one also their parts.
+        axes.yaxis.set_minor_formatter("{x:g}" if max(values) < _FEW * min(values) else NullFormatter())
+        _mark(axes.xaxis, *axes.get_xlim())
+        axes.tick_params(which="both", labelsize="x-small")
+        axes.grid(alpha=0.25, which="both")
+        pairs = [(self._cost(row), getattr(row, self._axis.per_second)) for row in self._rows]
+        known = [per_second / cost for cost, per_second in pairs if math.isfinite(cost) and math.isfinite(per_second)]
+        if known:
+            scale = statistics.median(known)
+            above = axes.secondary_xaxis("top", functions=(lambda x: x * scale, lambda x: x / scale))
+            above.set_xlabel("ms per simulated second", fontsize="x-small")
+            above.tick_params(which="both", labelsize="xx-small")
+            _mark(above.xaxis, *(scale * x for x in axes.get_xlim()))
+
+    def _front(self, axes: Axes, members: Sequence[Record], quantity: str) -> None:
+        marked = members if self._best is None or self._best in members else [*members, self._best]
+        points = [(self._cost(row), 100.0 * getattr(row, quantity)) for row in marked]
+        steps = points[: len(members)]
+        axes.step([x for x, _ in steps], [y for _, y in steps], where="post", color="k", linewidth=0.8, zorder=1.5)
+        # Scales follow the data only now.
+        axes.autoscale_view()
+        place = axes.transAxes.inverted().transform(axes.transData.transform(np.array(points))).tolist()
+        taken = [(x - _DOT, y - _DOT, x + _DOT, y + _DOT) for x, y in place]
+        # The model to take has the first choice.
+        for k in sorted(range(len(members)), key=lambda k: members[k] is not self._best):
+            name, box, right, below = _room(f"#{k + 1}", members[k].short_label, place[k], taken)
+            taken.append(box)
+            beside: dict[str, Any] = {"ha": "left" if right else "right", "va": "top" if below else "bottom"}
+            shift, units = (-2 if right else 2, -7 if below else 7), "offset points"
+            text = axes.annotate(name, points[k], shift, textcoords=units, fontsize="x-small", zorder=5, **beside)
+            text.set_path_effects([withStroke(linewidth=2.0, foreground="w")])
+
+    def _strip(self, strip: Axes, axes: Axes, whole: list[Record], quantity: str) -> None:
+        """The finite element model, far to the right, beyond a gap; what is the reference stands on the floor."""
+        costs = [self._cost(row) for row in whole]
+        low, high = axes.get_ylim()
+        strip.set_xscale("log")
+        strip.set_yscale("log")
+        # Whole decades, so that one at least is told.
+        strip.set_xlim(10.0 ** math.floor(math.log10(min(costs))), 10.0 ** math.ceil(math.log10(max(costs))))
+        strip.set_ylim(low, high)
+        for row, cost in zip(whole, costs, strict=True):
+            value = max(100.0 * getattr(row, quantity), low)
+            strip.plot(cost, value, STARS.get(row.solver, "*"), color=WHOLE, markersize=9, clip_on=False, zorder=4)
+        strip.tick_params(which="both", labelsize="xx-small", labelleft=False, left=False)
+        strip.xaxis.set_minor_formatter(NullFormatter())
+        strip.grid(alpha=0.25, which="major")
+        strip.spines["left"].set_linestyle((0, (1, 2)))
+        axes.set_ylim(low, high)
+        strip.set_title("finite\nelements", fontsize="xx-small")
+
+    def _names(self, members: Sequence[Record], quantity: str) -> list[str]:
+        """Who is on the front, one line each, and what the finite element model takes."""
+        several = len(self._bodies) > 1
+        lines = [
+            f"#{n}  {f'{row.body}: ' if several else ''}{row.label}; {short(self._cost(row))} ×, "
+            f"{100.0 * getattr(row, quantity):.2g} %" + ("" if row.share <= 1.0 else " (misses the tolerance)")
+            for n, row in enumerate(members, start=1)
+        ]
+        for row in self._finite_elements(quantity):
+            kind = "one equilibrium" if quantity.startswith("static") else "a step's share"
+            seconds = 1e-6 * row.step_us
+            took = f"{seconds:.2g} s" if seconds >= 0.1 else f"{1e3 * seconds:.2g} ms"
+            lines.append(f"–  {row.label}, {kind}: {took}, {short(row.fmu_ratio)} ×")
+        return lines
+
+    def _handles(self, methods: set[str]) -> list[Line2D]:
+        def dot(label: str, face: str = "0.3", edge: str = "0.3", marker: str = "o", size: float = 5) -> Line2D:
+            colours = {"color": "none", "markerfacecolor": face, "markeredgecolor": edge}
+            return Line2D([], [], label=label, marker=marker, markersize=size, **colours)  # type: ignore[arg-type]
+
+        colours = {m.label: COLOURS.get(m.value, OTHER) for m in Method if m.value in methods}
+        handles = [dot(label, colour, colour) for label, colour in (colours | {BEATEN_WORDS: BEATEN}).items()]
+        bases = [basis for basis in BASIS_WORDS if any(row.basis == basis for row in self._rows)]
+        handles += [dot(BASIS_WORDS[basis], marker=MARKERS[basis]) for basis in bases]
+        if len(self._bodies) > 1:
+            handles += [dot(body, face="w" if k else "0.3") for k, body in enumerate(self._bodies)]
+        if self._best is not None:
+            handles.append(dot(TAKEN_WORDS, "none", TAKEN, size=9))
+        solvers = dict.fromkeys(row.solver for row in self._whole)
+        return handles + [dot(SOLVERS.get(s, s), WHOLE, WHOLE, STARS.get(s, "*"), 7) for s in solvers]
+
+
+def _room(number: str, label: str, point: tuple[float, float], taken: Sequence[_Box]) -> tuple[str, _Box, bool, bool]:
+    """A name beside a point where nothing else is: the name, its box, and whether it goes to the right and below.
+
+    Below the front no model is: names go there, to the left where there is room; where there is none, the number alone.
+    """
+    (x, y), found = point, None
+    for name, sides in ((f"{number} {label}", (True,)), (number, (True, False))):
+        wide = _LETTER * len(name)
+        for below in sides:
+            for right in (x < 0.45, x >= 0.45):
+                left, top = (x if right else x - wide), (y - _GAP if below else y + _GAP + _LINE)
+                box = (left, top - _LINE, left + wide, top)
+                found = name, box, right, below
+                if left > 0.0 and left + wide < 1.0 and not any(_overlap(box, other) for other in taken):
+                    return found
+    assert found is not None
+    return found
+
+
+def _overlap(one: _Box, other: _Box) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+def _mark(axis: Any, low: float, high: float) -> None:
+    """Ticks of a logarithmic axis that may be much shorter than a decade."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("{x:g}" if high < _FEW * low else NullFormatter())
+    if high < _SHORT * low:
+        axis.set_major_locator(MaxNLocator(7))
+        axis.set_minor_locator(NullLocator())
+
+
+# --- maps of stability
+
+# Errors are shades, which grey and colour-blind eyes keep apart; verdicts are signs.
+_SHADES = LinearSegmentedColormap.from_list("errors", ["#f1f6fb", "#c6dcef", "#5b9bcb", "#0b4c8c"])
+_LEAST, _MOST = 1e-3, 1.0
+# From here on a shade is so dark that its number is white.
+_DARK = 0.6
+_REFUSED = "#b0b0b0"
+_WORDS = {
+    Verdict.RIGHT: "within the tolerance, no warning",
+    Verdict.WARNED: "warned",
+    Verdict.REFUSED: "refused",
+    Verdict.SILENT: "wrong in silence",
+}
+# Labels of the axes, and panels side by side.
+_AXES = {
+    Map.BUCKLING: ("load / critical load", "frames × method", 1),
+    Map.ROTATION: ("rotation in linear theory / °", "frames × method", 1),
+    Map.COUPLING: ("spring / interface stiffness", "steps a period", 4),
+}
+_CELL, _ROW = 0.42, 0.3
+# Part of a cell that its sign takes.
+_SIGN = 0.3
+
+
+def draw_maps(records: Path, picture: Path) -> list[Path]:
+    """Draw each map of some records, as NAME_MAP beside the picture's name.
+
+    Parameters
+    ----------
+    records, picture : Path
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    StabilityError
+        No runs.
+    OutputError
+        A picture cannot be written.
+    """
+    check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
+    runs = RUNS.read(records)
+    if not runs:
+        raise StabilityError(f"{records}: no runs, nothing to draw")
+    drawn = []
+    for kind in Map:
+        rows = [run for run in runs if run.map == kind.value]
+        if rows:
+            drawn.append(picture.with_name(f"{picture.stem}_{kind.value}{picture.suffix}"))
+            _draw_map(kind, rows, drawn[-1])
+    return drawn
+
+
+def _draw_map(kind: Map, rows: Sequence[Run], target: Path) -> None:
+    panels = list(dict.fromkeys(run.panel for run in rows))
+    across, up, most = _AXES[kind]
+    columns = min(most, len(panels))
+    lines = math.ceil(len(panels) / columns)
+    first = [run for run in rows if run.panel == panels[0]]
+    wide, high = len({run.x for run in first}), len({run.y for run in first})
+    named = kind is not Map.COUPLING
+    width = columns * (_CELL * wide + 0.6) + (2.6 if named else 1.1)
+    height = lines * (_ROW * high + 0.8) + 0.75
+    figure, grid = plt.subplots(lines, columns, figsize=(width, height), squeeze=False, layout="constrained")
+    for axes in grid.flat[len(panels) :]:
+        axes.set_visible(False)
+    for axes, panel in zip(grid.flat, panels, strict=False):
+        _draw_runs(axes, [run for run in rows if run.panel == panel], named)
+        axes.set_xlabel(across, fontsize="small")
+        axes.set_ylabel(up, fontsize="small")
+        if len(panels) > 1:
+            axes.set_title(panel, fontsize="small")
+    bar = figure.colorbar(
+        ScalarMappable(LogNorm(_LEAST, _MOST), _SHADES), ax=grid, pad=0.02, fraction=0.03, aspect=30, extend="both"
+    )
+    bar.set_ticks([0.001, 0.01, 0.1, 1.0], labels=["0.1 %", "1 %", "10 %", "100 %"], fontsize="x-small")
+    bar.set_label("error", fontsize="small")
+    found = {run.verdict for run in rows}
+    handles = [_Sign(verdict) for verdict in Verdict if verdict.value in found]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small", frameon=False,
+        handler_map={_Sign: _SignInLegend()},
+    )  # fmt: skip
+    unknown = "; –: no equilibrium to compare with" if any(_is_unknown(run) for run in rows) else ""
+    figure.suptitle(f"{rows[0].body}: {kind.value}; numbers are errors in %{unknown}", fontsize="medium")
+    save(figure, target)
+
+
+def _draw_runs(axes: Axes, rows: Sequence[Run], named: bool) -> None:
+    """One panel; rows have names, or are numbers."""
+    across = sorted({run.x for run in rows}, key=float)
+    up = list(dict.fromkeys(run.y for run in rows))[::-1] if named else sorted({run.y for run in rows}, key=float)
+    for run in rows:
+        x, y = across.index(run.x), up.index(run.y)
+        verdict, shade = Verdict(run.verdict), _shade(run.error)
+        refused = verdict is Verdict.REFUSED
+        face = _REFUSED if refused else "white" if math.isnan(run.error) else _SHADES(shade)
+        axes.add_patch(Rectangle((x, y), 1, 1, facecolor=face, edgecolor="white", linewidth=0.8))
+        for patch in _sign(verdict, x, y, 1.0, 1.0):
+            axes.add_patch(patch)
+        words = "–" if _is_unknown(run) else _percent(run.error)
+        if words:
+            box = {"facecolor": _REFUSED, "edgecolor": "none", "pad": 0.6} if refused else None
+            colour = "white" if shade > _DARK and not refused else "black"
+            axes.text(x + 0.5, y + 0.5, words, ha="center", va="center", fontsize=6, color=colour, bbox=box)
+    axes.set_xlim(0, len(across))
+    axes.set_ylim(0, len(up))
+    axes.set_xticks(np.arange(len(across)) + 0.5, [f"{float(x):g}" for x in across], fontsize="x-small")
+    axes.set_yticks(np.arange(len(up)) + 0.5, up, fontsize="x-small")
+    axes.tick_params(length=0)
+
+
+def _is_unknown(run: Run) -> bool:
+    """Whether a run that went on has nothing to be compared with."""
+    return math.isnan(run.error) and run.verdict != Verdict.REFUSED.value
+
+
+def _shade(error: float) -> float:
+    """Place of an error between white and dark; no number where it is none."""
+    return float(np.clip(np.log(max(error, 1e-12) / _LEAST) / np.log(_MOST / _LEAST), 0.0, 1.0))
+
+
+def _sign(verdict: Verdict, x: float, y: float, wide: float, high: float) -> list[Patch]:
+    """What a verdict puts on a cell."""
+    if verdict is Verdict.WARNED:
+        corner = [(x, y + high), (x + _SIGN * wide, y + high), (x, y + (1.0 - 1.5 * _SIGN) * high)]
+        return [Polygon(corner, facecolor=ORANGE, edgecolor="white", linewidth=0.4)]
+    if verdict is Verdict.REFUSED:
+        return [Rectangle((x, y), wide, high, fill=False, hatch="////", edgecolor="white", linewidth=0.8)]
+    if verdict is Verdict.SILENT:
+        return [Rectangle((x, y), wide, high, fill=False, hatch="xx", edgecolor=VERMILION, linewidth=2.0)]
+    return []
+
+
+class _Sign(Patch):
+    """A verdict in the legend."""
+
+    def __init__(self, verdict: Verdict):
+        super().__init__(label=_WORDS[verdict])
+        self.verdict = verdict
+
+
+class _SignInLegend(HandlerPatch):
+    """Draws a verdict as it is drawn on a cell."""
+
+    def create_artists(self, legend, orig_handle, xdescent, ydescent, width, height, fontsize, trans):  # type: ignore[no-untyped-def]  # noqa: ARG002
+        face = _REFUSED if orig_handle.verdict is Verdict.REFUSED else "#e3eef8"
+        cell = Rectangle((-xdescent, -ydescent), width, height, facecolor=face, edgecolor="0.4", linewidth=0.5)
+        found = [cell, *_sign(orig_handle.verdict, -xdescent, -ydescent, width, height)]
+        for one in found:
+            one.set_transform(trans)
+        return found
+
+
+def _percent(error: float) -> str:
+    """Error in %, as short as can be."""
+    if math.isnan(error):
+        return ""
+    percent = 100.0 * error
+    if not percent < 1000.0:
+        return ">999"
+    return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}" if percent >= 0.001 else "0"
