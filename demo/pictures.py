@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.body.recovery import surface_of, surface_places
+from flexfmu.body.recovery import surface_of
 from flexfmu.build.config import BodyFile, read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
@@ -121,13 +121,13 @@ def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     camera, expected = Camera.along(scene.right, scene.up), scene.expected()
     errors = []
     bent, linear = models(scene)
-    rest = surface_of(linear)
+    rest = surface_of(linear.model)
     own = corner_edges(rest.points, rest.faces)
     draw_outline(panel, rest.points, own, camera, GHOST)
     for body, colour, order in ((linear, LINEAR, 2.0), (bent, FLEXFMU, 3.0)):
-        state, faces = body.static(loads), surface_of(body).faces
+        state, faces = body.static(loads), surface_of(body.model).faces
         tint = np.tile(to_rgb(colour), (len(faces), 1))
-        moved = surface_places(body, state.q)
+        moved = body.surface_positions(state)
         if body is linear:
             own = _in_front(moved, faces, own, camera)
         draw_surface(panel, moved, faces, camera, tint, edges=False, order=order)

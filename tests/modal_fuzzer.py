@@ -19,8 +19,9 @@ from bodies import body_of_everything, random_ties
 from flexfmu.core import library as core_library
 from flexfmu.model import modal_file
 from flexfmu.model.errors import ModalFileError, OptionError
-from flexfmu.model.methods import Mass, Method, missing
+from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
 from program_fuzzer import PATIENCE, REALS, WHOLES, answers, judge, same
 

@@ -19,7 +19,8 @@ from flexfmu.core import library as core_library
 from flexfmu.core.image import _HEAD, checksum, fields, read_image
 from flexfmu.fmu.python_slave import SlaveError, core_file
 from flexfmu.model.errors import OptionError
-from flexfmu.model.methods import Mass, Method, missing
+from flexfmu.model.methods import Mass, Method
+from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
 from flexfmu.study.stability.slave import BodyPrograms
 

@@ -4,11 +4,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .api import Body, BuiltBody, SimulationResult, load
+    from .api import Body
     from .body.flexible_body import FlexibleBody, Response, State, StepLimits
     from .build.choices import Interface, Support
     from .build.config import Basis
     from .files.units import UnitSystem
+    from .fmu.built_body import BuiltBody, SimulationResult, load
     from .given.matrices import linear_body
     from .given.modes import GivenModes, read_given
     from .given.packing import pack
@@ -44,9 +45,11 @@ __all__ = [
     "write_sid",
 ]
 
-# Imported when first asked for; what is not listed is in `api`.
+# Imported when first asked for.
 _MODULES = {
     "Basis": ".build.config",
+    "Body": ".api",
+    "BuiltBody": ".fmu.built_body",
     "FlexibleBody": ".body.flexible_body",
     "GivenModes": ".given.modes",
     "Interface": ".build.choices",
@@ -54,11 +57,13 @@ _MODULES = {
     "Mesh": ".mesh.model",
     "Method": ".model.methods",
     "Response": ".body.flexible_body",
+    "SimulationResult": ".fmu.built_body",
     "State": ".body.flexible_body",
     "StepLimits": ".body.flexible_body",
     "Support": ".build.choices",
     "UnitSystem": ".files.units",
     "linear_body": ".given.matrices",
+    "load": ".fmu.built_body",
     "pack": ".given.packing",
     "read_given": ".given.modes",
     "read_mesh": ".mesh.formats",
@@ -71,7 +76,7 @@ def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name == "__version__":
-        from importlib.metadata import version
+        from .files.version import VERSION
 
-        return version("flexfmu")
-    return getattr(import_module(_MODULES.get(name, ".api"), __name__), name)
+        return VERSION
+    return getattr(import_module(_MODULES[name], __name__), name)

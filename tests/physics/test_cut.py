@@ -22,9 +22,10 @@ from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.model.errors import OptionError
-from flexfmu.model.methods import Mass, Method, missing
+from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.reduced_body import Ties
+from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
 from flexfmu.view.mesh import body_file_view
 from masters import description, master, motion

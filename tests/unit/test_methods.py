@@ -26,14 +26,12 @@ from flexfmu.model.methods import (
     Stiffness,
     Variant,
     conflict,
-    lean,
     masses_of,
-    missing,
     needs,
-    offered,
     recipe_of,
 )
 from flexfmu.model.reduced_body import ReducedBody
+from flexfmu.model.variants import lean, missing, offered
 from references import BEAM, DEMO, calculix, displacement, relative
 
 EULER = np.pi**2 * 2e11 * 0.03**4 / 12.0 / 4.0

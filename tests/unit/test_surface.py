@@ -108,7 +108,7 @@ def test_a_free_body_that_turns_as_one_stays_rigid(free_bar, method):
     start = free_bar.surface.points
     centre = free_bar.joint_point[0]
     expected = centre + [0.1, 0.2, -0.3] + (start - centre) @ exponential(angle).T
-    np.testing.assert_allclose(surface_places(body, q), expected, atol=1e-6)
+    np.testing.assert_allclose(surface_places(body.model, body.method, body.core, q), expected, atol=1e-6)
 
 
 def test_a_bar_whose_root_the_scene_fixes_is_a_clamped_one(free_bar):
@@ -146,7 +146,7 @@ def test_the_surface_of_a_bent_bar_is_stressed_as_beam_theory_has_it(tmp_path):
     points = body.model.surface.points
     outer = (points[:, 0] > 0.2) & (points[:, 0] < 0.8) & (points[:, 1] == 0.0)
     expected = 100.0 * (1.0 - points[outer, 0]) * 0.015 / (0.03**4 / 12.0)
-    np.testing.assert_allclose(surface_von_mises(body, state.q)[outer], expected, rtol=0.02)
+    np.testing.assert_allclose(surface_von_mises(body.model, state.q)[outer], expected, rtol=0.02)
 
 
 def test_pairs_of_modes_are_answered_a_few_at_a_time_with_the_same_surface(tmp_path, monkeypatch):
@@ -176,7 +176,7 @@ def test_pairs_of_modes_are_answered_a_few_at_a_time_with_the_same_surface(tmp_p
 def test_a_body_without_the_stress_of_its_surface_says_how_to_store_it(bent):
     body = FlexibleBody(bent(1))
     with pytest.raises(OptionError, match="stress = true"):
-        surface_von_mises(body, body.rest().q)
+        surface_von_mises(body.model, body.rest().q)
 
 
 def test_all_of_the_surface_is_where_calculix_has_it(bodies):

@@ -54,7 +54,7 @@ def bent(folder):
 
     body = load(folder / "bar.h5")
     state = body.static({"tip": [0.0, FORCE, 0.0]})
-    return body.surface_positions(state), surface_von_mises(body, state.q), body.model.surface.points
+    return body.surface_positions(state), surface_von_mises(body.model, state.q), body.model.surface.points
 
 
 def content(page):

@@ -11,8 +11,9 @@ from ..files.array_types import FloatArray
 from ..model.division import divided
 from ..model.errors import EquilibriumError, LoadError, OptionError, StepError
 from ..model.fixing import with_fixed_interfaces
-from ..model.methods import Mass, Method, chosen
+from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody
+from ..model.variants import chosen
 from ..program.compile import compile_program
 from .loads import Loads, loads_from_mapping
 from .recovery import surface_places
@@ -289,7 +290,7 @@ class FlexibleBody:
         OptionError
             The body was built without its surface.
         """
-        return surface_places(self, state.q)
+        return surface_places(self.model, self.method, self.core, state.q)
 
     def von_mises(self, state: State) -> FloatArray:
         """Largest von Mises stress of each stress set, N/m², (number of stress sets,)."""

@@ -7,6 +7,10 @@ import numpy as np
 
 from ..files.array_types import FloatArray
 from ..model.errors import LoadError
+from ..model.reduced_body import ReducedBody
+from ..program.variables import ACCELERATION
+
+_QUANTITIES = ("force", "moment")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,12 @@ class Loads:
     def scaled(self, factor: float) -> "Loads":
         """Return the same loads times a factor."""
         return Loads(factor * self.force, factor * self.moment, factor * self.acceleration)
+
+
+def load_names(model: ReducedBody) -> list[str]:
+    """Names of a body's loads in the order of `Loads.packed`: those of its FMU's inputs."""
+    wrench = [f"{i}.{quantity}.{axis}" for i in model.interface_names for quantity in _QUANTITIES for axis in "xyz"]
+    return wrench + ([] if model.masses is None else [f"{ACCELERATION}.{axis}" for axis in "xyz"])
 
 
 def loads_from_mapping(

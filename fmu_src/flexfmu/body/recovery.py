@@ -4,35 +4,34 @@ A point is carried as any node of the tree is (docs/theory.md, sections 4, 4a an
 of (6), with the second-order part (19) where the method has one.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from ..core import Core
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..model.errors import OptionError
-from ..model.methods import Kinematics, recipe_of
-from ..model.reduced_body import Surface
+from ..model.methods import Kinematics, Method, recipe_of
+from ..model.reduced_body import ReducedBody, Surface
 from ..model.rotations import cross
-
-if TYPE_CHECKING:
-    from .flexible_body import FlexibleBody
 
 LACKS_SURFACE = "the body holds no surface: build it with surface = true in [output], which is the default"
 
 
-def surface_of(body: "FlexibleBody") -> Surface:
+def surface_of(model: ReducedBody) -> Surface:
     """The body's surface; OptionError where it was built without."""
-    if body.model.surface is None:
+    if model.surface is None:
         raise OptionError(LACKS_SURFACE)
-    return body.model.surface
+    return model.surface
 
 
-def surface_places(body: "FlexibleBody", q: FloatArray) -> FloatArray:
+def surface_places(model: ReducedBody, method: Method, core: Core, q: FloatArray) -> FloatArray:
     """Where the surface's points are.
 
     Parameters
     ----------
-    body : FlexibleBody
+    model : ReducedBody
+    method : Method
+    core : Core
+        Running the model under the method.
     q : (m,) float
         Modal coordinates, kg^1/2 m.
 
@@ -46,12 +45,12 @@ def surface_places(body: "FlexibleBody", q: FloatArray) -> FloatArray:
     OptionError
         The body was built without its surface.
     """
-    surface, model = surface_of(body), body.model
-    kinematics = recipe_of(body.method).kinematics
+    surface = surface_of(model)
+    kinematics = recipe_of(method).kinematics
     moved: FloatArray = surface.points + surface.modes @ q
-    if kinematics is Kinematics.LINEAR or body.core.frames == 0:
+    if kinematics is Kinematics.LINEAR or core.frames == 0:
         return moved
-    position, rotation = body.core.nodes_at(q)
+    position, rotation = core.nodes_at(q)
     on = surface.frame >= 0
     s = surface.frame[on]
     joint = model.joint_point[s]
@@ -63,9 +62,9 @@ def surface_places(body: "FlexibleBody", q: FloatArray) -> FloatArray:
     arm = surface.points[on] - joint
     local = arm + change - cross((model.frame_rotation @ q)[s], arm)
     if kinematics is Kinematics.SECOND_ORDER:
-        local += _second_order(body, q, on, s, arm, local - arm)
+        local += _second_order(model, q, on, s, arm, local - arm)
         if not on.all():
-            moved[~on] += _from_ground(body, q)[~on]
+            moved[~on] += _from_ground(model, q)[~on]
     moved[on] = position[s] + _applied(rotation[s], local)
     return moved
 
@@ -75,13 +74,13 @@ def _applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     return result
 
 
-def _from_ground(body: "FlexibleBody", q: FloatArray) -> FloatArray:
+def _from_ground(model: ReducedBody, q: FloatArray) -> FloatArray:
     """½ w of each point, (n, 3), seen as the tree's nodes are: from the ground, or from the floating frame."""
-    surface = surface_of(body)
+    surface = surface_of(model)
     if surface.second is None or surface.form is None:
         return np.zeros_like(surface.points)
     half: FloatArray = surface.second @ (0.5 * np.einsum("rab,a,b->r", surface.form, q, q))
-    half += surface.modes @ _taken(body, q)
+    half += surface.modes @ _taken(model, q)
     if surface.turn is None or surface.pivot is None or surface.piece is None:
         return half
     turn, arm = (surface.turn @ q)[surface.piece], surface.points - surface.pivot[surface.piece]
@@ -89,20 +88,18 @@ def _from_ground(body: "FlexibleBody", q: FloatArray) -> FloatArray:
     return half + cross(turn, change + 0.5 * cross(turn, arm))
 
 
-def _taken(body: "FlexibleBody", q: FloatArray) -> FloatArray:
+def _taken(model: ReducedBody, q: FloatArray) -> FloatArray:
     """Modal coordinates (m,) of the part of w that coordinates hold already (section 4c)."""
-    model = body.model
     return np.zeros_like(q) if model.membrane is None else model.membrane.taken(model.angular_frequency**2, q)
 
 
 def _second_order(
-    body: "FlexibleBody", q: FloatArray, on: BoolArray, s: IntArray, arm: FloatArray, change: FloatArray
+    model: ReducedBody, q: FloatArray, on: BoolArray, s: IntArray, arm: FloatArray, change: FloatArray
 ) -> FloatArray:
     """What (19) adds to the offsets of carried points, (k, 3)."""
-    model = body.model
     if model.second is None:
         return np.zeros_like(arm)
-    taken = _taken(body, q)
+    taken = _taken(model, q)
     parts = (model.second.displacement, model.joint_displacement), (model.second.rotation, model.frame_rotation)
     parent, turned = (
         0.5 * np.einsum("kiab,a,b->ki", part[: model.frame_count], q, q) + linear @ taken for part, linear in parts
@@ -110,12 +107,12 @@ def _second_order(
     turn = (model.frame_rotation @ q)[s]
     if model.floating:
         turn = turn - model.frame_rotation[0] @ q
-    own = _from_ground(body, q)[on]
+    own = _from_ground(model, q)[on]
     result: FloatArray = own - parent[s] - cross(turned[s], arm) - cross(turn, change + 0.5 * cross(turn, arm))
     return result
 
 
-def surface_von_mises(body: "FlexibleBody", q: FloatArray) -> FloatArray:
+def surface_von_mises(model: ReducedBody, q: FloatArray) -> FloatArray:
     """Von Mises stress at the surface's points, (n_points,), N/m².
 
     Raises
@@ -123,7 +120,7 @@ def surface_von_mises(body: "FlexibleBody", q: FloatArray) -> FloatArray:
     OptionError
         The body was built without the stress of its surface.
     """
-    surface = surface_of(body)
+    surface = surface_of(model)
     if surface.stress is None:
         raise OptionError("the body was built without the stress of its surface: set stress = true in [output]")
     xx, yy, zz, xy, yz, zx = np.moveaxis(surface.stress @ q, 1, 0)

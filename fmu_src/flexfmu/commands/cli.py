@@ -42,9 +42,9 @@ for _name in COMMANDS:
 
 def _version(asked: bool) -> None:
     if asked:
-        from .. import __version__
+        from ..files.version import VERSION
 
-        typer.echo(f"flexfmu {__version__}")
+        typer.echo(f"flexfmu {VERSION}")
         raise typer.Exit
 
 

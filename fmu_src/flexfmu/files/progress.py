@@ -1,8 +1,10 @@
 """What a long job tells while it runs, and what Ctrl-C does to it."""
 
+import logging
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -53,6 +55,18 @@ class Reporter:
 
     def warning(self, text: str) -> None:
         """Say what the user should look at."""
+
+
+class ScriptReporter(Reporter):
+    """Warnings as Python's, notes to the log "flexfmu"."""
+
+    def note(self, text: str) -> None:
+        """Log what was found or chosen."""
+        logging.getLogger("flexfmu").info(text)
+
+    def warning(self, text: str) -> None:
+        """Warn of what the user should look at."""
+        warnings.warn(text, stacklevel=2)
 
 
 def progress_words(done: float, total: float, unit: str, elapsed: float) -> str:

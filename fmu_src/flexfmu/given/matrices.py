@@ -10,9 +10,9 @@ import scipy.io
 import scipy.linalg
 import scipy.sparse as sp
 
-from ..api import BuiltBody
 from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
+from ..fmu.built_body import BuiltBody
 from ..model.methods import Method
 from ..model.reduced_body import GROUND, ReducedBody
 

@@ -9,8 +9,6 @@ import h5py
 import meshio
 import numpy as np
 
-from .. import __version__
-from ..api import BuiltBody, ScriptReporter, load
 from ..build.choices import Interface as Choice
 from ..build.choices import NodeChoices, Nodes, checked_spec, interface_table, support_table
 from ..build.choices import plain as plain_value
@@ -18,8 +16,10 @@ from ..build.config import BodySpec
 from ..files.array_types import FloatArray, IntArray
 from ..files.counts import plural
 from ..files.errors import BodyFileError
-from ..files.progress import Reporter
+from ..files.progress import Reporter, ScriptReporter
 from ..files.units import UnitSystem
+from ..files.version import VERSION
+from ..fmu.built_body import BuiltBody, load
 from ..mesh.blocks import FaceBlock
 from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents
@@ -232,7 +232,7 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         method=variant.method,
         mass=variant.mass,
         velocity_outputs=spec.output.velocities,
-        provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": __version__},
+        provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": VERSION},
     )
     report.note(
         f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg; "

@@ -11,8 +11,9 @@ from ..core.interface import symbols
 from ..model.division import divided
 from ..model.errors import OptionError
 from ..model.fixing import with_fixed_interfaces
-from ..model.methods import Mass, Method, chosen, has_frames, masses_of, offered
+from ..model.methods import Mass, Method, has_frames, masses_of
 from ..model.reduced_body import GROUND, ReducedBody
+from ..model.variants import chosen, offered
 from .compile import Draft, compile_draft
 from .variable_table import variable_table
 from .variables import Variable

@@ -10,8 +10,9 @@ from itertools import groupby, product
 import numpy as np
 
 from ..core.interface import Row, lines, rows, words_of
-from ..model.methods import Mass, chosen, offered
+from ..model.methods import Mass
 from ..model.reduced_body import GROUND, ReducedBody
+from ..model.variants import chosen, offered
 from .variables import AXES, Variable
 
 _INPUT, _OUTPUT = ("input", "continuous", None), ("output", "continuous", "calculated")

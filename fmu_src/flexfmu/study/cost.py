@@ -11,8 +11,9 @@ from ..body.loads import Loads
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from ..model.errors import RuntimeBodyError
-from ..model.methods import Method, Variant, offered_variants
+from ..model.methods import Method, Variant
 from ..model.reduced_body import ReducedBody
+from ..model.variants import offered_variants
 from .pace import Clock, calm_blocks, timed_piece
 
 # Tip motion, relative to the body's size, that the measuring load brings about: bent enough to need its iterations.

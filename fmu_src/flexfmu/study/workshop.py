@@ -15,8 +15,9 @@ from ..build.reduce import reduce_body
 from ..files.progress import Reporter
 from ..files.store import REUSED, Store
 from ..model.errors import RuntimeBodyError
-from ..model.methods import Variant, lean
+from ..model.methods import Variant
 from ..model.reduced_body import ReducedBody
+from ..model.variants import lean
 from .candidates import Reduction, reduction_config
 from .cost import StepCost, time_steps
 from .jobs import Crew

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..body.flexible_body import FlexibleBody
-from ..body.loads import Loads
+from ..body.loads import Loads, load_names
 from ..body.replay import body_with, communication_points, replay
 from ..build.config import read_body_file
 from ..build.reduce import reduce_body
@@ -23,7 +23,6 @@ from ..files.tables import read_table
 from ..files.targets import PICTURE_SUFFIXES, check_target, whole_file
 from ..fmu.package import read_packaged_body
 from ..model.reduced_body import ReducedBody
-from ..program.variables import ACCELERATION
 from .from_motion import motion_columns, shapes_of_least_energy
 from .mesh import body_file_view, mesh_view
 from .model import Case, View
@@ -36,7 +35,6 @@ PAGE, SHAPE, SERIES = ".html", ".vtu", ".pvd"
 SUFFIXES = (PAGE, SHAPE, SERIES, *PICTURE_SUFFIXES)
 # Most shapes of a motion, and relative difference of motions that are the same.
 MOST_SHAPES, _REPLAYED = 100, 1e-6
-_AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,12 +237,6 @@ def show_simulation(
     _write(body_view(body, [motion_case(body, table.name, [*found.q[some]], [*found.time[some]])]), output, report)
 
 
-def input_names(model: ReducedBody) -> list[str]:
-    """Names of a body's loads in the order of `Loads.packed`."""
-    wrench = [f"{i}.{q}.{axis}" for i in model.interface_names for q in ("force", "moment") for axis in _AXES]
-    return wrench + ([] if model.masses is None else [f"{ACCELERATION}.{axis}" for axis in _AXES])
-
-
 def packed_rows(model: ReducedBody, names: Sequence[str], values: FloatArray) -> FloatArray:
     """Rows of loads (rows, L), as of `Loads.packed`, of a table with time in front.
 
@@ -253,7 +245,7 @@ def packed_rows(model: ReducedBody, names: Sequence[str], values: FloatArray) ->
     FlexfmuError
         A column that is no load of the body.
     """
-    known = input_names(model)
+    known = load_names(model)
     result = np.zeros((len(values), len(known)))
     for column, name in enumerate(names, start=1):
         if name not in known:
@@ -274,7 +266,7 @@ def loads_of(body: FlexibleBody, texts: Sequence[str]) -> tuple[Loads, str]:
     for text in texts:
         name, sign, value = (part.strip() for part in text.partition("="))
         if not sign or not value:
-            known = input_names(body.model)
+            known = load_names(body.model)
             raise FlexfmuError(f"--load {text}: expected NAME=VALUE, such as {known[min(1, len(known) - 1)]}=5kN")
         names.append(name)
         row.append(number(value, name))

@@ -40,7 +40,7 @@ def body_view(body: FlexibleBody, cases: Sequence[Case] = (), **more: object) ->
     OptionError
         The body was built without its surface.
     """
-    surface, model = surface_of(body), body.model
+    surface, model = surface_of(body.model), body.model
     regions = []
     if model.frame_count:
         regions.append(Region(FRAMES, model.frame_names, surface.frame))
@@ -126,9 +126,9 @@ def motion_case(
     -------
     Case
     """
-    surface = surface_of(body)
-    places = np.array([surface_places(body, q) for q in states])
-    stress = None if surface.stress is None else np.array([surface_von_mises(body, q) for q in states])
+    surface = surface_of(body.model)
+    places = np.array([surface_places(body.model, body.method, body.core, q) for q in states])
+    stress = None if surface.stress is None else np.array([surface_von_mises(body.model, q) for q in states])
     marks = np.array([mark_places(body, q) for q in states])
     if note is None:
         note = _extremes(body, places, stress, states, position, label, unit)
@@ -145,7 +145,7 @@ def _extremes(
     unit: str,
 ) -> str:
     """Largest displacement, rotation within a frame and stress, in words."""
-    moved = np.linalg.norm(places - surface_of(body).points, axis=2).max(axis=1)
+    moved = np.linalg.norm(places - surface_of(body.model).points, axis=2).max(axis=1)
     last = int(np.argmax(moved))
     when = f" at {label} {position[last]:.4g} {unit}".rstrip() if label == "time" else ""
     turned = max(body.core.largest_rotation(q) for q in states)
@@ -157,7 +157,7 @@ def _extremes(
 
 def mode_cases(body: FlexibleBody, count: int, size: float) -> list[Case]:
     """The lowest elastic modes, swinging by a share of the body's size (m)."""
-    surface, model = surface_of(body), body.model
+    surface, model = surface_of(body.model), body.model
     cases = []
     for number, j in enumerate(range(model.rigid_count, min(model.rigid_count + count, model.mode_count)), start=1):
         amplitude = _MODE_AMPLITUDE * size / np.linalg.norm(surface.modes[:, :, j], axis=1).max()

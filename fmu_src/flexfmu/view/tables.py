@@ -10,9 +10,9 @@ from rich.table import Column, Table
 from rich.tree import Tree
 
 from ..files.counts import plural
-from ..model.methods import chosen, offered_variants
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.summary import NORMAL_MODES, first_frequency, point, summary
+from ..model.variants import chosen, offered_variants
 
 if TYPE_CHECKING:
     from ..study.cost import Cost

@@ -11,9 +11,9 @@ from ...files.errors import AccuracyError, SimulationError
 from ...files.progress import Reporter
 from ...files.store import Store
 from ...model.errors import RuntimeBodyError
-from ...model.methods import lean
 from ...model.modal_file import write_modal_file
 from ...model.reduced_body import ReducedBody
+from ...model.variants import lean
 from ..candidates import BASES, REDUCED, Candidate, candidates, frames_words, grouped
 from ..fmu_cost import FmuTimer, fmu_timer
 from ..jobs import Crew

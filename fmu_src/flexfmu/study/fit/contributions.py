@@ -12,8 +12,9 @@ import numpy as np
 from ...body.flexible_body import FlexibleBody
 from ...files.array_types import BoolArray, FloatArray, IntArray
 from ...model.errors import EquilibriumError, RuntimeBodyError
-from ...model.methods import Variant, lean
+from ...model.methods import Variant
 from ...model.reduced_body import ReducedBody
+from ...model.variants import lean
 from ..scene.config import BasisChoice
 from ..scene.measure import within
 from ..scene.scene import AXES, Scene

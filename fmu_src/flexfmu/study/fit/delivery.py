@@ -12,8 +12,9 @@ from ...files.counts import plural
 from ...files.targets import whole_file
 from ...fmu.package import package_fmu
 from ...model.errors import RuntimeBodyError
-from ...model.methods import Variant, chosen
+from ...model.methods import Variant
 from ...model.reduced_body import ReducedBody
+from ...model.variants import chosen
 from ..candidates import Reduction, reduction_config, times
 from ..fmu_cost import fmu_timer
 from ..scene.config import BasisChoice

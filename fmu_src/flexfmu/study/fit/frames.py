@@ -9,8 +9,9 @@ from ...files.array_types import FloatArray
 from ...files.errors import BodyFileError
 from ...files.progress import Tell
 from ...model.errors import RuntimeBodyError
-from ...model.methods import Mass, Method, Variant, has_frames, lean
+from ...model.methods import Mass, Method, Variant, has_frames
 from ...model.reduced_body import ReducedBody
+from ...model.variants import lean
 from ..candidates import Candidate, Joints, Reduction, frames_words, has_meaning, linear_frames, offered_frames, times
 from ..scene.config import BasisChoice
 from ..scene.measure import Errors

@@ -9,7 +9,8 @@ from ...body.flexible_body import FlexibleBody
 from ...files.counts import plural
 from ...files.errors import AccuracyError
 from ...model.errors import RuntimeBodyError
-from ...model.methods import Data, Mass, Method, Variant, has_frames, lean, masses_of, needs
+from ...model.methods import Data, Mass, Method, Variant, has_frames, masses_of, needs
+from ...model.variants import lean
 from ..candidates import GIVEN, Candidate, Joints, Reduction, basis_words, frames_words, has_meaning, times
 from ..scene.config import BasisChoice
 from ..scene.scene import Scene

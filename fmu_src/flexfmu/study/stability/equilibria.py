@@ -16,8 +16,9 @@ from ...body.flexible_body import FlexibleBody
 from ...body.loads import Loads
 from ...files.array_types import FloatArray
 from ...model.errors import RuntimeBodyError
-from ...model.methods import Method, Variant, lean
+from ...model.methods import Method, Variant
 from ...model.reduced_body import ReducedBody
+from ...model.variants import lean
 from ...program.compile import compile_draft
 from ...program.variables import METHOD
 from ..records import Run, StabilityError, verdict
