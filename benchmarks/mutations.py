@@ -31,7 +31,7 @@ ROOT = HERE.parent
 TABLE = HERE / "mutations.toml"
 PACKAGE = Path("fmu_src") / "flexfmu"
 # Not needed by any test, or made anew.
-LEFT_OUT = (".git", ".venv*", "__pycache__", ".*_cache", ".hypothesis", "output", "build", "dist", "*.egg-info")
+LEFT_OUT = (".git", ".venv*", "__pycache__", ".*_cache", ".hypothesis", "output", "dist", "*.egg-info")
 CORE = PACKAGE / "core"
 # Tests are short: compiling well takes longer than what it saves in them.
 QUICK = ("-O0",)

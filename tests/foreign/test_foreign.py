@@ -204,6 +204,17 @@ def test_bricks_of_ansys_whose_nodes_coincide_are_tetrahedra(tmp_path):
     assert mass(flexfmu.mesh.checks.checked(mesh)) == pytest.approx(7850.0 / 6.0)
 
 
+# Values at the first three temperatures, and at the fourth.
+TEMPERATURES = ("MPDATA,R5.0, 1,EX  ,  1, 1, 2.1E+11, 2.0E+11, 1.9E+11,", "MPDATA,R5.0, 1,EX  ,  1, 4, 1.8E+11,")
+
+
+@pytest.mark.parametrize("lines", [TEMPERATURES, TEMPERATURES[::-1]])
+def test_materials_of_ansys_are_those_at_their_first_temperature(tmp_path, lines):
+    tail = "\n".join(["MPTEMP,R5.0, 1, 1, 20., 100., 200.,", *lines, "MP,PRXY,1,.3", "MP,DENS,1,7850"])
+    mesh = ansys(tmp_path, 185, [(1, 2, 3, 4, 5, 6, 7, 8)], tail)
+    assert [material.youngs_modulus for material in mesh.materials] == [2.1e11]
+
+
 @pytest.mark.parametrize(
     ("kind", "elements", "tail", "message"),
     [

@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from decks import BODY, NODES, STEEL, read, refuse
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.mesh.checks import checked
+from flexfmu.mesh.decks.ties import nearest_places
 from flexfmu.mesh.equations import matrix_of, solved, without
 
 # A second brick beside the first, 0.02 away and a third as high, whose lower face lies on that of the first.
@@ -148,3 +149,19 @@ def test_a_tie_that_reaches_no_node_is_refused(tmp_path):
         "Dependent, Main",
         "parts stay apart",
     )
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+@pytest.mark.parametrize(
+    ("place", "weights"),
+    [
+        ((0.05, 0.5, 0.02), {0: 0.475, 1: 0.025, 2: 0.025, 3: 0.475}),
+        ((0.02, 0.5, 0.05), {0: 0.475, 3: 0.475, 4: 0.025, 5: 0.025}),
+    ],
+)
+def test_a_node_near_two_faces_is_tied_to_the_nearer_one(place, weights, order):
+    # A floor and a wall that meet in the edge from node 0 to node 3.
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), place])
+    faces = np.array([(0, 1, 2, 3), (0, 3, 4, 5)])[order]
+    assert nearest_places(points, np.array([6]), [faces], 0.1) == {6: pytest.approx(weights)}
+    assert nearest_places(points, np.array([6]), [faces[:1], faces[1:]], 0.1) == {6: pytest.approx(weights)}

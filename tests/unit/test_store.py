@@ -153,9 +153,9 @@ def test_other_code_or_libraries_take_nothing(store, monkeypatch):
     for change in ("mode solver", "library"):
         with monkeypatch.context() as patch:
             if change == "library":
-                patch.setattr("flexfmu.files.code_digest.version", lambda _: "0.0")
+                patch.setattr("importlib.metadata.version", lambda _: "0.0")
             else:
-                patch.setattr(Path, "read_bytes", lambda p: plain(p) + b"# another" * (p.name == "modes.py"))
+                patch.setattr(Path, "read_bytes", lambda p: plain(p) + b"\nANOTHER = 1" * (p.name == "modes.py"))
             assert code_digest.__wrapped__("flexfmu.reduction.basis") != known, change
             # The slave does not make modes.
             assert change == "library" or code_digest.__wrapped__("flexfmu.fmu.python_slave") == code_digest(
@@ -183,6 +183,35 @@ def test_the_code_of_a_result_is_all_that_its_module_loads(module):
     loaded = set(done.stdout.split()) - packages
     assert f"flexfmu.{module}" in loaded
     assert loaded <= imported_modules(f"flexfmu.{module}")
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after", "counts"),
+    [
+        ("modes.py", "import numpy", "# A comment.\nimport numpy", False),
+        ("modes.py", '"""', '"""Another sentence. ', False),
+        ("modes.py", "raise ModelError(", 'raise ModelError("Another message." + ', False),
+        ("progress.py", "class Reporter", "x = 1\n\nclass Reporter", False),
+        ("modes.py", "0.5 *", "0.6 *", True),
+        ("shapes.py", "(155.0 - root)", "(155.0 + root)", True),
+    ],
+)
+def test_kept_results_hang_on_what_computes_and_on_no_sentence(file, before, after, counts, monkeypatch):
+    known = code_digest.__wrapped__("flexfmu.reduction.basis")
+    plain, changed = Path.read_bytes, []
+
+    def read(path):
+        text = plain(path)
+        if path.name != file:
+            return text
+        changed.append(text.replace(before.encode(), after.encode()) != text)
+        return text.replace(before.encode(), after.encode(), 1)
+
+    monkeypatch.setattr(Path, "read_bytes", read)
+    found = code_digest.__wrapped__("flexfmu.reduction.basis")
+    # What lies in the room of files is not even read.
+    assert changed == ([] if file == "progress.py" else [True])
+    assert (found != known) == counts
 
 
 @pytest.mark.parametrize("file", ["step_tied.c", "internal.h", "fields.def"])

@@ -1,18 +1,20 @@
 """Which code makes a result: a module, all modules of this package that it imports, and the libraries that count.
 
 Results that are kept on disk are known by it. A version number would not do: it stays the same from change to change.
+What computes nothing does not count: the room of files, comments, docstrings, and what errors say.
 """
 
 import ast
 import hashlib
 from collections.abc import Iterator
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 _PACKAGE = __name__.partition(".")[0]
 _CORE, _COMPILED = f"{_PACKAGE}.core.library", (".c", ".h", ".def")
 _ROOT = Path(__file__).parents[2]
+# Errors, progress, files: no result hangs on them.
+_ROOM = __name__.rpartition(".")[0]
 # Another version of these may give other numbers; the last two need not be there.
 _LIBRARIES = ("numpy", "scipy", "pymetis", "pypardiso", "mkl")
 
@@ -33,13 +35,27 @@ def code_digest(module: str) -> str:
     """
     digest = hashlib.sha256()
     for name in sorted(imported_modules(module)):
-        source = _source(name)
+        if not name.startswith(f"{_ROOM}."):
+            digest.update(f"{name}\0{_statements(_source(name).read_bytes())}\0".encode())
         # What is compiled belongs to the module that calls it.
-        compiled = [path for path in source.parent.iterdir() if path.suffix in _COMPILED] if name == _CORE else []
-        for path in [source, *sorted(compiled)]:
-            digest.update(f"{name}\0{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+        compiled = (
+            [path for path in _source(name).parent.iterdir() if path.suffix in _COMPILED] if name == _CORE else []
+        )
+        for path in sorted(compiled):
+            digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
     digest.update(repr([_version(name) for name in _LIBRARIES]).encode())
     return digest.hexdigest()[:12]
+
+
+def _statements(source: bytes) -> str:
+    """What a module computes."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise):
+            node.exc = node.cause = None
+        elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return ast.dump(tree)
 
 
 def imported_modules(module: str) -> set[str]:
@@ -99,6 +115,9 @@ def _source(module: str) -> Path:
 
 
 def _version(library: str) -> str:
+    # Its import takes a tenth of a second, and `flexfmu info` needs no key.
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
         return version(library)
     except PackageNotFoundError:
