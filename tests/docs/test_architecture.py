@@ -5,8 +5,12 @@ import re
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+from core_files import core_order
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "fmu_src" / "flexfmu"
+CORE = PACKAGE / "core"
+LONGEST_FUNCTION = 80
 
 
 def modules():
@@ -71,3 +75,40 @@ def test_packages_import_from_those_above_them_only():
 def test_few_modules_lie_loose():
     """In the package itself lies its face; everything else has a room."""
     assert len(list(PACKAGE.glob("*.py"))) <= 6
+
+
+def test_files_of_the_core_include_those_before_them_only():
+    order = core_order()
+    files = sorted([*CORE.glob("*.c"), *CORE.glob("*.h")])
+    # Every file has one place in the order; fmi2.h is the standard's.
+    assert sorted(order) == sorted({path.stem for path in files})
+    upward, arrows = [], 0
+    for path in files:
+        for other in re.findall(r'^#include "(\w+)\.h"', path.read_text(encoding="utf-8"), re.M):
+            arrows += other != path.stem
+            if order.index(other) > order.index(path.stem):
+                upward.append(f"{path.name} includes {other}.h")
+    assert upward == []
+    assert arrows > 2 * len(order)
+
+
+def c_functions(text):
+    """Names and lengths of a C file's functions, which begin and end at the margin."""
+    start = None
+    for number, line in enumerate(text.splitlines()):
+        if re.match(r"\w[^=;]*\(", line) and not line.endswith(";"):
+            start, name = number, line
+        elif line == "}" and start is not None:
+            yield name, number - start + 1
+            start = None
+
+
+def test_functions_of_the_core_are_short():
+    long, count = [], 0
+    for path in sorted(CORE.glob("*.[ch]")):
+        text = path.read_text(encoding="utf-8")
+        found = list(c_functions(text))
+        count += len(found)
+        long += [(path.name, name) for name, length in found if length > LONGEST_FUNCTION]
+    assert long == []
+    assert count > 200

@@ -1,5 +1,6 @@
-"""What the core does not do: allocate in a step, print, or keep numbers that belong to no instance."""
+"""What the core does not do: allocate in a step, print, write beyond its arrays, or keep numbers of no instance."""
 
+import ctypes
 import platform
 import re
 import shutil
@@ -7,12 +8,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import fuzzed
-from flexfmu.core.building import FLAGS, command, sources, system_compiler
+from core_files import core_order
+from flexfmu.core.building import FLAGS, FOLDER, command, sources, system_compiler
+from flexfmu.core.library import _SIGNATURES, Core
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.runtime import Runtime
+from flexfmu.program.compile import compile_program
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux" or system_compiler() is None, reason="needs Linux and a C compiler"
@@ -84,20 +89,157 @@ def test_a_step_allocates_nothing(kind, counted, tmp_path):
     assert done.stderr == ""
 
 
+# What tests do to a body: its workspace cut short, with a mark on every number beyond.
+CUT = """
+#include "body.h"
+static const double MARK = 1234.5;
+FLEX_EXPORT int64_t body_room(const Body *body) { return body->work_size; }
+FLEX_EXPORT void body_cut(Body *body, int64_t size, int64_t whole) {
+    body->work_size = size;
+    for (int64_t i = 0; i < whole; i++) body->work[i] = MARK;
+}
+FLEX_EXPORT int64_t body_written(const Body *body, int64_t whole) {
+    int64_t count = 0;
+    for (int64_t i = body->work_size; i < whole; i++) count += body->work[i] != MARK;
+    return count;
+}
+FLEX_EXPORT int64_t taken(int64_t size, const int64_t *counts, int64_t *at) {
+    double numbers[100];
+    Arena arena = {numbers, 0, size, 0};
+    for (int64_t i = 0; counts[i] >= 0; i++) {
+        const double *place = take(&arena, counts[i]);
+        at[i] = place ? place - numbers : -1;
+    }
+    return arena.refused;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def cutting(tmp_path_factory):
+    """The core with entries for tests of its work arrays."""
+    folder = tmp_path_factory.mktemp("cutting")
+    (folder / "cut.c").write_text(CUT, encoding="utf-8")
+    extra = ["-O0", f"-I{FOLDER}", str(folder / "cut.c")]
+    subprocess.run(command(system_compiler(), folder / "cut.so", extra=extra), check=True)
+    found = ctypes.CDLL(str(folder / "cut.so"))
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(found, name)
+        function.restype, function.argtypes = result, arguments
+    found.body_room.restype = found.body_written.restype = ctypes.c_int64
+    found.body_room.argtypes = (ctypes.c_void_p,)
+    found.body_cut.argtypes = (ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
+    found.body_written.argtypes = (ctypes.c_void_p, ctypes.c_int64)
+    return found
+
+
+def test_a_take_beyond_the_end_is_refused_and_so_are_all_that_follow(cutting):
+    counts, places = np.array([6, 4, 0, 1, 2, 0, -1]), np.full(7, -2)
+    at = (ctypes.c_void_p(array.ctypes.data) for array in (counts, places))
+    assert cutting.taken(ctypes.c_int64(10), *at) == 1
+    assert places.tolist() == [0, 6, 10, -1, -1, -1, -2]
+    at = (ctypes.c_void_p(array.ctypes.data) for array in (counts, places))
+    assert cutting.taken(ctypes.c_int64(13), *at) == 0
+
+
+class CutCore(Core):
+    """A core whose workspace can be cut."""
+
+    def __init__(self, library, image):
+        super().__init__(image)
+        self._library.body_close(self._body)
+        self._library, self._body = library, library.body_open(image, len(image), ctypes.byref(ctypes.c_char_p()))
+        self.room = library.body_room(self._body)
+
+    def cut(self, size):
+        self._library.body_cut(self._body, size, self.room)
+
+    def written(self):
+        return self._library.body_written(self._body, self.room)
+
+
+def asked(core, loads, q, v, step):
+    """What each call of a body says, by name; None where it is refused for want of room."""
+
+    def said(call):
+        try:
+            return call()
+        except MemoryError:
+            return None
+
+    answer, end, rate, *_ = core.step(q, v, loads, step, 1.5 * loads)
+    refused = answer.name == "NO_ROOM"
+    # Nothing was changed.
+    assert not refused or ((end == q).all() and (rate == v).all())
+    found = {"step": None if refused else np.hstack([answer.number, end, rate])}
+    answer, place, *_ = core.static(loads)
+    found["static"] = None if answer.name == "NO_ROOM" else np.hstack([answer.number, place])
+    found["motion"] = said(lambda: np.hstack(core.motion_and_rates(q, v)))
+    found["energies"] = said(lambda: np.array(core.energies(q, v)))
+    found["force"] = said(lambda: core.force(loads, q))
+    found["tangent"] = said(lambda: core.tangent(loads, q))
+    found["mass"] = said(lambda: core.mass(q))
+    found["compliance"] = said(lambda: core.compliance(loads, step, q, [0]))
+    margin, shape = core.stability(loads, q)
+    found["stability"] = None if np.isnan(margin) else np.hstack([margin, shape])
+    missed = core.missed(loads)
+    found["missed"] = None if np.isnan(missed) else np.array([missed])
+    return found
+
+
+@pytest.mark.parametrize("kind", fuzzed.KINDS)
+def test_calls_that_lack_room_are_refused_and_write_nothing_beyond_it(kind, cutting):
+    body = fuzzed.fuzzed_body(kind)
+    core = CutCore(cutting, compile_program(body, body.method, body.mass))
+    rng = np.random.default_rng(3)
+    loads, q, v = 1e-3 * rng.standard_normal(core.loads), 1e-4 * rng.standard_normal(core.modes), np.zeros(core.modes)
+    whole = asked(core, loads, q, v, 1e-4)
+    assert all(answer is not None for answer in whole.values())
+    refused = dict.fromkeys(whole, 0)
+    sizes = [0, *np.geomspace(1, core.room, 25).astype(int), core.room - 1]
+    for size in sizes:
+        core.cut(int(size))
+        for name, answer in asked(core, loads, q, v, 1e-4).items():
+            refused[name] += answer is None
+            assert answer is None or (answer == whole[name]).all(), (name, size)
+        assert core.written() == 0, size
+    # Without any room each is refused but what needs none; the last number is somebody's.
+    assert [name for name, count in refused.items() if not count] in ([], ["missed"])
+    core.cut(core.room - 1)
+    assert any(answer is None for answer in asked(core, loads, q, v, 1e-4).values())
+
+
 def test_the_core_calls_nothing_that_prints_or_ends_the_process():
     calls = re.compile(r"\b(v?f?printf|puts|putchar|fputs|fwrite|perror|exit|abort) ?\(|\b(stdout|stderr)\b")
     assert [path.name for path in sources() if calls.search(path.read_text(encoding="utf-8"))] == []
 
 
-def test_the_only_variable_of_the_core_is_whether_the_processor_has_wide_vectors(tmp_path):
+@pytest.fixture(scope="module")
+def symbols(tmp_path_factory):
+    """What nm lists of each of the core's files: rows of name, value, class, type, size, line, section."""
     if shutil.which("nm") is None:
         pytest.skip("nm lists what files hold")
-    found = set()
+    folder, found = tmp_path_factory.mktemp("objects"), {}
     for path in sources():
-        part = tmp_path / f"{path.stem}.o"
+        part = folder / f"{path.stem}.o"
         flags = [*(flag for flag in FLAGS if flag != "-O3"), '-DFLEX_SOURCES=""', "-fPIC", "-c"]
         subprocess.run([*system_compiler(), *flags, str(path), "-o", str(part)], check=True)
         listed = subprocess.run(["nm", "-f", "sysv", str(part)], capture_output=True, text=True, check=True).stdout
-        rows = [[cell.strip() for cell in line.split("|")] for line in listed.splitlines() if line.count("|") == 6]
-        found |= {row[0] for row in rows if row[6] in (".data", ".bss", "*COM*") and row[3] == "OBJECT"}
+        found[path.stem] = [
+            [cell.strip() for cell in line.split("|")] for line in listed.splitlines() if line.count("|") == 6
+        ]
+    return found
+
+
+def test_the_only_variable_of_the_core_is_whether_the_processor_has_wide_vectors(symbols):
+    rows = [row for part in symbols.values() for row in part]
+    found = {row[0] for row in rows if row[6] in (".data", ".bss", "*COM*") and row[3] == "OBJECT"}
     assert found == ({"wide"} if platform.machine() in ("x86_64", "AMD64") else set())
+
+
+def test_files_of_the_core_call_those_before_them_only(symbols):
+    order = core_order()
+    home = {row[0]: name for name, rows in symbols.items() for row in rows if row[2] == "T"}
+    wanted = {(name, home.get(row[0], name)) for name, rows in symbols.items() for row in rows if row[2] == "U"}
+    assert [pair for pair in sorted(wanted) if order.index(pair[1]) > order.index(pair[0])] == []
+    assert len(wanted) > 2 * len(order)

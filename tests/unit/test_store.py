@@ -214,7 +214,7 @@ def test_kept_results_hang_on_what_computes_and_on_no_sentence(file, before, aft
     assert (found != known) == counts
 
 
-@pytest.mark.parametrize("file", ["step_tied.c", "internal.h", "fields.def"])
+@pytest.mark.parametrize("file", ["step_tied.c", "steps.h", "fields.def"])
 def test_the_core_is_part_of_the_code_of_what_it_steps_and_of_no_other(file, monkeypatch):
     """Errors of a sweep hang on every line of C; modes do not."""
     swept, modes = (code_digest.__wrapped__(f"flexfmu.{name}") for name in ("study.chart.sweep", "reduction.basis"))

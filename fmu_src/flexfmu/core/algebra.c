@@ -146,10 +146,9 @@ void symmetric_eigen(double *a, double *values, double *v, int64_t n) {
     }
 }
 
-/* Reduction to Hessenberg form by elimination, then shifted QR steps with deflation (e.g. G. H. Golub, C. F. Van Loan,
- * Matrix Computations, 4th ed., 7.4 and 7.5), on the complex numbers written as pairs where a 2 x 2 block is left. */
-double smallest_real_part(double *a, int64_t n) {
-    enum { ROUNDS = 60 };
+/* Hessenberg form in place, by elimination with exchanges (e.g. G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed.,
+ * 7.4). */
+static void reduce_to_hessenberg(double *a, int64_t n) {
     for (int64_t k = 1; k + 1 < n; k++) {
         int64_t best = k;
         for (int64_t i = k + 1; i < n; i++)
@@ -172,6 +171,58 @@ double smallest_real_part(double *a, int64_t n) {
             for (int64_t j = 0; j < n; j++) a[j * n + k] += factor * a[j * n + i];
         }
     }
+}
+
+/* One of Francis' double steps on the rows and columns from `low` to `top`, whose first column begins with x, y, z. */
+static void double_step(double *a, int64_t n, int64_t low, int64_t top, double x, double y, double z) {
+    for (int64_t k = low; k < top; k++) {
+        const int64_t rows = k + 2 <= top ? 3 : 2;
+        double u[3] = {x, y, rows == 3 ? z : 0.0};
+        const double length = sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+        if (length > 0.0) {
+            u[0] += u[0] < 0.0 ? -length : length;
+            const double scale = 2.0 / (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+            for (int64_t j = k > low ? k - 1 : low; j < n; j++) {
+                double sum = 0.0;
+                for (int64_t i = 0; i < rows; i++) sum += u[i] * a[(k + i) * n + j];
+                sum *= scale;
+                for (int64_t i = 0; i < rows; i++) a[(k + i) * n + j] -= sum * u[i];
+            }
+            const int64_t last = k + 3 < top ? k + 3 : top;
+            for (int64_t j = 0; j <= last; j++) {
+                double sum = 0.0;
+                for (int64_t i = 0; i < rows; i++) sum += u[i] * a[j * n + k + i];
+                sum *= scale;
+                for (int64_t i = 0; i < rows; i++) a[j * n + k + i] -= sum * u[i];
+            }
+        }
+        if (k + 1 < top) {
+            x = a[(k + 1) * n + k];
+            y = a[(k + 2) * n + k];
+            z = k + 3 <= top ? a[(k + 3) * n + k] : 0.0;
+        }
+    }
+}
+
+/* Francis' double step with the two eigenvalues of the lowest block as shifts, or an odd one now and then. By differences from
+ * the first diagonal element: of eigenvalues that lie close together nothing else is left. */
+static void shifted_step(double *a, int64_t n, int64_t low, int64_t top, int odd_one) {
+    const double p = a[(top - 1) * n + top - 1], q = a[(top - 1) * n + top], r = a[top * n + top - 1], s = a[top * n + top];
+    const double *h = a + low * n + low;
+    double first = p - h[0], second = s - h[0], product = first * second - q * r;
+    if (odd_one) {
+        const double odd = fabs(r) + fabs(a[(top - 1) * n + top - 2]);
+        first = second = s - h[0] + 0.75 * odd;
+        product = first * second + 0.4375 * odd * odd;
+    }
+    double x = product / h[n] + h[1], y = h[n + 1] - h[0] - first - second, z = low + 2 <= top ? h[2 * n + 1] : 0.0;
+    double_step(a, n, low, top, x, y, z);
+}
+
+/* Shifted QR steps with deflation (ibid., 7.5), on the complex numbers written as pairs where a 2 x 2 block is left. */
+double smallest_real_part(double *a, int64_t n) {
+    enum { ROUNDS = 60 };
+    reduce_to_hessenberg(a, n);
     double least = HUGE_VAL, size = 0.0;
     for (int64_t i = 0; i < n * n; i++) size += fabs(a[i]);
     int64_t top = n - 1;
@@ -199,43 +250,7 @@ double smallest_real_part(double *a, int64_t n) {
             continue;
         }
         if (++round > ROUNDS) return NAN;
-        /* Francis' double step with the two eigenvalues of the lowest block as shifts, or an odd one now and then. By
-         * differences from the first diagonal element: of eigenvalues that lie close together nothing else is left. */
-        const double *h = a + low * n + low;
-        double first = p - h[0], second = s - h[0], product = first * second - q * r;
-        if (round % 10 == 0) {
-            const double odd = fabs(r) + fabs(a[(top - 1) * n + top - 2]);
-            first = second = s - h[0] + 0.75 * odd;
-            product = first * second + 0.4375 * odd * odd;
-        }
-        double x = product / h[n] + h[1], y = h[n + 1] - h[0] - first - second, z = low + 2 <= top ? h[2 * n + 1] : 0.0;
-        for (int64_t k = low; k < top; k++) {
-            const int64_t rows = k + 2 <= top ? 3 : 2;
-            double u[3] = {x, y, rows == 3 ? z : 0.0};
-            const double length = sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
-            if (length > 0.0) {
-                u[0] += u[0] < 0.0 ? -length : length;
-                const double scale = 2.0 / (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
-                for (int64_t j = k > low ? k - 1 : low; j < n; j++) {
-                    double sum = 0.0;
-                    for (int64_t i = 0; i < rows; i++) sum += u[i] * a[(k + i) * n + j];
-                    sum *= scale;
-                    for (int64_t i = 0; i < rows; i++) a[(k + i) * n + j] -= sum * u[i];
-                }
-                const int64_t last = k + 3 < top ? k + 3 : top;
-                for (int64_t j = 0; j <= last; j++) {
-                    double sum = 0.0;
-                    for (int64_t i = 0; i < rows; i++) sum += u[i] * a[j * n + k + i];
-                    sum *= scale;
-                    for (int64_t i = 0; i < rows; i++) a[j * n + k + i] -= sum * u[i];
-                }
-            }
-            if (k + 1 < top) {
-                x = a[(k + 1) * n + k];
-                y = a[(k + 2) * n + k];
-                z = k + 3 <= top ? a[(k + 3) * n + k] : 0.0;
-            }
-        }
+        shifted_step(a, n, low, top, round % 10 == 0);
     }
     return least;
 }

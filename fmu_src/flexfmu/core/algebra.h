@@ -4,29 +4,14 @@
 
 #include <stdint.h>
 
-/* A build that counts the floating-point operations of these functions; what others do by the number is not counted. */
-#ifdef FLEX_COUNT
-__attribute__((visibility("default"))) extern int64_t flex_operations;
-#define COUNT(operations) (flex_operations += (operations))
-#else
-#define COUNT(operations) ((void)0)
-#endif
+#include "vectors.h"
 
-double dot(const double *a, const double *b, int64_t n);
 double norm(const double *x, int64_t n);
 
 /* out (m) += x (n) M, M (n, m). */
 void add_rows(const double *x, const double *matrix, double *out, int64_t n, int64_t m);
-/* The same of m columns of a matrix whose rows lie `stride` apart. */
-void add_strided_rows(const double *x, const double *matrix, int64_t stride, double *out, int64_t n, int64_t m);
-/* out (n) = M x, M (n, m). */
-void rows_times(const double *matrix, const double *x, double *out, int64_t n, int64_t m);
-/* out (n, k) += A B with A (n, m), its rows `stride` apart, B (m, k): one pass over B. */
-void add_product(const double *a, int64_t stride, const double *b, double *out, int64_t n, int64_t m, int64_t k);
 /* out (n, k) = A B with A (n, m), B (m, k). */
 void product(const double *a, const double *b, double *out, int64_t n, int64_t m, int64_t k);
-/* out (m, k) += Aᵀ B with A (n, m), B (n, k). */
-void add_transposed_product(const double *a, const double *b, double *out, int64_t n, int64_t m, int64_t k);
 
 /* LU with row exchanges in place, a (n, n); 0 where a is singular. */
 int lu_factor(double *a, int64_t *pivot, int64_t n);

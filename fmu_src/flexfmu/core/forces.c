@@ -1,9 +1,9 @@
-/* Modal forces of loads, geometric stiffness and ties, their potential and derivative: docs/theory.md sections 4, 4b, 10. */
+#include "forces.h"
+
 #include <math.h>
 #include <string.h>
 
-#include "internal.h"
-
+#include "algebra.h"
 
 void take_loads(const Body *body, Arena *arena, Loads *loads) {
     const int64_t m = body->p.modes, n = body->p.nodes, square = body->p.by_load_given * m * m;
@@ -21,7 +21,6 @@ static int nonlinear(const Program *p) {
     return p->placement != PLACE_REFERENCE || p->by_load_given || p->by_mode_given || p->ties;
 }
 
-/* Put loads (L) on the nodes. */
 void spread(const Body *body, const double *inputs, Loads *loads) {
     const Program *p = &body->p;
     const int64_t m = p->modes, first = p->frames, count = p->interfaces;
@@ -76,7 +75,6 @@ void spread(const Body *body, const double *inputs, Loads *loads) {
     loads->active = p->by_mode_given || p->ties || p->stretches || (nonlinear(p) && (any || loads->has_moments));
 }
 
-/* Levers R l_c of a tie's end at a node, c by c. */
 void tie_levers(const Body *body, const Configuration *at, int64_t tie, int64_t node, double *out) {
     double turned[9];
     multiply(at->rotation + 9 * node, body->p.tie_lever + 9 * tie, turned);
@@ -84,7 +82,6 @@ void tie_levers(const Body *body, const Configuration *at, int64_t tie, int64_t 
         for (int i = 0; i < 3; i++) out[3 * c + i] = turned[3 * i + c];
 }
 
-/* Forces (T, 4, 3) in the ties' springs, and their energy E of (16). */
 double tie_tension(const Body *body, const Configuration *at, double *tense) {
     const Program *p = &body->p;
     double held = 0.0;
@@ -134,27 +131,29 @@ void add_followers(const Body *body, const Loads *loads, const Configuration *at
     }
 }
 
-int64_t modal_force_size(const Body *body) {
+void take_force_room(const Body *body, Arena *arena, ForceRoom *room) {
     const Program *p = &body->p;
-    return larger(12 * p->ties + 6 * p->nodes + pass_back_size(body), p->by_mode_given * p->modes * p->modes);
+    room->tense = take(arena, 12 * p->ties);
+    room->loads = take(arena, 6 * p->nodes);
+    take_back(body, arena, &room->back);
+    room->square = take(arena, p->by_mode_given * p->modes * p->modes);
 }
 
-/* Q(q), of ties -dE/dq without Hq; `tense` null where their tension is that at q. */
 void modal_force(const Body *body, const Loads *loads, int with_moments, const Configuration *at, const double *tense,
-                 double *scratch, double *out) {
+                 ForceRoom *room, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes, n = p->nodes;
     const double *constant = with_moments ? loads->constant : loads->f_constant;
     memset(out, 0, (size_t)m * sizeof(double));
     if (p->placement == PLACE_DEFORMED || p->ties) {
-        double *own = scratch, *force = own + 12 * p->ties, *moment = force + 3 * n;
+        double *own = room->tense, *force = room->loads, *moment = force + 3 * n;
         memset(force, 0, (size_t)(6 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
         if (with_moments) add_followers(body, loads, at, force, moment);
         if (!tense) tie_tension(body, at, own);
         add_tie_loads(body, at, tense ? tense : own, force, moment);
-        pass_back(body, at, force, moment, moment + 3 * n, out);
+        pass_back(body, at, force, moment, &room->back, out);
     }
     if (p->placement != PLACE_DEFORMED) {
         for (int64_t j = 0; j < m; j++) out[j] += constant[j];
@@ -174,7 +173,7 @@ void modal_force(const Body *body, const Loads *loads, int with_moments, const C
     if (p->by_mode_given) {
         /* Sum of q_j K_j q and no more. Made the gradient of an energy, it would be bounded by the quartic term alone,
          * which modes do not have: a bent cantilever then collapses. */
-        double *total = scratch;
+        double *total = room->square;
         memset(total, 0, (size_t)(m * m) * sizeof(double));
         add_rows(at->q, p->by_mode, total, m, m * m);
         for (int64_t i = 0; i < m; i++) out[i] -= dot(total + i * m, at->q, m);
@@ -185,7 +184,6 @@ int has_potential(const Body *body) {
     return body->p.placement != PLACE_CORRECTIVE_MOMENT && !body->p.by_mode_given;
 }
 
-/* J(q) of the forces, without ties and moments. */
 double force_work(const Body *body, const Loads *loads, const Configuration *at) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
@@ -199,8 +197,6 @@ double force_work(const Body *body, const Loads *loads, const Configuration *at)
     return work;
 }
 
-/* What the round-off of places can make of the work of forces (n, 3) on them, over epsilon: their norms by the size of the
- * body, since frames turn places, so that each coordinate has the round-off of all three. */
 double work_reach(const Body *body, const double *force, int64_t n) {
     double sum = 0.0, far = 0.0;
     for (int64_t i = 0; i < n; i++) sum += norm(force + 3 * i, 3);
@@ -208,10 +204,9 @@ double work_reach(const Body *body, const double *force, int64_t n) {
     return sum * sqrt(far);
 }
 
-int64_t gap_derivative_size(const Body *body) { return 12 * body->p.ties * body->p.modes; }
-
-void gap_derivative(const Body *body, const Configuration *at, const double *translation, const double *spin, double *out) {
+void gap_derivative(const Body *body, const Configuration *at, const Jacobians *of, double *out) {
     const Program *p = &body->p;
+    const double *translation = of->translation, *spin = of->spin;
     const int64_t m = p->modes, size = 3 * m;
     for (int64_t t = 0; t < p->ties; t++) {
         const int64_t a = p->nodes - 2 * p->ties + t, b = a + p->ties;
@@ -235,22 +230,19 @@ void gap_derivative(const Body *body, const Configuration *at, const double *tra
     }
 }
 
-int64_t foreseen_tension_size(const Body *body) {
-    const int64_t m = body->p.modes, n = body->p.nodes;
-    return 6 * n * m + 6 * n * m + gap_derivative_size(body);
+void take_foreseen(const Body *body, Arena *arena, Foreseen *room) {
+    take_jacobians(body, arena, &room->of);
+    room->gaps = take(arena, 12 * body->p.ties * body->p.modes);
 }
 
-void foreseen_tension(const Body *body, const Configuration *at, const double *change, double *scratch, double *tense) {
+void foreseen_tension(const Body *body, const Configuration *at, const double *change, Foreseen *room, double *tense) {
     const Program *p = &body->p;
-    const int64_t m = p->modes, n = p->nodes;
-    double *operator_ = scratch, *translation = operator_ + 6 * n * m, *spin = translation + 3 * n * m;
-    double *gaps = spin + 3 * n * m;
-    full_operator(body, at, operator_);
-    node_jacobians(body, at, operator_, translation, spin);
-    gap_derivative(body, at, translation, spin, gaps);
+    const int64_t m = p->modes;
+    jacobians_at(body, at, &room->of);
+    gap_derivative(body, at, &room->of, room->gaps);
     tie_tension(body, at, tense);
     for (int64_t i = 0; i < 12 * p->ties; i++)
-        tense[i] += p->tie_stiffness[3 * (i / 12) + i % 3] * dot(gaps + i * m, change, m);
+        tense[i] += p->tie_stiffness[3 * (i / 12) + i % 3] * dot(room->gaps + i * m, change, m);
 }
 
 /* out += sum of Wᵀ (dm/dw) W of the moments of springs of a given tension, which turn with their points, negative. */
@@ -277,92 +269,113 @@ static void subtract_moment_stiffness(const Body *body, const Configuration *at,
         }
 }
 
-int64_t tangent_size(const Body *body) {
+void take_tangent_room(const Body *body, Arena *arena, TangentRoom *room) {
     const Program *p = &body->p;
     const int64_t m = p->modes, n = p->nodes;
-    return 12 * n * m + 6 * n + 12 * p->ties + gap_derivative_size(body) + 3 * m +
-           larger(larger(load_stiffness_size(body), m * m), stretch_size(body));
+    take_jacobians(body, arena, &room->of);
+    take_load_slope(body, arena, &room->slope);
+    room->loads = take(arena, 6 * n);
+    room->turned = take(arena, p->followers ? 6 * n : 0);
+    room->tense = take(arena, 12 * p->ties);
+    room->gaps = take(arena, 12 * p->ties * m);
+    room->row = take(arena, 3 * m);
+    room->square = take(arena, p->by_mode_given * m * m);
+    take_stretch(body, arena, &room->stretch);
+}
+
+/* out (m, m) += what loads that turn with an interface change by its spin; they themselves join room->loads. */
+static void add_follower_stiffness(const Body *body, const Loads *loads, const Configuration *at, TangentRoom *room,
+                                   double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes;
+    const double *translation = room->of.translation, *spin = room->of.spin;
+    double *turned = room->turned, *row = room->row, hat[9];
+    memset(turned, 0, (size_t)(6 * n) * sizeof(double));
+    add_followers(body, loads, at, turned, turned + 3 * n);
+    for (int64_t i = 0; i < 6 * n; i++) room->loads[i] += turned[i];
+    for (int64_t i = 0; i < p->followers; i++)
+        for (int end = 0; end < 2; end++) {
+            const int64_t k = p->frames + p->follower[i];
+            skew(turned + 3 * n * end + 3 * k, hat);
+            for (int c = 0; c < 9; c++) hat[c] = -hat[c];
+            apply_rows(hat, spin + 3 * k * m, row, m);
+            add_transposed_product((end ? spin : translation) + 3 * k * m, row, out, 3, m, m);
+        }
+}
+
+/* out (m, m) += dQ/dq of loads on the moving body, and of springs of a given tension. */
+static void add_moving_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
+                                 const double *tense, TangentRoom *room, double *out) {
+    const Program *p = &body->p;
+    const int64_t n = p->nodes;
+    double *force = room->loads, *moment = force + 3 * n;
+    memset(force, 0, (size_t)(6 * n) * sizeof(double));
+    if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
+    if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
+    if (with_moments && loads->following) add_follower_stiffness(body, loads, at, room, out);
+    add_tie_loads(body, at, tense, force, moment);
+    add_load_stiffness(body, at, force, moment, &room->of, &room->slope, out);
+}
+
+/* out (m, m) += the stiffness of springs of a given tension, without that of their pull on the moving body. */
+static void add_tie_stiffness(const Body *body, const Configuration *at, const double *tense, TangentRoom *room, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    double *gaps = room->gaps, *row = room->row;
+    gap_derivative(body, at, &room->of, gaps);
+    for (int64_t i = 0; i < 12 * p->ties; i++) {
+        const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
+        for (int64_t j = 0; j < m; j++) row[j] = k * gaps[i * m + j];
+        add_transposed_product(gaps + i * m, row, out, 1, m, m);
+    }
+    for (int64_t j = 0; j < m * m; j++) out[j] -= p->tie_initial[j];
+    subtract_moment_stiffness(body, at, tense, room->of.spin, row, out);
+}
+
+static void add_mode_stiffness(const Body *body, const Configuration *at, double *square, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    memset(square, 0, (size_t)(m * m) * sizeof(double));
+    add_rows(at->q, p->by_mode, square, m, m * m);
+    for (int64_t j = 0; j < m * m; j++) out[j] += square[j];
+    /* (K_b q)_a of the stiffness of mode b. */
+    for (int64_t b = 0; b < m; b++)
+        for (int64_t a = 0; a < m; a++) out[a * m + b] += dot(p->by_mode + (b * m + a) * m, at->q, m);
 }
 
 void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
-                       const double *tense, double *scratch, double *out) {
+                       const double *tense, TangentRoom *room, double *out) {
     const Program *p = &body->p;
-    const int64_t m = p->modes, n = p->nodes;
-    double *operator_ = scratch, *translation = operator_ + 6 * n * m, *spin = translation + 3 * n * m;
-    double *force = spin + 3 * n * m, *moment = force + 3 * n, *own = moment + 3 * n, *gaps = own + 12 * p->ties;
-    double *row = gaps + gap_derivative_size(body), *rest = row + 3 * m;
+    const int64_t m = p->modes;
     memset(out, 0, (size_t)(m * m) * sizeof(double));
     if (!loads->active) {
         for (int64_t j = 0; j < m; j++) out[j * m + j] = body->stiffness[j];
         return;
     }
-    full_operator(body, at, operator_);
-    node_jacobians(body, at, operator_, translation, spin);
+    if (!tense) tie_tension(body, at, room->tense);
+    const double *pull = tense ? tense : room->tense;
+    jacobians_at(body, at, &room->of);
     /* First dQ/dq, with its sign reversed below. */
-    if (p->placement == PLACE_DEFORMED || p->ties) {
-        memset(force, 0, (size_t)(6 * n) * sizeof(double));
-        if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
-        if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
-        if (with_moments && loads->following) {
-            /* What turns with an interface changes by its spin. */
-            double *turned = rest, hat[9];
-            memset(turned, 0, (size_t)(6 * n) * sizeof(double));
-            add_followers(body, loads, at, turned, turned + 3 * n);
-            for (int64_t i = 0; i < 6 * n; i++) force[i] += turned[i];
-            for (int64_t i = 0; i < p->followers; i++)
-                for (int end = 0; end < 2; end++) {
-                    const int64_t k = p->frames + p->follower[i];
-                    skew(turned + 3 * n * end + 3 * k, hat);
-                    for (int c = 0; c < 9; c++) hat[c] = -hat[c];
-                    apply_rows(hat, spin + 3 * k * m, row, m);
-                    add_transposed_product((end ? spin : translation) + 3 * k * m, row, out, 3, m, m);
-                }
-        }
-        if (p->ties) {
-            if (!tense) tie_tension(body, at, own);
-            add_tie_loads(body, at, tense ? tense : own, force, moment);
-        }
-        add_load_stiffness(body, at, force, moment, operator_, translation, spin, rest, out);
-    }
+    if (p->placement == PLACE_DEFORMED || p->ties) add_moving_stiffness(body, loads, with_moments, at, pull, room, out);
     if (p->placement == PLACE_CORRECTIVE_MOMENT)
         for (int64_t i = 0; i < p->interfaces; i++) {
             const int64_t k = p->frames + i;
             double hat[9];
             skew(loads->force + 3 * k, hat);
             for (int c = 0; c < 9; c++) hat[c] = -hat[c];
-            apply_rows(hat, translation + 3 * k * m, row, m);
-            add_transposed_product(p->load_operator + 3 * (p->interfaces + i) * m, row, out, 3, m, m);
+            apply_rows(hat, room->of.translation + 3 * k * m, room->row, m);
+            add_transposed_product(p->load_operator + 3 * (p->interfaces + i) * m, room->row, out, 3, m, m);
         }
     for (int64_t j = 0; j < m * m; j++) out[j] = -out[j];
     for (int64_t j = 0; j < m; j++) out[j * m + j] += body->stiffness[j];
-    if (p->ties) {
-        const double *pull = tense ? tense : own;
-        gap_derivative(body, at, translation, spin, gaps);
-        for (int64_t i = 0; i < 12 * p->ties; i++) {
-            const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
-            for (int64_t j = 0; j < m; j++) row[j] = k * gaps[i * m + j];
-            add_transposed_product(gaps + i * m, row, out, 1, m, m);
-        }
-        for (int64_t j = 0; j < m * m; j++) out[j] -= p->tie_initial[j];
-        subtract_moment_stiffness(body, at, pull, spin, row, out);
-    }
+    if (p->ties) add_tie_stiffness(body, at, pull, room, out);
     if (p->stretches) {
-        Arena arena = {rest, 0};
-        Stretch stretch;
-        take_stretch(body, &arena, &stretch);
-        stretch_at(body, at->q, &stretch);
-        add_stretch_stiffness(body, &stretch, out);
+        stretch_at(body, at->q, &room->stretch);
+        add_stretch_stiffness(body, &room->stretch, out);
     }
     if (p->by_load_given) {
         const double *geometric = with_moments ? loads->geometric : loads->f_geometric;
         for (int64_t j = 0; j < m * m; j++) out[j] += geometric[j];
     }
-    if (p->by_mode_given) {
-        memset(rest, 0, (size_t)(m * m) * sizeof(double));
-        add_rows(at->q, p->by_mode, rest, m, m * m);
-        for (int64_t j = 0; j < m * m; j++) out[j] += rest[j];
-        /* (K_b q)_a of the stiffness of mode b. */
-        for (int64_t b = 0; b < m; b++)
-            for (int64_t a = 0; a < m; a++) out[a * m + b] += dot(p->by_mode + (b * m + a) * m, at->q, m);
-    }
+    if (p->by_mode_given) add_mode_stiffness(body, at, room->square, out);
 }

@@ -1,28 +1,23 @@
-/* Mass of the deformed body, M(q), from lumps that the frames carry (docs/theory.md section 9).
- *
- * A lump moves as the point that its centre of mass is; what its matter turns about that point, and is bent within it, goes
- * by its frame. T - |v|²/2 is then
- *
- *     sum over lumps of m |x'|²/2 + sum over frames of (w I w / 2 + w · H v) + v rest v / 2,
- *
- * w being a frame's spin on its own axes; `rest` makes it zero at q = 0. Only the rates of the first coordinates count in
- * it: the mean and the change of what pass_back makes of the lumps' momenta are all that a step needs. Source: J. Wittenburg,
- * Dynamics of Multibody Systems, 2nd ed., chapter 5 (equations of motion of a tree). */
+#include "inertia.h"
+
 #include <string.h>
 
-#include "internal.h"
+#include "algebra.h"
 
 void take_flow(const Body *body, Arena *arena, Flow *flow) {
     const Program *p = &body->p;
-    const int64_t n = p->nodes, r = p->inertial_modes, rate = pass_back_rate_size(body), jacobians = (6 * p->frames + 9) * r;
+    const int64_t n = p->nodes, size = 3 * p->inertial_modes;
     take_rates(body, arena, &flow->rates);
     flow->force = take(arena, 3 * n);
     flow->moment = take(arena, 3 * n);
     flow->acceleration = take(arena, 9 * n);
     flow->whirl = take(arena, 3 * n);
-    flow->own = take(arena, p->modes);
     flow->rows = take(arena, 2 * p->modes);
-    flow->scratch = take(arena, rate > jacobians ? rate : jacobians);
+    take_back(body, arena, &flow->back);
+    take_back_rate(body, arena, &flow->back_rate);
+    flow->moved = take(arena, p->frames * size);
+    flow->turned = take(arena, p->frames * size);
+    for (int k = 0; k < 3; k++) flow->one[k] = take(arena, size);
 }
 
 static int64_t first_lump(const Program *p) { return p->frames + p->interfaces + p->masses; }
@@ -60,7 +55,7 @@ void excess_momentum(const Body *body, const Configuration *at, const double *v,
     lump_rates(body, at, v, flow);
     momenta(body, at, v, flow);
     memset(out, 0, (size_t)m * sizeof(double));
-    pass_back(body, at, flow->force, flow->moment, flow->scratch, out);
+    pass_back(body, at, flow->force, flow->moment, &flow->back, out);
     memset(out + r, 0, (size_t)(m - r) * sizeof(double));
     for (int64_t k = 0; k < p->frames; k++) {
         double spin[3];
@@ -77,7 +72,7 @@ void kinetic_gradient(const Body *body, const Configuration *at, const double *v
     turn_rates(body, body->lumped, &flow->rates);
     momenta(body, at, v, flow);
     memset(out, 0, (size_t)body->p.modes * sizeof(double));
-    pass_back_rate(body, at, &flow->rates, flow->force, flow->moment, flow->scratch, out);
+    pass_back_rate(body, at, &flow->rates, flow->force, flow->moment, &flow->back_rate, out);
 }
 
 void convective_force(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out) {
@@ -99,7 +94,7 @@ void convective_force(const Body *body, const Configuration *at, const double *v
         apply(at->rotation + 9 * k, turned, moment);
         for (int c = 0; c < 3; c++) moment[c] += carried[c];
     }
-    pass_back(body, at, flow->force, flow->moment, flow->scratch, out);
+    pass_back(body, at, flow->force, flow->moment, &flow->back, out);
     memset(out + r, 0, (size_t)(m - r) * sizeof(double));
 }
 
@@ -118,8 +113,7 @@ void mass_centre(const Body *body, const Configuration *at, double *out) {
 void excess_mass(const Body *body, const Configuration *at, Flow *flow, double *out) {
     const Program *p = &body->p;
     const int64_t r = p->inertial_modes, n = p->nodes, size = 3 * r, first = first_lump(p);
-    double *moved = flow->scratch, *turned = moved + p->frames * size, *rows = turned + p->frames * size;
-    double *place = rows + size, *half = place + size;
+    double *moved = flow->moved, *turned = flow->turned, *rows = flow->one[0], *place = flow->one[1], *half = flow->one[2];
     memcpy(out, p->inertial_rest, (size_t)(r * r) * sizeof(double));
     for (int64_t k = 0; k < first + p->lumps; k++) {
         if (!body->lumped[k].offset) continue;

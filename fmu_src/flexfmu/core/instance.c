@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "files.h"
-#include "internal.h"
 #include "messages.h"
 
 /* The program of the method that the FMU starts with describes its variables, too. */
@@ -175,15 +174,14 @@ Instance *instance_open(const char *location, const char *guid, char *why) {
     x->loads = p->loads;
     x->fixable = p->interfaces;
     x->parameters = P_FIXED + p->interfaces;
-    Arena arena = {0, 0};
+    Arena arena = {0};
     lay_out(x, &arena);
     x->arena = calloc((size_t)arena.used, sizeof(double));
     if (!x->arena) {
         instance_close(x);
         return 0;
     }
-    arena.start = x->arena;
-    arena.used = 0;
+    arena = (Arena){x->arena, 0, arena.used, 0};
     lay_out(x, &arena);
     x->memory.inputs = x->seen;
     instance_reset(x);
@@ -393,6 +391,11 @@ static Answer failed(Instance *x, Answer answer) {
     return answer;
 }
 
+static Answer no_room(Instance *x, char *why) {
+    snprintf(why, TEXT_SIZE, SAY_NO_ROOM);
+    return failed(x, ANSWER_FAILED);
+}
+
 Answer instance_start(Instance *x, char *why) {
     if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
@@ -536,7 +539,7 @@ Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
     switch (role) {
     case ROLE_MOTION:
     case ROLE_RATE:
-        if (!(x->cached & CACHED_MOTION)) body_motion(x->body, x->q, x->v, x->motion, x->rates);
+        if (!(x->cached & CACHED_MOTION) && body_motion(x->body, x->q, x->v, x->motion, x->rates) != FLEX_OK) return no_room(x, why);
         x->cached |= CACHED_MOTION;
         *value = role == ROLE_MOTION ? x->motion[index] : x->rates[index];
         break;
@@ -547,8 +550,9 @@ Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
         break;
     case ROLE_COMPLIANCE: {
         const int64_t n = p->compliances;
-        if (!(x->cached & CACHED_COMPLIANCE))
-            body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, n, x->compliance);
+        if (!(x->cached & CACHED_COMPLIANCE) &&
+            body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, n, x->compliance) != FLEX_OK)
+            return no_room(x, why);
         x->cached |= CACHED_COMPLIANCE;
         /* By pairs of interfaces: of the first by loads on the second, row by row. */
         const int64_t pair = index / 36, row = index % 36 / 6, column = index % 6;
@@ -577,7 +581,7 @@ Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_c
     if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
     memset(x->start_inputs, 0, (size_t)x->loads * sizeof(double));
     for (int64_t i = 0; i < input_count; i++) x->start_inputs[p->variable_index[inputs[i]]] += direction[i];
-    body_derivative(x->body, x->previous, usual_step(x), x->q, x->start_inputs, x->rates);
+    if (body_derivative(x->body, x->previous, usual_step(x), x->q, x->start_inputs, x->rates) != FLEX_OK) return no_room(x, why);
     x->cached &= ~CACHED_MOTION;
     for (int64_t i = 0; i < output_count; i++) {
         result[i] = x->rates[p->variable_index[outputs[i]]];

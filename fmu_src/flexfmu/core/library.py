@@ -24,13 +24,13 @@ _PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
 
 
 class _Limits(ctypes.Structure):
-    """`StepLimits` of core/body.h."""
+    """`StepLimits` of core/data.h."""
 
     _fields_ = [("longest", _NUMBER), ("tolerance", _NUMBER), ("most", _NUMBER)]
 
 
 class _Work(ctypes.Structure):
-    """`Work` of core/body.h."""
+    """`Work` of core/data.h."""
 
     _fields_ = [("substeps", _WHOLE), ("iterations", _WHOLE), ("error", _NUMBER)]
 
@@ -76,6 +76,11 @@ class StepAnswer:
         return symbols("ANSWER")[self.number]
 
 
+def _done(answer: int) -> None:
+    if not StepAnswer(answer).ok:
+        raise MemoryError("the core's workspace is too short for a call, which is an error of flexfmu")
+
+
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_open": (_PLACE, (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))),
     "body_close": (None, (_PLACE,)),
@@ -84,12 +89,12 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_step": (ctypes.c_int, (_PLACE, _PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _PLACE, ctypes.POINTER(_Work))),
     "body_refusal": (None, (_PLACE, ctypes.c_int, _NUMBER, ctypes.POINTER(_Work), ctypes.c_char_p, _WHOLE)),
     "body_static_refusal": (None, (_PLACE, ctypes.c_int, _NUMBER, ctypes.c_char_p, _WHOLE)),
-    "body_motion": (None, (_PLACE,) * 5),
+    "body_motion": (_done, (_PLACE,) * 5),
     "body_nodes": (None, (_PLACE,) * 4),
     "body_stress": (None, (_PLACE,) * 3),
-    "body_energies": (None, (_PLACE,) * 5),
-    "body_forces": (None, (_PLACE,) * 5),
-    "body_mass": (None, (_PLACE,) * 3),
+    "body_energies": (_done, (_PLACE,) * 5),
+    "body_forces": (_done, (_PLACE,) * 5),
+    "body_mass": (_done, (_PLACE,) * 3),
     "body_rotations": (_NUMBER, (_PLACE,) * 3),
     "body_spin": (_NUMBER, (_PLACE,) * 3),
     "body_stability": (_NUMBER, (_PLACE,) * 4),
@@ -98,7 +103,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_may_miss": (ctypes.c_int, (_PLACE, _PLACE, _NUMBER)),
     "body_missed": (_NUMBER, (_PLACE,) * 3),
     "body_bytes": (_WHOLE, (_PLACE,)),
-    "body_compliance": (None, (_PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _WHOLE, _PLACE)),
+    "body_compliance": (_done, (_PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _WHOLE, _PLACE)),
 }
 
 

@@ -1,10 +1,10 @@
-/* Energy of strain of second order that no displacement takes away: docs/theory.md section 4c.
- *
- * V = sum of s_r (sigma_r^2 - (l_r.q)^2) with sigma_r = l_r.q + k_r, k_r = q.S_r q. The change of a square is twice its mean times
+/* V = sum of s_r (sigma_r^2 - (l_r.q)^2) with sigma_r = l_r.q + k_r, k_r = q.S_r q. The change of a square is twice its mean times
  * its change, and the change of k_r is 2 S_r mean(q) . dq: so the mean force below is an exact discrete gradient of V. */
+#include "membrane.h"
+
 #include <string.h>
 
-#include "internal.h"
+#include "algebra.h"
 
 void take_stretch(const Body *body, Arena *arena, Stretch *at) {
     const int64_t count = body->p.stretches;
@@ -12,8 +12,6 @@ void take_stretch(const Body *body, Arena *arena, Stretch *at) {
     at->bent = take(arena, count);
     at->whole = take(arena, count);
 }
-
-int64_t stretch_size(const Body *body) { return body->p.stretches * (body->p.modes + 2); }
 
 void stretch_at(const Body *body, const double *q, Stretch *at) {
     const Program *p = &body->p;

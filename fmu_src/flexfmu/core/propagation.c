@@ -1,9 +1,8 @@
-/* Exact propagation of damped linear modes over a step of any length (docs/theory.md section 6), and what ties make of
- * it (section 10). Source: e.g. M. Geradin, D. J. Rixen, Mechanical Vibrations, 3rd ed., section 2.8 (Duhamel). */
-#include <math.h>
-#include <string.h>
+#include "propagation.h"
 
-#include "internal.h"
+#include <math.h>
+
+#include "algebra.h"
 
 /* Angle by which a mode that the step resolves turns in it at the most, of a body with ties, rad. */
 static const double RESOLVED = 1.5;
@@ -45,7 +44,7 @@ static void propagate(const Rule *r, int64_t j, double w, double z) {
 /* Of a body with ties: modes that the step does not resolve go by the rule of the middle (17), and the response (17a). */
 static void tie_rule(Body *body, Rule *r) {
     const int64_t m = body->p.modes;
-    double *matrix = body->work;
+    double *matrix = body->square;
     for (int64_t j = 0; j < m; j++) {
         const double square = body->stiffness[j], h = r->step;
         if (body->p.omega[j] * h > RESOLVED) {
@@ -85,7 +84,6 @@ void take_rules(Body *body, Arena *arena) {
     body->rule_count = body->rule_next = 0;
 }
 
-/* The rule of a length of step; the last few are kept, since a master hardly ever changes its step. */
 const Rule *rule_of(Body *body, double step) {
     for (int i = 0; i < body->rule_count; i++)
         if (body->rules[i].step == step) return body->rules + i;

@@ -13,6 +13,7 @@ void body_refusal(const Body *body, int answer, double step, const Work *work, c
     switch (answer) {
     case FLEX_BAD_STEP: snprintf(text, room, SAY_BAD_STEP, step); return;
     case FLEX_NOT_FINITE: snprintf(text, room, SAY_NOT_FINITE); return;
+    case FLEX_NO_ROOM: snprintf(text, room, SAY_NO_ROOM); return;
     case FLEX_TOO_MANY_STEPS:
         snprintf(text, room, SAY_TOO_MANY_STEPS, step, (long long)work->substeps,
                  body->limits.longest > 0.0 ? "internal_step.limit" : "the slowest vibration", most);
@@ -29,6 +30,7 @@ void body_refusal(const Body *body, int answer, double step, const Work *work, c
 void body_static_refusal(const Body *body, int answer, double share, char *text, int64_t size) {
     const size_t room = (size_t)size;
     switch (answer) {
+    case FLEX_NO_ROOM: snprintf(text, room, SAY_NO_ROOM); return;
     case FLEX_FREE: snprintf(text, room, SAY_FREE, (long long)body->p.rigid); return;
     case FLEX_TOO_MUCH_WORK: snprintf(text, room, SAY_STATIC_WORK, 100.0 * share, body->limits.most); return;
     default: snprintf(text, room, SAY_BEYOND_CRITICAL, 100.0 * share);

@@ -1,9 +1,11 @@
-/* Equilibrium Lambda q = Q(q) under constant loads, by Newton's method with load increments where it needs them
- * (docs/theory.md section 7). */
+#include "statics.h"
+
 #include <math.h>
 #include <string.h>
 
-#include "internal.h"
+#include "algebra.h"
+#include "forces.h"
+#include "tree.h"
 
 /* Newton converges in 4 to 6 rounds or not at all; more increments are cheaper than more rounds. */
 enum { MOST_ROUNDS = 15 };
@@ -21,7 +23,10 @@ typedef struct {
     Configuration at;
     Loads loads;
     Stretch stretch;
-    double *inputs, *trial, *residual, *change, *tangent, *factor, *tense, *scratch, *rest, *foreseen, *start, *between;
+    ForceRoom scratch;
+    TangentRoom rest;
+    Foreseen foreseen;
+    double *inputs, *trial, *residual, *change, *tangent, *factor, *tense, *start, *between;
 } Room;
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
@@ -39,16 +44,14 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->tangent = take(arena, m * m);
     room->factor = take(arena, m * m);
     room->tense = take(arena, 12 * p->ties);
-    room->scratch = take(arena, modal_force_size(body));
-    room->rest = take(arena, tangent_size(body));
-    room->foreseen = take(arena, foreseen_tension_size(body));
+    take_force_room(body, arena, &room->scratch);
+    take_tangent_room(body, arena, &room->rest);
+    take_foreseen(body, arena, &room->foreseen);
 }
 
-int64_t statics_size(const Body *body) {
-    Arena count = {0, 0};
+void statics_demand(const Body *body, Arena *arena) {
     Room room;
-    take_room(body, &count, &room);
-    return count.used;
+    take_room(body, arena, &room);
 }
 
 /* Whether a tangent gives way in no direction: no eigenvalue has lost its positive real part. Without a potential it is not
@@ -80,11 +83,11 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
     for (int round = 1; round <= MOST_ROUNDS; round++) {
         ++*rounds;
         configure(body, room->trial, &room->at);
-        modal_force(body, &room->loads, 1, &room->at, 0, room->scratch, room->residual);
+        modal_force(body, &room->loads, 1, &room->at, 0, &room->scratch, room->residual);
         stretch_at(body, room->trial, &room->stretch);
         subtract_stretch_force(body, &room->stretch, &room->stretch, room->residual);
         /* With the tension that the last round foresaw: that of stiff springs which do not quite fit yet leads astray. */
-        tangent_stiffness(body, &room->loads, 1, &room->at, foreseen ? room->tense : 0, room->rest, room->tangent);
+        tangent_stiffness(body, &room->loads, 1, &room->at, foreseen ? room->tense : 0, &room->rest, room->tangent);
         /* Scaled by Omega the tangent is one and something small, and errors are measured in energy. */
         for (int64_t i = 0; i < m; i++) {
             double force = room->residual[i];
@@ -103,7 +106,7 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
             whole += body->stiffness[j] * room->trial[j] * room->trial[j];
         }
         if (p->tied) {
-            foreseen_tension(body, &room->at, room->residual, room->foreseen, room->tense);
+            foreseen_tension(body, &room->at, room->residual, &room->foreseen, room->tense);
             foreseen = 1;
         }
         if (!isfinite(size)) return 0;
@@ -129,7 +132,7 @@ static int follows(Body *body, Room *room, const double *q, double earlier) {
         for (int64_t i = 0; i < body->p.loads; i++) room->between[i] = less * room->inputs[i];
         spread(body, room->between, &room->loads);
         configure(body, room->trial, &room->at);
-        tangent_stiffness(body, &room->loads, 1, &room->at, 0, room->rest, room->tangent);
+        tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
         for (int64_t i = 0; i < m; i++)
             for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= body->p.omega[i] * body->p.omega[j];
         if (!stable(room->tangent, room->factor, m)) return 0;
@@ -145,6 +148,7 @@ int body_static(Body *body, const double *inputs, double *q, double *share, int6
     take_room(body, &arena, &room);
     *share = 0.0;
     *rounds = 0;
+    if (arena.refused) return FLEX_NO_ROOM;
     if (p->rigid) return FLEX_FREE;
     spread(body, inputs, &room.loads);
     for (int64_t j = 0; j < m; j++) q[j] = room.loads.active ? 0.0 : room.loads.constant[j] / body->stiffness[j];

@@ -1,153 +1,142 @@
-/* Internal steps of a body in one piece with the mass of the undeformed body (docs/theory.md section 6).
- *
- * The modal force is replaced by a mean, the discrete gradient (9) of the loads' work, and each mode is propagated exactly
- * under it: an undamped mode gains exactly the energy that the mean does work. Sources: O. Gonzalez, J. Nonlinear Sci. 6
- * (1996) 449 (discrete gradient); Y.-W. Li, X. Wu, SIAM J. Sci. Comput. 38 (2016) A1876 (in an exponential integrator). */
-#include <math.h>
-#include <string.h>
+#include "step_plain.h"
 
-#include "internal.h"
+#include <math.h>
+#include <stddef.h>
+
+#include "algebra.h"
 
 /* What may be left of the error of Omega q relative to its size: energy that is not kept adds up. */
 static const double TOLERANCE = 1e-14;
 /* Change below which the discrete gradient's bracket joins the iteration: its own error is then far below the tolerance. */
-static const double SETTLED = 1e-5;
-/* A fixed point that has not settled after this many rounds is slow: the step is divided. Newton's method would settle some
- * of these steps, but hardly one of them to the tolerance. */
-enum { MOST_ROUNDS = 16 };
+static const double SETTLED_ENOUGH = 1e-5;
 
-int64_t plain_size(const Body *body) {
-    const int64_t m = body->p.modes;
-    return ends_size(body) + 2 * stretch_size(body) + 11 * m + body->p.loads + modal_force_size(body);
+typedef struct {
+    Step step;
+    double *free, *first, *last, *force, *bare, *mean, *growth, *off;
+    double start_work, end_work, reach, speed;
+    int corrected;
+} Plain;
+
+static void take_plain(const Body *body, Arena *arena, Plain *x) {
+    double **each[] = {&x->free, &x->first, &x->last, &x->force, &x->bare, &x->mean, &x->growth, &x->off};
+    take_step(body, arena, &x->step);
+    for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, body->p.modes);
 }
 
-int plain_steps(Body *body, Division *d, double *q, double *v) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes;
-    const int potential = has_potential(body);
-    Arena arena = work_arena(body);
-    Ends ends;
-    take_ends(body, &arena, &ends);
-    Configuration *here = &ends.first, *there = &ends.second, *middle = &ends.middle;
-    Loads *loads = &ends.loads;
-    Stretch first, last, *stretched = &first, *stretch = &last;
-    take_stretch(body, &arena, stretched);
-    take_stretch(body, &arena, stretch);
-    double *v0 = take(&arena, m), *q1 = take(&arena, m), *free = take(&arena, m), *start = take(&arena, m);
-    double *end = take(&arena, m), *force = take(&arena, m), *mean = take(&arena, m), *way = take(&arena, m);
-    double *bare = take(&arena, m), *growth = take(&arena, m), *change = take(&arena, m);
-    double *between = take(&arena, p->loads), *scratch = take(&arena, modal_force_size(body));
-    const Rule *rule = rule_of(body, d->step);
-    double start_work = 0.0, end_work = 0.0;
-
-    d->worst = 0.0;
+static void enter(Step *s, const double *q, const double *v) {
+    Plain *x = (Plain *)s;
     /* What loads that grow over a step do beyond their mean: exact on the undeformed body. */
-    spread_growth(body, d, loads, growth);
-    memcpy(v0, v, (size_t)m * sizeof(double));
-    find_need(body, d->inputs, d->inputs_end);
-    const Need *need = body->need;
-    if (!recall(body, need, q, here)) {
-        configure_linear(body, need, q, here);
-        configure_places(body, need, here);
+    spread_growth(s, x->growth);
+    enter_state(s, q, v);
+}
+
+/* Modal force at an end, and the work of the loads there. */
+static double end_force(Step *s, const Configuration *at, const Stretch *stretch, double *force) {
+    modal_force(s->body, &s->loads, 1, at, 0, &s->scratch, force);
+    subtract_stretch_force(s->body, stretch, stretch, force);
+    return force_work(s->body, &s->loads, at);
+}
+
+static int begin(Step *s) {
+    Plain *x = (Plain *)s;
+    const int64_t m = s->body->p.modes;
+    const Rule *rule = s->rule;
+    const double *q = s->here->q;
+    if (s->all->inputs_end) spread_at(s, (double)s->number + 0.5);
+    if (s->all->inputs_end || s->number == 0) x->start_work = end_force(s, s->here, s->from, x->first);
+    x->reach = work_reach(s->body, s->loads.force, s->body->p.nodes) + fabs(x->start_work);
+    x->speed = norm(s->v0, m);
+    for (int64_t j = 0; j < m; j++) {
+        x->free[j] = rule->p11[j] * q[j] + rule->p12[j] * s->v0[j];
+        s->q1[j] = x->free[j] + rule->gq[j] * x->first[j];
     }
-    stretch_at(body, q, stretched);
-    for (int64_t number = 0; number < d->count; number++) {
-        if (d->rounds >= d->most_rounds) return EXHAUSTED;
-        if (d->inputs_end) spread_at(body, d, (double)number + 0.5, between, loads);
-        if (d->inputs_end || number == 0) {
-            modal_force(body, loads, 1, here, 0, scratch, start);
-            subtract_stretch_force(body, stretched, stretched, start);
-            start_work = force_work(body, loads, here);
-        }
-        const double reach = work_reach(body, loads->force, p->nodes) + fabs(start_work), speed = norm(v0, m);
-        for (int64_t j = 0; j < m; j++) {
-            free[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j];
-            q1[j] = free[j] + rule->gq[j] * start[j];
-        }
-        double size = HUGE_VAL, before = HUGE_VAL, correction = 0.0, uncertain = 0.0;
-        int settled = 0;
-        for (int round = 1; !settled; round++) {
-            if (round > MOST_ROUNDS) return UNSETTLED;
-            d->rounds++;
-            double square = 0.0;
-            configure_linear(body, need, q1, there);
-            configure_halfway(body, need, here, there, middle);
-            for (int64_t j = 0; j < m; j++) {
-                way[j] = q1[j] - here->q[j];
-                square += way[j] * way[j];
-            }
-            modal_force(body, loads, 1, middle, 0, scratch, force);
-            const int corrected = size <= SETTLED;
-            if (corrected && potential && square > 0.0) {
-                const double *conservative = force;
-                configure_places(body, need, there);
-                end_work = force_work(body, loads, there);
-                if (loads->has_moments) {
-                    modal_force(body, loads, 0, middle, 0, scratch, bare);
-                    conservative = bare;
-                }
-                const double bracket = end_work - start_work - dot(conservative, way, m);
-                const double round_off = ROUND_OFF * (reach + fabs(end_work));
-                correction = fabs(bracket) > round_off ? bracket / square : 0.0;
-                uncertain = correction != 0.0 ? NOISE * round_off / square : 0.0;
-            }
-            for (int64_t j = 0; j < m; j++) mean[j] = force[j] + correction * way[j];
-            stretch_at(body, q1, stretch);
-            subtract_stretch_force(body, stretched, stretch, mean);
-            for (int64_t j = 0; j < m; j++) {
-                change[j] = q1[j] - free[j] - rule->gq[j] * mean[j];
-            }
-            double moved = 0.0, sized = 0.0, blurred = 0.0;
-            for (int64_t j = 0; j < m; j++) {
-                q1[j] -= change[j];
-                const double step = p->weight[j] * change[j], reached = p->weight[j] * q1[j];
-                const double blur = p->weight[j] * rule->gq[j] * uncertain * way[j];
-                moved += step * step;
-                sized += reached * reached;
-                blurred += blur * blur;
-            }
-            const double scale = sqrt(sized) + speed;
-            size = scale > 0.0 ? sqrt(moved) / scale : 0.0;
-            if (!isfinite(size)) return UNSETTLED;
-            /* What is left of the error is the change times the rate at which changes fall. */
-            const double rate = size < before ? size / before : 1.0;
-            settled = corrected && size * rate * scale <= fmax(TOLERANCE * scale, sqrt(blurred));
-            before = size;
-        }
-        for (int64_t j = 0; j < m; j++) {
-            const double rate = rule->p21[j] * here->q[j] + rule->p22[j] * v0[j] + rule->gv[j] * mean[j];
-            v0[j] = rate + rule->ramp_rate[j] * growth[j];
-            q1[j] += rule->ramp[j] * growth[j];
-        }
-        configure_linear(body, need, q1, there);
-        configure_places(body, need, there);
-        modal_force(body, loads, 1, there, 0, scratch, end);
-        stretch_at(body, q1, stretch);
-        subtract_stretch_force(body, stretch, stretch, end);
-        end_work = force_work(body, loads, there);
-        /* What the force's change over the step would do beyond its mean is the leading error. */
-        double error = 0.0, energy = 0.0;
-        for (int64_t j = 0; j < m; j++) {
-            const double lost = p->weight[j] * rule->ramp[j] * (end[j] - start[j]), strained = p->omega[j] * q1[j];
-            error += lost * lost;
-            energy += strained * strained + v0[j] * v0[j];
-        }
-        error = energy > 0.0 ? sqrt(error / energy) : 0.0;
-        if (!(error <= d->worst)) d->worst = error;
-        if (!(d->worst <= d->tolerance)) return INACCURATE;
-        double *kept = start;
-        start = end;
-        end = kept;
-        start_work = end_work;
-        Configuration *passed = here;
-        here = there;
-        there = passed;
-        Stretch *left = stretched;
-        stretched = stretch;
-        stretch = left;
+    return 1;
+}
+
+static int residual(Step *s) {
+    Plain *x = (Plain *)s;
+    Body *body = s->body;
+    const int64_t m = body->p.modes;
+    const Rule *rule = s->rule;
+    const double *conservative = x->force;
+    double square = 0.0;
+    configure_linear(body, body->need, s->q1, s->there);
+    configure_halfway(body, body->need, s->here, s->there, &s->middle);
+    for (int64_t j = 0; j < m; j++) {
+        s->way[j] = s->q1[j] - s->here->q[j];
+        square += s->way[j] * s->way[j];
     }
-    remember(body, need, here);
-    memcpy(q, here->q, (size_t)m * sizeof(double));
-    memcpy(v, v0, (size_t)m * sizeof(double));
-    return DONE;
+    modal_force(body, &s->loads, 1, &s->middle, 0, &s->scratch, x->force);
+    x->corrected = s->change <= SETTLED_ENOUGH;
+    if (x->corrected && has_potential(body) && square > 0.0) {
+        configure_places(body, body->need, s->there);
+        x->end_work = force_work(body, &s->loads, s->there);
+        if (s->loads.has_moments) {
+            modal_force(body, &s->loads, 0, &s->middle, 0, &s->scratch, x->bare);
+            conservative = x->bare;
+        }
+        close_bracket(s, x->end_work - x->start_work - dot(conservative, s->way, m), x->reach + fabs(x->end_work), square);
+    }
+    for (int64_t j = 0; j < m; j++) x->mean[j] = x->force[j] + s->factor * s->way[j];
+    stretch_at(body, s->q1, s->to);
+    subtract_stretch_force(body, s->from, s->to, x->mean);
+    for (int64_t j = 0; j < m; j++) x->off[j] = s->q1[j] - x->free[j] - rule->gq[j] * x->mean[j];
+    return 1;
+}
+
+static Progress correct(Step *s) {
+    Plain *x = (Plain *)s;
+    const Program *p = &s->body->p;
+    double moved = 0.0, sized = 0.0, blurred = 0.0;
+    for (int64_t j = 0; j < p->modes; j++) {
+        s->q1[j] -= x->off[j];
+        const double step = p->weight[j] * x->off[j], reached = p->weight[j] * s->q1[j];
+        const double blur = p->weight[j] * s->rule->gq[j] * s->blur * s->way[j];
+        moved += step * step;
+        sized += reached * reached;
+        blurred += blur * blur;
+    }
+    const Progress progress = progress_of(s, moved, sqrt(sized) + x->speed, blurred, TOLERANCE);
+    return progress == SETTLED && !x->corrected ? GOING_ON : progress;
+}
+
+static int accept(Step *s, double *error) {
+    Plain *x = (Plain *)s;
+    Body *body = s->body;
+    const Rule *rule = s->rule;
+    const double *q = s->here->q;
+    for (int64_t j = 0; j < body->p.modes; j++) {
+        const double rate = rule->p21[j] * q[j] + rule->p22[j] * s->v0[j] + rule->gv[j] * x->mean[j];
+        s->v0[j] = rate + rule->ramp_rate[j] * x->growth[j];
+        s->q1[j] += rule->ramp[j] * x->growth[j];
+    }
+    configure_linear(body, body->need, s->q1, s->there);
+    configure_places(body, body->need, s->there);
+    stretch_at(body, s->q1, s->to);
+    x->end_work = end_force(s, s->there, s->to, x->last);
+    *error = leading_error(s, x->first, x->last, s->v0);
+    return 1;
+}
+
+static void pass(Step *s) {
+    Plain *x = (Plain *)s;
+    double *kept = x->first;
+    x->first = x->last;
+    x->last = kept;
+    x->start_work = x->end_work;
+    pass_on(s);
+}
+
+void plain_demand(const Body *body, Arena *arena) {
+    Plain x;
+    take_plain(body, arena, &x);
+}
+
+int plain_steps(Body *body, Substeps *all, double *q, double *v) {
+    static const Stepper stepper = {enter, begin, residual, correct, accept, pass, leave_state};
+    Arena arena = work_arena(body);
+    Plain x;
+    take_plain(body, &arena, &x);
+    if (arena.refused) return NO_ROOM;
+    return internal_steps(&stepper, &x.step, body, all, q, v);
 }

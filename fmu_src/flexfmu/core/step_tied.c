@@ -1,12 +1,10 @@
-/* Internal steps of a body whose cut parts ties join (docs/theory.md section 10).
- *
- * The modes hold the ties as they pull at q = 0; at turned frames these stiff springs pull in other directions. So only the
- * modes that a step resolves are propagated exactly, the others by the rule of the middle (17), all under the discrete
- * gradient (9) of every force beyond Lambda. Source of (17): J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757. */
+#include "step_tied.h"
+
 #include <math.h>
 #include <string.h>
 
-#include "internal.h"
+#include "algebra.h"
+#include "ties.h"
 
 /* Change of q over a round relative to q and to the way of a step. */
 static const double TOLERANCE = 1e-11;
@@ -14,12 +12,27 @@ static const double TOLERANCE = 1e-11;
 static const double FAST = 0.02;
 /* Vibrations whose phase is lost may hold a twentieth of the energy at the usual tolerance of 1e-4. */
 static const double PHASE = 0.04;
-/* An iteration that has not settled after this many rounds is slow: the step is divided. */
-enum { MOST_ROUNDS = 16 };
 
-int64_t tied_size(const Body *body) {
-    const int64_t m = body->p.modes;
-    return ends_size(body) + 2 * stretch_size(body) + pull_size(body) + 17 * m + body->p.loads + 12 * body->p.ties + modal_force_size(body);
+typedef struct {
+    Step step;
+    Pull pull;
+    double *free, *force, *bare, *mean, *speed, *off, *change, *held, *lost, *first;
+    double *linear, *end_linear; /* H q at both ends */
+    double *tense;               /* (T, 4, 3) */
+    int64_t resolved;            /* modes */
+    double noise;                /* round-off of the springs' strain, as a change of q */
+    double quiet;                /* root of the energy that is round-off of that strain and of the rates that follow from it */
+    double start_energy, load_work, start_work, reach, speed_before, change_before;
+    int stale;                   /* whether the ties have to pull anew */
+} Tied;
+
+static void take_tied(const Body *body, Arena *arena, Tied *x) {
+    double **each[] = {&x->free, &x->force, &x->bare, &x->mean, &x->speed, &x->off, &x->change, &x->held, &x->lost, &x->first,
+                       &x->linear, &x->end_linear};
+    take_step(body, arena, &x->step);
+    take_pull(body, arena, &x->pull);
+    for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, body->p.modes);
+    x->tense = take(arena, 12 * body->p.ties);
 }
 
 /* Twice the energy of vibrations that the step does not resolve, for an acceleration and rates at its start. With K the
@@ -41,188 +54,213 @@ static double ringing(const Body *body, const Rule *rule, Pull *pull, const doub
     return energy;
 }
 
-/* Twice the strain energy, of springs that hold `held`; `linear` is Hq. */
-static double strain_of(const Body *body, const double *q, double held, const double *linear) {
+/* Twice the energy at an end: strain of the modes and of springs that hold `held`, `linear` being Hq, motion and membrane. */
+static double energy_of(const Body *body, const double *q, double held, const double *linear, const double *v,
+                        const Stretch *stretch) {
     double strain = 2.0 * held;
     for (int64_t j = 0; j < body->p.modes; j++) strain += q[j] * (body->stiffness[j] * q[j] - linear[j]);
-    return fabs(strain);
+    return fabs(strain) + dot(v, v, body->p.modes) + 2.0 * stretch_energy(body, stretch);
 }
 
-int tied_steps(Body *body, Division *d, double *q, double *v) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes;
-    const int potential = has_potential(body);
-    Arena arena = work_arena(body);
-    Ends ends;
-    Pull pull;
-    take_ends(body, &arena, &ends);
-    Configuration *here = &ends.first, *there = &ends.second, *middle = &ends.middle;
-    Loads *loads = &ends.loads;
-    take_pull(body, &arena, &pull);
-    Stretch first, last, *stretched = &first, *stretch = &last;
-    take_stretch(body, &arena, stretched);
-    take_stretch(body, &arena, stretch);
-    double *v0 = take(&arena, m), *q1 = take(&arena, m), *free = take(&arena, m), *force = take(&arena, m);
-    double *bare = take(&arena, m), *mean = take(&arena, m), *way = take(&arena, m), *speed = take(&arena, m);
-    double *off = take(&arena, m), *change = take(&arena, m), *linear = take(&arena, m), *end_linear = take(&arena, m);
-    double *held = take(&arena, m), *lost = take(&arena, m), *begin = take(&arena, m);
-    double *between = take(&arena, p->loads), *tense = take(&arena, 12 * p->ties);
-    double *scratch = take(&arena, modal_force_size(body));
-    const Rule *rule = rule_of(body, d->step);
-    const double h = d->step, fastest = p->omega[m - 1], noise = p->tie_noise[0] / fastest;
-    /* Root of the energy that is round-off of the springs' strain and of the rates that follow from it. */
-    const double quiet = noise * (fastest + 2.0 / h);
+static void enter(Step *s, const double *q, const double *v) {
+    Tied *x = (Tied *)s;
+    Body *body = s->body;
+    const int64_t m = body->p.modes;
+    const double fastest = body->p.omega[m - 1];
+    x->noise = body->p.tie_noise[0] / fastest;
+    x->quiet = x->noise * (fastest + 2.0 / s->all->step);
+    x->resolved = 0;
+    while (x->resolved < m && s->rule->ramp[x->resolved] != 0.0) x->resolved++;
+    enter_state(s, q, v);
+    spread(body, s->all->inputs, &s->loads);
+    rows_times(body->p.tie_initial, q, x->linear, m, m);
+    x->start_energy = energy_of(body, q, tie_tension(body, s->here, x->tense), x->linear, s->v0, s->from);
+}
 
-    int64_t resolved = 0;
-    while (resolved < m && rule->ramp[resolved] != 0.0) resolved++;
-    d->worst = 0.0;
-    memcpy(v0, v, (size_t)m * sizeof(double));
-    find_need(body, d->inputs, d->inputs_end);
-    const Need *need = body->need;
-    if (!recall(body, need, q, here)) {
-        configure_linear(body, need, q, here);
-        configure_places(body, need, here);
+static int begin(Step *s) {
+    Tied *x = (Tied *)s;
+    Body *body = s->body;
+    const int64_t m = body->p.modes;
+    const Rule *rule = s->rule;
+    const double *q = s->here->q, *v = s->v0;
+    if (x->resolved < m) {
+        if (s->all->inputs_end) spread_at(s, (double)s->number);
+        modal_force(body, &s->loads, 1, s->here, 0, &s->scratch, x->first);
+        for (int64_t j = 0; j < m; j++)
+            x->first[j] += x->linear[j] - body->stiffness[j] * q[j] - body->rate[j] * v[j] - dot(body->coupled + j * m, v, m);
+        subtract_stretch_force(body, s->from, s->from, x->first);
     }
-    spread(body, d->inputs, loads);
-    rows_times(p->tie_initial, q, linear, m, m);
-    stretch_at(body, q, stretched);
-    double start_energy = strain_of(body, q, tie_tension(body, here, tense), linear) + dot(v0, v0, m) +
-                          2.0 * stretch_energy(body, stretched);
-    for (int64_t number = 0; number < d->count; number++) {
-        if (d->rounds >= d->most_rounds) return EXHAUSTED;
-        if (resolved < m) {
-            if (d->inputs_end) spread_at(body, d, (double)number, between, loads);
-            modal_force(body, loads, 1, here, 0, scratch, begin);
-            for (int64_t j = 0; j < m; j++)
-                begin[j] += linear[j] - body->stiffness[j] * here->q[j] - body->rate[j] * v0[j] - dot(body->coupled + j * m, v0, m);
-            subtract_stretch_force(body, stretched, stretched, begin);
-        }
-        if (d->inputs_end) spread_at(body, d, (double)number + 0.5, between, loads);
-        const double load_work = force_work(body, loads, here), start_work = load_work - tie_tension(body, here, tense);
-        const double rate = norm(v0, m), reach = work_reach(body, loads->force, p->nodes) + fabs(start_work);
-        double last = HUGE_VAL, earlier = HUGE_VAL;
-        for (int64_t j = 0; j < m; j++) {
-            free[j] = rule->p11[j] * here->q[j] + rule->p12[j] * v0[j];
-            q1[j] = here->q[j] + h * v0[j];
-        }
-        configure_linear(body, need, q1, there);
-        configure_places(body, need, there);
-        configure_halfway(body, need, here, there, middle);
-        int settled = 0, stale = 1;
-        for (int round = 1; !settled; round++) {
-            d->rounds++;
-            if (round > 1) {
-                configure_linear(body, need, q1, there);
-                configure_places(body, need, there);
-                configure_halfway(body, need, here, there, middle);
-            }
-            if (stale && !pull_at(body, rule, middle, body->pivot, &pull)) return UNSETTLED;
-            for (int64_t j = 0; j < m; j++) way[j] = q1[j] - here->q[j];
-            modal_force(body, loads, 1, middle, 0, scratch, force);
-            const double square = dot(way, way, m);
-            const double *conservative = force;
-            double correction = 0.0, blur = 0.0, blurred = 0.0;
-            if (potential && square > 0.0) {
-                const double end_work = force_work(body, loads, there) - tie_tension(body, there, tense);
-                if (loads->has_moments) {
-                    modal_force(body, loads, 0, middle, 0, scratch, bare);
-                    conservative = bare;
-                }
-                const double bracket = end_work - start_work - dot(conservative, way, m);
-                /* The springs' strain is a difference of places. */
-                const double round_off = ROUND_OFF * (reach + fabs(end_work) + work_reach(body, tense, 4 * p->ties));
-                if (fabs(bracket) > round_off) {
-                    correction = bracket / square;
-                    blur = NOISE * round_off / square;
-                }
-            }
-            /* What the mean holds beside Hq at the start and what is linear in the way, of which `respond` knows. */
-            for (int64_t j = 0; j < m; j++) mean[j] = force[j] + correction * way[j];
-            stretch_at(body, q1, stretch);
-            subtract_stretch_force(body, stretched, stretch, mean);
-            for (int64_t j = 0; j < m; j++) {
-                off[j] = here->q[j] - free[j] - rule->gq[j] * (mean[j] + linear[j]);
-                blurred += rule->gq[j] * way[j] * rule->gq[j] * way[j];
-            }
-            respond(body, rule, &pull, off, way, change);
-            for (int64_t j = 0; j < m; j++) q1[j] -= change[j];
-            const double size = norm(change, m), enough = TOLERANCE * (norm(q1, m) + h * rate);
-            if (!isfinite(size)) return UNSETTLED;
-            settled = size <= fmax(fmax(enough, noise), blur * sqrt(blurred));
-            if (!settled && (size > 0.5 * earlier || round >= MOST_ROUNDS)) return UNSETTLED;
-            stale = size > FAST * last;
-            earlier = last;
-            last = size;
-        }
-        for (int64_t j = 0; j < m; j++) speed[j] = way[j] / h;
-        rows_times(p->tie_initial, middle->q, held, m, m);
-        rows_times(body->coupled, speed, lost, m, m);
-        for (int64_t j = 0; j < m; j++) mean[j] += held[j] - lost[j];
-        configure_linear(body, need, q1, there);
-        configure_places(body, need, there);
-        configure_halfway(body, need, here, there, middle);
-        const double lost_phase = resolved < m ? ringing(body, rule, &pull, begin, v0, off, change) : 0.0;
-        /* Stiff springs that vibrate faster than the step can tell are strained by it at its ends as they never are in
-         * truth: their tension is taken as it is in the middle, and how it changes from how the body gives way. */
-        tie_tension(body, middle, tense);
-        modal_force(body, loads, 1, there, tense, scratch, force);
-        modal_force(body, loads, 1, here, tense, scratch, bare);
-        stretch_at(body, q1, stretch);
-        subtract_stretch_force(body, stretch, stretch, force);
-        subtract_stretch_force(body, stretched, stretched, bare);
-        for (int64_t j = 0; j < m; j++) {
-            way[j] = q1[j] - here->q[j];
-            v0[j] = rule->p21[j] * here->q[j] + rule->p22[j] * v0[j] + rule->gv[j] * mean[j];
-        }
-        double error = 0.0;
-        rows_times(p->tie_initial, q1, end_linear, m, m);
-        for (int64_t j = 0; j < m; j++) {
-            speed[j] = body->stiffness[j] * way[j];
-            off[j] = rule->gq[j] * (force[j] - bare[j] + end_linear[j] - linear[j] - speed[j]);
-        }
-        respond(body, rule, &pull, off, 0, change);
-        for (int64_t j = 0; j < m; j++) {
-            /* A mode of the straight body that the turned one only follows, at hardly any acceleration of its own, asks
-             * for no shorter step, however its force changes. */
-            const double moved = rule->lag[j] * change[j], followed = moved + rule->ramp[j] * speed[j];
-            const double missed = p->omega[j] * fmin(fabs(moved), fabs(followed));
-            error += missed * missed;
-        }
-        /* Work of the loads: forces by their potential, moments by their value in the middle-> */
-        double work = potential ? force_work(body, loads, there) - load_work : 0.0;
-        memset(tense, 0, (size_t)(12 * p->ties) * sizeof(double));
-        if (!potential || loads->has_moments) {
-            modal_force(body, loads, 1, middle, tense, scratch, force);
-            work += dot(force, way, m);
-        }
-        if (potential && loads->has_moments) {
-            modal_force(body, loads, 0, middle, tense, scratch, force);
-            work -= dot(force, way, m);
-        }
-        /* Energy that neither was there at the start nor came from the loads is error as well, and what blows up may not be
-         * measured by itself. */
-        const double energy = strain_of(body, q1, tie_tension(body, there, tense), end_linear) + dot(v0, v0, m) +
-                              2.0 * stretch_energy(body, stretch);
-        const double bound = start_energy + 2.0 * fabs(work) + quiet * quiet + 2.0 * ROUND_OFF * (reach + energy);
-        error = sqrt(error) + (!(energy <= bound) ? sqrt(energy) - sqrt(bound) : 0.0);
-        error = !(error <= quiet) ? error / sqrt(fmin(energy, bound)) : 0.0;
-        /* The phase of what the step does not resolve is lost. Of motion under a load its share is that of the energy. */
-        const double share = lost_phase > quiet * quiet ? lost_phase / fmax(start_energy, fmin(energy, bound)) : 0.0;
-        const double blind = PHASE * share * share;
-        if (!(blind <= error)) error = blind;
-        start_energy = energy;
-        memcpy(linear, end_linear, (size_t)m * sizeof(double));
-        if (!(error <= d->worst)) d->worst = error;
-        if (!(d->worst <= d->tolerance)) return INACCURATE;
-        Configuration *passed = here;
-        here = there;
-        there = passed;
-        Stretch *left = stretched;
-        stretched = stretch;
-        stretch = left;
+    if (s->all->inputs_end) spread_at(s, (double)s->number + 0.5);
+    x->load_work = force_work(body, &s->loads, s->here);
+    x->start_work = x->load_work - tie_tension(body, s->here, x->tense);
+    x->speed_before = norm(v, m);
+    x->reach = work_reach(body, s->loads.force, body->p.nodes) + fabs(x->start_work);
+    x->change_before = HUGE_VAL;
+    x->stale = 1;
+    for (int64_t j = 0; j < m; j++) {
+        x->free[j] = rule->p11[j] * q[j] + rule->p12[j] * v[j];
+        s->q1[j] = q[j] + s->all->step * v[j];
     }
-    remember(body, need, here);
-    memcpy(q, here->q, (size_t)m * sizeof(double));
-    memcpy(v, v0, (size_t)m * sizeof(double));
-    return DONE;
+    return 1;
+}
+
+/* Configurations at the end and in the middle for the q there. */
+static void configure_end(Step *s) {
+    Body *body = s->body;
+    configure_linear(body, body->need, s->q1, s->there);
+    configure_places(body, body->need, s->there);
+    configure_halfway(body, body->need, s->here, s->there, &s->middle);
+}
+
+static int residual(Step *s) {
+    Tied *x = (Tied *)s;
+    Body *body = s->body;
+    const int64_t m = body->p.modes;
+    const double *conservative = x->force;
+    configure_end(s);
+    if (x->stale && !pull_at(body, s->rule, &s->middle, body->pivot, &x->pull)) return 0;
+    for (int64_t j = 0; j < m; j++) s->way[j] = s->q1[j] - s->here->q[j];
+    modal_force(body, &s->loads, 1, &s->middle, 0, &s->scratch, x->force);
+    const double square = dot(s->way, s->way, m);
+    if (has_potential(body)) {
+        const double end_work = force_work(body, &s->loads, s->there) - tie_tension(body, s->there, x->tense);
+        if (s->loads.has_moments) {
+            modal_force(body, &s->loads, 0, &s->middle, 0, &s->scratch, x->bare);
+            conservative = x->bare;
+        }
+        /* The springs' strain is a difference of places. */
+        const double reach = x->reach + fabs(end_work) + work_reach(body, x->tense, 4 * body->p.ties);
+        close_bracket(s, end_work - x->start_work - dot(conservative, s->way, m), reach, square);
+    }
+    /* What the mean holds beside Hq at the start and what is linear in the way, of which `respond` knows. */
+    for (int64_t j = 0; j < m; j++) x->mean[j] = x->force[j] + s->factor * s->way[j];
+    stretch_at(body, s->q1, s->to);
+    subtract_stretch_force(body, s->from, s->to, x->mean);
+    return 1;
+}
+
+static Progress correct(Step *s) {
+    Tied *x = (Tied *)s;
+    Body *body = s->body;
+    const int64_t m = body->p.modes;
+    const double *gq = s->rule->gq;
+    double blurred = 0.0;
+    for (int64_t j = 0; j < m; j++) {
+        x->off[j] = s->here->q[j] - x->free[j] - gq[j] * (x->mean[j] + x->linear[j]);
+        blurred += gq[j] * s->way[j] * gq[j] * s->way[j];
+    }
+    respond(body, s->rule, &x->pull, x->off, s->way, x->change);
+    for (int64_t j = 0; j < m; j++) s->q1[j] -= x->change[j];
+    const double size = norm(x->change, m), last = s->change;
+    const double enough = TOLERANCE * (norm(s->q1, m) + s->all->step * x->speed_before);
+    if (!isfinite(size)) return LOST;
+    if (size <= fmax(fmax(enough, x->noise), s->blur * sqrt(blurred))) return SETTLED;
+    if (size > 0.5 * x->change_before) return LOST;
+    x->stale = size > FAST * last;
+    x->change_before = last;
+    s->change = size;
+    return GOING_ON;
+}
+
+/* Square of the leading error: what the force's change over the step makes of the modes that it resolves. */
+static double force_error(Tied *x) {
+    Step *s = &x->step;
+    Body *body = s->body;
+    const int64_t m = body->p.modes;
+    const Rule *rule = s->rule;
+    double error = 0.0;
+    /* Stiff springs that vibrate faster than the step can tell are strained by it at its ends as they never are in truth: their
+     * tension is taken as it is in the middle, and how it changes from how the body gives way. */
+    tie_tension(body, &s->middle, x->tense);
+    modal_force(body, &s->loads, 1, s->there, x->tense, &s->scratch, x->force);
+    modal_force(body, &s->loads, 1, s->here, x->tense, &s->scratch, x->bare);
+    subtract_stretch_force(body, s->to, s->to, x->force);
+    subtract_stretch_force(body, s->from, s->from, x->bare);
+    for (int64_t j = 0; j < m; j++) {
+        x->speed[j] = body->stiffness[j] * s->way[j];
+        x->off[j] = rule->gq[j] * (x->force[j] - x->bare[j] + x->end_linear[j] - x->linear[j] - x->speed[j]);
+    }
+    respond(body, rule, &x->pull, x->off, 0, x->change);
+    for (int64_t j = 0; j < m; j++) {
+        /* A mode of the straight body that the turned one only follows, at hardly any acceleration of its own, asks for no
+         * shorter step, however its force changes. */
+        const double moved = rule->lag[j] * x->change[j], followed = moved + rule->ramp[j] * x->speed[j];
+        const double missed = body->p.omega[j] * fmin(fabs(moved), fabs(followed));
+        error += missed * missed;
+    }
+    return error;
+}
+
+/* Work of the loads: of forces by their potential, of moments by their value in the middle. */
+static double work_of_loads(Tied *x) {
+    Step *s = &x->step;
+    Body *body = s->body;
+    const int potential = has_potential(body);
+    double work = potential ? force_work(body, &s->loads, s->there) - x->load_work : 0.0;
+    memset(x->tense, 0, (size_t)(12 * body->p.ties) * sizeof(double));
+    if (!potential || s->loads.has_moments) {
+        modal_force(body, &s->loads, 1, &s->middle, x->tense, &s->scratch, x->force);
+        work += dot(x->force, s->way, body->p.modes);
+    }
+    if (potential && s->loads.has_moments) {
+        modal_force(body, &s->loads, 0, &s->middle, x->tense, &s->scratch, x->force);
+        work -= dot(x->force, s->way, body->p.modes);
+    }
+    return work;
+}
+
+static int accept(Step *s, double *found) {
+    Tied *x = (Tied *)s;
+    Body *body = s->body;
+    const int64_t m = body->p.modes;
+    const Rule *rule = s->rule;
+    const double *q = s->here->q, quiet = x->quiet;
+    for (int64_t j = 0; j < m; j++) x->speed[j] = s->way[j] / s->all->step;
+    rows_times(body->p.tie_initial, s->middle.q, x->held, m, m);
+    rows_times(body->coupled, x->speed, x->lost, m, m);
+    for (int64_t j = 0; j < m; j++) x->mean[j] += x->held[j] - x->lost[j];
+    configure_end(s);
+    stretch_at(body, s->q1, s->to);
+    const double lost_phase = x->resolved < m ? ringing(body, rule, &x->pull, x->first, s->v0, x->off, x->change) : 0.0;
+    for (int64_t j = 0; j < m; j++) {
+        s->way[j] = s->q1[j] - q[j];
+        s->v0[j] = rule->p21[j] * q[j] + rule->p22[j] * s->v0[j] + rule->gv[j] * x->mean[j];
+    }
+    rows_times(body->p.tie_initial, s->q1, x->end_linear, m, m);
+    double error = force_error(x);
+    const double work = work_of_loads(x);
+    /* Energy that neither was there at the start nor came from the loads is error as well, and what blows up may not be
+     * measured by itself. */
+    const double energy = energy_of(body, s->q1, tie_tension(body, s->there, x->tense), x->end_linear, s->v0, s->to);
+    const double bound = x->start_energy + 2.0 * fabs(work) + quiet * quiet + 2.0 * ROUND_OFF * (x->reach + energy);
+    error = sqrt(error) + (!(energy <= bound) ? sqrt(energy) - sqrt(bound) : 0.0);
+    error = !(error <= quiet) ? error / sqrt(fmin(energy, bound)) : 0.0;
+    /* The phase of what the step does not resolve is lost. Of motion under a load its share is that of the energy. */
+    const double share = lost_phase > quiet * quiet ? lost_phase / fmax(x->start_energy, fmin(energy, bound)) : 0.0;
+    const double blind = PHASE * share * share;
+    *found = !(blind <= error) ? blind : error;
+    x->start_energy = energy;
+    return 1;
+}
+
+static void pass(Step *s) {
+    Tied *x = (Tied *)s;
+    double *kept = x->linear;
+    x->linear = x->end_linear;
+    x->end_linear = kept;
+    pass_on(s);
+}
+
+void tied_demand(const Body *body, Arena *arena) {
+    Tied x;
+    take_tied(body, arena, &x);
+}
+
+int tied_steps(Body *body, Substeps *all, double *q, double *v) {
+    static const Stepper stepper = {enter, begin, residual, correct, accept, pass, leave_state};
+    Arena arena = work_arena(body);
+    Tied x;
+    take_tied(body, &arena, &x);
+    if (arena.refused) return NO_ROOM;
+    return internal_steps(&stepper, &x.step, body, all, q, v);
 }

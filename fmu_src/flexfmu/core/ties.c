@@ -1,13 +1,9 @@
-/* How ties pull on q in one place, and what that makes of the modes' response, (17a). */
+#include "ties.h"
+
 #include <string.h>
 
-#include "internal.h"
-
-int64_t pull_size(const Body *body) {
-    const int64_t n = body->p.pulls;
-    const int64_t nodes = body->p.nodes;
-    return 2 * n * body->p.modes + 2 * n * n + 2 * n + 6 * nodes + 6 * n * nodes + n * body->p.parts * body->p.modes;
-}
+#include "algebra.h"
+#include "forces.h"
 
 void take_pull(const Body *body, Arena *arena, Pull *pull) {
     const int64_t n = body->p.pulls, m = body->p.modes;
@@ -34,7 +30,6 @@ static double entry(const double *k, const double *arms, int64_t i, int64_t j) {
     return sum;
 }
 
-/* Returns 0 where the ties' response is singular. */
 int pull_at(const Body *body, const Rule *rule, const Configuration *at, int64_t *pivot, Pull *pull) {
     const Program *p = &body->p;
     const int64_t m = p->modes, n = p->pulls, nodes = p->nodes;
@@ -69,8 +64,6 @@ int pull_at(const Body *body, const Rule *rule, const Configuration *at, int64_t
     return 1;
 }
 
-/* out = what q does under x = g_q f, the ties giving way as they do in the place of `pull`; where q has gone a `way` (else
- * null), under x and what is linear in the way. */
 void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, const double *way, double *out) {
     const int64_t m = body->p.modes, n = body->p.pulls;
     rows_times(rule->response, x, out, m, m);

@@ -6,8 +6,6 @@
 
 #include <string.h>
 
-#include "algebra.h"
-
 #if defined(__x86_64__) && !defined(FLEX_NARROW)
 #include <cpuid.h>
 

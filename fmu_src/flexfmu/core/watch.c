@@ -1,52 +1,48 @@
-/* What tells how far a body is to be trusted: rotation within its frames, stability, stiffness that its method misses; and
- * its compliance. docs/theory.md section 7. */
+#include "watch.h"
+
 #include <math.h>
 #include <string.h>
 
-#include "internal.h"
+#include "algebra.h"
+#include "forces.h"
+#include "tree.h"
 
 /* Growth of vibrations over the lowest frequency that is none but round-off. */
 static const double FLUTTER = 1e-6;
 
-/* Tangent of the elastic coordinates over the unloaded one, and workspaces. */
+/* Tangent of the elastic coordinates over the unloaded one, and what it is made in. */
 typedef struct {
     Configuration at;
     Loads loads;
-    double *tangent, *unloaded, *scaled, *lower, *shapes, *values, *rest, *operator_, *translation, *spin, *gaps, *row;
+    TangentRoom rest;
+    Jacobians of;
+    double *tangent, *unloaded, *scaled, *lower, *shapes, *values, *gaps, *row, *none;
     double *state; /* (2e, 2e) with loads that turn with the body */
-    double *motion, *change, *scratch, *force, *tense, *none;
-    Pull pull;
-    Rates rates;
 } Room;
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = &body->p;
-    const int64_t m = p->modes, n = p->nodes, most = 6 * p->interfaces * m;
+    const int64_t m = p->modes;
     take_configuration(body, arena, &room->at);
     take_loads(body, arena, &room->loads);
+    take_tangent_room(body, arena, &room->rest);
+    take_jacobians(body, arena, &room->of);
     room->tangent = take(arena, m * m);
     room->unloaded = take(arena, p->tied * m * m);
     room->scaled = take(arena, m * m);
     room->lower = take(arena, m * m);
     room->shapes = take(arena, m * m);
     room->values = take(arena, m);
-    room->rest = take(arena, tangent_size(body));
-    room->operator_ = take(arena, 6 * n * m);
-    room->translation = take(arena, 3 * n * m);
-    room->spin = take(arena, 3 * n * m);
-    room->gaps = take(arena, gap_derivative_size(body));
+    room->gaps = take(arena, 12 * p->ties * m);
     room->row = take(arena, m);
-    room->motion = take(arena, most);
-    room->change = take(arena, most);
-    room->scratch = take(arena, modal_force_size(body) + foreseen_tension_size(body));
-    room->force = take(arena, 2 * m);
-    room->tense = take(arena, 12 * p->ties);
     room->none = take(arena, p->loads);
     room->state = take(arena, p->followers ? 4 * p->elastic_count * p->elastic_count : 0);
-    take_pull(body, arena, &room->pull);
-    take_rates(body, arena, &room->rates);
 }
 
+void stability_demand(const Body *body, Arena *arena) {
+    Room room;
+    take_room(body, arena, &room);
+}
 
 double body_rotations(Body *body, const double *q, double *angles) {
     const Program *p = &body->p;
@@ -67,7 +63,7 @@ static int64_t scaled_tangent(Body *body, const double *inputs, const double *q,
     const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first;
     configure(body, q, &room->at);
     spread(body, inputs, &room->loads);
-    tangent_stiffness(body, &room->loads, 1, &room->at, 0, room->rest, room->tangent);
+    tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
     if (!p->tied) {
         for (int64_t i = 0; i < e; i++)
             for (int64_t j = 0; j < e; j++) {
@@ -78,9 +74,8 @@ static int64_t scaled_tangent(Body *body, const double *inputs, const double *q,
     }
     /* Turned frames stretch the modes' linear springs without any cause: what the tangent has to be compared with is the
      * material's own stiffness and that of the ties where they are now. */
-    full_operator(body, &room->at, room->operator_);
-    node_jacobians(body, &room->at, room->operator_, room->translation, room->spin);
-    gap_derivative(body, &room->at, room->translation, room->spin, room->gaps);
+    jacobians_at(body, &room->at, &room->of);
+    gap_derivative(body, &room->at, &room->of, room->gaps);
     for (int64_t i = 0; i < m * m; i++) room->unloaded[i] = (i % (m + 1) == 0 ? body->stiffness[i / (m + 1)] : 0.0) - p->tie_initial[i];
     for (int64_t i = 0; i < 12 * p->ties; i++) {
         const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
@@ -128,6 +123,7 @@ double body_stability(Body *body, const double *inputs, const double *q, double 
     Arena arena = work_arena(body);
     Room room;
     take_room(body, &arena, &room);
+    if (arena.refused) return NAN;
     const int64_t e = scaled_tangent(body, inputs, q, &room);
     for (int64_t i = 0; i < e * e; i++)
         if (!isfinite(room.scaled[i])) return NAN;
@@ -144,6 +140,7 @@ int body_is_stable(Body *body, const double *inputs, const double *q, double mar
     Arena arena = work_arena(body);
     Room room;
     take_room(body, &arena, &room);
+    if (arena.refused) return 0;
     const int64_t e = scaled_tangent(body, inputs, q, &room);
     if (room.loads.following && !body->p.tied) return follower_stability(body, &room) > margin;
     for (int64_t i = 0; i < e; i++) room.scaled[i * e + i] -= margin;
@@ -155,6 +152,7 @@ double body_softening(Body *body, const double *inputs, const double *q, const d
     Arena arena = work_arena(body);
     Room room;
     take_room(body, &arena, &room);
+    if (arena.refused) return NAN;
     double whole = 0.0, left = 0.0;
     if (body->p.stretches) {
         /* What the stretch stiffens or softens is there without the loads, too. */
@@ -167,6 +165,30 @@ double body_softening(Body *body, const double *inputs, const double *q, const d
     const int64_t e = scaled_tangent(body, inputs, q, &room);
     for (int64_t i = 0; i < e; i++) left += shape[first + i] * dot(room.scaled + i * e, shape + first, e);
     return whole - left;
+}
+
+/* e: elastic coordinates; columns: the loads, then unit loads on the interfaces. */
+typedef struct {
+    double *change, *missed, *lower, *values; /* (e, e) and (e) */
+    double *loads, *right;                    /* (e, columns) */
+    double *deflection, *off;                 /* (6I, columns) */
+} Judgement;
+
+static void take_judgement(const Body *body, Arena *arena, Judgement *room) {
+    const int64_t e = body->p.elastic_count, rows = 6 * body->p.interfaces, columns = 1 + rows;
+    room->change = take(arena, e * e);
+    room->missed = take(arena, e * e);
+    room->lower = take(arena, e * e);
+    room->values = take(arena, e);
+    room->loads = take(arena, e * columns);
+    room->right = take(arena, e * columns);
+    room->deflection = take(arena, rows * columns);
+    room->off = take(arena, rows * columns);
+}
+
+void judgement_demand(const Body *body, Arena *arena) {
+    Judgement room;
+    take_judgement(body, arena, &room);
 }
 
 /* true = 1 + sum of loads times `change`, and what is missed of it. */
@@ -191,7 +213,10 @@ int body_may_miss(Body *body, const double *inputs, double limit) {
     if (missed <= limit * (stiffness - missed)) return 0;
     if (limit >= 1.0) return 1;
     Arena arena = work_arena(body);
-    double *change = take(&arena, e * e), *off = take(&arena, e * e), *sum = take(&arena, e * e);
+    Judgement room;
+    take_judgement(body, &arena, &room);
+    if (arena.refused) return 1;
+    double *change = room.change, *off = room.missed, *sum = room.lower;
     judged(body, inputs, change, off);
     for (int64_t i = 0; i < e * e; i++) sum[i] = limit / (1.0 - limit) * change[i] - off[i];
     if (!cholesky(sum, e)) return 1;
@@ -220,9 +245,11 @@ double body_missed(Body *body, const double *inputs, double *margin) {
     if (margin) *margin = 1.0;
     if (!p->judged) return 0.0;
     Arena arena = work_arena(body);
-    double *change = take(&arena, e * e), *missed = take(&arena, e * e), *values = take(&arena, e);
-    double *lower = take(&arena, e * e), *loads = take(&arena, e * columns), *right = take(&arena, e * columns);
-    double *deflection = take(&arena, rows * columns), *off = take(&arena, rows * columns);
+    Judgement room;
+    take_judgement(body, &arena, &room);
+    if (arena.refused) return NAN;
+    double *change = room.change, *missed = room.missed, *values = room.values, *lower = room.lower;
+    double *loads = room.loads, *right = room.right, *deflection = room.deflection, *off = room.off;
     judged(body, inputs, change, missed);
     if (margin) {
         symmetric_eigen(change, values, 0, e);
@@ -269,18 +296,6 @@ double body_missed(Body *body, const double *inputs, double *margin) {
     return fmin(of_any_shape, worst);
 }
 
-static int64_t missed_size(const Body *body) {
-    const int64_t e = body->p.elastic_count, columns = 1 + 6 * body->p.interfaces;
-    return 3 * e * e + e + 2 * e * columns + 12 * body->p.interfaces * columns;
-}
-
-int64_t watch_size(const Body *body) {
-    Arena count = {0, 0};
-    Room room;
-    take_room(body, &count, &room);
-    return larger(larger(count.used, missed_size(body)), 3 * body->p.missed_pairs + 2 * body->p.missed_modes);
-}
-
 /* Rotation vector, its derivative, the rotation and T of a body that turns as a whole. */
 static void whole_turn(const Program *p, const double *q, const double *v, double *angle, double *rate, double *rotation,
                        double *jacobian) {
@@ -297,12 +312,32 @@ double body_spin(Body *body, const double *q, const double *v) {
     return norm(spin, 3) / body->p.omega[body->p.rigid];
 }
 
+/* Products of two rates, coordinates with products of two, and what is missed by these. */
+typedef struct {
+    double *rates, *places, *sum;
+} Pairs;
+
+static void take_pairs(const Body *body, Arena *arena, Pairs *room) {
+    const int64_t pairs = body->p.missed_pairs, columns = body->p.missed_modes + pairs;
+    room->rates = take(arena, pairs);
+    room->places = take(arena, columns);
+    room->sum = take(arena, columns);
+}
+
+void pairs_demand(const Body *body, Arena *arena) {
+    Pairs room;
+    take_pairs(body, arena, &room);
+}
+
 void body_missed_inertia(Body *body, const double *q, const double *v, MissedInertia *so_far) {
     const Program *p = &body->p;
     const int64_t r = p->missed_modes, columns = r + p->missed_pairs;
     if (!r) return;
     Arena arena = work_arena(body);
-    double *rates = take(&arena, p->missed_pairs), *places = take(&arena, columns), *sum = take(&arena, columns);
+    Pairs room;
+    take_pairs(body, &arena, &room);
+    if (arena.refused) return;
+    double *rates = room.rates, *places = room.places, *sum = room.sum;
     double *rate = rates, *place = places + r;
     memcpy(places, q, (size_t)r * sizeof(double));
     for (int64_t a = 0; a < r; a++)
@@ -360,123 +395,4 @@ void body_momentum(Body *body, const double *q, const double *v, Momentum *so_fa
     }
     so_far->largest = fmax(so_far->largest, fmax(norm(so_far->impulse, 3), norm(momentum, 3)));
     so_far->drift = so_far->largest > 0.0 ? norm(off, 3) / so_far->largest : 0.0;
-}
-
-/* Factors in room->lower of 1 + g_q (T - Lambda) / 2, of the step's own equation with its mean linearised about the step's
- * end: half the loads' stiffness acts at its end, half at its start. 0 where it is singular. */
-static int factor_response(Body *body, const double *inputs, double step, const double *q, Room *room, const Rule **used) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes;
-    const Rule *rule = rule_of(body, step);
-    const double *tense = 0;
-    *used = rule;
-    configure(body, q, &room->at);
-    spread(body, inputs, &room->loads);
-    if (p->tied) {
-        /* Between steps stiff springs ring; halfway through what they do next, their tension is that of the motion. */
-        modal_force(body, &room->loads, 1, &room->at, 0, room->scratch, room->force);
-        for (int64_t j = 0; j < m; j++)
-            room->force[j] = rule->gq[j] * (room->force[j] + dot(p->tie_initial + j * m, q, m) - body->stiffness[j] * q[j]);
-        if (pull_at(body, rule, &room->at, body->pivot, &room->pull)) {
-            respond(body, rule, &room->pull, room->force, 0, room->row);
-            for (int64_t j = 0; j < m; j++) room->row[j] *= 0.5;
-            foreseen_tension(body, &room->at, room->row, room->scratch, room->tense);
-            tense = room->tense;
-        }
-    }
-    tangent_stiffness(body, &room->loads, 1, &room->at, tense, room->rest, room->tangent);
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m; j++) {
-            const double slope = room->tangent[i * m + j] - (i == j ? body->stiffness[i] : 0.0);
-            const double coupled = p->tied ? body->coupled[i * m + j] / step : 0.0;
-            room->lower[i * m + j] = (i == j ? 1.0 : 0.0) + rule->gq[i] * (0.5 * slope + coupled);
-        }
-    return lu_factor(room->lower, body->pivot, m);
-}
-
-/* Derivative (m) of the modal force by a load: force or moment `c` on an interface, whose motion is `motion` (6, m). */
-static void force_by_load(const Body *body, const Configuration *at, int64_t interface, int c, const double *motion, double *out) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes, k = p->frames + interface, load = 6 * interface + c;
-    const double *moved = p->load_operator + 3 * interface * m, *turned = p->load_operator + 3 * (p->interfaces + interface) * m;
-    int follows = 0;
-    for (int64_t i = 0; i < p->followers; i++) follows |= p->follower[i] == interface;
-    if (follows) {
-        memset(out, 0, (size_t)m * sizeof(double));
-        for (int i = 0; i < 3; i++) add_rows(at->rotation + 9 * k + 3 * i + c % 3, motion + (3 * (c / 3) + i) * m, out, 1, m);
-    } else if (p->placement == PLACE_DEFORMED) {
-        memcpy(out, motion + c * m, (size_t)m * sizeof(double));
-    } else {
-        memcpy(out, c < 3 ? moved + c * m : turned + (c - 3) * m, (size_t)m * sizeof(double));
-        if (p->placement == PLACE_CORRECTIVE_MOMENT && c < 3) {
-            double displacement[3], unit[3] = {0.0, 0.0, 0.0}, moment[3];
-            for (int i = 0; i < 3; i++) displacement[i] = at->position[3 * k + i] - p->point[3 * k + i];
-            unit[c] = 1.0;
-            cross(displacement, unit, moment);
-            add_rows(moment, turned, out, 3, m);
-        }
-    }
-    if (p->by_load_given)
-        for (int64_t i = 0; i < m; i++) out[i] -= dot(p->by_load + (load * m + i) * m, at->q, m);
-}
-
-void body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
-                     int64_t n, double *out) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes, size = 3 * m;
-    const Rule *rule;
-    Arena arena = work_arena(body);
-    Room room;
-    take_room(body, &arena, &room);
-    memset(out, 0, (size_t)(36 * n * n) * sizeof(double));
-    if (!factor_response(body, inputs, step, q, &room, &rule)) return;
-    full_operator(body, &room.at, room.operator_);
-    node_jacobians(body, &room.at, room.operator_, room.translation, room.spin);
-    for (int64_t i = 0; i < n; i++) {
-        const int64_t k = p->frames + interfaces[i];
-        memcpy(room.motion + 6 * i * m, room.translation + k * size, (size_t)size * sizeof(double));
-        memcpy(room.motion + (6 * i + 3) * m, room.spin + k * size, (size_t)size * sizeof(double));
-    }
-    for (int64_t k = 0; k < 6 * n; k++) {
-        force_by_load(body, &room.at, interfaces[k / 6], (int)(k % 6), room.motion + k / 6 * 6 * m, room.row);
-        for (int64_t i = 0; i < m; i++) room.change[i * 6 * n + k] = rule->gq[i] * room.row[i];
-    }
-    lu_solve(room.lower, body->pivot, room.change, m, 6 * n);
-    product(room.motion, room.change, out, 6 * n, m, 6 * n);
-}
-
-void body_derivative(Body *body, const double *inputs, double step, const double *q, const double *direction, double *out) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes;
-    const Rule *rule;
-    Arena arena = work_arena(body);
-    Room room;
-    take_room(body, &arena, &room);
-    memset(out, 0, (size_t)(6 * p->interfaces) * sizeof(double));
-    if (!factor_response(body, inputs, step, q, &room, &rule)) return;
-    /* Modal forces are linear in the loads. */
-    double *with = room.force, *without = room.force + m;
-    spread(body, direction, &room.loads);
-    modal_force(body, &room.loads, 1, &room.at, 0, room.scratch, with);
-    memset(room.row, 0, (size_t)m * sizeof(double));
-    memset(room.loads.force, 0, (size_t)(3 * p->nodes) * sizeof(double));
-    memset(room.loads.moment, 0, (size_t)(3 * p->nodes) * sizeof(double));
-    memset(room.loads.constant, 0, (size_t)m * sizeof(double));
-    room.loads.following = 0;
-    memset(room.loads.geometric, 0, (size_t)(p->by_load_given * m * m) * sizeof(double));
-    modal_force(body, &room.loads, 1, &room.at, 0, room.scratch, without);
-    for (int64_t j = 0; j < m; j++) room.row[j] = rule->gq[j] * (with[j] - without[j]);
-    lu_solve(room.lower, body->pivot, room.row, m, 1);
-    node_rates(body, 0, &room.at, room.row, &room.rates);
-    for (int64_t i = 0; i < p->interfaces; i++) {
-        const int64_t k = p->frames + i;
-        double vector[3], rotation[9], jacobian[9];
-        int64_t pivot[3];
-        memcpy(out + 6 * i, room.rates.velocity + 3 * k, 3 * sizeof(double));
-        memcpy(out + 6 * i + 3, room.rates.spin + 3 * k, 3 * sizeof(double));
-        /* A spin turns the rotation vector by T^-1. */
-        rotation_vector(room.at.rotation + 9 * k, vector);
-        exponential(vector, rotation, jacobian);
-        if (lu_factor(jacobian, pivot, 3)) lu_solve(jacobian, pivot, out + 6 * i + 3, 3, 1);
-    }
 }

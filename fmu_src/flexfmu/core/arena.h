@@ -1,0 +1,17 @@
+/* Work arrays: taken from one run of numbers front to back, and never beyond its end. */
+#ifndef FLEX_ARENA_H
+#define FLEX_ARENA_H
+
+#include <stdint.h>
+
+/* Without a start the same calls count what they need: how long a run has to be. */
+typedef struct {
+    double *start;
+    int64_t used, size;
+    int refused; /* 1 once a take went beyond the end: none of the arrays may be used then */
+} Arena;
+
+/* The next `count` numbers; null where they are only counted, or refused. */
+double *take(Arena *arena, int64_t count);
+
+#endif

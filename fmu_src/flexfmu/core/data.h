@@ -1,0 +1,109 @@
+/* What a body consists of: its program, what is made of it once, and room for the work of a call.
+ *
+ * The program is constant; a `Body` holds besides it only workspaces and what follows from its options, so that results
+ * depend on nothing but arguments. One call at a time may use a Body; different ones are independent. */
+#ifndef FLEX_DATA_H
+#define FLEX_DATA_H
+
+#include <stdint.h>
+
+#include "arena.h"
+#include "program.h"
+
+#if defined(_WIN32)
+#define FLEX_EXPORT __declspec(dllexport)
+#else
+#define FLEX_EXPORT __attribute__((visibility("default")))
+#endif
+
+/* How a call ended. */
+enum {
+#define ANSWER(symbol, ...) FLEX_##symbol,
+#include "interface.def"
+};
+
+/* Where all nodes are for one q. Pointers go into a workspace. */
+typedef struct {
+    double *q;        /* (m) */
+    double *straight; /* (6K): the part of b and phi that is linear in q */
+    double *bent;     /* (parts, m): coordinates that bend each part */
+    double *turned;   /* curvature times these, (r) of each row that is curved: its share of the derivatives */
+    double *local;    /* (6K): b of all nodes, then phi */
+    double *position; /* (K, 3) */
+    double *rotation, *parent, *jacobian; /* (K, 3, 3): R, R of the parent, T(phi) */
+} Configuration;
+
+/* Which of a node's offset and rotation a call needs. */
+typedef struct {
+    unsigned char offset, turn;
+} Need;
+
+/* Rows of the operator that one part's coordinates bend, and their curvature as pack_symmetric lays it, rows by the four. */
+typedef struct {
+    int64_t count, start; /* of rows; where their numbers begin in Configuration.turned */
+    const int64_t *row;
+    const double *curvature;
+} Bend;
+
+/* What all internal steps of one length have in common: the exact propagation of the modes, docs/theory.md section 6. */
+typedef struct {
+    double step;
+    double *p11, *p12, *p21, *p22, *gq, *gv, *ramp, *ramp_rate, *lag; /* (m) */
+    double *response; /* (m, m), of a body with ties: B / g_q of (17a) */
+} Rule;
+
+enum { RULES = 16, TIED_RULES = 8 };
+
+typedef struct {
+    double longest;   /* internal step, s; 0 for none */
+    double tolerance; /* error accepted in an internal step, relative, in the energy norm */
+    double most;      /* work that one call may take, discarded tries included, in internal steps of ordinary cost */
+} StepLimits;
+
+typedef struct {
+    int64_t substeps, iterations;
+    double error;
+} Work;
+
+typedef struct Body {
+    Program p;
+    double damping_scale;
+    StepLimits limits;
+    double *stiffness;    /* (m) */
+    double *zeta;         /* (m), scaled */
+    double *operator_t;   /* (m, 6K): the operator, column by column */
+    Bend *bends;          /* (parts) */
+    int64_t *bent_row;    /* of all parts in turn */
+    double *curvature_t;  /* of all parts, packed */
+    double *four;         /* (m, 4): four rows of Configuration.turned in the making */
+    int64_t bend_rows;    /* numbers of Configuration.turned */
+    int64_t *turned_start; /* (6K): where those of each row begin */
+    Need *need;           /* (K): of the step at hand */
+    Need *lumped;         /* (K): what inertia needs */
+    Configuration memo;   /* of the q last seen: a step begins, and outputs are read, where the step before it ended */
+    Need *memo_need;
+    int memo_known;
+    double *coupled;      /* (m, m): damping between modes of a body with ties */
+    double *square;       /* (m, m) of a body with ties: in the making of the former, and of a rule */
+    double *rate;         /* (m): damping of each mode, 1/s */
+    Rule rules[RULES];
+    int rule_count, rule_next, rule_limit;
+    double *end_q, *end_v; /* (m): where a step that is not accepted yet ends */
+    double *work;         /* arrays of one call */
+    int64_t *pivot;       /* (2m) */
+    int64_t work_size;
+    double *arena;
+    int64_t arena_size;   /* numbers */
+    void *image;          /* the program's bytes, this body's own copy */
+    int64_t image_size;
+} Body;
+
+/* Arrays of one call: all of the workspace. */
+static inline Arena work_arena(const Body *body) {
+    const Arena arena = {body->work, 0, body->work_size, 0};
+    return arena;
+}
+
+static inline int64_t larger(int64_t a, int64_t b) { return a > b ? a : b; }
+
+#endif

@@ -1,0 +1,19 @@
+/* Energy of strain of second order that no displacement takes away: docs/theory.md section 4c. */
+#ifndef FLEX_MEMBRANE_H
+#define FLEX_MEMBRANE_H
+
+#include "data.h"
+
+typedef struct {
+    double *slope;        /* (R, m): S_r q */
+    double *bent, *whole; /* (R): q.S_r q; sigma_r */
+} Stretch;
+
+void take_stretch(const Body *body, Arena *arena, Stretch *at);
+void stretch_at(const Body *body, const double *q, Stretch *at);
+double stretch_energy(const Body *body, const Stretch *at);
+/* out -= the discrete gradient of the energy between two places; its derivative where they are one and the same. */
+void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out);
+void add_stretch_stiffness(const Body *body, const Stretch *at, double *out);
+
+#endif

@@ -1,0 +1,244 @@
+#include "pass_back.h"
+
+#include <string.h>
+
+#include "algebra.h"
+#include "tree.h"
+
+void add_times_bent(const Body *body, const double *turned, const double *factors, int64_t count, double *scratch,
+                    double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, each = p->parts * m;
+    if (!p->curved) return;
+    memset(scratch, 0, (size_t)(count * each) * sizeof(double));
+    for (int64_t part = 0; part < p->parts; part++) {
+        const Bend *bend = body->bends + part;
+        const int64_t r = p->extent[part];
+        /* Rows that lie together by the run. Nothing is known of rows without a factor. */
+        for (int64_t i = 0; i < count; i++)
+            for (int64_t k = 0, end; k < bend->count; k = end) {
+                const double *factor = factors + 6 * i * p->nodes + bend->row[k];
+                for (end = k; end < bend->count && bend->row[end] == bend->row[k] + end - k && factor[end - k] != 0.0;) end++;
+                if (end > k) add_rows(factor, turned + bend->start + k * r, scratch + i * each + part * m, end - k, r);
+                end = end > k ? end : k + 1;
+            }
+    }
+    for (int64_t part = 0; part < p->parts; part++) {
+        const double *basis = part_basis(p, part), *own = scratch + part * m;
+        if (basis)
+            add_product(own, each, basis, out, count, p->extent[part], m);
+        else
+            for (int64_t i = 0; i < count; i++)
+                for (int64_t j = 0; j < m; j++) out[i * m + j] += own[i * each + j];
+    }
+}
+
+void add_times_derivative(const Body *body, const Configuration *at, const double *factors, int64_t count, double *scratch,
+                          double *out) {
+    const Program *p = &body->p;
+    add_product(factors, 6 * p->nodes, p->operator_, out, count, moving_rows(p), p->modes);
+    add_times_bent(body, at->turned, factors, count, scratch, out);
+}
+
+void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows) {
+    const Program *p = &body->p;
+    /* Children stand after their parents. */
+    for (int64_t k = p->nodes - 1; k >= 0; k--) {
+        const int64_t on = p->parent[k];
+        const double *parent = at->parent + 9 * k;
+        double turned[3];
+        if (no_load(force + 3 * k) && no_load(moment + 3 * k)) {
+            /* Nothing is known of a node without loads that was not needed. */
+            memset(rows + 3 * k, 0, 3 * sizeof(double));
+            memset(rows + 3 * (p->nodes + k), 0, 3 * sizeof(double));
+            continue;
+        }
+        apply_back(parent, force + 3 * k, rows + 3 * k);
+        if (no_load(moment + 3 * k)) {
+            memset(rows + 3 * (p->nodes + k), 0, 3 * sizeof(double));
+        } else {
+            apply_back(parent, moment + 3 * k, turned);
+            apply_back(at->jacobian + 9 * k, turned, rows + 3 * (p->nodes + k));
+        }
+        if (on < 0) continue;
+        double arm[3], about[3];
+        for (int i = 0; i < 3; i++)
+            arm[i] = (at->position[3 * k + i] - p->base[3 * k + i]) - (at->position[3 * on + i] - p->base[3 * on + i]);
+        cross(arm, force + 3 * k, about);
+        for (int i = 0; i < 3; i++) {
+            force[3 * on + i] += force[3 * k + i];
+            moment[3 * on + i] += moment[3 * k + i] + about[i];
+        }
+    }
+}
+
+void take_back(const Body *body, Arena *arena, Back *back) {
+    back->rows = take(arena, 6 * body->p.nodes);
+    back->bent = take(arena, body->p.parts * body->p.modes);
+}
+
+void pass_back(const Body *body, const Configuration *at, double *force, double *moment, Back *back, double *out) {
+    gather(body, at, force, moment, back->rows);
+    add_times_derivative(body, at, back->rows, 1, back->bent, out);
+}
+
+/* Derivatives (6K, m) of b and phi by q. */
+static void full_operator(const Body *body, const Configuration *at, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    memcpy(out, p->operator_, (size_t)(6 * p->nodes * m) * sizeof(double));
+    if (!p->curved) return;
+    for (int64_t part = 0; part < p->parts; part++) {
+        const Bend *bend = body->bends + part;
+        const double *basis = part_basis(p, part);
+        const int64_t r = p->extent[part];
+        for (int64_t k = 0; k < bend->count; k++) {
+            const double *turned = at->turned + bend->start + k * r;
+            double *row = out + bend->row[k] * m;
+            if (basis)
+                add_rows(turned, basis, row, r, m);
+            else
+                for (int64_t j = 0; j < m; j++) row[j] += turned[j];
+        }
+    }
+}
+
+void take_jacobians(const Body *body, Arena *arena, Jacobians *of) {
+    const int64_t size = body->p.nodes * body->p.modes;
+    of->operator_ = take(arena, 6 * size);
+    of->translation = take(arena, 3 * size);
+    of->spin = take(arena, 3 * size);
+}
+
+void jacobians_at(const Body *body, const Configuration *at, Jacobians *of) {
+    const Program *p = &body->p;
+    const double *operator_ = of->operator_;
+    double *translation = of->translation, *spin = of->spin;
+    full_operator(body, at, of->operator_);
+    const int64_t m = p->modes, size = 3 * m;
+    for (int64_t k = 0; k < p->nodes; k++) {
+        const int64_t on = p->parent[k];
+        double both[9], arm[3], hat[9], *x = translation + k * size, *w = spin + k * size;
+        multiply(at->parent + 9 * k, at->jacobian + 9 * k, both);
+        apply_rows(both, operator_ + (p->nodes + k) * size, w, m);
+        apply_rows(at->parent + 9 * k, operator_ + k * size, x, m);
+        if (on < 0) continue;
+        const double *from = translation + on * size, *turn = spin + on * size;
+        apply(at->parent + 9 * k, at->local + 3 * k, arm);
+        skew(arm, hat);
+        for (int i = 0; i < 3; i++)
+            for (int64_t j = 0; j < m; j++) {
+                x[i * m + j] += from[i * m + j] -
+                                (hat[3 * i] * turn[j] + hat[3 * i + 1] * turn[m + j] + hat[3 * i + 2] * turn[2 * m + j]);
+                w[i * m + j] += turn[i * m + j];
+            }
+    }
+}
+
+void take_load_slope(const Body *body, Arena *arena, LoadSlope *slope) {
+    const int64_t m = body->p.modes, n = body->p.nodes;
+    slope->rows = take(arena, 6 * n);
+    slope->total = take(arena, 3 * n);
+    slope->about = take(arena, 3 * n);
+    slope->change = take(arena, 3 * n * m);
+    slope->one = take(arena, 3 * m);
+    slope->other = take(arena, 3 * m);
+    slope->square = take(arena, m * m);
+}
+
+/* What moments about each node gain as what lies beyond it moves: (K, 3, m), the sum of (x_d' - x_k') x f_d. */
+static void lever_changes(const Body *body, const double *force, const double *translation, double *change) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes, size = 3 * m;
+    for (int64_t k = 0; k < n; k++) {
+        double hat[9];
+        skew(force + 3 * k, hat);
+        for (int i = 0; i < 9; i++) hat[i] = -hat[i];
+        apply_rows(hat, translation + k * size, change + k * size, m);
+    }
+    for (int64_t k = n - 1; k >= 0; k--) {
+        const int64_t on = p->parent[k];
+        if (on >= 0)
+            for (int64_t j = 0; j < size; j++) change[on * size + j] += change[k * size + j];
+    }
+}
+
+/* out (m, m) += what rows (6K) of loads on b and phi make of the curvature. */
+static void add_curvature_stiffness(const Body *body, const double *rows, LoadSlope *room, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes;
+    double *one = room->one, *square = room->square;
+    if (!p->curved) return;
+    for (int64_t part = 0; part < p->parts; part++) {
+        const int64_t r = p->extent[part];
+        const double *basis = part_basis(p, part);
+        memset(square, 0, (size_t)(r * r) * sizeof(double));
+        for (int64_t i = 0; i < 6 * n; i++)
+            if (p->part[i] == part) add_rows(rows + i, p->curvature + p->core_start[i], square, 1, r * r);
+        if (!basis) {
+            for (int64_t j = 0; j < m * m; j++) out[j] += square[j];
+            continue;
+        }
+        /* Basisᵀ square basis, a row of the middle at a time. */
+        for (int64_t i = 0; i < r; i++) {
+            memset(one, 0, (size_t)m * sizeof(double));
+            add_rows(square + i * r, basis, one, r, m);
+            add_transposed_product(basis + i * m, one, out, 1, m, m);
+        }
+    }
+}
+
+void add_load_stiffness(const Body *body, const Configuration *at, const double *force, const double *moment,
+                        const Jacobians *of, LoadSlope *room, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = p->nodes, size = 3 * m;
+    const double *operator_ = of->operator_, *translation = of->translation, *spin = of->spin;
+    double *total = room->total, *about = room->about, *change = room->change, *one = room->one, *other = room->other;
+    memcpy(total, force, (size_t)(3 * n) * sizeof(double));
+    memcpy(about, moment, (size_t)(3 * n) * sizeof(double));
+    gather(body, at, total, about, room->rows);
+    lever_changes(body, force, translation, change);
+    for (int64_t k = 0; k < n; k++) {
+        const int64_t on = p->parent[k];
+        const double *d = operator_ + k * size, *c = operator_ + (n + k) * size, *parent = at->parent + 9 * k;
+        double hat_force[9], hat_moment[9], local[3], slope[9];
+        skew(total + 3 * k, hat_force);
+        skew(about + 3 * k, hat_moment);
+        if (on >= 0) {
+            apply_rows(hat_force, spin + on * size, one, m);
+            apply_back_rows(parent, one, other, m);
+            add_transposed_product(d, other, out, 3, m, m);
+        }
+        apply_rows(hat_force, translation + k * size, one, m);
+        for (int64_t j = 0; j < size; j++) one[j] += change[k * size + j];
+        if (on >= 0) {
+            apply_rows(hat_moment, spin + on * size, other, m);
+            for (int64_t j = 0; j < size; j++) one[j] += other[j];
+        }
+        apply_back_rows(parent, one, other, m);
+        apply_back_rows(at->jacobian + 9 * k, other, one, m);
+        apply_back(parent, about + 3 * k, local);
+        if (p->turns && k == 0) {
+            apply_back(at->jacobian, about, local);
+            skew(local, slope);
+        } else {
+            transposed_jacobian_derivative(at->local + 3 * (n + k), local, slope);
+        }
+        apply_rows(slope, c, other, m);
+        for (int64_t j = 0; j < size; j++) one[j] += other[j];
+        add_transposed_product(c, one, out, 3, m, m);
+    }
+    add_curvature_stiffness(body, room->rows, room, out);
+}
+
+void row_derivative(const Body *body, const Configuration *at, int64_t row, int64_t count, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    memcpy(out, p->operator_ + row * m, (size_t)count * sizeof(double));
+    if (!p->curved || p->part[row] < 0) return;
+    const double *basis = part_basis(p, p->part[row]), *turned = at->turned + body->turned_start[row];
+    if (basis)
+        add_strided_rows(turned, basis, m, out, p->extent[p->part[row]], count);
+    else
+        for (int64_t j = 0; j < count; j++) out[j] += turned[j];
+}

@@ -1,0 +1,12 @@
+/* Equilibrium Lambda q = Q(q) under constant loads, by Newton's method with load increments where it needs them
+ * (docs/theory.md section 7). */
+#ifndef FLEX_STATICS_H
+#define FLEX_STATICS_H
+
+#include "data.h"
+
+void statics_demand(const Body *body, Arena *arena);
+/* Stable equilibrium q (m) under loads (L); `share` is how much of the load was reached, `rounds` Newton's. */
+FLEX_EXPORT int body_static(Body *body, const double *inputs, double *q, double *share, int64_t *rounds);
+
+#endif

@@ -1,0 +1,204 @@
+#include "stepping.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "algebra.h"
+#include "propagation.h"
+#include "step_free.h"
+#include "step_inertial.h"
+#include "step_plain.h"
+#include "step_tied.h"
+
+/* Rounds of the iteration in an internal step of ordinary cost. */
+static const double ORDINARY_ROUNDS = 5.0;
+/* Angle by which the slowest mode of a body with ties turns in an internal step at the most, rad: a step that resolves no
+ * mode at all has no estimate of its error. */
+static const double RESOLVED = 1.5;
+/* Numbers of steps above this are all alike. */
+static const double UNCOUNTED = 1e15;
+/* Steps (s) up to this would vanish when divided; nothing moves in them by more than round-off. */
+static const double INDIVISIBLE = 1e-300;
+/* Square of coordinates and rates beyond which arithmetic overflows: far beyond anything that a body bears. */
+static const double LARGEST_SQUARE = 1e200;
+/* Internal steps from which on it is looked at whether more of them can help, and rotation within a frame, rad, of the
+ * linear body at the step's end from which on they cannot. */
+enum { SUSPECT = 32 };
+static const double SENSELESS = 4.0 * 3.141592653589793;
+
+/* How a body takes internal steps. */
+typedef struct {
+    void (*demand)(const Body *body, Arena *arena);
+    int (*steps)(Body *body, Substeps *all, double *q, double *v);
+} Kind;
+
+static const Kind *kind_of(const Program *p) {
+    static const Kind plain = {plain_demand, plain_steps}, inertial = {inertial_demand, inertial_steps};
+    static const Kind turning = {free_demand, free_steps}, tied = {tied_demand, tied_steps};
+    return p->tied ? &tied : p->turns ? &turning : p->inertial ? &inertial : &plain;
+}
+
+void internal_demand(const Body *body, Arena *arena) { kind_of(&body->p)->demand(body, arena); }
+
+/* Loads, and how a step without internal ones takes them; the first of what is taken for any step. */
+typedef struct {
+    Loads loads;
+    double *growth, *mean;
+} Exact;
+
+static void take_exact(const Body *body, Arena *arena, Exact *room) {
+    take_loads(body, arena, &room->loads);
+    room->growth = take(arena, body->p.modes);
+    room->mean = take(arena, body->p.modes);
+}
+
+typedef struct {
+    Configuration at;
+    Loads loads;
+    ForceRoom scratch;
+    double *force, *middle;
+} Reach;
+
+static void take_reach(const Body *body, Arena *arena, Reach *room) {
+    take_configuration(body, arena, &room->at);
+    take_loads(body, arena, &room->loads);
+    take_force_room(body, arena, &room->scratch);
+    room->force = take(arena, body->p.modes);
+    room->middle = take(arena, body->p.loads);
+}
+
+void step_demand(const Body *body, Arena *arena) {
+    Arena other = *arena;
+    Exact exact;
+    Reach reach;
+    take_exact(body, arena, &exact);
+    take_reach(body, &other, &reach);
+    arena->used = larger(arena->used, other.used);
+}
+
+enum { DIVISIBLE, EXACT, SHORT };
+
+/* A step of any length where no load depends on q: nothing to iterate, nothing to divide. */
+static int exact_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v) {
+    const int64_t m = body->p.modes;
+    Arena arena = work_arena(body);
+    Exact room;
+    if (body->p.inertial || body->p.turns) return DIVISIBLE;
+    take_exact(body, &arena, &room);
+    if (arena.refused) return SHORT;
+    Loads *loads = &room.loads;
+    double *growth = room.growth, *mean = room.mean;
+    spread(body, inputs, loads);
+    if (loads->active) return DIVISIBLE;
+    memcpy(mean, loads->constant, (size_t)m * sizeof(double));
+    memset(growth, 0, (size_t)m * sizeof(double));
+    if (inputs_end) {
+        spread(body, inputs_end, loads);
+        if (loads->active) return DIVISIBLE;
+        for (int64_t j = 0; j < m; j++) {
+            growth[j] = loads->constant[j] - mean[j];
+            mean[j] += 0.5 * growth[j];
+        }
+    }
+    const Rule *r = rule_of(body, step);
+    for (int64_t j = 0; j < m; j++) {
+        const double start = q[j];
+        q[j] = r->p11[j] * start + r->p12[j] * v[j] + r->gq[j] * mean[j] + r->ramp[j] * growth[j];
+        v[j] = r->p21[j] * start + r->p22[j] * v[j] + r->gv[j] * mean[j] + r->ramp_rate[j] * growth[j];
+    }
+    return EXACT;
+}
+
+/* Whether the loads would turn the linear body within a frame beyond all sense: more internal steps are no use then. */
+static int beyond_reach(Body *body, const double *inputs, const double *inputs_end, double step, const double *q,
+                        const double *v) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    const Rule *r = rule_of(body, step);
+    Arena arena = work_arena(body);
+    Reach room;
+    take_reach(body, &arena, &room);
+    if (arena.refused) return 0;
+    double *force = room.force;
+    for (int64_t i = 0; i < p->loads; i++) room.middle[i] = inputs_end ? 0.5 * (inputs[i] + inputs_end[i]) : inputs[i];
+    spread(body, room.middle, &room.loads);
+    configure(body, q, &room.at);
+    modal_force(body, &room.loads, 1, &room.at, 0, &room.scratch, force);
+    for (int64_t j = 0; j < m; j++) force[j] = r->p11[j] * q[j] + r->p12[j] * v[j] + r->gq[j] * force[j];
+    for (int64_t i = 0; i < 3 * p->turnings; i++)
+        if (!(fabs(dot(p->turning + i * m, force, m)) < SENSELESS)) return 1;
+    return 0;
+}
+
+/* Internal steps that a step has at least. */
+static double fewest_steps(const Body *body, double step) {
+    const double longest = body->limits.longest;
+    double fewest = longest > 0.0 ? step / longest * (1.0 - 1e-9) : 1.0;
+    /* An error as large as the motion is none that anyone asks for. */
+    if (body->p.tied && body->limits.tolerance < 1.0) fewest = fmax(fewest, step * body->p.omega[0] / RESOLVED);
+    return fmax(1.0, ceil(fmin(fewest, UNCOUNTED)));
+}
+
+/* Internal steps, more of them until their error is small enough; from (q, v) to (q1, v1). */
+static int divided_step(Body *body, const double *inputs, const double *inputs_end, double step, const double *q, const double *v,
+                        int64_t *hint, Work *work) {
+    const size_t size = (size_t)body->p.modes * sizeof(double);
+    const double most = body->limits.most, least = fewest_steps(body, step);
+    work->substeps = (int64_t)least;
+    work->iterations = 0;
+    if (least > most) return FLEX_TOO_MANY_STEPS;
+    const int64_t fewest = (int64_t)least;
+    Substeps all = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)fmin(ORDINARY_ROUNDS * most, UNCOUNTED), 0.0};
+    all.count = larger(fewest, *hint);
+    if ((double)all.count > most) all.count = (int64_t)most;
+    int answer = UNSETTLED;
+    while ((double)all.count <= most && all.rounds < all.most_rounds) {
+        all.step = step / (double)all.count;
+        memcpy(body->end_q, q, size);
+        memcpy(body->end_v, v, size);
+        answer = kind_of(&body->p)->steps(body, &all, body->end_q, body->end_v);
+        if (answer == NO_ROOM) return FLEX_NO_ROOM;
+        work->iterations = all.rounds;
+        work->substeps = all.count;
+        work->error = answer == INACCURATE ? all.worst : HUGE_VAL;
+        if (answer == DONE) break;
+        all.count *= 2;
+        if (all.count >= SUSPECT && beyond_reach(body, inputs, inputs_end, step, q, v)) return FLEX_NOT_CONVERGED;
+    }
+    if (answer != DONE) return FLEX_TOO_MUCH_WORK;
+    work->error = all.worst;
+    /* The error falls with the cube of the internal step: half as many are tried next time only if that would do. */
+    *hint = larger(1, 16.0 * all.worst < all.tolerance && all.count > fewest ? all.count / 2 : all.count);
+    return FLEX_OK;
+}
+
+int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
+              int64_t *hint, Work *work) {
+    const int64_t m = body->p.modes;
+    const size_t size = (size_t)m * sizeof(double);
+    if (!(isfinite(step) && step > 0.0)) return FLEX_BAD_STEP;
+    Work done = {1, 0, 0.0};
+    if (step <= INDIVISIBLE) {
+        *work = done;
+        return FLEX_OK;
+    }
+    int64_t next = *hint;
+    /* A step that fails leaves the state as it was. */
+    double *q1 = body->end_q, *v1 = body->end_v;
+    memcpy(q1, q, size);
+    memcpy(v1, v, size);
+    const int found = exact_step(body, inputs, inputs_end, step, q1, v1);
+    if (found == SHORT) return FLEX_NO_ROOM;
+    if (found == DIVISIBLE) {
+        const int answer = divided_step(body, inputs, inputs_end, step, q, v, &next, work);
+        if (answer != FLEX_OK) return answer;
+        done = *work;
+    }
+    /* Not a number compares as false. What is larger would overflow on its way to the outputs. */
+    if (!(dot(q1, q1, m) + dot(v1, v1, m) < LARGEST_SQUARE)) return FLEX_NOT_FINITE;
+    memcpy(q, q1, size);
+    memcpy(v, v1, size);
+    *hint = next;
+    *work = done;
+    return FLEX_OK;
+}

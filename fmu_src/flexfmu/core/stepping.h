@@ -1,0 +1,15 @@
+/* A step of any length: the exact one where nothing depends on q, else as many internal steps as its error asks for. */
+#ifndef FLEX_STEPPING_H
+#define FLEX_STEPPING_H
+
+#include "data.h"
+
+void step_demand(const Body *body, Arena *arena);
+void internal_demand(const Body *body, Arena *arena);
+
+/* A step from (q, v), overwritten where the answer is FLEX_OK; `inputs_end` null for loads held over the step.
+ * `hint` is the number of internal steps to begin with, and the one for the next step. */
+FLEX_EXPORT int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
+                          int64_t *hint, Work *work);
+
+#endif

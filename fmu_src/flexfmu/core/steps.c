@@ -1,0 +1,129 @@
+#include "steps.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "algebra.h"
+#include "propagation.h"
+
+/* Part of that bound by which the bracket is uncertain where it is not round-off: no change below what it makes counts. */
+static const double NOISE = 1.0 / 16.0;
+
+void take_step(const Body *body, Arena *arena, Step *step) {
+    const int64_t m = body->p.modes;
+    for (int i = 0; i < 2; i++) {
+        take_configuration(body, arena, &step->ends[i]);
+        take_stretch(body, arena, &step->stretches[i]);
+    }
+    take_configuration(body, arena, &step->middle);
+    take_loads(body, arena, &step->loads);
+    take_force_room(body, arena, &step->scratch);
+    step->v0 = take(arena, m);
+    step->q1 = take(arena, m);
+    step->way = take(arena, m);
+    step->between = take(arena, body->p.loads);
+}
+
+int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all, double *q, double *v) {
+    step->body = body;
+    step->all = all;
+    step->rule = rule_of(body, all->step);
+    step->here = &step->ends[0];
+    step->there = &step->ends[1];
+    step->from = &step->stretches[0];
+    step->to = &step->stretches[1];
+    all->worst = 0.0;
+    stepper->enter(step, q, v);
+    for (step->number = 0; step->number < all->count; step->number++) {
+        if (all->rounds >= all->most_rounds) return EXHAUSTED;
+        step->change = HUGE_VAL;
+        step->factor = step->blur = 0.0;
+        if (!stepper->begin(step)) return UNSETTLED;
+        Progress progress = GOING_ON;
+        for (step->round = 1; progress == GOING_ON; step->round++) {
+            if (step->round > MOST_ROUNDS) return UNSETTLED;
+            all->rounds++;
+            progress = stepper->residual(step) ? stepper->correct(step) : LOST;
+        }
+        double error;
+        if (progress == LOST || !stepper->accept(step, &error)) return UNSETTLED;
+        if (!(error <= all->worst)) all->worst = error;
+        if (!(all->worst <= all->tolerance)) return INACCURATE;
+        stepper->pass(step);
+    }
+    stepper->leave(step, q, v);
+    return DONE;
+}
+
+void enter_state(Step *s, const double *q, const double *v) {
+    Body *body = s->body;
+    memcpy(s->v0, v, (size_t)body->p.modes * sizeof(double));
+    find_need(body, s->all->inputs, s->all->inputs_end);
+    if (!recall(body, body->need, q, s->here)) {
+        configure_linear(body, body->need, q, s->here);
+        configure_places(body, body->need, s->here);
+    }
+    stretch_at(body, q, s->from);
+}
+
+void pass_on(Step *s) {
+    Configuration *passed = s->here;
+    Stretch *left = s->from;
+    s->here = s->there;
+    s->there = passed;
+    s->from = s->to;
+    s->to = left;
+}
+
+void leave_state(Step *s, double *q, double *v) {
+    const size_t size = (size_t)s->body->p.modes * sizeof(double);
+    remember(s->body, s->body->need, s->here);
+    memcpy(q, s->here->q, size);
+    memcpy(v, s->v0, size);
+}
+
+void spread_at(Step *s, double place) {
+    const Substeps *all = s->all;
+    const double share = place / (double)all->count;
+    for (int64_t i = 0; i < s->body->p.loads; i++)
+        s->between[i] = all->inputs[i] + share * (all->inputs_end[i] - all->inputs[i]);
+    spread(s->body, s->between, &s->loads);
+}
+
+void spread_growth(Step *s, double *growth) {
+    const Substeps *all = s->all;
+    const Loads *loads = &s->loads;
+    const int64_t m = s->body->p.modes;
+    for (int64_t j = 0; j < m; j++) growth[j] = 0.0;
+    spread(s->body, all->inputs, &s->loads);
+    if (!all->inputs_end) return;
+    for (int64_t j = 0; j < m; j++) growth[j] = -loads->constant[j] / (double)all->count;
+    spread(s->body, all->inputs_end, &s->loads);
+    for (int64_t j = 0; j < m; j++) growth[j] += loads->constant[j] / (double)all->count;
+}
+
+void close_bracket(Step *s, double bracket, double reach, double square) {
+    const double round_off = ROUND_OFF * reach;
+    s->factor = square > 0.0 && fabs(bracket) > round_off ? bracket / square : 0.0;
+    s->blur = s->factor != 0.0 ? NOISE * round_off / square : 0.0;
+}
+
+Progress progress_of(Step *s, double moved, double scale, double blurred, double tolerance) {
+    const double before = s->change, size = scale > 0.0 ? sqrt(moved) / scale : 0.0;
+    if (!isfinite(size)) return LOST;
+    /* What is left of the error is the change times the rate at which changes fall. */
+    const double rate = s->round > 1 && size < before ? size / before : 1.0;
+    s->change = size;
+    return size * rate * scale <= fmax(tolerance * scale, sqrt(blurred)) ? SETTLED : GOING_ON;
+}
+
+double leading_error(const Step *s, const double *first, const double *last, const double *v) {
+    const Program *p = &s->body->p;
+    double error = 0.0, energy = 0.0;
+    for (int64_t j = 0; j < p->modes; j++) {
+        const double lost = p->weight[j] * s->rule->ramp[j] * (last[j] - first[j]), strained = p->omega[j] * s->q1[j];
+        error += lost * lost;
+        energy += strained * strained + v[j] * v[j];
+    }
+    return energy > 0.0 ? sqrt(error / energy) : 0.0;
+}

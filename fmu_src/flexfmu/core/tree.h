@@ -1,0 +1,35 @@
+/* Where the nodes of the tree of frames are, docs/theory.md sections 4 and 4a. */
+#ifndef FLEX_TREE_H
+#define FLEX_TREE_H
+
+#include "data.h"
+
+void take_configuration(const Body *body, Arena *arena, Configuration *at);
+void configure(const Body *body, const double *q, Configuration *at);
+/* All that is linear in q, what places are made of; null `need`: all. */
+void configure_linear(const Body *body, const Need *need, const double *q, Configuration *at);
+void configure_places(const Body *body, const Need *need, Configuration *at);
+/* Halfway between the q of two others: all that comes before places is linear in q. */
+void configure_halfway(const Body *body, const Need *need, const Configuration *a, const Configuration *b, Configuration *at);
+
+/* What of each node steps under some loads need, in body->need: frames carry others, ties hold others. */
+void find_need(Body *body, const double *inputs, const double *inputs_end);
+/* Keep the configuration of a q, of which what `need` says is known. */
+void remember(Body *body, const Need *need, const Configuration *at);
+/* The configuration of q where what is needed is known already: 1. */
+int recall(const Body *body, const Need *need, const double *q, Configuration *at);
+/* The configuration of q, all of it, kept for the next call; it may not be written to. */
+const Configuration *whole_configuration(Body *body, const double *q);
+
+/* Rows that move: seen from its frame no lump turns, and those rows come last. */
+int64_t moving_rows(const Program *p);
+/* Basis (r, m) of the coordinates that bend a part; null where q itself does: without any, or where there are m of them. */
+const double *part_basis(const Program *p, int64_t part);
+/* Coordinates that bend each part at q, (parts, m) with r of them in each row. */
+void part_coordinates(const Program *p, const double *q, double *x);
+/* Whether a row of the operator is needed. */
+int wanted(const Program *p, const Need *need, int64_t row);
+/* Curvature times the coordinates, of rows that are needed, by the LANES of them. */
+void turn_rows(const Body *body, const Need *need, const double *bent, double *to);
+
+#endif

@@ -1,0 +1,36 @@
+/* What tells how far a body is to be trusted: rotation within its frames, stability, stiffness and inertia that its method
+ * misses. docs/theory.md sections 7 and 9. */
+#ifndef FLEX_WATCH_H
+#define FLEX_WATCH_H
+
+#include "data.h"
+
+void stability_demand(const Body *body, Arena *arena);
+void judgement_demand(const Body *body, Arena *arena);
+void pairs_demand(const Body *body, Arena *arena);
+
+/* Angle of each watched rotation within a frame, (turnings), rad; the largest. */
+FLEX_EXPORT double body_rotations(Body *body, const double *q, double *angles);
+/* Smallest eigenvalue of the tangent over the unloaded one; its shape (m) unless null. */
+FLEX_EXPORT double body_stability(Body *body, const double *inputs, const double *q, double *shape);
+FLEX_EXPORT int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
+/* What loads alone take off the stability in a shape. */
+FLEX_EXPORT double body_softening(Body *body, const double *inputs, const double *q, const double *shape);
+/* Error of deflections from stiffness that the method misses: whether it may exceed a limit; itself; its own margin. */
+FLEX_EXPORT int body_may_miss(Body *body, const double *inputs, double limit);
+FLEX_EXPORT double body_missed(Body *body, const double *inputs, double *margin);
+/* Spin of a body that turns as a whole with constant mass over its lowest elastic frequency; 0 for others. */
+FLEX_EXPORT double body_spin(Body *body, const double *q, const double *v);
+/* Its angular momentum so far, from rest: impulse of the moments, rotation vector and its derivative where it was last
+ * looked at, the largest of impulse and momentum, and by what share of it they differ. Followed to a step's end. */
+typedef struct {
+    double impulse[3], angle[3], rate[3], largest, drift;
+} Momentum;
+FLEX_EXPORT void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
+/* The largest of twice the kinetic energy so far, and of what constant mass leaves out of it. */
+typedef struct {
+    double kinetic, missed;
+} MissedInertia;
+FLEX_EXPORT void body_missed_inertia(Body *body, const double *q, const double *v, MissedInertia *so_far);
+
+#endif
