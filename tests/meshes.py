@@ -24,6 +24,7 @@ name = "tip"
 nodes = "TIP"
 [reduction]
 modes = 6
+residual_flexibility = false
 [damping]
 ratio = 0.01
 [output]

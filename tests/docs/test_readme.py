@@ -46,7 +46,7 @@ def run(path, command):
 def test_commands_build_describe_and_simulate(folder):
     path, printed = folder
     assert (path / "arm.fmu").is_file()
-    assert "2 frames" in printed[1]
+    assert "4 frames" in printed[1]
     assert "carries tip" in printed[1]
     rows = (path / "result.csv").read_text(encoding="utf-8").splitlines()
     assert rows[0].startswith("time,tip.displacement.x")

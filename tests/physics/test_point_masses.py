@@ -37,7 +37,7 @@ def loaded(density=7850.0, mass=20.0, point=POINT):
 
 def test_frequencies_with_masses_at_nodes_are_those_of_calculix(tmp_path):
     mesh = read(tmp_path, heavy_deck())
-    body = flexfmu.Body(mesh, None, ["ROOT"], {"tip": "TIP"}).build("linear", modes=COUNT)
+    body = flexfmu.Body(mesh, None, ["ROOT"], {"tip": "TIP"}).build("linear", modes=COUNT, residual_flexibility=False)
     expected = np.loadtxt(HERE / "heavy_bar.csv", skiprows=1)
     np.testing.assert_allclose(body.model.angular_frequency / (2.0 * np.pi), expected, rtol=1e-5)
 

@@ -38,7 +38,11 @@ def flexure(folder, **tables):
     )
     frames = [{"name": "neck", "nodes": "NECK"}, {"name": "arm", "nodes": "ARM", "parent": "neck"}]
     # The neck's strain is of the order of one: its second order means nothing.
-    tables = {"frame": frames, "reduction": {"modes": 8}, "formulation": {"method": "frames"}} | tables
+    tables = {
+        "frame": frames,
+        "reduction": {"modes": 8, "residual_flexibility": False},
+        "formulation": {"method": "frames"},
+    } | tables
     return reduce_body(body_file(mesh, folder, interface=["TIP"], **tables), Reporter())
 
 

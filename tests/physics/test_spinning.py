@@ -24,7 +24,12 @@ DRIFT, SPIN = "diagnostics.angular_momentum", "diagnostics.spin"
 
 
 def reduced(mesh, folder, held, **reduction):
-    tables = {"frames": 2, "free": True, "reduction": {"modes": 4} | reduction, "output": {"velocities": True}}
+    tables = {
+        "frames": 2,
+        "free": True,
+        "reduction": {"modes": 4, "residual_flexibility": False} | reduction,
+        "output": {"velocities": True},
+    }
     config = body_file(mesh, folder, interface=["ROOT", "TIP"], support="ROOT", **tables)
     support = [{"nodes": name, "fix": ["x", "y", "z"]} for name in held]
     return reduce_body(type(config).model_validate(config.model_dump() | {"support": support}), Reporter())

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from ..files.errors import BodyFileError
 from ..files.inputs import Kind
@@ -53,6 +53,8 @@ __all__ = [
     "read_body_file",
 ]
 
+DEFAULT_FRAMES = 4
+"""Of a body of which nothing is said; parts of a cut one share them."""
 _C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -68,7 +70,7 @@ class BodySpec(Table):
         Name of the body and the FMU.
     frames
         Number of frames along the body, counted from the supports (at most one per element layer). 0: linear.
-        Default: 1
+        Default: 4, shared by the parts of a cut body; 1 where several would open a loop
     free
         Nothing holds the body, or only a hinge.
     root
@@ -77,6 +79,8 @@ class BodySpec(Table):
         `"auto"`: cut loops between supports at slender sections; `[]`: never; or `[[cut]]` tables.
         Default: where parts turn far against each other, if no key divides the body
     """
+
+    _levels: int = PrivateAttr(default=DEFAULT_FRAMES)
 
     name: Name = Field(examples=["arm"])
     mesh: MeshUnits = MeshUnits()
@@ -143,11 +147,22 @@ class BodySpec(Table):
                 raise ValueError(f"frame {f.name!r} has the parent {f.parent!r}, which is no [[frame]]")
         self._check_data()
         ratio = self.damping.ratio
-        plain = self.reduction.basis is Basis.NORMAL and not self.reduction.residual_flexibility
+        plain = self.reduction.basis is Basis.NORMAL and not self.residual
         count = len(self.reduction.numbers)
         if plain and isinstance(ratio, list) and len(ratio) != count:
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {count} modes")
         return self
+
+    @property
+    def levels(self) -> int:
+        """Levels into which the body is divided, unless tables say how."""
+        return self._levels if self.frames is None else self.frames
+
+    def shared_by(self, parts: int) -> Self:
+        """The same for one of some parts, which share the frames that nothing is said of."""
+        own = self.model_copy()
+        own._levels = max(1, self._levels // parts)
+        return own
 
     @property
     def cuts(self) -> list[CutTable]:
@@ -157,15 +172,33 @@ class BodySpec(Table):
     @property
     def open_to_cuts(self) -> bool:
         """Whether the build decides if loops are cut: nothing is said of cuts or frames, or goes without cuts."""
-        divided = self.frames is not None or self.frame or self.branch
-        listed = isinstance(self.reduction.modes, list) or isinstance(self.damping.ratio, list)
-        if self.cut is not None or divided or listed or self.variant != Variant(Method.SECOND_ORDER):
+        if self.cut is not None or self.divided or self._listed or self.variant != Variant(Method.SECOND_ORDER):
             return False
         try:
             self._check_cut()
         except ValueError:
             return False
         return True
+
+    @property
+    def divided(self) -> bool:
+        """Whether something is said of frames."""
+        return self.frames is not None or bool(self.frame or self.branch)
+
+    @property
+    def residual(self) -> bool | list[str]:
+        """Loads whose static shapes complete the normal modes: as listed, or all.
+
+        Without the key all of them, unless modes or their damping ratios are listed one by one.
+        """
+        said = self.reduction.residual_flexibility
+        if said is None:
+            return self.reduction.basis is Basis.NORMAL and not self._listed
+        return said
+
+    @property
+    def _listed(self) -> bool:
+        return isinstance(self.reduction.modes, list) or isinstance(self.damping.ratio, list)
 
     @property
     def without_pictures(self) -> Self:
@@ -221,7 +254,7 @@ class BodySpec(Table):
     def residual_columns(self) -> list[int]:
         """Places of the loads whose residual flexibility is listed, among forces of all interfaces, then moments."""
         names = [i.name for i in self.interface]
-        listed = self.reduction.residual_flexibility
+        listed = self.residual
         kinds = ("force", "moment")
         known = [f"{name}.{kind}.{axis}" for kind in kinds for name in names for axis in ("x", "y", "z")]
         if not isinstance(listed, list):
@@ -253,7 +286,7 @@ class BodySpec(Table):
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"two [[cut]] tables have the nodes {name!r}, expected different sections")
-        if isinstance(self.reduction.residual_flexibility, list):
+        if isinstance(self.residual, list):
             raise ValueError("[[cut]] needs residual_flexibility of all loads: the list does not go with it")
         if self.frames == 0:
             raise ValueError("[[cut]] is for the frames' sake: it does not go with frames = 0")

@@ -160,7 +160,7 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     ]
     holes = [(name, _toml(place)) for name, place in bores(mesh).items()]
     support, interfaces = ends[:1], named or holes or ends[1:2] or ends[:1]
-    lines = [f'name = "{_name(file.stem)}"', "frames = 2", "", "[mesh]", f'file = "{file.as_posix()}"']
+    lines = [f'name = "{_name(file.stem)}"', "", "[mesh]", f'file = "{file.as_posix()}"']
     lines.append(f'units = "{units.value}"   # the mesh\'s own; others: {", ".join(u.value for u in UnitSystem)}')
     bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
     lacking = [key for key in KEYS if bare or any(key in missing(material) for material in mesh.materials)]
@@ -173,7 +173,7 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     for name, nodes in interfaces:
         lines += ["", "[[interface]]", f'name = "{name}"', f"nodes = {nodes}"]
     sets = ", ".join(mesh.node_sets) or "none"
-    return "\n".join([*lines, "", "[reduction]", "modes = 10", "", f"# node sets of the mesh: {sets}", ""])
+    return "\n".join([*lines, "", f"# node sets of the mesh: {sets}", ""])
 
 
 def _name(text: str) -> str:

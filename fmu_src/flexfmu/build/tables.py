@@ -282,8 +282,10 @@ class ReductionTable(Table):
         `"normal"`: eigenmodes; `"craig_bampton"`: fixed-interface modes and six constraint modes an interface.
     modes
         Number of normal modes, or a list of their numbers. Of a cut body: in each part.
+        Default: 8, fewer of a coarse mesh, and the ninth where it is one of a pair with the eighth
     residual_flexibility
         Add static shapes of interface loads: `true` (up to six an interface), or a list such as `["tip.force.y"]`.
+        Default: `true`; `false` where modes or damping ratios are listed one by one
     geometric_stiffness
         Store `"by_load"`, `"by_mode"`, or both. Default: as the method needs
     inertia
@@ -295,8 +297,8 @@ class ReductionTable(Table):
     """
 
     basis: Basis = Field(default=Basis.NORMAL, strict=False)
-    modes: ModeNumber | Annotated[list[ModeNumber], Field(min_length=1)] = 10
-    residual_flexibility: bool | Annotated[list[str], Field(min_length=1)] = False
+    modes: ModeNumber | Annotated[list[ModeNumber], Field(min_length=1)] = 8
+    residual_flexibility: bool | Annotated[list[str], Field(min_length=1)] | None = None
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
     inertia: bool | None = None
     second_order: bool | None = None
@@ -313,6 +315,11 @@ class ReductionTable(Table):
     def numbers(self) -> tuple[int, ...]:
         """Numbers of the normal modes that are kept, in order of frequency, from 1."""
         return tuple(self.modes) if isinstance(self.modes, list) else tuple(range(1, self.modes + 1))
+
+    @property
+    def counted(self) -> bool:
+        """Whether the file says how many modes it wants: else a coarse mesh may have fewer."""
+        return "modes" in self.model_fields_set
 
 
 class DampingTable(Table):

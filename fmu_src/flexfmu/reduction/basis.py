@@ -89,7 +89,31 @@ def modal_basis(
     key : str
         Hash of all that they depend on.
     """
+    model = matrices.model
     numbers = table.numbers
+    if table.counted:
+        return _numbered_basis(table, numbers, matrices, loads, residual, store, report)
+    held = loads.shape[1] if table.basis is Basis.CRAIG_BAMPTON else 0
+    # The iteration needs two unknowns more than it finds modes.
+    most = model.free.size - model.rigid.shape[1] - held - 2
+    numbers = numbers[: max(most, 1)]
+    modes, key = _numbered_basis(table, numbers, matrices, loads, residual, store, report)
+    if modes.splits_pair and len(numbers) < most:
+        numbers = (*numbers, numbers[-1] + 1)
+        modes, key = _numbered_basis(table, numbers, matrices, loads, residual, store, report)
+    return modes, key
+
+
+def _numbered_basis(
+    table: ReductionTable,
+    numbers: tuple[int, ...],
+    matrices: Matrices,
+    loads: FloatArray,
+    residual: FloatArray,
+    store: Store,
+    report: Reporter,
+) -> tuple[Modes, str]:
+    """Modes of a basis with the normal modes of these numbers; the rest as of `modal_basis`."""
     count = numbers[-1]
     # Those that are left out.
     few = len(numbers) < count

@@ -8,10 +8,12 @@ from ..build.config import Basis, BodySpec, BranchTable, Nodes
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
+from ..model.methods import Data
 from ..model.reduced_body import GROUND, WholeFrame
-from .division import Branch, divide, divide_branches, open_loops
+from .division import Branch, Division, divide, divide_branches, open_loops
 from .model import Model
 from .places import node_set
+from .second_order import hourglass_warnings
 from .subdomains import (
     FrameRequest,
     Subdomain,
@@ -33,7 +35,7 @@ _RIGID_MOTIONS = 6
 def body_subdomains(
     config: BodySpec, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
 ) -> tuple[list[Subdomain], tuple[str, ...]]:
-    """Frames by hand or by themselves; without any key the body gets one. Those of a free body hang on a floating one.
+    """Frames by hand or by themselves; those of a free body hang on a floating one.
 
     Parameters
     ----------
@@ -65,15 +67,22 @@ def body_subdomains(
         division = divide_branches(mesh, volumes, faces, anchored, branches)
         return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
     if not config.frame:
-        levels = 1 if config.frames is None else config.frames
-        if levels == 0:
+        if config.levels == 0:
             return top, ()
-        division = divide(mesh, volumes, faces, anchored, levels)
+        division = divide(mesh, volumes, faces, anchored, config.levels)
+        if not config.divided and _better_whole(config, mesh, division):
+            division = divide(mesh, volumes, faces, anchored, 1)
         return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
     requests = frame_requests(config, mesh)
     subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
     warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
     return top + on_floating_frame(subdomains, len(top)), warnings
+
+
+def _better_whole(config: BodySpec, mesh: Mesh, division: Division) -> bool:
+    """Whether one frame does better: it keeps a loop closed, and has no joint on a single element's face."""
+    spoiled = Data.SECOND_ORDER in config.stored and hourglass_warnings(mesh, division.subdomains)
+    return bool(division.cuts or spoiled)
 
 
 def frame_requests(config: BodySpec, mesh: Mesh) -> list[FrameRequest]:

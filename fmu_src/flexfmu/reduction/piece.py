@@ -114,7 +114,7 @@ def reduced_piece(
     loads = divided.unit_loads()
     warping = np.zeros((len(loads), 0)) if warping is None else warping
     every = np.hstack([loads, warping])
-    residual = every if config.reduction.residual_flexibility is True else loads[:, config.residual_columns()]
+    residual = every if config.residual is True else loads[:, config.residual_columns()]
     modes, key = modal_basis(config.reduction, matrices, every, residual, store, report)
     _tell(modes, report)
     basis = _Basis(matrices, modes, key, frame_operators(mesh.points, modes.shapes, subdomains))

@@ -331,9 +331,11 @@ def part_configs(config: BodySpec, opened: Mesh, parts: Sequence[Part]) -> list[
     if basis.basis is Basis.NORMAL:
         # Normal modes alone would leave the sections too stiff against each other.
         basis = basis.model_copy(update={"residual_flexibility": True})
+    shared = config.shared_by(1 if config.divided else len(parts))
     return [
-        config.model_copy(
+        shared.model_copy(
             update={
+                "frames": 1 if config.frame or config.branch else config.frames,
                 "interface": interfaces[number],
                 "frame": [frame for frame in config.frame if home[frame.name] == number],
                 "branch": _branches(config.branch, interfaces[number]),

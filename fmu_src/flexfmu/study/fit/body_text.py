@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...build.config import BodyFile
+from ...build.config import Basis, BodyFile
 
 _WIDTH = 118
 # Tables that are written by hand, with their reasons.
@@ -57,8 +57,8 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
             "mass": config.variant.mass.value,
         },
     }
-    if reduction.residual_flexibility:
-        chosen["reduction"]["residual_flexibility"] = reduction.residual_flexibility
+    if reduction.basis is Basis.NORMAL:
+        chosen["reduction"]["residual_flexibility"] = config.residual
     if reduction.membrane != "auto":
         chosen["reduction"]["membrane"] = reduction.membrane
     for title, table in chosen.items():
