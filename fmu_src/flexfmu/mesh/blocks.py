@@ -60,11 +60,14 @@ class FaceBlock:
         Element to which the face belongs, counted over all blocks.
     outer : (n_faces,) bool
         Whether no other element shares the face.
+    beyond : (n_faces,) int
+        The other element, at the first of two faces that are one; −1 at the second and outside.
     """
 
     nodes: IntArray
     element: IntArray
     outer: BoolArray
+    beyond: IntArray
 
     @property
     def corner_count(self) -> int:
@@ -105,8 +108,14 @@ def faces_of(blocks: Sequence[ElementBlock]) -> tuple[FaceBlock, ...]:
     if not keys:
         return ()
     _, inverse, count = np.unique(np.concatenate(keys), axis=0, return_inverse=True, return_counts=True)
-    outer = np.split((count == 1)[inverse.ravel()], np.cumsum([len(key) for key in keys])[:-1])
-    return tuple(FaceBlock(*both, alone) for both, alone in zip(found, outer, strict=True))
+    face = inverse.ravel()
+    element, beyond = np.concatenate([one for _, one in found]), np.full(len(face), -1)
+    order = np.argsort(face, kind="stable")
+    same = np.flatnonzero(face[order[1:]] == face[order[:-1]])
+    beyond[order[same]] = element[order[same + 1]]
+    ends = np.cumsum([len(key) for key in keys])[:-1]
+    parts = zip(found, np.split((count == 1)[face], ends), np.split(beyond, ends), strict=True)
+    return tuple(FaceBlock(*both, outer, other) for both, outer, other in parts)
 
 
 def jacobians(corners: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:

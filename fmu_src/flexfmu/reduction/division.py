@@ -237,24 +237,13 @@ def _divided(
 
 
 def neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:
-    """Elements that share a face which is not an outer one, (e, e) with the area between its corners."""
-    rows, columns, areas = [], [], []
-    for kind in (3, 4):
-        blocks = [b for b in faces if b.corner_count == kind]
-        if not blocks:
-            continue
-        corners = np.concatenate([b.nodes[~b.outer, :kind] for b in blocks])
-        key = np.sort(corners, axis=1)
-        element = np.concatenate([b.element[~b.outer] for b in blocks])
-        _, face = np.unique(key, axis=0, return_inverse=True)
-        order = np.argsort(face.ravel(), kind="stable")
-        face, element = face.ravel()[order], element[order]
-        pair = np.flatnonzero(face[1:] == face[:-1])
-        rows.append(element[pair])
-        columns.append(element[pair + 1])
-        areas.append(_corner_areas(points[corners[order[pair]]]))
-    if not rows:
-        return sp.csr_array((elements, elements))
+    """Elements with a face in common, (e, e) with the area between its corners."""
+    rows, columns, areas = ([np.zeros(0, dtype=kind)] for kind in (np.int64, np.int64, float))
+    for block in faces:
+        inner = block.beyond >= 0
+        rows.append(block.element[inner])
+        columns.append(block.beyond[inner])
+        areas.append(_corner_areas(points[block.nodes[inner, : block.corner_count]]))
     r, c, area = np.concatenate(rows), np.concatenate(columns), np.concatenate(areas)
     return sp.csr_array(sp.coo_array((np.r_[area, area], (np.r_[r, c], np.r_[c, r])), shape=(elements, elements)))
 

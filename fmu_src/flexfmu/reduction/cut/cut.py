@@ -200,7 +200,7 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
             f"{key}: {loose} of its {nodes.size} nodes lie on no face between two elements that the set holds; "
             "take just the nodes of the section"
         )
-    closed = tuple(replace(b, outer=b.outer | chosen) for b, chosen in zip(faces, across, strict=True))
+    closed = tuple(replace(b, beyond=np.where(chosen, -1, b.beyond)) for b, chosen in zip(faces, across, strict=True))
     touching = np.flatnonzero(np.concatenate([np.any(member[b.connectivity], axis=1) for b in mesh.blocks]))
     link = sp.csr_array(neighbours(mesh.points, closed, mesh.element_count))[touching][:, touching]
     count, side = connected_components(link, directed=False)

@@ -115,31 +115,21 @@ def _contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> _Contacts:
     centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
     elements, areas, rows, columns = [], [], [], []
     first = 0
-    for corners in (3, 4):
-        inner = [(b.nodes[~b.outer], b.element[~b.outer]) for b in faces if b.corner_count == corners]
-        if not inner:
+    for block in faces:
+        inner = block.beyond >= 0
+        if not inner.any():
             continue
-        key = np.concatenate([np.sort(nodes[:, :corners], axis=1) for nodes, _ in inner])
-        element = np.concatenate([element for _, element in inner])
-        start = np.cumsum([0, *(len(nodes) for nodes, _ in inner)])
-        _, face = np.unique(key, axis=0, return_inverse=True)
-        order = np.argsort(face.ravel(), kind="stable")
-        same = np.flatnonzero(face.ravel()[order][1:] == face.ravel()[order][:-1])
-        one, other = order[same], order[same + 1]
-        for (nodes, _), begin in zip(inner, start, strict=False):
-            mine = np.flatnonzero((one >= begin) & (one < begin + len(nodes)))
-            if not mine.size:
-                continue
-            members = nodes[one[mine] - begin]
-            pair = np.stack([element[one[mine]], element[other[mine]]], axis=1)
-            at = mesh.points[members[:, :corners]]
-            area = 0.5 * np.cross(at[:, 2] - at[:, 0], at[:, -1] - at[:, 1] if corners == 4 else at[:, 1] - at[:, 0])
-            forward = np.einsum("fi,fi->f", area, centre[pair[:, 1]] - centre[pair[:, 0]])
-            areas.append(area * np.sign(forward)[:, None])
-            elements.append(pair)
-            rows.append(np.repeat(first + np.arange(len(members)), members.shape[1]))
-            columns.append(members.ravel())
-            first += len(members)
+        members = block.nodes[inner]
+        pair = np.stack([block.element[inner], block.beyond[inner]], axis=1)
+        at = mesh.points[members[:, : block.corner_count]]
+        edge = at[:, -1] - at[:, 1] if block.corner_count == 4 else at[:, 1] - at[:, 0]
+        area = 0.5 * np.cross(at[:, 2] - at[:, 0], edge)
+        forward = np.einsum("fi,fi->f", area, centre[pair[:, 1]] - centre[pair[:, 0]])
+        areas.append(area * np.sign(forward)[:, None])
+        elements.append(pair)
+        rows.append(np.repeat(first + np.arange(len(members)), members.shape[1]))
+        columns.append(members.ravel())
+        first += len(members)
     if not elements:
         return _Contacts(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)), sp.csr_array((0, len(mesh.points))))
     r, c = np.concatenate(rows), np.concatenate(columns)
