@@ -2,8 +2,8 @@
 
 import shutil
 import tempfile
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from ctypes import byref
 from typing import Any
 
@@ -104,21 +104,13 @@ class Participant:
         SimulationError
             The FMU fails a call.
         """
-        try:
+        with self._honours("its start"):
             for name, value in self.role.start.items():
                 variable = self.role.description.variables[name]
-                setters = {
-                    "Real": self._slave.setReal,
-                    "Integer": self._slave.setInteger,
-                    "Enumeration": self._slave.setInteger,
-                    "Boolean": self._slave.setBoolean,
-                    "String": self._slave.setString,
-                }
-                setters[variable.type]([variable.valueReference], [value])
+                kind = "Integer" if variable.type == "Enumeration" else variable.type
+                getattr(self._slave, f"set{kind}")([variable.valueReference], [value])
             self._slave.setupExperiment(startTime=0.0, stopTime=stop)
             self._slave.enterInitializationMode()
-        except FMICallException as error:
-            raise self._failure("failed its start", error) from error
 
     def begin(self) -> None:
         """End the initialisation.
@@ -128,10 +120,8 @@ class Participant:
         SimulationError
             The FMU fails the call.
         """
-        try:
+        with self._honours("its start"):
             self._slave.exitInitializationMode()
-        except FMICallException as error:
-            raise self._failure("failed its start", error) from error
 
     def set_inputs(self, values: FloatArray) -> None:
         """Set its share of the driven inputs.
@@ -146,10 +136,8 @@ class Participant:
             The FMU fails the call.
         """
         if self.role.inputs:
-            try:
+            with self._honours("to take its inputs"):
                 self._slave.setReal(self.role.inputs, values.tolist())
-            except FMICallException as error:
-                raise self._failure("failed to take its inputs", error) from error
 
     def signals(self) -> FloatArray:
         """Its share of the signals.
@@ -235,15 +223,15 @@ class Participant:
         # A step that may be repeated must leave what lies before it within reach.
         final = self._state is None
         forget_refusals(self.name)
-        try:
-            self._slave.doStep(time, size, final)
-        except FMICallException as error:
-            if error.status == _DISCARD:
+        where = f"the step from {time:.9g} s by {size:g} s"
+        with self._honours(where):
+            try:
+                self._slave.doStep(time, size, final)
+            except FMICallException as error:
+                if error.status != _DISCARD:
+                    raise
                 words = quoted(self.name) or "without a reason in its log"
-                raise StepRefusedError(
-                    f"fmu {self.name!r} refused the step from {time:.9g} s by {size:g} s: {words}"
-                ) from error
-            raise self._failure(f"failed the step from {time:.9g} s by {size:g} s", error) from error
+                raise StepRefusedError(f"fmu {self.name!r} refused {where}: {words}") from error
         if self._internal is not None and not final:
             self.substeps = int(self._values("Integer", [self._internal[0]])[0])
 
@@ -278,11 +266,9 @@ class Participant:
             The FMU fails the call.
         """
         self.forget()
-        try:
+        with self._honours("to save its state"):
             self._state = self._slave.getFMUstate()
             self._warned = warnings_of(self.name)
-        except FMICallException as error:
-            raise self._failure("failed to save its state", error) from error
 
     def restore(self) -> None:
         """Go back to the state kept.
@@ -292,11 +278,9 @@ class Participant:
         SimulationError
             The FMU fails the call.
         """
-        try:
+        with self._honours("to go back to its state"):
             self._slave.setFMUstate(self._state)
             take_back_warnings(self.name, self._warned)
-        except FMICallException as error:
-            raise self._failure("failed to go back to its state", error) from error
 
     def hold_substeps(self) -> None:
         """Let the step that is repeated take no fewer internal steps than its last try.
@@ -309,10 +293,8 @@ class Participant:
             The FMU fails the call.
         """
         if self._internal is not None and self.substeps > 1:
-            try:
+            with self._honours("to hold its internal steps"):
                 self._slave.setReal([self._internal[1]], [float(self.substeps)])
-            except FMICallException as error:
-                raise self._failure("failed to hold its internal steps", error) from error
 
     def forget(self) -> None:
         """Drop the state kept, if any; the next step takes as many internal steps as it wants."""
@@ -346,14 +328,15 @@ class Participant:
     def _values(self, kind: str, references: Sequence[int]) -> list[Any]:
         if not references:
             return []
-        getters = {"Real": self._slave.getReal, "Integer": self._slave.getInteger, "Boolean": self._slave.getBoolean}
-        try:
-            values: list[Any] = getters[kind](list(references))
-        except FMICallException as error:
-            raise self._failure("failed to give its values", error) from error
+        with self._honours("to give its values"):
+            values: list[Any] = getattr(self._slave, f"get{kind}")(list(references))
         return values
 
-    def _failure(self, what: str, error: FMICallException) -> SimulationError:
-        """Error for a call that was not honoured."""
-        self._usable = error.status < _FATAL
-        return SimulationError(f"fmu {self.name!r} {what}: {quoted(self.name) or error}")
+    @contextmanager
+    def _honours(self, call: str) -> Iterator[None]:
+        """Make an error of a call that the FMU does not honour: "fmu NAME failed to CALL"."""
+        try:
+            yield
+        except FMICallException as error:
+            self._usable = error.status < _FATAL
+            raise SimulationError(f"fmu {self.name!r} failed {call}: {quoted(self.name) or error}") from error

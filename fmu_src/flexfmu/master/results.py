@@ -1,13 +1,13 @@
 """Results of a coupling: columns over time with names and units, in a CSV or an HDF5 file."""
 
-import csv
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from ..files.array_types import FloatArray
+from ..files.tables import write_table
 from ..files.targets import whole_file
 
 SUFFIXES = (".csv", ".h5", ".hdf5")
@@ -63,28 +63,13 @@ def write_result(path: Path, result: Result) -> None:
     OutputError
         The file cannot be written.
     """
-    with whole_file(path) as part:
-        if path.suffix.lower() == ".csv":
-            _write_csv(part, result)
-        else:
-            _write_hdf5(part, result)
-
-
-def _write_csv(path: Path, result: Result) -> None:
-    headers = [f"{name} [{unit}]" if unit else name for name, unit in zip(result.names, result.units, strict=True)]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["time", *headers])
-        for time, row in zip(result.time, result.values, strict=True):
-            writer.writerow([f"{x:.12g}" for x in (time, *row)])
-
-
-def _write_hdf5(path: Path, result: Result) -> None:
-    columns: Sequence[tuple[str, str | None, FloatArray]] = [
-        ("time", "s", result.time),
-        *((name, unit, result[name]) for name, unit in zip(result.names, result.units, strict=True)),
-    ]
-    with h5py.File(path, "w") as file:
+    units = zip(result.names, result.units, strict=True)
+    if path.suffix.lower() == ".csv":
+        headers = [f"{name} [{unit}]" if unit else name for name, unit in units]
+        write_table(path, headers, np.column_stack([result.time, result.values]))
+        return
+    columns = [("time", "s", result.time), *((name, unit, result[name]) for name, unit in units)]
+    with whole_file(path) as part, h5py.File(part, "w") as file:
         for name, unit, values in columns:
             # HDF5 takes a slash for a group.
             dataset = file.create_dataset(name.replace("/", "_"), data=values, track_times=False)
