@@ -4,8 +4,8 @@
     python benchmarks/same_results.py compare OLD NEW [--all]
 
 `write` runs with the interpreter of one version and needs nothing but its public names, so that one copy of this file
-serves both; `--demo` names the meshes, the same for both. Both run on one machine. Each case builds a body whose choices
-are all written here, keeps the hash of its modal file and of each member of its FMU, and what it does: statics,
+serves both; `--demo` names the meshes, the same for both. Both run on one machine. Each case builds a body whose
+choices are all written here, keeps the hash of its modal file and of each member of its FMU, and what it does: statics,
 motions, FMI. `compare` says of each case which quantities differ, and by how much relative to their largest number; of
 many those that differ most, without `--all`. `--long` adds the axle: minutes.
 """
