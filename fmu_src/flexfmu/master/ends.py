@@ -6,6 +6,7 @@ import numpy as np
 
 from ..files.array_types import IntArray
 from ..files.errors import SimulationError
+from ..files.units import QUANTITIES
 from .config import SpringTable
 from .descriptions import Description, split
 from .layout import Ends, Response
@@ -15,7 +16,6 @@ AXES = ("x", "y", "z")
 ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
 _MOTION, _RATES, _LOADS = ("displacement", "rotation"), ("velocity", "angular_velocity"), ("force", "moment")
-_UNITS = {"displacement": "m", "rotation": "rad", "force": "N", "moment": "N.m"}
 # "N.m", "N m", "N*m" and "Nm" are all in use.
 _JOINTS = str.maketrans("", "", ". *·")
 
@@ -94,7 +94,7 @@ def end_names(
 def _check_vector(description: Description, interface: str, quantity: str, key: str) -> None:
     """Whether the three components of a vector of an interface are there, and are what a spring needs."""
     wanted = "input" if quantity in _LOADS else "output"
-    expected = _UNITS[quantity]
+    expected = QUANTITIES[quantity]
     for axis in AXES:
         name = f"{interface}.{quantity}.{axis}"
         variable = description.variable(name, key)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexfmu.files.units import INCH, UnitSystem
+from flexfmu.files.units import UNITS, UnitSystem
 from flexfmu.mesh.model import Material, Mesh
 
 # Longest side, m: flexible bodies from a flexure hinge to a rotor blade.
@@ -19,16 +19,8 @@ _DENSE, _SOFT = 2500.0, 5e9
 _LIKELY_SIZE = (5e-3, 20.0)
 _LIKELY_MODULUS = (1e9, 1.3e12)
 _LIKELY_DENSITY = (500.0, 2.5e4)
-_LENGTHS = {"m": 1.0, "mm": 1e-3, "inches": INCH}
-_STRESSES = {"N/m²": 1.0, "MPa": 1e6, "GPa": 1e9, "psi": UnitSystem.IN_LBF_S.stress}
-_DENSITIES = {
-    "kg/m³": 1.0,
-    "g/cm³": 1e3,
-    "t/mm³": 1e12,
-    "kg/mm³": 1e9,
-    "lb/in³": 0.45359237 / INCH**3,
-    "lbf s²/in⁴": UnitSystem.IN_LBF_S.density,
-}
+_LENGTHS = {"m": 1.0, "mm": UNITS["m"]["mm"], "inches": UNITS["m"]["in"]}
+_STRESSES = {"N/m²": 1.0, **{name: UNITS["Pa"][name] for name in ("MPa", "GPa", "psi")}}
 
 
 def implausible(mesh: Mesh, units: UnitSystem) -> tuple[str, ...]:
@@ -118,7 +110,7 @@ def _material_doubt(material: Material, units: UnitSystem) -> tuple[str, str] | 
     if not _within(density, DENSITY_RANGE) or light:
         fits = [
             f"in {name}, {_number(density / units.density * factor, units.density)} {units.factors.density_name}"
-            for name, factor in _DENSITIES.items()
+            for name, factor in UNITS["kg/m³"].items()
             if factor != units.density and is_likely_density(density / units.density * factor)
         ]
         causes.append(_cause(fits, "the density"))
