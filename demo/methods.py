@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -147,27 +147,27 @@ def percent(error: float) -> str:
     return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
-def print_table(records: list[dict[str, object]]) -> None:
-    """Markdown: a row a method, a column a case, errors in % at a third and at all of the load."""
+def table(records: Sequence[Mapping[str, object]]) -> str:
+    """Markdown: a row a method, a column a case, errors in % of each load."""
     cases = list(dict.fromkeys(str(record["case"]) for record in records))
-    print("| method | " + " | ".join(cases) + " |")
-    print("|---" * (len(cases) + 1) + "|")
+    lines = ["| method | " + " | ".join(cases) + " |", "|---" * (len(cases) + 1) + "|"]
     for method in dict.fromkeys(str(record["method"]) for record in records):
         cells = []
         for case in cases:
             errors = [r["relative_error"] for r in records if r["method"] == method and r["case"] == case]
             cells.append(" / ".join("none" if e == "" else percent(float(str(e))) for e in errors))
-        print(f"| {method} | " + " | ".join(cells) + " |")
+        lines.append(f"| {method} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, default=Path("output/methods.csv"), help="records, CSV")
+    parser.add_argument("--output", type=Path, default=HERE / "methods.csv", help="records, CSV")
     target = parser.parse_args().output
     found = measure()
     target.parent.mkdir(parents=True, exist_ok=True)
     with target.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(found[0]))
+        writer = csv.DictWriter(file, list(found[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(found)
-    print_table(found)
+    print(table(found))

@@ -1,113 +1,283 @@
-"""The parts of docs that the code knows best: `python tools/reference_pages.py` writes them anew.
+"""Parts of pages that promise all, made from the code: keys of files, commands, datasets, messages.
 
-A page has them between the lines `<!-- made by NAME -->` and `<!-- end -->`: the text that the function of this name
-returns. tests/docs/test_reference_pages.py compares them.
+A page has them between `<!-- generated: NAME -->` and `<!-- end -->`. `python tools/reference_pages.py` writes anew
+those that the repository's pages hold; the site (`tools/site.py`) fills in all of them.
 """
 
+import ast
+import importlib
+import os
 import re
-from collections.abc import Callable, Iterable
+import subprocess
+import sys
+from collections.abc import Callable, Collection, Iterator
+from enum import Enum
 from pathlib import Path
+from typing import Any, get_args
 
-from flexfmu.core.interface import Row, lines, rows, words_of
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
-DOCS = Path(__file__).parents[1] / "docs"
-PART = re.compile(r"(<!-- made by (\w+) -->\n).*?(?=<!-- end -->)", re.DOTALL)
-_COMPLIANCE = "m/N, m/(N.m), rad/N, rad/(N.m)"
-
-
-def table(heads: Iterable[str], lines: Iterable[Iterable[str]]) -> str:
-    """A table of Markdown."""
-    heads = list(heads)
-    every = [heads, ["---"] * len(heads), *lines]
-    return "".join("| " + " | ".join(line) + " |\n" for line in every)
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "fmu_src" / "flexfmu"
+_REGION = re.compile(r"<!-- generated: (?P<name>[^>]+) -->\n.*?<!-- end -->\n", re.DOTALL)
 
 
-def variables_in_and_out() -> str:
-    """Inputs and outputs of an FMU."""
-    return _variables(row for row in rows() if row.role in ("INPUT", "MOTION", "RATE", "STRESS"))
+# --- keys of files -----------------------------------------------------------------------------------------------
 
 
-def local_variables() -> str:
-    """Local variables of an FMU."""
-    return _variables(row for row in rows() if row.role in ("STATUS", "DIAGNOSTIC", "COMPLIANCE"))
+def described(table: type[BaseModel]) -> dict[tuple[str, ...], str]:
+    """What the section Attributes of a table's docstring says of its keys, those of its bases included."""
+    found: dict[tuple[str, ...], str] = {}
+    for kind in reversed(table.__mro__):
+        text = kind.__dict__.get("__doc__") or ""
+        if kind is not BaseModel and "    Attributes\n" in text:
+            part = text.split("----------\n", 1)[1]
+            for names, words in re.findall(r"^    (\w[\w, ]*)\n((?:^        .*\n)+)", part, re.MULTILINE):
+                found[tuple(names.split(", "))] = " ".join(words.split())
+    return found
 
 
-def parameters() -> str:
-    """Parameters of an FMU."""
-    found = [row for row in rows() if row.role == "PARAMETER"]
-    return table(("parameter", "start", "meaning"), ([_named(row), _start(row), _meaning(row)] for row in found))
+def keys_of(table: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Fields of a table that hold values, by the name in the file; those that hold tables only are left out."""
+    fields = {field.alias or name: field for name, field in table.model_fields.items()}
+    return {name: field for name, field in fields.items() if _inner(field) is None or "Literal" in str(field)}
 
 
-def parameter_words() -> str:
-    """Words that parameters of an FMU offer."""
-    result = []
-    for macro in dict.fromkeys(row.words for row in rows() if row.words not in ("", "METHOD")):
-        names = ", ".join(f"`{row.name}`" for row in rows() if row.words == macro)
-        result += [[names if word == words_of(macro)[0] else "", f'`"{word}"`', text] for _, word, text in lines(macro)]
-    return table(("parameter", "word", "meaning"), result)
+def tables_of(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """A file's tables in order, each once, the file itself first."""
+    yield model
+    seen: set[type[BaseModel]] = set()
+    for field in model.model_fields.values():
+        inner = _inner(field)
+        if inner is not None:
+            found = [one for one in tables_of(inner) if one not in seen]
+            seen.update(found)
+            yield from found
 
 
-def status_codes() -> str:
-    """Values of status.code."""
-    return table(("status.code", "meaning"), ([str(k), text] for k, (_, text) in enumerate(lines("STATE"))))
+def _inner(field: FieldInfo) -> type[BaseModel] | None:
+    """The table that a field holds, by itself or in a list; none where a name would do as well."""
+
+    def tables(annotation: Any) -> list[Any]:
+        inside = [one for part in get_args(annotation) for one in tables(part)]
+        return [annotation, *inside] if isinstance(annotation, type) else inside
+
+    found = tables(field.annotation)
+    if str in found:
+        return None
+    return next((one for one in found if issubclass(one, BaseModel)), None)
 
 
-def log_messages() -> str:
-    """Lines of an FMU's log."""
-    kinds = {"WARNING": "warning", "REFUSAL": "refusal"}
-    found = (
-        [kinds[kind], re.sub(r"(?:%[.\d]*(?:ll)?[gdsf])+", "…", text).replace("%%", "%")]
-        for _, kind, text in lines("MESSAGE")
-    )
-    return table(("kind", "what the log says"), found)
+def keys(*models: type[BaseModel]) -> str:
+    """Table of all keys of a file, or of some of its tables."""
+    rows = ["| key | meaning | default |", "|---|---|---|"]
+    for table in dict.fromkeys(models if len(models) > 1 else tables_of(models[0])):
+        title, _, words = (table.__doc__ or "").split("\n")[0].partition(": ")
+        own = keys_of(table)
+        if title.startswith("`[") and own:
+            rows.append(f"| **{title}** | {words[0].upper()}{words[1:]} | |")
+        texts = described(table)
+        for names in sorted(texts, key=lambda names: list(own).index(names[0])):
+            text, _, usual = texts[names].partition(" Default: ")
+            shown = list(dict.fromkeys(_default(own[name]) for name in names))
+            rows.append(f"| {', '.join(f'`{name}`' for name in names)} | {text} | {usual or ', '.join(shown)} |")
+    return "\n".join(rows)
 
 
-def _variables(found: Iterable[Row]) -> str:
-    return table(
-        ("variable", "unit", "meaning"),
-        ([_named(row), row.unit.replace("UNIT", _COMPLIANCE), _meaning(row)] for row in found),
-    )
+def _default(field: FieldInfo) -> str:
+    """A key's default as TOML spells it; empty where there is none."""
+    if field.is_required():
+        return "required"
+    return "none" if field.default in (None, {}, []) else f"`{_toml(field.default)}`"
 
 
-def _named(row: Row) -> str:
-    words = [row.type] * (row.type != "Real") + ["tunable"] * row.tunable
-    name = f"`{row.name}`".replace(".AXIS`", ".x` `.y` `.z`")
-    return f"{name} ({', '.join(words)})" if words else name
+def _toml(value: Any) -> str:
+    if isinstance(value, Enum):
+        return _toml(value.value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(_toml(one) for one in value)}]"
+    return f'"{value}"' if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _start(row: Row) -> str:
-    if row.words == "METHOD":
-        return "body file's"
-    unit = f" {row.unit}" if row.unit else ""
-    return f'`"{words_of(row.words)[0]}"`' if row.words else f"{row.start:g}{unit}" if row.type == "Real" else "false"
+def body_keys() -> str:
+    """Keys of the body file."""
+    from flexfmu.build.config import BodyFile
+
+    return keys(BodyFile)
 
 
-def _meaning(row: Row) -> str:
-    when = dict(lines("WHEN"))[row.when]
-    text = row.text.replace("COUNT", "all").replace("ROW", "`ux` … `rz`").replace("COLUMN", "`fx` … `mz`")
-    words = "; ".join(part for part in (text, row.note) if part)
-    return f"{when}: {words}" if when else words
+def place_keys() -> str:
+    """Conditions of a place."""
+    from flexfmu.build.config import Place
+
+    return keys(Place).replace("| key |", "| condition |")
 
 
-PARTS: tuple[Callable[[], str], ...] = (
-    variables_in_and_out,
-    parameters,
-    parameter_words,
-    local_variables,
-    status_codes,
-    log_messages,
+def coupling_keys() -> str:
+    """Keys of the coupling file."""
+    from flexfmu.master.config import CouplingFile
+
+    return keys(CouplingFile)
+
+
+def scene_keys() -> str:
+    """Keys of the scene file."""
+    from flexfmu.study.scene.config import SceneFile
+
+    return keys(SceneFile)
+
+
+# --- commands, exports, datasets ---------------------------------------------------------------------------------
+
+
+def commands() -> str:
+    """Help of all commands, in Markdown."""
+    command = [sys.executable, "-m", "typer", "flexfmu.commands.cli", "utils", "docs", "--name", "flexfmu"]
+    text = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, "COLUMNS": "200"})
+    # The page has a title of its own.
+    return text.stdout.split("\n", 1)[1]
+
+
+def exports() -> str:
+    """All that the package exports, for mkdocstrings."""
+    import flexfmu
+
+    return "\n\n".join(f"::: flexfmu.{name}" for name in flexfmu.__all__ if name != "__version__")
+
+
+def modal_file() -> str:
+    """Table of the datasets of a modal file."""
+    from flexfmu.model import arrays
+    from flexfmu.model.reduced_body import PARTS
+
+    entries = [*arrays.BODY, *(entry for part in PARTS for entry in part.entries)]
+    rows = [f"| `{entry.path}` | {entry.unit} | {entry.description} |" for entry in entries]
+    rows += [f"| `stress/NNN_NAME/{entry.path}` | {entry.unit} | {entry.description} |" for entry in arrays.STRESS]
+    return "\n".join(["| dataset | unit | shape, meaning |", "|---|---|---|", *rows])
+
+
+# --- messages ----------------------------------------------------------------------------------------------------
+
+
+def messages_of(tree: ast.AST) -> Iterator[str]:
+    """Texts of errors that a module raises and of warnings that it gives; `…` stands for what a run fills in."""
+    for node in ast.walk(tree):
+        called = node.exc if isinstance(node, ast.Raise) else node
+        if isinstance(called, ast.Call) and called.args:
+            name = called.func.attr if isinstance(called.func, ast.Attribute) else getattr(called.func, "id", "")
+            if name.endswith("Error") if isinstance(node, ast.Raise) else name == "warning":
+                text = _literal(called.args[-1])
+                if len(re.findall(r"[a-z]{2,}", text)) > 3:
+                    yield text
+
+
+def _literal(node: ast.AST) -> str:
+    """A text as it is written, `…` where it is computed."""
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(map(_literal, node.values))
+    if isinstance(node, ast.BinOp):
+        return _literal(node.left) + _literal(node.right)
+    return "…"
+
+
+def core_messages(source: str) -> Iterator[str]:
+    """Texts that a C file writes; `…` stands for what a run fills in."""
+    for found in re.findall(r'"(?:[^"\\]|\\.)*"(?:\s*"(?:[^"\\]|\\.)*")*', source):
+        text = "".join(re.findall(r'"((?:[^"\\]|\\.)*)"', found)).replace('\\"', '"')
+        text = re.sub(r"%%", "%", re.sub(r"%[-.\d]*(?:lld|[a-zA-Z])", "…", text))
+        if len(re.findall(r"[a-z]{2,}", text)) > 4:
+            yield text
+
+
+def messages() -> str:
+    """Every message, by the folder of the package that gives it."""
+    found: dict[str, list[str]] = {}
+    for path in sorted(PACKAGE.rglob("*.*")):
+        room = path.relative_to(PACKAGE).parts[0]
+        if path.suffix == ".py":
+            found.setdefault(room, []).extend(messages_of(ast.parse(path.read_text(encoding="utf-8"))))
+        elif path.suffix in (".c", ".def"):
+            found.setdefault(room, []).extend(core_messages(path.read_text(encoding="utf-8")))
+    parts = []
+    for room, texts in found.items():
+        rows = [f"- `` {re.sub(r'…+', '…', ' '.join(text.split()))} ``" for text in dict.fromkeys(texts)]
+        parts += [f"### `{room}`\n\n" + "\n".join(rows)] if rows else []
+    return "\n\n".join(parts)
+
+
+# --- pages -------------------------------------------------------------------------------------------------------
+
+
+def _file(name: str) -> Callable[[], str]:
+    """A file of the repository without its title, with links as a page of `docs/` has them."""
+
+    def read() -> str:
+        text = (ROOT / name).read_text(encoding="utf-8").split("\n", 1)[1]
+        return re.sub(r"\]\(docs/", "](", text)
+
+    return read
+
+
+def _of(module: str, name: str) -> Callable[[], str]:
+    """A table of another module, which is imported when it is made."""
+    return lambda: str(getattr(importlib.import_module(f"tools.{module}"), name)())
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "architecture": _file("ARCHITECTURE.md"),
+    "body keys": body_keys,
+    "changelog": _file("CHANGELOG.md"),
+    "commands": commands,
+    "costs of steps": _of("result_tables", "costs_of_steps"),
+    "coupling keys": coupling_keys,
+    "errors of methods in full": _of("result_tables", "methods_in_full"),
+    "errors of methods in short": _of("result_tables", "methods_in_short"),
+    "exports": exports,
+    "messages": messages,
+    "modal file": modal_file,
+    "place keys": place_keys,
+    "published problems in full": _of("result_tables", "field_in_full"),
+    "published problems in short": _of("result_tables", "field_in_short"),
+    "scene keys": scene_keys,
+    "variables: inputs and outputs": _of("variable_tables", "variables_in_and_out"),
+    "variables: local": _of("variable_tables", "local_variables"),
+    "variables: log": _of("variable_tables", "log_messages"),
+    "variables: parameters": _of("variable_tables", "parameters"),
+    "variables: status": _of("variable_tables", "status_codes"),
+    "variables: words": _of("variable_tables", "parameter_words"),
+}
+
+
+ON_SITE = ("architecture", "changelog", "commands", "exports", "messages", "modal file")
+"""Parts that only the site has."""
+KEPT = tuple(name for name in PARTS if name not in ON_SITE)
+"""Parts that the repository's pages hold as well, for readers without the site."""
+PAGES = (
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *(ROOT / name for name in ("demo/RESULTS.md", "benchmarks/field/README.md")),
 )
 
 
-def rewritten(page: str) -> str:
-    """A page with all its parts as the code has them now."""
-    made = {part.__name__: part for part in PARTS}
-    return PART.sub(lambda found: found[1] + made[found[2]](), page)
+def filled(markdown: str, names: Collection[str] = tuple(PARTS)) -> str:
+    """A page with these of its generated parts made anew."""
+
+    def part(found: re.Match[str]) -> str:
+        name = found["name"]
+        made = f"\n{PARTS[name]().strip()}\n\n" if name in names else ""
+        return f"<!-- generated: {name} -->\n{made}<!-- end -->\n"
+
+    return _REGION.sub(part, markdown)
 
 
 if __name__ == "__main__":
-    for path in sorted(DOCS.glob("*.md")):
-        page = path.read_text("utf-8")
-        if rewritten(page) != page:
-            path.write_text(rewritten(page), "utf-8")
-            print(f"written: {path.name}")
+    sys.path.insert(0, str(ROOT))
+    for path in PAGES:
+        text = path.read_text(encoding="utf-8")
+        if text != filled(text, KEPT):
+            path.write_text(filled(text, KEPT), encoding="utf-8")
+            print(path.relative_to(ROOT))

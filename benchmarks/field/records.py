@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from benchmarks.records import read_records
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.model.methods import Method
 
@@ -63,6 +65,24 @@ class Record:
         """Row of the file of records."""
         values = {name: getattr(self, name) for name in COLUMNS}
         return {name: " ".join(f"{x:.8g}" for x in v) if isinstance(v, tuple) else v for name, v in values.items()}
+
+
+def read(path: Path) -> list[Record]:
+    """Records of a file."""
+
+    def vector(text: str) -> tuple[float, ...]:
+        return tuple(float(part) for part in text.split())
+
+    vectors = ("ours", "published", "calculix")
+    return [
+        Record(
+            **{name: row[name] for name in ("problem", "source", "quantity", "model")},
+            **{name: vector(row[name]) for name in vectors},
+            cost=float(row["cost"]),
+            ratio=float(row["ratio"]),
+        )
+        for row in read_records(path)
+    ]
 
 
 def _distance(found: tuple[float, ...], expected: tuple[float, ...]) -> float:

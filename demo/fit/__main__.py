@@ -1,4 +1,4 @@
-"""Fit a model to each of four scenes, and print what was found as a Markdown table: the one of docs/charts.md.
+"""Fit a model to each of four scenes, and print what was found as a Markdown table: the one of demo/fit/README.md.
 
 Run from the repository's root: python -m demo.fit [--output FOLDER] [SCENE ...]
 """

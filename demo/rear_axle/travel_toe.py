@@ -1,4 +1,4 @@
-"""Rear axle: toe against wheel travel by seven models, the figures of docs/rear_axle.md.
+"""Rear axle: toe against wheel travel by seven models, the figures of this folder's README.
 
 Run from the repository's root: python -m demo.rear_axle.travel_toe [--output FOLDER]
 """

@@ -56,7 +56,7 @@ class Body:
     cuts : sequence of Nodes, or "auto"
         Sections at which the body is cut into parts; "auto" finds those that open loops between supports.
     tables : mapping, optional
-        Further keys of a body file (docs/file-formats.md), as `tomllib` would read them.
+        Further keys of a body file (docs/reference/body-file.md), as `tomllib` would read them.
 
     Attributes
     ----------

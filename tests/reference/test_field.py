@@ -1,4 +1,4 @@
-"""Published problems of the field, as docs/benchmarks.md lists them."""
+"""Published problems of the field, as benchmarks/field/README.md lists them."""
 
 from functools import cache
 

@@ -89,7 +89,7 @@ def test_everything_given_is_taken(tmp_path):
 
 
 WRONG = {
-    "unknown key at the top": ({"top": "colour = 3"}, ["colour: unknown key", "docs/file-formats.md"]),
+    "unknown key at the top": ({"top": "colour = 3"}, ["colour: unknown key", "docs/reference/body-file.md"]),
     "unknown key in a table": ({"mesh": "scale = 2.0"}, ["mesh.scale: unknown key"]),
     "unknown key in the second of two tables": (
         {"rest": SUPPORT + '["x"]\n' + SUPPORT + '["y"]\nforce = 1'},

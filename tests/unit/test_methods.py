@@ -313,7 +313,7 @@ def test_moment_does_its_work_in_every_step(beam):
     np.testing.assert_allclose(model.response(state).displacement, model.response(static).displacement, rtol=1e-6)
 
 
-PAGE = (DEMO.parent / "docs" / "accuracy.md").read_text(encoding="utf-8")
+PAGE = (DEMO / "RESULTS.md").read_text(encoding="utf-8")
 
 
 def rows_at_four_loads():

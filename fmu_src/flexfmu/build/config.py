@@ -321,6 +321,6 @@ def read_body_file(path: Path) -> BodyFile:
         Every wrong key at once, with what was found and what would do.
     """
     data = read_toml(path, BodyFileError, Kind.BODY)
-    body = validated(BodyFile, data, BodyFileError, "docs/file-formats.md", path)
+    body = validated(BodyFile, data, BodyFileError, "docs/reference/body-file.md", path)
     mesh = body.mesh.model_copy(update={"file": path.parent / body.mesh.file})
     return body.model_copy(update={"mesh": mesh})

@@ -23,7 +23,7 @@ class MeshUnits(Table):
     Attributes
     ----------
     units
-        [Units](#units) of the mesh and of `[material]`.
+        [Units](../file-formats.md#units) of the mesh and of `[material]`.
     boundary
         Use the boundary conditions of the mesh file as supports.
     """
@@ -38,7 +38,7 @@ class MeshTable(MeshUnits):
     Attributes
     ----------
     file
-        Deck (`.inp`) or another [mesh file](#mesh).
+        Deck (`.inp`) or another [mesh file](../file-formats.md#mesh).
     """
 
     file: Path = Field(strict=False, examples=["arm.inp"])
@@ -353,7 +353,7 @@ class FormulationTable(Table):
     Attributes
     ----------
     method
-        [Method](methods.md).
+        [Method](../methods.md).
         Default: `"second_order"`; where that is impossible `"frames"`; with `frames = 0` `"linear"`
     mass
         `"constant"`: of the undeformed body; `"configuration"`: of the deformed one.
@@ -404,7 +404,7 @@ class OutputTable(Table):
     velocities
         Outputs for velocities and angular velocities.
     surface
-        Store the surface's mode shapes for [pictures](view.md). They grow with the mesh.
+        Store the surface's mode shapes for [pictures](../view.md). They grow with the mesh.
     stress
         Store the stress of the surface's points as well.
     """

@@ -30,7 +30,7 @@ def chart(
     picture: Annotated[Path | None, typer.Option(help="Picture to draw (PNG, PDF or SVG).")] = None,
     page: Annotated[Path | None, typer.Option(help="Page to look into (HTML).")] = None,
     stability: Annotated[
-        bool, typer.Option("--stability", help="Map where each method stops working instead (docs/stability.md).")
+        bool, typer.Option("--stability", help="Map where each method stops working instead (docs/scenes.md).")
     ] = False,
     bare: Annotated[bool, typer.Option("--bare", help="Time the models without their FMUs.")] = False,
     every: Annotated[

@@ -1,4 +1,4 @@
-"""The coupling file (TOML): its keys, checked, with errors that name the key; docs/master.md describes it."""
+"""The coupling file (TOML): its keys, checked, with errors that name the key."""
 
 from enum import Enum
 from pathlib import Path
@@ -40,7 +40,28 @@ class Held(Enum):
 
 
 class ExperimentTable(Table):
-    """`[experiment]`: span of time, communication step and scheme."""
+    """`[experiment]`: span of time, communication step and scheme.
+
+    Attributes
+    ----------
+    stop
+        End of the run, s: a whole number of steps from 0.
+    step
+        Communication step, s.
+    scheme
+        `"jacobi"`, `"gauss_seidel"` or `"iterated"` ([schemes](../master.md#schemes)).
+    tolerance
+        `"iterated"`: accepted change of coupled inputs, relative to the largest of their unit so far.
+        Loads of springs count together, 1 N as 1 N m.
+    max_iterations
+        `"iterated"`: the run stops after so many iterations of a step.
+    relaxation
+        `"iterated"`: fraction of the first difference that is added.
+    reuse
+        `"iterated"`: number of earlier steps whose differences are used.
+    held
+        `"iterated"`: inputs held over a step are those of its `"end"`, or the `"mean"` of its ends.
+    """
 
     stop: float = Field(gt=0.0)
     step: float = Field(gt=0.0)
@@ -74,7 +95,20 @@ class ExperimentTable(Table):
 
 
 class FmuTable(Table):
-    """`[[fmu]]`: an FMU, its start values and its table of inputs."""
+    """`[[fmu]]`: an FMU, its start values and its table of inputs.
+
+    Attributes
+    ----------
+    name
+        Name in this file: letters, digits, `_`.
+    file
+        The FMU. The same file may serve several names.
+    start
+        Parameters and start values.
+    input
+        CSV of inputs, linear between rows. A step takes the values of its beginning (`"mean"`: the mean of its ends).
+        The first and last rows hold outside. Of rows at the same time the last counts.
+    """
 
     name: Name
     file: Path = Field(strict=False)
@@ -83,7 +117,15 @@ class FmuTable(Table):
 
 
 class ConnectionTable(Table):
-    """`[[connection]]`: an output that feeds an input."""
+    """`[[connection]]`: an output that sets an input.
+
+    Attributes
+    ----------
+    from, to
+        `FMU.VARIABLE`: a Real output and a Real input. Connections to one input add up and replace its start value.
+    factor
+        Multiplier. Only with it may units differ. Default: 1
+    """
 
     source: str = Field(alias="from")
     target: str = Field(alias="to")
@@ -91,7 +133,17 @@ class ConnectionTable(Table):
 
 
 class SpringTable(Table):
-    """`[[spring]]`: spring and damper between two interfaces, or one and the ground."""
+    """`[[spring]]`: spring and damper between two interfaces, or one and the ground.
+
+    Attributes
+    ----------
+    a, b
+        `FMU.INTERFACE` at each end. Without `b`: the ground.
+    stiffness
+        Six numbers: three in N/m, three in N m/rad.
+    damping
+        Six numbers: three in N s/m, three in N m s/rad.
+    """
 
     a: str
     b: str | None = None
@@ -106,7 +158,15 @@ class SpringTable(Table):
 
 
 class OutputTable(Table):
-    """`[output]`: what goes into the results."""
+    """`[output]`: what goes into the results.
+
+    Attributes
+    ----------
+    variables
+        `FMU.VARIABLE`, also inputs and locals. Default: all Real outputs
+    every
+        Communication points per row. The last point is always written.
+    """
 
     variables: list[str] | None = None
     every: int = Field(default=1, ge=1)
@@ -172,7 +232,7 @@ def parse_coupling(data: dict[str, Any], folder: Path) -> CouplingFile:
     SimulationError
         Every wrong key at once, with what was found and what would do.
     """
-    coupling = validated(CouplingFile, data, SimulationError, "docs/master.md")
+    coupling = validated(CouplingFile, data, SimulationError, "docs/reference/coupling-file.md")
     fmus = [
         fmu.model_copy(update={"file": folder / fmu.file, "input": None if fmu.input is None else folder / fmu.input})
         for fmu in coupling.fmu

@@ -1,4 +1,4 @@
-"""The modal file: a `ReducedBody` in HDF5. Its datasets are those of `arrays`; docs/file-formats.md tells of them."""
+"""The modal file: a `ReducedBody` in HDF5. Its datasets are those of `arrays` (docs/reference/modal-file.md)."""
 
 import hashlib
 import tempfile

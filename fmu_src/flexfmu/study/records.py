@@ -1,7 +1,7 @@
 """Records of sweeps and of stability maps: a CSV, one row each, on the disk as soon as it is known.
 
 Behind the fields of a record stand the code that made it, which alone continues the file, and a checksum of its row,
-which is verified when it is read. Columns: docs/scenes.md, docs/stability.md.
+which is verified when it is read. Columns: docs/scenes.md.
 """
 
 import csv

@@ -1,4 +1,4 @@
-"""The scene file (TOML): its keys, checked, with errors that name the key; docs/scenes.md describes it."""
+"""The scene file (TOML): its keys, checked, with errors that name the key."""
 
 from enum import Enum
 from itertools import pairwise
@@ -44,7 +44,22 @@ class Solver(Enum):
 
 
 class StaticTable(Table):
-    """`[[static]]`: loads that hold still."""
+    """`[[static]]`: loads that hold still.
+
+    Attributes
+    ----------
+    name
+        Name of the case.
+    loads
+        Peak values by input: `"INTERFACE.force.AXIS"`, `"INTERFACE.moment.AXIS"`, `"body.acceleration.AXIS"`.
+    factors
+        Fractions of the loads that are compared, ascending.
+    results
+        Your results in place of flexfmu's finite elements: CSV `factor,INTERFACE.displacement.x,…`.
+        `#` begins a comment; missing columns are not compared.
+    results_seconds
+        Time of the run that made the results, s: adds a point to the chart. Its rows count as equilibria.
+    """
 
     name: Name
     loads: dict[str, float] = Field(min_length=1, examples=[{"tip.force.y": 1000.0}])
@@ -74,7 +89,26 @@ class StaticTable(Table):
 
 
 class TransientTable(Table):
-    """`[[transient]]`: motion from rest under loads over time."""
+    """`[[transient]]`: motion from rest under loads over time.
+
+    Attributes
+    ----------
+    name
+        Name of the case.
+    loads
+        A sudden load, or a CSV table (`time`, then inputs) from time 0, linear within steps.
+        A repeated time is a jump, exact at a communication point.
+    duration
+        Length of the motion, s. Default: end of the table
+    step
+        Communication step, s.
+    frequencies
+        `[lowest, highest]`, Hz: the band that is compared. Default: all
+    results
+        Your results: CSV `time,INTERFACE.displacement.x,…`.
+    seconds_per_second
+        Time of a finite element solver per simulated second: adds a point to the chart.
+    """
 
     name: Name
     loads: dict[str, float] | str = Field(examples=[{"tip.force.y": 1000.0}])
@@ -130,7 +164,16 @@ def check_steps(duration: float, step: float) -> None:
 
 
 class AcceptedTable(Table):
-    """`[tolerance.static]`, `[tolerance.transient]`: what error is accepted."""
+    """`[tolerance.static]`, `[tolerance.transient]`: the largest errors that are accepted.
+
+    Attributes
+    ----------
+    displacement, rotation
+        Relative error, below 1; over time rms of the error over rms of the motion.
+        Without `rotation`, rotations are recorded only.
+    displacement_absolute, rotation_absolute
+        Error that is accepted in any case, m and rad.
+    """
 
     displacement: Positive
     displacement_absolute: float = Field(default=0.0, ge=0.0)
@@ -155,7 +198,15 @@ class ToleranceTable(Table):
 
 
 class ReferenceTable(Table):
-    """`[reference]`: who finds static results, and the model that transients are compared with."""
+    """`[reference]`: what models are compared with where a case names no results.
+
+    Attributes
+    ----------
+    static
+        Solver of static cases: `"flexfmu"` or `"calculix"`.
+    modes, frames, mass, tolerance
+        The reduced model that transients are compared with; `tolerance` is that of its steps.
+    """
 
     static: Annotated[Solver, Field(strict=False)] = Solver.FLEXFMU
     modes: Modes = 20
@@ -165,7 +216,26 @@ class ReferenceTable(Table):
 
 
 class SweepTable(Table):
-    """`[sweep]`: what is combined with what."""
+    """`[sweep]`: the models that are tried.
+
+    Attributes
+    ----------
+    basis
+        Of `"normal"`, `"residual"` (with residual flexibility), `"craig_bampton"`.
+    modes
+        Numbers of modes, without modes of the interfaces.
+    frames
+        Numbers of frames. Frames given by hand are tried too.
+    methods
+        Names of [methods](../methods.md).
+    mass
+        `"constant"`, `"configuration"`; the latter with `frames` and `second_order`, for transients.
+        Without this key `fit` tries it last.
+    internal_step
+        `"single"`: one internal step per communication step; numbers: `internal_step.tolerance`.
+    finite_elements
+        Solvers of the whole model that are timed: `"flexfmu"`, `"calculix"` (if `ccx` is on the path).
+    """
 
     basis: list[Annotated[BasisChoice, Field(strict=False)]] = Field(default=list(BasisChoice), min_length=1)
     modes: list[Modes] = Field(default=[5, 10, 20], min_length=1)
@@ -193,7 +263,33 @@ class Map(Enum):
 
 
 class StabilityTable(Table):
-    """`[stability]`: every key has a default, found from the scene's first static case or from the body."""
+    """`[stability]`: what `chart --stability` varies. Defaults follow from the first `[[static]]` case.
+
+    Attributes
+    ----------
+    maps
+        Of `"buckling"`, `"rotation"`, `"coupling"`.
+    interface
+        Interface that is loaded, read and coupled. Default: that of the largest load
+    tolerance
+        Error up to which a run counts as accurate.
+    axial
+        Buckling: direction of the load. Default: axis of least critical load
+    shares
+        Buckling: fractions of the critical load.
+    axis
+        Rotation: axis of the moment. Default: axis about which the case turns the interface
+    angles
+        Rotation: angles, degrees.
+    frames
+        Rotation and buckling: numbers of frames.
+    direction
+        Coupling: direction of the force. Default: direction in which the case moves the interface
+    mass_ratios, stiffness_ratios
+        Coupling: mass and spring relative to the interface's.
+    coupling_steps_per_period
+        Coupling: communication steps per period of the body.
+    """
 
     maps: list[Annotated[Map, Field(strict=False)]] = Field(default=list(Map), min_length=1)
     interface: str | None = None
@@ -210,13 +306,28 @@ class StabilityTable(Table):
 
 
 class FitTable(Table):
-    """`[fit]`: what the fitted body has to do beyond the scene."""
+    """`[fit]`: what the fitted body has to do outside the scene.
+
+    Attributes
+    ----------
+    other_loads
+        Fraction of the static displacement that may be missing under other loads ([fit](../fit.md)).
+    """
 
     other_loads: float = Field(default=0.1, gt=0.0, le=1.0)
 
 
 class SceneFile(Table):
-    """A whole scene file."""
+    """A whole scene file.
+
+    Attributes
+    ----------
+    loaded
+        Interfaces that may be loaded. Models omit interfaces that are neither read nor loaded.
+        Default: those of the cases
+    read
+        Interfaces whose motion is compared. Default: all
+    """
 
     loaded: list[Name] | None = None
     read: list[Name] | None = Field(default=None, min_length=1)
@@ -256,7 +367,7 @@ def read_scene_file(path: Path) -> SceneFile:
         Every wrong key at once, with what was found and what would do.
     """
     data = read_toml(path, SceneError, Kind.SCENE)
-    scene = validated(SceneFile, data, SceneError, "docs/scenes.md", path)
+    scene = validated(SceneFile, data, SceneError, "docs/reference/scene-file.md", path)
 
     def placed(case: Any) -> Any:
         results = case.results and path.parent / case.results

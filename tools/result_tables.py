@@ -1,0 +1,94 @@
+"""Tables of pages that are made from records: errors of methods, published problems, costs."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from benchmarks.field.records import Record, read, tables
+from benchmarks.records import read_records
+from demo.methods import table
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# Rows of the short table of methods.
+_METHODS = (
+    "`linear`",
+    "`stiffness_by_load`",
+    "`modal_rotation`, 4 frames",
+    "`half_rotation`, 4 frames",
+    "`floating_frame`",
+    "`frames`, 8 frames",
+    "`second_order`, 1 frame, and residual flexibility",
+    "`second_order`, 2 frames, and residual flexibility",
+)
+_STATICS = ("linear", "second order, 1 frame", "second order, 2 frames", "second order, 4 frames", "frames, 8 frames")
+_STEPS = {
+    "empty native FMU": "empty",
+    "linear, 4 interfaces": "`linear`",
+    "stiffness_by_load, 8 frames, 4 interfaces": "`stiffness_by_load`",
+    "floating_frame, 8 frames, 4 interfaces": "`floating_frame`",
+    "frames, 2 frames, 4 interfaces": "`frames`, 2 frames",
+    "frames, 8 frames, 4 interfaces": "`frames`, 8 frames",
+    "second_order, 2 frames, 4 interfaces": "`second_order`, 2 frames",
+    "second_order, 8 frames, 4 interfaces": "`second_order`, 8 frames",
+    "second_order, 2 frames, deformed body's mass, 4 interfaces": '`second_order`, 2 frames, `mass = "configuration"`',
+    "rear axle, cut, second_order, one frame a part": "rear axle, cut, one frame a part, 6 modes",
+    "rear axle, cut, second_order, 86 coordinates": "rear axle, cut, 86 coordinates",
+    "empty pythonfmu FMU": "empty, by pythonfmu",
+    "frames, 8 frames, 4 interfaces, --runtime python": "`frames`, 8 frames, `--runtime python`",
+}
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+
+
+def methods_in_full() -> str:
+    """Errors of every method on every demo body, at a third and at all of the load."""
+    return table(read_records(ROOT / "demo" / "methods.csv"))
+
+
+def methods_in_short() -> str:
+    """Errors of methods on the demo bodies at the full load."""
+    found = read_records(ROOT / "demo" / "methods.csv")
+    last = {(row["method"], row["case"]): row for row in found}
+    return table([last[method, case] for method in _METHODS for case in dict.fromkeys(row["case"] for row in found)])
+
+
+def field_in_full() -> str:
+    """Published problems of the field, every quantity and model."""
+    return tables(read(ROOT / "benchmarks" / "field" / "field.csv"))
+
+
+def field_in_short() -> str:
+    """Largest error of each static problem, over its quantities, by the number of frames."""
+    rows: dict[str, dict[str, list[Record]]] = {}
+    for record in read(ROOT / "benchmarks" / "field" / "field.csv"):
+        if record.model in _STATICS:
+            rows.setdefault(record.problem, {}).setdefault(record.model, []).append(record)
+    shown = [[problem, *(_worst(models.get(name, [])) for name in _STATICS)] for problem, models in rows.items()]
+    return markdown(["error, %", *_STATICS], [row for row in shown if row[2]])
+
+
+def _worst(records: Sequence[Record]) -> str:
+    errors = [record.error_calculix if record.calculix else record.error for record in records]
+    if any(not record.ours for record in records):
+        return "none"
+    return _two_digits(100.0 * max(errors)) if errors else ""
+
+
+def _two_digits(value: float) -> str:
+    """Two significant digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def costs_of_steps() -> str:
+    """Time of a step of each kind of body."""
+    found = {row["what"]: row for row in read_records(ROOT / "benchmarks" / "core_step.csv")}
+    rows = []
+    for what, words in _STEPS.items():
+        row = found[what]
+        work = _two_digits(1e-3 * float(row["operations"])) if float(row["operations"]) else ""
+        rows.append([words, _two_digits(1e6 * float(row["fastest"])), work])
+    return markdown(["FMU", "µs a step", "kflop"], rows)
