@@ -144,18 +144,6 @@ WRONG = {
         ["formulation.method: found 'exact'", "'linear'", "'second_order'"],
     ),
     "unknown mass": ({"rest": '[formulation]\nmass = "x"'}, ["formulation.mass: found 'x'", "'configuration'"]),
-    "old keys": (
-        {"rest": '[formulation]\nkinematics = "corotated"\nstiffness = "by_load"'},
-        ['formulation: write method = "frames_stiffness" instead of', 'kinematics = "corotated"'],
-    ),
-    "old keys that have gone": (
-        {"rest": '[formulation]\nloads = "reference"'},
-        ["formulation: ", 'is gone; method = "frames" comes nearest'],
-    ),
-    "explicit evaluation": (
-        {"rest": '[formulation]\nkinematics = "linear"\nevaluation = "explicit"'},
-        ["explicit evaluation is gone", 'method = "linear"', "let the master send that moment"],
-    ),
     "a mass that the method does not know": (
         {"rest": '[formulation]\nmethod = "frames_stiffness"\nmass = "configuration"'},
         ["formulation: ", 'mass "configuration" goes with methods "frames" and "second_order" only'],

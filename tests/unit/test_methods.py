@@ -1,7 +1,6 @@
 """The methods: what each is right for, where it fails, and which data it needs."""
 
 import dataclasses
-import itertools
 import re
 
 import numpy as np
@@ -12,23 +11,17 @@ import scipy.optimize
 from bodies import beam_body
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
-from flexfmu.build.old_keys import OLD_KEYS, replaced
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import (
     DEFAULT,
-    Division,
-    Kinematics,
-    LoadPlacement,
     Mass,
     Method,
-    Stiffness,
     Variant,
     conflict,
     masses_of,
     needs,
-    recipe_of,
 )
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.model.variants import lean, missing, offered
@@ -270,24 +263,6 @@ def test_kinds_of_bodies_refuse_methods_that_have_no_meaning_for_them():
         Method.STIFFNESS_BY_LOAD, Method.STIFFNESS_BY_MODE, Method.FRAMES_STIFFNESS, Method.FLOATING_FRAME
     }  # fmt: skip
     assert conflict(Variant(Method.FRAMES, Mass.CONFIGURATION), free=False, cut=True) is not None
-
-
-def test_every_old_combination_is_answered_with_a_method_and_those_that_are_the_same_by_name():
-    kinds = [[member.value for member in kind] for kind in (Kinematics, LoadPlacement, Stiffness, Division)]
-    same = set()
-    for words in itertools.product(*kinds):
-        answer = replaced(dict(zip(OLD_KEYS, words, strict=False)))
-        (name,) = re.findall(r'method = "(\w+)"', answer)
-        recipe = recipe_of(Method(name))
-        assert recipe.kinematics.value == words[0] or "comes nearest" in answer
-        if answer.startswith("write"):
-            same.add(name)
-    assert same == {method.value for method in Method}
-    # What a file left out had its usual value.
-    assert replaced({"stiffness": "by_load"}) == 'write method = "frames_stiffness" instead of stiffness = "by_load"'
-    assert "linear" in replaced({"kinematics": "linear", "loads": "deformed", "division": "one"})
-    assert "master" in replaced({"evaluation": "explicit"})
-    assert "one of linear" in replaced({"kinematics": "exact"})
 
 
 def test_stiffness_by_mode_stiffens_under_tension_as_by_load_does(beam):

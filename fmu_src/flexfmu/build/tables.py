@@ -12,7 +12,6 @@ from ..files.toml_files import Name, Table, Vector
 from ..files.units import UnitSystem
 from ..model.errors import OptionError
 from ..model.methods import DEFAULT, Mass, Method, Variant
-from .old_keys import OLD_KEYS, replaced
 
 ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
 
@@ -361,14 +360,6 @@ class FormulationTable(Table):
 
     method: Method | None = Field(default=None, strict=False)
     mass: Mass = Field(default=Mass.CONSTANT, strict=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_old_keys(cls, data: object) -> object:
-        old = {key: data[key] for key in OLD_KEYS if key in data} if isinstance(data, dict) else {}
-        if old:
-            raise ValueError(replaced(old))
-        return data
 
     @model_validator(mode="after")
     def _meaningful(self) -> "FormulationTable":
