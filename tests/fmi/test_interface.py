@@ -12,11 +12,11 @@ COMPILER = system_compiler()
 
 
 def compiled(folder, changed):
-    """What the compiler says of instance.c with another table."""
-    for path in (*FOLDER.glob("*.h"), *FOLDER.glob("*.def"), FOLDER / "instance.c"):
+    """What the compiler says of instance_values.c with another table."""
+    for path in (*FOLDER.glob("*.h"), *FOLDER.glob("*.def"), FOLDER / "instance_values.c"):
         shutil.copy(path, folder)
     (folder / TABLE.name).write_text(changed, "utf-8")
-    command = [*COMPILER, *FLAGS, "-fsyntax-only", "instance.c"]
+    command = [*COMPILER, *FLAGS, "-fsyntax-only", "instance_values.c"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 

@@ -10,7 +10,6 @@
 
 /* The program of the method that the FMU starts with describes its variables, too. */
 static const char DESCRIPTION[] = "body.prog";
-static const char MARK[] = "flexstat";
 
 enum { FIXED, TUNABLE };
 /* Of parameters, but for those that fix interfaces. */
@@ -22,35 +21,6 @@ static const struct {
 #define WATCH(symbol, ...) {0.0, FIXED}, {0.0, FIXED},
 #include "interface.def"
 };
-enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4 };
-
-struct Instance {
-    char *folder;
-    Body *described; /* of the method at the start */
-    Body *body;      /* of the method chosen, once it is known */
-    uint64_t owner;  /* what states are known by */
-    Teller teller;
-    void *told;
-    int64_t modes, loads, parameters, fixable;
-    double *arena;
-    /* All that the future depends on, one run of numbers from here on. */
-    double *numbers;
-    int64_t number_count;
-    double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen;
-    Memory memory;
-    /* What is found when it is asked for. */
-    int cached;
-    double *motion, *rates, *stress, *compliance, *start_inputs, *end_inputs, *q1, *v1, *room, *shape, *kept;
-};
-
-/* Single numbers of the state. */
-enum {
-    S_LAST_STEP, S_TIME, S_KNOWN, S_RUNNING, S_STATUS, S_HINT, S_MODES, S_SUBSTEPS, S_ITERATIONS, S_ERROR, S_LARGEST,
-    S_WARNED, S_MOMENTUM = S_WARNED + WATCHES, S_KINETIC = S_MOMENTUM + sizeof(Momentum) / sizeof(double), S_INERTIA, S_COUNT
-};
-
-static const Program *description(const Instance *x) { return &x->described->p; }
-
 const Program *instance_description(const Instance *x) { return description(x); }
 
 const char *variable_text(const Instance *x, int64_t variable, int64_t index, char *room) {
@@ -202,8 +172,6 @@ void instance_tell(Instance *x, Teller teller, void *to) {
     x->told = to;
 }
 
-static int runs(const Instance *x) { return x->single[S_RUNNING] != 0.0; }
-
 double instance_time(const Instance *x) { return x->single[S_TIME]; }
 
 void instance_begin_at(Instance *x, double time) { x->single[S_TIME] = time; }
@@ -313,8 +281,7 @@ static Answer wrong_input(const Instance *x, int64_t input, const char *before, 
     return ANSWER_FAILED;
 }
 
-/* Body and state, found from parameters and inputs when first asked for. */
-static Answer begin(Instance *x, char *why) {
+Answer instance_begin(Instance *x, char *why) {
     if (choose(x, why) != ANSWER_OK) return ANSWER_FAILED;
     if (x->single[S_KNOWN] != 0.0) return ANSWER_OK;
     const int64_t m = x->body->p.modes;
@@ -386,24 +353,24 @@ static Answer inspect(Instance *x, const double *q, const double *v, int stepped
     return ANSWER_OK;
 }
 
-static Answer failed(Instance *x, Answer answer) {
+Answer instance_failed(Instance *x, Answer answer) {
     x->single[S_STATUS] = STATE_REFUSED;
     return answer;
 }
 
-static Answer no_room(Instance *x, char *why) {
+Answer instance_lacks_room(Instance *x, char *why) {
     snprintf(why, TEXT_SIZE, SAY_NO_ROOM);
-    return failed(x, ANSWER_FAILED);
+    return instance_failed(x, ANSWER_FAILED);
 }
 
 Answer instance_start(Instance *x, char *why) {
-    if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
     if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0, x->previous, why) != ANSWER_OK) {
         char text[TEXT_SIZE];
         memcpy(text, why, TEXT_SIZE);
         snprintf(why, TEXT_SIZE, "static initialisation: %.900s", text);
-        return failed(x, ANSWER_FAILED);
+        return instance_failed(x, ANSWER_FAILED);
     }
     x->single[S_RUNNING] = 1.0;
     return ANSWER_OK;
@@ -435,26 +402,26 @@ static int over_step(Instance *x, double step) {
 Answer instance_step(Instance *x, double time, double step, char *why) {
     if (!isfinite(time) || !isfinite(step) || step < 0.0 || !isfinite(time + step)) {
         snprintf(why, TEXT_SIZE, SAY_BAD_TIME, step, time);
-        return failed(x, ANSWER_REFUSED);
+        return instance_failed(x, ANSWER_REFUSED);
     }
     for (int64_t i = 0; i < x->loads; i++) {
         if (isfinite(x->input[i]) && isfinite(x->input_rate[i])) continue;
         wrong_input(x, i, "", why);
-        return failed(x, ANSWER_REFUSED);
+        return instance_failed(x, ANSWER_REFUSED);
     }
-    if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     if (step == 0.0) return ANSWER_OK;
     const int64_t m = x->body->p.modes;
     const int ramps = over_step(x, step);
     for (int64_t i = 0; i < x->loads; i++) {
         if (isfinite(x->start_inputs[i]) && isfinite(x->end_inputs[i])) continue;
         snprintf(why, TEXT_SIZE, SAY_GROWS, step);
-        return failed(x, ANSWER_REFUSED);
+        return instance_failed(x, ANSWER_REFUSED);
     }
     const double fewest = x->parameter[P_STEP_FEWEST];
     if (!(fewest >= 1.0 && fewest < 1e15)) {
         snprintf(why, TEXT_SIZE, SAY_FEWEST, fewest);
-        return failed(x, ANSWER_REFUSED);
+        return instance_failed(x, ANSWER_REFUSED);
     }
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
     Work work = {0, 0, 0.0};
@@ -463,10 +430,10 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     const int answer = body_step(x->body, x->start_inputs, ramps ? x->end_inputs : 0, step, x->q1, x->v1, &hint, &work);
     if (answer != FLEX_OK) {
         body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
-        return failed(x, x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED);
+        return instance_failed(x, x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED);
     }
     const Answer verdict = inspect(x, x->q1, x->v1, 1, ramps ? x->end_inputs : x->start_inputs, why);
-    if (verdict != ANSWER_OK) return failed(x, verdict);
+    if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     memcpy(x->q, x->q1, (size_t)m * sizeof(double));
     memcpy(x->v, x->v1, (size_t)m * sizeof(double));
     /* An input with a derivative goes on growing until it is set again. */
@@ -482,176 +449,4 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     x->single[S_ERROR] = work.error;
     x->cached = 0;
     return ANSWER_OK;
-}
-
-static double usual_step(const Instance *x) {
-    return x->single[S_LAST_STEP] > 0.0 ? x->single[S_LAST_STEP] : description(x)->suggested_step[0];
-}
-
-/* Diagnostics: `diagnose_symbol` of each in interface.def. Of the state alone. */
-static double diagnose_rotation(Instance *x) { return body_rotations(x->body, x->q, 0); }
-
-/* Inputs set since the last step have not acted yet, and need not be finite. */
-static double diagnose_stability(Instance *x) { return body_stability(x->body, x->previous, x->q, 0); }
-static double diagnose_missed(Instance *x) { return body_missed(x->body, x->previous, 0); }
-
-static double diagnose_spin(Instance *x) { return body_spin(x->body, x->q, x->v); }
-
-static double diagnose_momentum(Instance *x) { return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1]; }
-
-static double diagnose_inertia(Instance *x) {
-    return x->single[S_KINETIC] > 0.0 ? x->single[S_INERTIA] / x->single[S_KINETIC] : 0.0;
-}
-
-static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }
-
-static double diagnose_strain_energy(Instance *x) {
-    double strain, kinetic;
-    body_energies(x->body, x->q, x->v, &strain, &kinetic);
-    return strain;
-}
-
-static double diagnose_kinetic_energy(Instance *x) {
-    double strain, kinetic;
-    body_energies(x->body, x->q, x->v, &strain, &kinetic);
-    return kinetic;
-}
-
-static double diagnose_iterations(Instance *x) { return x->single[S_ITERATIONS]; }
-static double diagnose_substeps(Instance *x) { return x->single[S_SUBSTEPS]; }
-
-/* One that the table has and this file has not is an error of the compiler. */
-static double (*const DIAGNOSE[])(Instance *) = {
-#define DIAGNOSTIC(symbol, ...) diagnose_##symbol,
-#include "interface.def"
-};
-
-Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
-    const Program *p = description(x);
-    const int64_t role = p->variable_role[variable], index = p->variable_index[variable];
-    switch (role) {
-    case ROLE_INPUT: *value = x->input[index]; return ANSWER_OK;
-    case ROLE_PARAMETER: *value = x->parameter[index]; return ANSWER_OK;
-    case ROLE_STATUS: *value = x->single[S_STATUS]; return ANSWER_OK;
-    default: break;
-    }
-    if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
-    switch (role) {
-    case ROLE_MOTION:
-    case ROLE_RATE:
-        if (!(x->cached & CACHED_MOTION) && body_motion(x->body, x->q, x->v, x->motion, x->rates) != FLEX_OK) return no_room(x, why);
-        x->cached |= CACHED_MOTION;
-        *value = role == ROLE_MOTION ? x->motion[index] : x->rates[index];
-        break;
-    case ROLE_STRESS:
-        if (!(x->cached & CACHED_STRESS)) body_stress(x->body, x->q, x->stress);
-        x->cached |= CACHED_STRESS;
-        *value = x->stress[index];
-        break;
-    case ROLE_COMPLIANCE: {
-        const int64_t n = p->compliances;
-        if (!(x->cached & CACHED_COMPLIANCE) &&
-            body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, n, x->compliance) != FLEX_OK)
-            return no_room(x, why);
-        x->cached |= CACHED_COMPLIANCE;
-        /* By pairs of interfaces: of the first by loads on the second, row by row. */
-        const int64_t pair = index / 36, row = index % 36 / 6, column = index % 6;
-        *value = x->compliance[(6 * (pair / n) + row) * 6 * n + 6 * (pair % n) + column];
-        break;
-    }
-    default: *value = DIAGNOSE[index](x);
-    }
-    return ANSWER_OK;
-}
-
-Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_count, const int64_t *inputs,
-                           int64_t input_count, const double *direction, double *result, char *why) {
-    const Program *p = description(x);
-    char room[TEXT_SIZE / 4];
-    for (int64_t i = 0; i < output_count; i++)
-        if (p->variable_role[outputs[i]] != ROLE_MOTION) {
-            snprintf(why, TEXT_SIZE, "derivatives are offered of displacements and rotations, not of %s", variable_text(x, outputs[i], 0, room));
-            return ANSWER_REFUSED;
-        }
-    for (int64_t i = 0; i < input_count; i++)
-        if (p->variable_role[inputs[i]] != ROLE_INPUT) {
-            snprintf(why, TEXT_SIZE, "derivatives are offered by inputs, not by %s", variable_text(x, inputs[i], 0, room));
-            return ANSWER_REFUSED;
-        }
-    if (begin(x, why) != ANSWER_OK) return failed(x, ANSWER_FAILED);
-    memset(x->start_inputs, 0, (size_t)x->loads * sizeof(double));
-    for (int64_t i = 0; i < input_count; i++) x->start_inputs[p->variable_index[inputs[i]]] += direction[i];
-    if (body_derivative(x->body, x->previous, usual_step(x), x->q, x->start_inputs, x->rates) != FLEX_OK) return no_room(x, why);
-    x->cached &= ~CACHED_MOTION;
-    for (int64_t i = 0; i < output_count; i++) {
-        result[i] = x->rates[p->variable_index[outputs[i]]];
-        if (isfinite(result[i])) continue;
-        snprintf(why, TEXT_SIZE, "the derivative of %s is not finite: the loads, the direction or the step are too large for the arithmetic", variable_text(x, outputs[i], 0, room));
-        return ANSWER_REFUSED;
-    }
-    return ANSWER_OK;
-}
-
-typedef struct {
-    char mark[8];
-    uint64_t owner, checksum;
-    int64_t count;
-} Head;
-
-int64_t instance_state_size(const Instance *x) { return (int64_t)sizeof(Head) + x->number_count * (int64_t)sizeof(double); }
-
-void instance_save(const Instance *x, void *block) {
-    Head head;
-    memcpy(head.mark, MARK, sizeof head.mark);
-    head.owner = x->owner;
-    head.count = x->number_count;
-    head.checksum = checksum(x->numbers, x->number_count);
-    memcpy(block, &head, sizeof head);
-    memcpy((char *)block + sizeof head, x->numbers, (size_t)x->number_count * sizeof(double));
-}
-
-/* Whether numbers with a right checksum can be a state at all. */
-static int sensible(const Instance *x, const double *numbers) {
-    const Program *p = description(x);
-    const double *single = numbers + (x->single - x->numbers);
-    for (int64_t i = 0; i < p->variables; i++) {
-        if (p->variable_role[i] != ROLE_PARAMETER || p->variable_type[i] == TYPE_REAL) continue;
-        char room[TEXT_SIZE / 4];
-        const double value = numbers[p->variable_index[i]];
-        if (!(value >= 0.0 && value < 1e6) || value != floor(value)) return 0;
-        if (p->variable_type[i] == TYPE_BOOLEAN ? value > 1.0 : !*variable_text(x, i, 1 + (int64_t)value, room)) return 0;
-    }
-    for (int i = S_KNOWN; i <= S_ITERATIONS; i++)
-        if (!(single[i] >= 0.0 && single[i] <= 1e15)) return 0;
-    for (int i = 0; i < S_COUNT; i++)
-        if (!isfinite(single[i])) return 0;
-    for (int64_t i = 0; i < 2 * x->modes; i++)
-        if (!isfinite(numbers[x->q - x->numbers + i])) return 0;
-    for (int64_t i = 0; i < x->loads; i++)
-        if (!isfinite(numbers[x->previous - x->numbers + i]) || !isfinite(numbers[x->seen - x->numbers + i])) return 0;
-    return single[S_MODES] <= (double)x->modes && single[S_HINT] >= 1.0 && single[S_STATUS] <= STATE_PASSED &&
-           isfinite(single[S_LAST_STEP]) && single[S_LAST_STEP] >= 0.0;
-}
-
-const char *instance_restore(Instance *x, const void *block, int64_t size) {
-    Head head;
-    if (size < (int64_t)sizeof head) return "the FMU state is none of flexfmu's";
-    memcpy(&head, block, sizeof head);
-    if (memcmp(head.mark, MARK, sizeof head.mark) != 0) return "the FMU state is none of flexfmu's";
-    if (head.owner != x->owner) return "the FMU state is of another FMU: states go between instances of the same FMU only";
-    if (head.count != x->number_count || size != instance_state_size(x)) return "the FMU state is damaged: its size is wrong";
-    memcpy(x->kept, (const char *)block + sizeof head, (size_t)x->number_count * sizeof(double));
-    if (head.checksum != checksum(x->kept, x->number_count) || !sensible(x, x->kept)) return "the FMU state is damaged";
-    /* Before a run a tunable parameter is looked at when the body is chosen, in a run by each step. */
-    const int running = x->kept[x->single - x->numbers + S_RUNNING] != 0.0;
-    int same = running || !runs(x);
-    for (int64_t i = 0; i < x->parameters; i++)
-        same &= (running && parameter_is_tunable(i)) || x->kept[i] == x->parameter[i];
-    memcpy(x->numbers, x->kept, (size_t)x->number_count * sizeof(double));
-    if (!same) {
-        if (x->body != x->described) body_close(x->body);
-        x->body = 0;
-    }
-    x->cached = 0;
-    return 0;
 }

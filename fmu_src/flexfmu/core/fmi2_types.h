@@ -1,7 +1,7 @@
 /* Declarations of FMI 2.0 for co-simulation, from the standard (Functional Mock-up Interface, version 2.0.4, chapters 2
  * and 4). Only what this component offers. */
-#ifndef FLEX_FMI2_H
-#define FLEX_FMI2_H
+#ifndef FLEX_FMI2_TYPES_H
+#define FLEX_FMI2_TYPES_H
 
 #include <stddef.h>
 

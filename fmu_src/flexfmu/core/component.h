@@ -1,0 +1,49 @@
+/* What stands behind a handle of FMI: the phase it is in, and whom it tells. */
+#ifndef FLEX_COMPONENT_H
+#define FLEX_COMPONENT_H
+
+#include "fmi2_types.h"
+#include "instance.h"
+
+/* States of an instance, as bits, so that a call can name those in which it is allowed. */
+typedef enum {
+    INSTANTIATED = 1,
+    INITIALIZING = 2,
+    STEPPING = 4,
+    STEP_FAILED = 8,
+    TERMINATED = 16,
+    FAILED = 32
+} Phase;
+
+enum { READABLE = INITIALIZING | STEPPING | STEP_FAILED | TERMINATED | FAILED };
+enum { SETTABLE = INSTANTIATED | INITIALIZING | STEPPING | STEP_FAILED };
+enum { ANY = 63 };
+
+enum { CATEGORIES = 4 };
+extern const char *const CATEGORY[CATEGORIES];
+
+#define SIGN UINT64_C(0x464C4558464D5532)
+
+typedef struct {
+    uint64_t sign;
+    Instance *body;
+    fmi2CallbackFunctions callbacks;
+    char *name;
+    Phase phase;
+    int logging, logged[CATEGORIES];
+    char text[TEXT_SIZE], line[2 * TEXT_SIZE], room[TEXT_SIZE / 4];
+    /* Names handed out by fmi2GetString stay until the next call. */
+    char *strings;
+} Component;
+
+/* Tell the master, of a status. */
+void tell(void *to, int status, const char *text);
+fmi2Status fail(Component *c, const char *text);
+/* The component behind a handle if a call is allowed in its phase; else null, told. */
+Component *allowed(fmi2Component handle, int phases, const char *call);
+/* The same for calls with arrays, none of which may be missing. */
+Component *given(Component *c, int whole, const char *call);
+/* The variable of a reference, checked for its type; -1, told, where there is none. */
+int64_t variable_of(Component *c, fmi2ValueReference reference, int type, const char *call);
+
+#endif

@@ -1,0 +1,82 @@
+/* What an instance consists of: a body, and all numbers that its future depends on. */
+#ifndef FLEX_INSTANCE_DATA_H
+#define FLEX_INSTANCE_DATA_H
+
+#include "body.h"
+#include "monitor.h"
+
+/* All that follows is in the order of interface.def. */
+enum {
+#define ROLE(symbol, count) ROLE_##symbol,
+#include "interface.def"
+    ROLES
+};
+enum { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN, TYPE_STRING };
+/* Parameters by index; from P_FIXED on one for each interface that the scene may fix. */
+enum {
+#define PARAMETER(symbol, ...) P_##symbol,
+#define WATCH(symbol, ...) P_##symbol##_LIMIT, P_ON_##symbol,
+#include "interface.def"
+    P_FIXED
+};
+enum {
+#define START(symbol, ...) START_##symbol,
+#include "interface.def"
+};
+enum {
+#define INTERPOLATION(symbol, ...) INTERPOLATION_##symbol,
+#include "interface.def"
+};
+enum {
+#define ON_REFUSAL(symbol, ...) ON_REFUSAL_##symbol,
+#include "interface.def"
+};
+enum {
+#define DIAGNOSTIC(symbol, ...) D_##symbol,
+#include "interface.def"
+    DIAGNOSTICS
+};
+/* Values of status.code. */
+enum {
+#define STATE(symbol, ...) STATE_##symbol,
+#include "interface.def"
+};
+
+enum { TEXT_SIZE = 1024 };
+typedef enum { ANSWER_OK, ANSWER_REFUSED, ANSWER_FAILED } Answer;
+
+/* What a call has to say: `status` is an FMI status. */
+typedef void (*Teller)(void *to, int status, const char *text);
+
+enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4 };
+
+typedef struct {
+    char *folder;
+    Body *described; /* of the method at the start */
+    Body *body;      /* of the method chosen, once it is known */
+    uint64_t owner;  /* what states are known by */
+    Teller teller;
+    void *told;
+    int64_t modes, loads, parameters, fixable;
+    double *arena;
+    /* All that the future depends on, one run of numbers from here on. */
+    double *numbers;
+    int64_t number_count;
+    double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen;
+    Memory memory;
+    /* What is found when it is asked for. */
+    int cached;
+    double *motion, *rates, *stress, *compliance, *start_inputs, *end_inputs, *q1, *v1, *room, *shape, *kept;
+} Instance;
+
+/* Single numbers of the state. */
+enum {
+    S_LAST_STEP, S_TIME, S_KNOWN, S_RUNNING, S_STATUS, S_HINT, S_MODES, S_SUBSTEPS, S_ITERATIONS, S_ERROR, S_LARGEST,
+    S_WARNED, S_MOMENTUM = S_WARNED + WATCHES, S_KINETIC = S_MOMENTUM + sizeof(Momentum) / sizeof(double), S_INERTIA, S_COUNT
+};
+
+static inline const Program *description(const Instance *x) { return &x->described->p; }
+
+static inline int runs(const Instance *x) { return x->single[S_RUNNING] != 0.0; }
+
+#endif

@@ -1,0 +1,113 @@
+#include "instance_values.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static double usual_step(const Instance *x) {
+    return x->single[S_LAST_STEP] > 0.0 ? x->single[S_LAST_STEP] : description(x)->suggested_step[0];
+}
+
+/* Diagnostics: `diagnose_symbol` of each in interface.def. Of the state alone. */
+static double diagnose_rotation(Instance *x) { return body_rotations(x->body, x->q, 0); }
+
+/* Inputs set since the last step have not acted yet, and need not be finite. */
+static double diagnose_stability(Instance *x) { return body_stability(x->body, x->previous, x->q, 0); }
+static double diagnose_missed(Instance *x) { return body_missed(x->body, x->previous, 0); }
+
+static double diagnose_spin(Instance *x) { return body_spin(x->body, x->q, x->v); }
+
+static double diagnose_momentum(Instance *x) { return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1]; }
+
+static double diagnose_inertia(Instance *x) {
+    return x->single[S_KINETIC] > 0.0 ? x->single[S_INERTIA] / x->single[S_KINETIC] : 0.0;
+}
+
+static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }
+
+static double diagnose_strain_energy(Instance *x) {
+    double strain, kinetic;
+    body_energies(x->body, x->q, x->v, &strain, &kinetic);
+    return strain;
+}
+
+static double diagnose_kinetic_energy(Instance *x) {
+    double strain, kinetic;
+    body_energies(x->body, x->q, x->v, &strain, &kinetic);
+    return kinetic;
+}
+
+static double diagnose_iterations(Instance *x) { return x->single[S_ITERATIONS]; }
+static double diagnose_substeps(Instance *x) { return x->single[S_SUBSTEPS]; }
+
+/* One that the table has and this file has not is an error of the compiler. */
+static double (*const DIAGNOSE[])(Instance *) = {
+#define DIAGNOSTIC(symbol, ...) diagnose_##symbol,
+#include "interface.def"
+};
+
+Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
+    const Program *p = description(x);
+    const int64_t role = p->variable_role[variable], index = p->variable_index[variable];
+    switch (role) {
+    case ROLE_INPUT: *value = x->input[index]; return ANSWER_OK;
+    case ROLE_PARAMETER: *value = x->parameter[index]; return ANSWER_OK;
+    case ROLE_STATUS: *value = x->single[S_STATUS]; return ANSWER_OK;
+    default: break;
+    }
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    switch (role) {
+    case ROLE_MOTION:
+    case ROLE_RATE:
+        if (!(x->cached & CACHED_MOTION) && body_motion(x->body, x->q, x->v, x->motion, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
+        x->cached |= CACHED_MOTION;
+        *value = role == ROLE_MOTION ? x->motion[index] : x->rates[index];
+        break;
+    case ROLE_STRESS:
+        if (!(x->cached & CACHED_STRESS)) body_stress(x->body, x->q, x->stress);
+        x->cached |= CACHED_STRESS;
+        *value = x->stress[index];
+        break;
+    case ROLE_COMPLIANCE: {
+        const int64_t n = p->compliances;
+        if (!(x->cached & CACHED_COMPLIANCE) &&
+            body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, n, x->compliance) != FLEX_OK)
+            return instance_lacks_room(x, why);
+        x->cached |= CACHED_COMPLIANCE;
+        /* By pairs of interfaces: of the first by loads on the second, row by row. */
+        const int64_t pair = index / 36, row = index % 36 / 6, column = index % 6;
+        *value = x->compliance[(6 * (pair / n) + row) * 6 * n + 6 * (pair % n) + column];
+        break;
+    }
+    default: *value = DIAGNOSE[index](x);
+    }
+    return ANSWER_OK;
+}
+
+Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_count, const int64_t *inputs,
+                           int64_t input_count, const double *direction, double *result, char *why) {
+    const Program *p = description(x);
+    char room[TEXT_SIZE / 4];
+    for (int64_t i = 0; i < output_count; i++)
+        if (p->variable_role[outputs[i]] != ROLE_MOTION) {
+            snprintf(why, TEXT_SIZE, "derivatives are offered of displacements and rotations, not of %s", variable_text(x, outputs[i], 0, room));
+            return ANSWER_REFUSED;
+        }
+    for (int64_t i = 0; i < input_count; i++)
+        if (p->variable_role[inputs[i]] != ROLE_INPUT) {
+            snprintf(why, TEXT_SIZE, "derivatives are offered by inputs, not by %s", variable_text(x, inputs[i], 0, room));
+            return ANSWER_REFUSED;
+        }
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    memset(x->start_inputs, 0, (size_t)x->loads * sizeof(double));
+    for (int64_t i = 0; i < input_count; i++) x->start_inputs[p->variable_index[inputs[i]]] += direction[i];
+    if (body_derivative(x->body, x->previous, usual_step(x), x->q, x->start_inputs, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
+    x->cached &= ~CACHED_MOTION;
+    for (int64_t i = 0; i < output_count; i++) {
+        result[i] = x->rates[p->variable_index[outputs[i]]];
+        if (isfinite(result[i])) continue;
+        snprintf(why, TEXT_SIZE, "the derivative of %s is not finite: the loads, the direction or the step are too large for the arithmetic", variable_text(x, outputs[i], 0, room));
+        return ANSWER_REFUSED;
+    }
+    return ANSWER_OK;
+}
