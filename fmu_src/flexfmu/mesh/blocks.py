@@ -1,6 +1,6 @@
 """Elements of one type, and what follows from where their nodes are: faces, Jacobians, volumes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +46,27 @@ class ElementBlock:
         """
         axes = None if self.axes is None else self.axes[chosen]
         return ElementBlock(self.type, self.labels[chosen], self.connectivity[chosen], self.material[chosen], axes)
+
+
+def parts(blocks: Sequence[ElementBlock], elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
+    """Yield each block that has some of the elements, counted over all blocks, and their places in it.
+
+    Parameters
+    ----------
+    blocks : sequence of ElementBlock
+    elements : (k,) int
+
+    Yields
+    ------
+    block : ElementBlock
+    places : (j,) int
+    """
+    start = 0
+    for block in blocks:
+        inside = elements[(elements >= start) & (elements < start + len(block.labels))] - start
+        start += len(block.labels)
+        if inside.size:
+            yield block, inside
 
 
 @dataclass(frozen=True, slots=True)

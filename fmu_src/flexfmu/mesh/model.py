@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.mesh.blocks import ElementBlock, FaceBlock, faces_of, volume_matrices
+from flexfmu.mesh.blocks import ElementBlock, FaceBlock, faces_of, parts, volume_matrices
 from flexfmu.mesh.listing import listed
 
 NO_MATERIAL = -1
@@ -145,8 +145,5 @@ class Mesh:
         return np.concatenate([np.zeros(0), *(matrices.sum(axis=(1, 2)) for matrices in self.volume_matrices)])
 
     def parts(self, elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
-        """Yield each block that has some of the elements, counted over all blocks, and their places in it."""
-        for block, start, end in zip(self.blocks, self.starts, self.starts[1:], strict=False):
-            inside = elements[(elements >= start) & (elements < end)] - start
-            if inside.size:
-                yield block, inside
+        """Each block that has some of the elements, counted over all blocks, and their places in it."""
+        return parts(self.blocks, elements)

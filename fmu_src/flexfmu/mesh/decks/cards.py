@@ -5,10 +5,13 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from flexfmu.files.array_types import FloatArray
 from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.mesh.listing import listed
+
+Found = TypeVar("Found")
 
 
 class Line(NamedTuple):
@@ -78,6 +81,34 @@ class Scope:
         str
         """
         return f"{self.name}.{name}" if self.name else name
+
+    def find(self, name: str, known: Mapping[str, Found], what: str, line: Line) -> Found:
+        """Return what a name stands for in this scope, else in the whole deck, whatever its case.
+
+        Parameters
+        ----------
+        name : str
+        known : mapping of str to anything
+            By qualified name.
+        what : str
+            What has such names, for the message.
+        line : Line
+            Where the name stands.
+
+        Returns
+        -------
+        anything
+
+        Raises
+        ------
+        DeckError
+            Nothing has this name.
+        """
+        capitals = {key.upper(): value for key, value in known.items()}
+        for key in (self.qualified(name).upper(), name.upper()):
+            if key in capitals:
+                return capitals[key]
+        raise line.error(f"{what} '{name}' is not defined (known: {listed(known)}); define it or correct the name")
 
 
 FLAT = Scope()

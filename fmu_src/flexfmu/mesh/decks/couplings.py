@@ -8,8 +8,9 @@ import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.decks.cards import Card, fields
+from flexfmu.mesh.decks.geometry import Elements
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.listing import listed
+from flexfmu.mesh.decks.surfaces import Surface
 
 # Cards that say how the coupling above them holds its nodes.
 _KINDS = {"KINEMATIC": True, "DISTRIBUTING": False}
@@ -64,16 +65,15 @@ class CouplingTable:
             raise card.line.error(f"*{card.keyword} stands below no *COUPLING; put it below the one it belongs to")
 
     def resolved(
-        self, node_sets: SetTable, surfaces: Mapping[str, IntArray], element_nodes: Mapping[str, IntArray]
+        self, node_sets: SetTable, element_sets: SetTable, elements: Elements, surfaces: Mapping[str, Surface]
     ) -> tuple[Coupling, ...]:
         """Return the couplings.
 
         Parameters
         ----------
-        node_sets : SetTable
-        surfaces : mapping of str to (k,) int
-        element_nodes : mapping of str to (k,) int
-            Nodes of element sets, by their names in capitals.
+        node_sets, element_sets : SetTable
+        elements : Elements
+        surfaces : mapping of str to Surface
 
         Returns
         -------
@@ -100,31 +100,26 @@ class CouplingTable:
             alone = [node_sets.spelling[name] for name, members in node_sets.members.items() if members == {reference}]
             given = card.parameters.get("CONSTRAINTNAME", "")
             names = [*([card.scope.qualified(given)] if given else []), *alone] or [f"{card.keyword} {number}"]
-            nodes = np.setdiff1d(_nodes(card, node_sets, surfaces, element_nodes), [reference])
+            nodes = np.setdiff1d(_nodes(card, node_sets, element_sets, elements, surfaces), [reference])
             found.append(Coupling(tuple(dict.fromkeys(names)), nodes, reference, stiff, card))
         return tuple(found)
 
 
 def _nodes(
-    card: Card, node_sets: SetTable, surfaces: Mapping[str, IntArray], element_nodes: Mapping[str, IntArray]
+    card: Card, node_sets: SetTable, element_sets: SetTable, elements: Elements, surfaces: Mapping[str, Surface]
 ) -> IntArray:
-    if card.key == "KINEMATICCOUPLING":
-        rows = [node_sets.find(fields(line)[0], line, card.scope) for line in card.data]
-        return np.array(sorted(set().union(*rows)), dtype=np.int64)
     if card.key == "COUPLING":
-        name, kind, sets = card.required("SURFACE"), "surface", surfaces
+        return card.scope.find(card.required("SURFACE"), surfaces, "surface", card.line).nodes
+    if card.key == "KINEMATICCOUPLING":
+        rows = set().union(*(node_sets.find(fields(line)[0], line, card.scope) for line in card.data))
     elif "ELSET" in card.parameters:
-        name, kind, sets = card.required("ELSET"), "element set", element_nodes
+        rows = elements.nodes_of(element_sets.find(card.required("ELSET"), card.line, card.scope))
     else:
         name = next((card.parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in card.parameters), "")
         if not name:
             raise card.line.error(f"*{card.keyword} needs the parameter NSET or ELSET; add it")
-        return np.array(sorted(node_sets.find(name, card.line, card.scope)), dtype=np.int64)
-    capitals = {known.upper(): rows for known, rows in sets.items()}
-    for key in (card.scope.qualified(name).upper(), name.upper()):
-        if key in capitals:
-            return capitals[key]
-    raise card.line.error(f"{kind} '{name}' is not defined (known: {listed(sets)}); define it or correct the name")
+        rows = node_sets.find(name, card.line, card.scope)
+    return np.array(sorted(rows), dtype=np.int64)
 
 
 def offered(

@@ -1,6 +1,7 @@
 """Reader of Abaqus and CalculiX decks: a body's mesh, sets, materials and supports from the model part."""
 
-from collections.abc import Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,14 +15,14 @@ from flexfmu.mesh.decks.assembly import Assembly
 from flexfmu.mesh.decks.boundary import hold
 from flexfmu.mesh.decks.cards import Card, read_cards
 from flexfmu.mesh.decks.couplings import CouplingTable, offered
-from flexfmu.mesh.decks.equations import EquationTable
-from flexfmu.mesh.decks.geometry import ElementTable, NodeTable
+from flexfmu.mesh.decks.equations import equations
+from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
-from flexfmu.mesh.decks.masses import Carriers, MassTable
+from flexfmu.mesh.decks.masses import Carriers, point_masses
 from flexfmu.mesh.decks.materials import Assigned, MaterialTable
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.decks.surfaces import surface_faces, surface_nodes
-from flexfmu.mesh.decks.ties import TieSurface, TieTable
+from flexfmu.mesh.decks.surfaces import Surface, surface
+from flexfmu.mesh.decks.ties import TieTable
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Mesh
@@ -52,43 +53,39 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     """
     content = _Content(MaterialTable(units))
     content.sort(content.assembly.flat(read_cards(path)))
-    blocks = content.elements.blocks(content.nodes)
+    elements = content.elements.resolved(content.nodes)
+    blocks = elements.blocks
     if not content.nodes.rows or not blocks:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
         raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
-    _refuse_early_end(content, blocks)
-    node_sets, element_sets = _resolved_sets(content, blocks)
-    _refuse_structures(content, element_sets)
-    surfaces = _resolved_surfaces(content, node_sets, element_sets, blocks)
-    fixed = np.zeros((len(content.nodes.rows), 6), dtype=bool)
-    for card in content.boundaries:
-        hold(card, node_sets, fixed)
-    labels = np.concatenate([block.labels for block in blocks])
-    points = content.nodes.points()
-    rows = _equations(content, node_sets, element_sets, blocks, points)
-    element_nodes = {
-        name: np.unique(np.array(_nodes_of(members, blocks, content), dtype=np.int64))
-        for name, members in (element_sets.members.items() if content.couplings.cards else ())
+    _refuse_early_end(content, elements)
+    node_sets, element_sets = _resolved_sets(content, elements)
+    _refuse_structures(content, element_sets, elements)
+    surfaces = {
+        card.scope.qualified(card.required("NAME")): surface(card, node_sets, element_sets, elements)
+        for card in content.cards["SURFACE"]
     }
-    couplings = content.couplings.resolved(node_sets, surfaces, element_nodes)
-    masses = content.masses.masses(
-        element_sets,
-        list(content.elements.others.values()),
-        content.elements.solid_count,
-        content.nodes,
-        Carriers(points * units.length, {row for b in blocks for row in b.connectivity.ravel().tolist()}, couplings),
-        units,
-    )
-    content.notes.extend(content.masses.notes)
+    own = _sets_of_surfaces(content, surfaces, node_sets)
+    fixed = np.zeros((len(content.nodes.rows), 6), dtype=bool)
+    for card in content.cards["BOUNDARY"]:
+        hold(card, node_sets, fixed)
+    points = content.nodes.points()
+    rows = _equations(content, surfaces, node_sets, points)
+    couplings = content.couplings.resolved(node_sets, element_sets, elements, own)
+    used = {row for block in blocks for row in block.connectivity.ravel().tolist()}
+    carriers = Carriers(points * units.length, used, couplings)
+    heavy = [*content.cards["MASS"], *content.cards["ROTARYINERTIA"]]
+    masses = point_masses(heavy, element_sets, elements, carriers, units, content.notes)
     coupled, references, told = offered(couplings, points * units.length, fixed)
     content.notes.extend(told)
+    labels = np.concatenate([block.labels for block in blocks])
     made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
-    faces = _sets_of_faces(content, node_sets, element_sets)
+    faces = _sets_of_faces(content, node_sets, element_sets, elements)
     return Mesh(
         points=points * units.length,
         labels=content.nodes.labels(),
         blocks=_with_materials(blocks, made),
-        node_sets=node_sets.arrays() | surfaces | faces | coupled,
+        node_sets=node_sets.arrays() | {name: found.nodes for name, found in own.items()} | faces | coupled,
         element_sets=_solids(element_sets, len(labels)),
         materials=made.materials,
         fixed=fixed[:, :3],
@@ -115,13 +112,9 @@ class _Content:
     nodes: NodeTable = field(default_factory=NodeTable)
     elements: ElementTable = field(default_factory=ElementTable)
     sets: list[tuple[Card, list[int]]] = field(default_factory=list)
-    surfaces: list[Card] = field(default_factory=list)
-    boundaries: list[Card] = field(default_factory=list)
     couplings: CouplingTable = field(default_factory=CouplingTable)
-    equations: EquationTable = field(default_factory=EquationTable)
-    ties: list[Card] = field(default_factory=list)
-    masses: MassTable = field(default_factory=MassTable)
     structures: list[Card] = field(default_factory=list)
+    cards: dict[str, list[Card]] = field(default_factory=lambda: defaultdict(list))
     notes: list[str] = field(default_factory=list)
     last: Card | None = None
 
@@ -153,8 +146,6 @@ class _Content:
                 self.sets.append((card, self.elements.add(card)))
             case "NSET" | "ELSET":
                 self.sets.append((card, []))
-            case "SURFACE":
-                self.surfaces.append(card)
             case "MATERIAL":
                 self.materials.begin(card)
             case "ELASTIC":
@@ -167,26 +158,18 @@ class _Content:
                 self.materials.oriented(card)
             case "COUPLING" | "KINEMATIC" | "DISTRIBUTING" | "KINEMATICCOUPLING" | "RIGIDBODY":
                 self.couplings.add(card)
-            case "EQUATION":
-                self.equations.equations.append(card)
-            case "MPC":
-                self.equations.constraints.append(card)
-            case "MASS" | "ROTARYINERTIA":
-                self.masses.cards.append(card)
-            case "TIE":
-                self.ties.append(card)
-            case "BOUNDARY":
-                self.boundaries.append(card)
+            case _:
+                self.cards[card.key].append(card)
 
 
-def _refuse_early_end(content: _Content, blocks: tuple[ElementBlock, ...]) -> None:
+def _refuse_early_end(content: _Content, elements: Elements) -> None:
     """Refuse a deck whose last card lists elements while nodes are left over: some elements may be missing."""
     if content.last is None or content.last.key != "ELEMENT":
         return
     used = np.zeros(len(content.nodes.rows), dtype=bool)
-    for block in blocks:
+    for block in elements.blocks:
         used[block.connectivity] = True
-    for other in content.elements.others.values():
+    for other in elements.others:
         used[content.nodes.rows_of(other)] = True
     if not used.all():
         raise content.last.line.error(
@@ -219,38 +202,27 @@ def _skipped_step(step: Card, cards: Iterator[Card]) -> str:
     raise step.line.error("this *STEP has no *END STEP; add it, so that the analysis can be told from the body")
 
 
-def _resolved_sets(content: _Content, blocks: tuple[ElementBlock, ...]) -> tuple[SetTable, SetTable]:
+def _resolved_sets(content: _Content, elements: Elements) -> tuple[SetTable, SetTable]:
     offsets = content.assembly.offsets
-    nodes = SetTable("node", content.nodes.rows, offsets)
-    elements = SetTable("element", content.elements.positions(), offsets)
+    node_sets = SetTable("node", content.nodes.rows, offsets)
+    element_sets = SetTable("element", content.elements.positions(), offsets)
     for card, labels in content.sets:
         if card.key in ("NODE", "ELEMENT"):
-            table, parameter = (nodes, "NSET") if card.key == "NODE" else (elements, "ELSET")
+            table, parameter = (node_sets, "NSET") if card.key == "NODE" else (element_sets, "ELSET")
             if parameter in card.parameters:
                 table.extend_by_labels(card.scope.qualified(card.required(parameter)), labels)
         elif card.key == "ELSET":
-            elements.add(card, card.required("ELSET"))
+            element_sets.add(card, card.required("ELSET"))
         elif "ELSET" in card.parameters:
             # *NSET, ELSET=...: the nodes of these elements.
-            members = elements.find(card.parameters["ELSET"], card.line, nodes.inside(card))
-            nodes.extend(card.scope.qualified(card.required("NSET")), _nodes_of(members, blocks, content))
+            members = element_sets.find(card.parameters["ELSET"], card.line, node_sets.inside(card))
+            node_sets.extend(card.scope.qualified(card.required("NSET")), elements.nodes_of(members))
         else:
-            nodes.add(card, card.required("NSET"))
-    return nodes, elements
+            node_sets.add(card, card.required("NSET"))
+    return node_sets, element_sets
 
 
-def _nodes_of(positions: Iterable[int], blocks: tuple[ElementBlock, ...], content: _Content) -> list[int]:
-    rows: list[int] = []
-    start = 0
-    for block in blocks:
-        inside = [place - start for place in positions if start <= place < start + len(block.labels)]
-        rows += np.unique(block.connectivity[inside]).tolist()
-        start += len(block.labels)
-    others = list(content.elements.others.values())
-    return rows + [row for place in positions if place >= start for row in content.nodes.rows_of(others[place - start])]
-
-
-def _refuse_structures(content: _Content, element_sets: SetTable) -> None:
+def _refuse_structures(content: _Content, element_sets: SetTable, elements: Elements) -> None:
     """Refuse sections that make shells, membranes or beams of what would otherwise serve sets."""
     for card in content.structures:
         if "ELSET" in card.parameters and element_sets.find(card.parameters["ELSET"], card.line, card.scope):
@@ -260,9 +232,7 @@ def _refuse_structures(content: _Content, element_sets: SetTable) -> None:
             )
     for section in content.materials.sections:
         members = element_sets.find(section.element_set, section.line, section.scope)
-        others = list(content.elements.others.values())
-        bars = [other for place in members if place >= content.elements.solid_count
-                for other in [others[place - content.elements.solid_count]] if other.dimension == 1]  # fmt: skip
+        bars = [other for other in elements.others_of(members) if other.dimension == 1]
         if bars:
             raise section.line.error(
                 f"*SOLID SECTION makes bars of {len(bars)} elements of type {bars[0].name}: only solid elements are "
@@ -270,56 +240,38 @@ def _refuse_structures(content: _Content, element_sets: SetTable) -> None:
             )
 
 
-def _resolved_surfaces(
-    content: _Content, node_sets: SetTable, element_sets: SetTable, blocks: tuple[ElementBlock, ...]
-) -> dict[str, IntArray]:
-    surfaces: dict[str, IntArray] = {}
-    for card in content.surfaces:
+def _sets_of_surfaces(content: _Content, surfaces: Mapping[str, Surface], node_sets: SetTable) -> dict[str, Surface]:
+    """Surfaces that are node sets, too: those whose name is free."""
+    for card in content.cards["SURFACE"]:
         name = card.scope.qualified(card.required("NAME"))
-        rows = surface_nodes(card, node_sets, element_sets, blocks, lambda place: _nodes_of([place], blocks, content))
         if name.upper() in node_sets.members:
             content.notes.append(f"{card.line.place}: surface '{name}' is left unused: a node set has its name")
-        else:
-            surfaces[name] = rows
-    return surfaces
+    return {name: found for name, found in surfaces.items() if name.upper() not in node_sets.members}
 
 
 def _equations(
-    content: _Content,
-    node_sets: SetTable,
-    element_sets: SetTable,
-    blocks: tuple[ElementBlock, ...],
-    points: FloatArray,
+    content: _Content, surfaces: Mapping[str, Surface], node_sets: SetTable, points: FloatArray
 ) -> list[dict[int, float]]:
     """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
     found: list[dict[int, float]] = []
-    if content.ties:
-        surfaces = {}
-        for card in content.surfaces:
-            nodes = surface_nodes(
-                card, node_sets, element_sets, blocks, lambda place: _nodes_of([place], blocks, content)
-            )
-            name = card.scope.qualified(card.required("NAME")).upper()
-            surfaces[name] = TieSurface(nodes, surface_faces(card, element_sets, blocks))
-        table = TieTable(points)
-        for card in content.ties:
-            found += table.rows(card, surfaces)
-        content.notes.extend(table.notes)
-    return found + content.equations.rows(node_sets, points)
+    table = TieTable(points)
+    for card in content.cards["TIE"]:
+        found += table.rows(card, surfaces)
+    content.notes.extend(table.notes)
+    return found + equations([*content.cards["EQUATION"], *content.cards["MPC"]], node_sets, points)
 
 
-def _sets_of_faces(content: _Content, node_sets: SetTable, element_sets: SetTable) -> dict[str, IntArray]:
+def _sets_of_faces(
+    content: _Content, node_sets: SetTable, element_sets: SetTable, elements: Elements
+) -> dict[str, IntArray]:
     """Node sets of the element sets that hold faces or edges, which are no part of the body by themselves."""
-    others = list(content.elements.others.values())
-    faces = [other for other in others if other.dimension]
+    faces = [other for other in elements.others if other.dimension]
     if faces:
         kinds = ", ".join(dict.fromkeys(other.name for other in faces))
         content.notes.append(f"{len(faces)} elements of type {kinds} without a section are no solids: they serve sets")
-    start = content.elements.solid_count
     found = {}
     for name, members in element_sets.members.items():
-        chosen = [others[place - start] for place in members if place >= start]
-        chosen = [other for other in chosen if other.dimension]
+        chosen = [other for other in elements.others_of(members) if other.dimension]
         if chosen and name not in node_sets.members:
             rows = {row for other in chosen for row in content.nodes.rows_of(other)}
             found[element_sets.spelling[name]] = np.array(sorted(rows), dtype=np.int64)

@@ -1,8 +1,6 @@
 """Linear constraints of a deck as equations between displacements: *EQUATION, *MPC, and the nodes of *TIE."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import chain
 
 import numpy as np
 
@@ -16,42 +14,33 @@ TRANSLATIONS = 3
 _SAME_PLACE = 1e-9
 
 
-@dataclass(slots=True)
-class EquationTable:
-    """The cards of linear constraints read so far.
+def equations(cards: Sequence[Card], node_sets: SetTable, points: FloatArray) -> list[dict[int, float]]:
+    """Return the equations of the cards *EQUATION and *MPC.
 
-    Attributes
+    Parameters
     ----------
-    equations, constraints : list of Card
-        *EQUATION and *MPC.
+    cards : sequence of Card
+    node_sets : SetTable
+    points : (n, 3) float
+
+    Returns
+    -------
+    list of dict of int to float
+        Coefficients by unknown, 3 i + j for node i in direction j.
+
+    Raises
+    ------
+    DeckError
+        A row is malformed, names what is not there, or is no linear constraint of translations.
     """
-
-    equations: list[Card] = field(default_factory=list)
-    constraints: list[Card] = field(default_factory=list)
-
-    def rows(self, node_sets: SetTable, points: FloatArray) -> list[dict[int, float]]:
-        """Return all equations.
-
-        Parameters
-        ----------
-        node_sets : SetTable
-        points : (n, 3) float
-
-        Returns
-        -------
-        list of dict of int to float
-            Coefficients by unknown, 3 i + j for node i in direction j.
-
-        Raises
-        ------
-        DeckError
-            A row is malformed, names what is not there, or is no linear constraint of translations.
-        """
-        found = list(chain.from_iterable(_equations(card, node_sets) for card in self.equations))
-        for card in self.constraints:
+    found: list[dict[int, float]] = []
+    for card in cards:
+        if card.key == "EQUATION":
+            found += _equations(card, node_sets)
+        else:
             for line in card.data:
                 found += _constraint(line, card, node_sets, points)
-        return found
+    return found
 
 
 def _equations(card: Card, node_sets: SetTable) -> list[dict[int, float]]:

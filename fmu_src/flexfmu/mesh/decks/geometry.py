@@ -1,13 +1,14 @@
 """Nodes and elements of a deck."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import DeckError
-from flexfmu.mesh.blocks import ElementBlock
+from flexfmu.mesh.blocks import ElementBlock, parts
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.types import SUPPORTED, reading
 from flexfmu.mesh.elements import ElementType
@@ -121,6 +122,43 @@ class Other:
     line: Line
 
 
+@dataclass(frozen=True, slots=True)
+class Elements:
+    """All elements by their position: solids block by block, then the others.
+
+    Attributes
+    ----------
+    blocks : tuple of ElementBlock
+    others : tuple of Other
+    nodes : NodeTable
+    """
+
+    blocks: tuple[ElementBlock, ...]
+    others: tuple[Other, ...]
+    nodes: NodeTable
+
+    @property
+    def solid_count(self) -> int:
+        """Number of solid elements."""
+        return sum(len(block.labels) for block in self.blocks)
+
+    def solids_of(self, positions: Iterable[int]) -> list[tuple[ElementBlock, IntArray]]:
+        """Blocks with some of the elements, and their places in them."""
+        return list(parts(self.blocks, np.array(sorted(positions), dtype=np.int64)))
+
+    def others_of(self, positions: Iterable[int]) -> list[Other]:
+        """Those of the elements that are no solids."""
+        first = self.solid_count
+        return [self.others[place - first] for place in sorted(positions) if place >= first]
+
+    def nodes_of(self, positions: Iterable[int]) -> set[int]:
+        """Rows of the elements' nodes."""
+        solid = {
+            row for block, inside in self.solids_of(positions) for row in block.connectivity[inside].ravel().tolist()
+        }
+        return solid.union(*(self.nodes.rows_of(other) for other in self.others_of(positions)))
+
+
 @dataclass(slots=True)
 class ElementTable:
     """The elements read so far.
@@ -177,19 +215,14 @@ class ElementTable:
             self.notes.setdefault(f"elements of type {name} are read as {kind.solid.name}: {kind.note}")
         return labels
 
-    @property
-    def solid_count(self) -> int:
-        """Number of solid elements."""
-        return len(self.types)
-
     def positions(self) -> dict[int, int]:
         """Position of each label in the blocks laid end to end; what is no solid comes after them."""
         labels = [label for block in self.labels.values() for label in block]
         labels += self.others
         return dict(zip(labels, range(len(labels)), strict=True))
 
-    def blocks(self, nodes: NodeTable) -> tuple[ElementBlock, ...]:
-        """Return the elements by type, in the order in which the types appear, without materials.
+    def resolved(self, nodes: NodeTable) -> Elements:
+        """Return all elements, without materials; solids by type, in the order in which the types appear.
 
         Parameters
         ----------
@@ -197,20 +230,20 @@ class ElementTable:
 
         Returns
         -------
-        tuple of ElementBlock
+        Elements
 
         Raises
         ------
         DeckError
-            An element names a node that the deck does not define.
+            A solid element names a node that the deck does not define.
         """
         blocks = []
         for kind, labels in self.labels.items():
             if labels:
-                connectivity = self._connectivity(kind, nodes)
                 material = np.full(len(labels), NO_MATERIAL, dtype=np.int64)
+                connectivity = self._connectivity(kind, nodes)
                 blocks.append(ElementBlock(kind, np.array(labels, dtype=np.int64), connectivity, material))
-        return tuple(blocks)
+        return Elements(tuple(blocks), tuple(self.others.values()), nodes)
 
     def _store(self, name: str, kind: ElementType | None, dimension: int, row: list[int], line: Line) -> None:
         label, nodes = row[0], row[1:]

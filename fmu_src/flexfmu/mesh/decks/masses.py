@@ -9,7 +9,7 @@ from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import Card, Line, fields, number
 from flexfmu.mesh.decks.couplings import Coupling
-from flexfmu.mesh.decks.geometry import NodeTable, Other
+from flexfmu.mesh.decks.geometry import Elements
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import PointMass
@@ -19,92 +19,76 @@ _TYPES = {"MASS": "MASS", "ROTARYINERTIA": "ROTARYI"}
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
-@dataclass(slots=True)
-class MassTable:
-    """The cards *MASS and *ROTARY INERTIA read so far.
+def point_masses(
+    cards: Sequence[Card],
+    element_sets: SetTable,
+    elements: Elements,
+    carriers: "Carriers",
+    units: UnitSystem,
+    notes: list[str],
+) -> tuple[PointMass, ...]:
+    """Return the masses of the cards *MASS and *ROTARY INERTIA.
 
-    Attributes
+    Parameters
     ----------
-    cards : list of Card
+    cards : sequence of Card
+    element_sets : SetTable
+    elements : Elements
+    carriers : Carriers
+    units : UnitSystem
     notes : list of str
+        Gets what is found, and what does nothing.
+
+    Returns
+    -------
+    tuple of PointMass
+        One for each node that has any.
+
+    Raises
+    ------
+    DeckError
+        Numbers are missing or negative, elements are of another type, or nothing carries a node.
     """
+    given = _given(cards, element_sets, elements, units)
+    found = []
+    labels = elements.nodes.labels()
+    for row in sorted(given):
+        one, on = given[row], carriers.of(row)
+        if on is None:
+            raise one.line.error(
+                f"node {labels[row]} has a mass and belongs to no solid and no coupling, which would carry it; "
+                "couple it (*COUPLING), or take the mass out"
+            )
+        if on.size == 1 and np.any(one.inertia):
+            place = f"{one.line.place}: node {labels[row]}"
+            notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
+        found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, one.mass, one.inertia))
+    if found:
+        total = sum(one.mass for one in found)
+        notes.append(f"masses at {len(found)} nodes: {listed(one.name for one in found)}; {total:.5g} kg")
+    return tuple(found)
 
-    cards: list[Card] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
-    def masses(
-        self,
-        element_sets: SetTable,
-        others: Sequence[Other],
-        first: int,
-        nodes: NodeTable,
-        carriers: "Carriers",
-        units: UnitSystem,
-    ) -> tuple[PointMass, ...]:
-        """Return the masses.
-
-        Parameters
-        ----------
-        element_sets : SetTable
-        others : sequence of Other
-            Elements that are no solids.
-        first : int
-            Position of the first of them.
-        nodes : NodeTable
-        carriers : Carriers
-        units : UnitSystem
-
-        Returns
-        -------
-        tuple of PointMass
-            One for each node that has any.
-
-        Raises
-        ------
-        DeckError
-            Numbers are missing or negative, elements are of another type, or nothing carries a node.
-        """
-        given = self._given(element_sets, others, first, nodes, units)
-        found = []
-        labels = nodes.labels()
-        for row in sorted(given):
-            one, on = given[row], carriers.of(row)
-            if on is None:
-                raise one.line.error(
-                    f"node {labels[row]} has a mass and belongs to no solid and no coupling, which would carry it; "
-                    "couple it (*COUPLING), or take the mass out"
-                )
-            if on.size == 1 and np.any(one.inertia):
-                place = f"{one.line.place}: node {labels[row]}"
-                self.notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
-            found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, one.mass, one.inertia))
-        if found:
-            total = sum(one.mass for one in found)
-            self.notes.append(f"masses at {len(found)} nodes: {listed(one.name for one in found)}; {total:.5g} kg")
-        return tuple(found)
-
-    def _given(
-        self, element_sets: SetTable, others: Sequence[Other], first: int, nodes: NodeTable, units: UnitSystem
-    ) -> dict[int, "_Given"]:
-        """What the cards give a node, by its row."""
-        given: dict[int, _Given] = {}
-        for card in self.cards:
-            members = element_sets.find(card.required("ELSET"), card.line, card.scope)
-            chosen = [others[place - first] for place in sorted(members) if place >= first]
-            if len(chosen) < len(members) or any(other.name != _TYPES[card.key] for other in chosen):
-                raise card.line.error(
-                    f"*{card.keyword} is for elements of type {_TYPES[card.key]}, set '{card.parameters['ELSET']}' "
-                    "holds others; name a set of these alone"
-                )
-            values = _values(card)
-            for row in (nodes.rows_of(other)[0] for other in chosen):
-                one = given.setdefault(row, _Given(card.line))
-                one.line = card.line
-                if card.key == "MASS":
-                    one.mass += values[0] * units.density * units.length**3
-                else:
-                    one.inertia = one.inertia + _matrix(values) * units.density * units.length**5
-        return given
+def _given(cards: Sequence[Card], element_sets: SetTable, elements: Elements, units: UnitSystem) -> dict[int, "_Given"]:
+    """What the cards give a node, by its row."""
+    given: dict[int, _Given] = {}
+    for card in cards:
+        members = element_sets.find(card.required("ELSET"), card.line, card.scope)
+        chosen = elements.others_of(members)
+        if len(chosen) < len(members) or any(other.name != _TYPES[card.key] for other in chosen):
+            raise card.line.error(
+                f"*{card.keyword} is for elements of type {_TYPES[card.key]}, set '{card.parameters['ELSET']}' "
+                "holds others; name a set of these alone"
+            )
+        values = _values(card)
+        for row in (elements.nodes.rows_of(other)[0] for other in chosen):
+            one = given.setdefault(row, _Given(card.line))
+            one.line = card.line
+            if card.key == "MASS":
+                one.mass += values[0] * units.density * units.length**3
+            else:
+                one.inertia = one.inertia + _matrix(values) * units.density * units.length**5
+    return given
 
 
 @dataclass(slots=True)

@@ -234,7 +234,9 @@ class MaterialTable:
                 )
             rows[members] = row
             if section.orientation:
-                axes[members] = self._orientation(section).axes(centres[members])
+                axes[members] = section.scope.find(
+                    section.orientation, self.orientations, "orientation", section.line
+                ).axes(centres[members])
             elif section.scope.rotation is not None:
                 axes[members] = section.scope.rotation
             directed |= materials[row].constants is not None
@@ -255,15 +257,6 @@ class MaterialTable:
         if card.constants is not None:
             elastic = isotropic_average(card.constants)
         return Material(card.name, *elastic, density, card.constants)
-
-    def _orientation(self, section: Section) -> Orientation:
-        name = section.orientation
-        for key in (section.scope.qualified(name).upper(), name.upper()):
-            if key in self.orientations:
-                return self.orientations[key]
-        raise section.line.error(
-            f"orientation '{name}' is not defined (known: {listed(self.orientations)}); define it or correct the name"
-        )
 
     def _current(self, card: Card) -> MaterialCard:
         if not self.cards:

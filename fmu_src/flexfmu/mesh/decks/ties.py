@@ -10,7 +10,7 @@ from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.mesh.blocks import face_corners
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
-from flexfmu.mesh.listing import listed
+from flexfmu.mesh.decks.surfaces import Surface
 from flexfmu.mesh.shapes import FACE_SHAPES
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
@@ -19,21 +19,6 @@ _NEAR = 0.05
 _ROUNDS, _SETTLED = 20, 1e-12
 # Weights below this are round-off: the node lies on an edge or on a node of the face.
 _NO_WEIGHT = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class TieSurface:
-    """A surface as *TIE needs it.
-
-    Attributes
-    ----------
-    nodes : (k,) int
-    faces : tuple of (f, a) int
-        Nodes of its faces, corners first; none of a surface of nodes.
-    """
-
-    nodes: IntArray
-    faces: tuple[IntArray, ...]
 
 
 @dataclass(slots=True)
@@ -52,14 +37,13 @@ class TieTable:
     tied: set[int] = field(default_factory=set)
     notes: list[str] = field(default_factory=list)
 
-    def rows(self, card: Card, surfaces: Mapping[str, TieSurface]) -> list[dict[int, float]]:
+    def rows(self, card: Card, surfaces: Mapping[str, Surface]) -> list[dict[int, float]]:
         """Return the equations of a *TIE card.
 
         Parameters
         ----------
         card : Card
-        surfaces : mapping of str to TieSurface
-            By name in capitals.
+        surfaces : mapping of str to Surface
 
         Returns
         -------
@@ -77,7 +61,7 @@ class TieTable:
             names = fields(line)
             if len(names) != 2:
                 raise line.error(f"*TIE takes 'dependent surface, main surface', found {len(names)} names")
-            dependent, main = (_surface(name, card, surfaces) for name in names)
+            dependent, main = (card.scope.find(name, surfaces, "surface", card.line) for name in names)
             if not main.faces:
                 raise line.error(f"surface '{names[1]}' has no element faces to tie to; exchange both, or name faces")
             nodes = np.array([node for node in dependent.nodes.tolist() if node not in self.tied], dtype=np.int64)
@@ -109,13 +93,6 @@ class TieTable:
                 self.points[node] = at
             note += f"; they were moved onto them, by up to {gap:.3g}" if gap else ""
         self.notes.append(note)
-
-
-def _surface(name: str, card: Card, surfaces: Mapping[str, TieSurface]) -> TieSurface:
-    for key in (card.scope.qualified(name).upper(), name.upper()):
-        if key in surfaces:
-            return surfaces[key]
-    raise card.line.error(f"surface '{name}' is not defined (known: {listed(surfaces)}); define it or correct the name")
 
 
 def _edge(points: FloatArray, faces: Sequence[IntArray]) -> float:
