@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..files.array_types import FloatArray
 from ..model.errors import OptionError
@@ -81,29 +80,45 @@ def _done(answer: int) -> None:
         raise MemoryError("the core's workspace is too short for a call, which is an error of flexfmu")
 
 
+class _Numbers:
+    """An array of 64-bit floats, or null, as an argument; what a call fills is one already."""
+
+    kind: Any = np.float64
+
+    @classmethod
+    def from_param(cls, values: Any) -> Any:
+        """The array's place, which keeps the array."""
+        return None if values is None else np.ascontiguousarray(values, dtype=cls.kind).ctypes
+
+
+class _Wholes(_Numbers):
+    """The same of 64-bit integers."""
+
+    kind = np.int64
+
+
+_ANSWER, _WORK, _TEXT = ctypes.c_int, ctypes.POINTER(_Work), (ctypes.c_char_p, _WHOLE)
+# Of each function: what it returns, and its arguments after the body.
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "body_open": (_PLACE, (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))),
-    "body_close": (None, (_PLACE,)),
-    "body_options": (ctypes.c_int, (_PLACE, _NUMBER, ctypes.POINTER(_Limits))),
-    "body_static": (ctypes.c_int, (_PLACE,) * 5),
-    "body_step": (ctypes.c_int, (_PLACE, _PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _PLACE, ctypes.POINTER(_Work))),
-    "body_refusal": (None, (_PLACE, ctypes.c_int, _NUMBER, ctypes.POINTER(_Work), ctypes.c_char_p, _WHOLE)),
-    "body_static_refusal": (None, (_PLACE, ctypes.c_int, _NUMBER, ctypes.c_char_p, _WHOLE)),
-    "body_motion": (_done, (_PLACE,) * 5),
-    "body_nodes": (None, (_PLACE,) * 4),
-    "body_stress": (None, (_PLACE,) * 3),
-    "body_energies": (_done, (_PLACE,) * 5),
-    "body_forces": (_done, (_PLACE,) * 5),
-    "body_mass": (_done, (_PLACE,) * 3),
-    "body_rotations": (_NUMBER, (_PLACE,) * 3),
-    "body_spin": (_NUMBER, (_PLACE,) * 3),
-    "body_stability": (_NUMBER, (_PLACE,) * 4),
-    "body_is_stable": (ctypes.c_int, (_PLACE, _PLACE, _PLACE, _NUMBER)),
-    "body_softening": (_NUMBER, (_PLACE,) * 4),
-    "body_may_miss": (ctypes.c_int, (_PLACE, _PLACE, _NUMBER)),
-    "body_missed": (_NUMBER, (_PLACE,) * 3),
-    "body_bytes": (_WHOLE, (_PLACE,)),
-    "body_compliance": (_done, (_PLACE, _PLACE, _NUMBER, _PLACE, _PLACE, _WHOLE, _PLACE)),
+    "body_close": (None, ()),
+    "body_options": (_ANSWER, (_NUMBER, ctypes.POINTER(_Limits))),
+    "body_static": (_ANSWER, (_Numbers, _Numbers, _Numbers, _Wholes)),
+    "body_step": (_ANSWER, (_Numbers, _Numbers, _NUMBER, _Numbers, _Numbers, _Wholes, _WORK)),
+    "body_refusal": (None, (_ANSWER, _NUMBER, _WORK, *_TEXT)),
+    "body_static_refusal": (None, (_ANSWER, _NUMBER, *_TEXT)),
+    "body_motion": (_done, (_Numbers,) * 4),
+    "body_nodes": (None, (_Numbers,) * 3),
+    "body_stress": (None, (_Numbers,) * 2),
+    "body_energies": (_done, (_Numbers,) * 4),
+    "body_forces": (_done, (_Numbers,) * 4),
+    "body_mass": (_done, (_Numbers,) * 2),
+    "body_rotations": (_NUMBER, (_Numbers,) * 2),
+    "body_stability": (_NUMBER, (_Numbers,) * 3),
+    "body_is_stable": (_ANSWER, (_Numbers, _Numbers, _NUMBER)),
+    "body_may_miss": (_ANSWER, (_Numbers, _NUMBER)),
+    "body_missed": (_NUMBER, (_Numbers,) * 2),
+    "body_bytes": (_WHOLE, ()),
+    "body_compliance": (_done, (_Numbers, _NUMBER, _Numbers, _Wholes, _WHOLE, _Numbers)),
 }
 
 
@@ -150,16 +165,10 @@ def library() -> ctypes.CDLL:
         )
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(found, name)
-        function.restype, function.argtypes = result, arguments
+        function.restype, function.argtypes = result, (_PLACE, *arguments)
+    found.body_open.restype = _PLACE
+    found.body_open.argtypes = (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))
     return found
-
-
-def _place(array: NDArray[Any] | None) -> int | None:
-    return None if array is None else array.ctypes.data
-
-
-def _given(values: Any) -> FloatArray:
-    return np.ascontiguousarray(values, dtype=np.float64)
 
 
 class Core:
@@ -179,12 +188,7 @@ class Core:
         No program, or options out of range.
     """
 
-    def __init__(
-        self,
-        image: bytes,
-        damping_scale: float = 1.0,
-        limits: StepLimits | None = None,
-    ):
+    def __init__(self, image: bytes, damping_scale: float = 1.0, limits: StepLimits | None = None):
         limits = limits or StepLimits()
         self._body = None
         self._library = library()
@@ -192,9 +196,7 @@ class Core:
         self._body = self._library.body_open(image, len(image), ctypes.byref(why))
         if not self._body:
             raise OptionError(f"not a program: {(why.value or b'').decode()}")
-        if self._library.body_options(
-            self._body, damping_scale, _Limits(limits.longest, limits.tolerance, limits.most)
-        ):
+        if self._ask("options", damping_scale, _Limits(limits.longest, limits.tolerance, limits.most)):
             raise OptionError("an option is out of range")
         program = read_image(image)
         self.modes, self.nodes, self.frames, self.interfaces, self.loads = (
@@ -204,12 +206,12 @@ class Core:
 
     def __del__(self) -> None:
         if self._body:
-            self._library.body_close(self._body)
+            self._ask("close")
 
     @property
     def bytes(self) -> int:
         """Bytes of the program and of all workspaces."""
-        return int(self._library.body_bytes(self._body))
+        return int(self._ask("bytes"))
 
     def static(self, inputs: FloatArray) -> tuple[StepAnswer, FloatArray, float, int]:
         """Stable equilibrium under loads (L,).
@@ -223,8 +225,7 @@ class Core:
         rounds : int
         """
         q, share, rounds = np.zeros(self.modes), np.zeros(1), np.zeros(1, dtype=np.int64)
-        loads = _given(inputs)
-        answer = self._library.body_static(self._body, _place(loads), _place(q), _place(share), _place(rounds))
+        answer = self._ask("static", inputs, q, share, rounds)
         return StepAnswer(answer), q, float(share[0]), int(rounds[0])
 
     def step(
@@ -259,115 +260,109 @@ class Core:
             Internal steps, rounds, and the estimated error.
         """
         q1, v1, next_hint, work = np.array(q, float), np.array(v, float), np.array([hint], dtype=np.int64), _Work()
-        loads, end = _given(inputs), None if end_inputs is None else _given(end_inputs)
-        answer = self._library.body_step(
-            self._body, _place(loads), _place(end), step, _place(q1), _place(v1), _place(next_hint), ctypes.byref(work)
-        )
+        answer = self._ask("step", inputs, end_inputs, step, q1, v1, next_hint, ctypes.byref(work))
         return StepAnswer(answer), q1, v1, int(next_hint[0]), (work.substeps, work.iterations, work.error)
 
     def step_refusal(self, answer: StepAnswer, step: float, work: tuple[int, int, float]) -> str:
         """Why a step of some length (s) was refused."""
-        text, told = ctypes.create_string_buffer(_WORDS), _Work(*work)
-        self._library.body_refusal(self._body, answer.number, step, ctypes.byref(told), text, _WORDS)
+        text = ctypes.create_string_buffer(_WORDS)
+        self._ask("refusal", answer.number, step, ctypes.byref(_Work(*work)), text, _WORDS)
         return text.value.decode()
 
     def static_refusal(self, answer: StepAnswer, share: float) -> str:
         """Why there is no equilibrium beyond a share of the load."""
         text = ctypes.create_string_buffer(_WORDS)
-        self._library.body_static_refusal(self._body, answer.number, share, text, _WORDS)
+        self._ask("static_refusal", answer.number, share, text, _WORDS)
         return text.value.decode()
 
     def motion(self, q: FloatArray) -> FloatArray:
         """Displacement and rotation vector of each interface in turn, (6I,)."""
-        given, result = _given(q), np.empty(6 * self.interfaces)
-        self._library.body_motion(self._body, _place(given), None, _place(result), None)
+        result = np.empty(6 * self.interfaces)
+        self._ask("motion", q, None, result, None)
         return result
 
     def motion_and_rates(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The same, and velocity and angular velocity, (6I,)."""
-        at, rate = _given(q), _given(v)
         motion, rates = np.empty(6 * self.interfaces), np.empty(6 * self.interfaces)
-        self._library.body_motion(self._body, _place(at), _place(rate), _place(motion), _place(rates))
+        self._ask("motion", q, v, motion, rates)
         return motion, rates
 
     def nodes_at(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Places (K, 3) and rotations (K, 3, 3) of all nodes."""
-        given, position, rotation = _given(q), np.empty((self.nodes, 3)), np.empty((self.nodes, 3, 3))
-        self._library.body_nodes(self._body, _place(given), _place(position), _place(rotation))
+        position, rotation = np.empty((self.nodes, 3)), np.empty((self.nodes, 3, 3))
+        self._ask("nodes", q, position, rotation)
         return position, rotation
 
     def stress(self, q: FloatArray, sets: int) -> FloatArray:
         """Largest von Mises stress of each set, N/m²."""
-        given, result = _given(q), np.zeros(sets)
-        self._library.body_stress(self._body, _place(given), _place(result))
+        result = np.zeros(sets)
+        self._ask("stress", q, result)
         return result
 
     def energies(self, q: FloatArray, v: FloatArray) -> tuple[float, float]:
         """Strain and kinetic energy, J."""
-        at, rate, strain, kinetic = _given(q), _given(v), np.empty(1), np.empty(1)
-        self._library.body_energies(self._body, _place(at), _place(rate), _place(strain), _place(kinetic))
+        strain, kinetic = np.empty(1), np.empty(1)
+        self._ask("energies", q, v, strain, kinetic)
         return float(strain[0]), float(kinetic[0])
 
     def force(self, inputs: FloatArray, q: FloatArray) -> FloatArray:
         """Modal force (m,)."""
-        loads, at, result = _given(inputs), _given(q), np.empty(self.modes)
-        self._library.body_forces(self._body, _place(loads), _place(at), _place(result), None)
+        result = np.empty(self.modes)
+        self._ask("forces", inputs, q, result, None)
         return result
 
     def tangent(self, inputs: FloatArray, q: FloatArray) -> FloatArray:
         """Tangent stiffness (m, m), 1/s²."""
-        loads, at, result = _given(inputs), _given(q), np.empty((self.modes, self.modes))
-        self._library.body_forces(self._body, _place(loads), _place(at), None, _place(result))
+        result = np.empty((self.modes, self.modes))
+        self._ask("forces", inputs, q, None, result)
         return result
 
     def mass(self, q: FloatArray) -> FloatArray:
         """M(q), (m, m)."""
-        at, result = _given(q), np.empty((self.modes, self.modes))
-        self._library.body_mass(self._body, _place(at), _place(result))
+        result = np.empty((self.modes, self.modes))
+        self._ask("mass", q, result)
         return result
 
     def largest_rotation(self, q: FloatArray) -> float:
         """Largest rotation of material within its frame, rad."""
-        at = _given(q)
-        return float(self._library.body_rotations(self._body, _place(at), None))
+        return float(self._ask("rotations", q, None))
 
     def rotations(self, q: FloatArray) -> FloatArray:
         """Each rotation that is watched, rad, in the order of `turning_frame`."""
-        at, result = _given(q), np.empty(self.turning_frame.size)
-        self._library.body_rotations(self._body, _place(at), _place(result))
+        result = np.empty(self.turning_frame.size)
+        self._ask("rotations", q, result)
         return result
 
     def stability(self, inputs: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
         """Smallest eigenvalue of the tangent over the unloaded one, and its shape (m,)."""
-        loads, at, shape = _given(inputs), _given(q), np.empty(self.modes)
-        return float(self._library.body_stability(self._body, _place(loads), _place(at), _place(shape))), shape
+        shape = np.empty(self.modes)
+        return float(self._ask("stability", inputs, q, shape)), shape
 
     def is_stable(self, inputs: FloatArray, q: FloatArray, margin: float) -> bool:
         """Whether that is above a margin."""
-        loads, at = _given(inputs), _given(q)
-        return bool(self._library.body_is_stable(self._body, _place(loads), _place(at), margin))
+        return bool(self._ask("is_stable", inputs, q, margin))
 
     def missed(self, inputs: FloatArray) -> float:
         """Error of deflections from stiffness that the method misses."""
-        loads = _given(inputs)
-        return float(self._library.body_missed(self._body, _place(loads), None))
+        return float(self._ask("missed", inputs, None))
 
     def may_miss(self, inputs: FloatArray, limit: float) -> bool:
         """Whether that error may exceed a limit; faster than finding it."""
-        loads = _given(inputs)
-        return bool(self._library.body_may_miss(self._body, _place(loads), limit))
+        return bool(self._ask("may_miss", inputs, limit))
 
     def judged_margin(self, inputs: FloatArray) -> float:
         """Smallest eigenvalue of the undeformed body's tangent by the second opinion, over the unloaded one."""
-        loads, margin = _given(inputs), np.empty(1)
-        self._library.body_missed(self._body, _place(loads), _place(margin))
+        margin = np.empty(1)
+        self._ask("missed", inputs, margin)
         return float(margin[0])
 
     def compliance(self, inputs: FloatArray, step: float, q: FloatArray, interfaces: Sequence[int]) -> FloatArray:
         """Derivative (6n, 6n) of interfaces' motion at a step's end by loads on them held over the step."""
-        loads, at, chosen = _given(inputs), _given(q), np.array(interfaces, dtype=np.int64)
-        result = np.empty((6 * chosen.size, 6 * chosen.size))
-        self._library.body_compliance(
-            self._body, _place(loads), step, _place(at), _place(chosen), chosen.size, _place(result)
-        )
+        count = len(interfaces)
+        result = np.empty((6 * count, 6 * count))
+        self._ask("compliance", inputs, step, q, interfaces, count, result)
         return result
+
+    def _ask(self, name: str, *arguments: object) -> Any:
+        """What a function of the core answers."""
+        return getattr(self._library, f"body_{name}")(self._body, *arguments)
