@@ -139,9 +139,10 @@ def answers(image, rng):
 def judge(name, given):
     """Why an answer is nonsense; None where it is sound."""
     answer, *arrays = given
-    if answer.ok and not all(np.all(np.isfinite(array)) for array in arrays):
+    sound = answer is not None and answer.ok
+    if sound and not all(np.all(np.isfinite(array)) for array in arrays):
         return "not finite, and yet OK"
-    if name == "static" and answer.ok and given[2] != 1.0:
+    if name == "static" and sound and given[2] != 1.0:
         return "an equilibrium under part of the load"
     if name == "nodes":
         rotation = arrays[1][np.all(np.isfinite(arrays[1]), axis=(1, 2))]
@@ -157,7 +158,7 @@ def judge(name, given):
 
 
 def same(a, b):
-    return a[0] is b[0] and all(x.tobytes() == y.tobytes() for x, y in zip(a[1:], b[1:], strict=True))
+    return a[0] == b[0] and all(x.tobytes() == y.tobytes() for x, y in zip(a[1:], b[1:], strict=True))
 
 
 def main(core, seed, count):

@@ -10,7 +10,8 @@ from ..core import Core
 from ..files.array_types import FloatArray
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody
-from .compile import compile_program, inertial_modes
+from .compile import compile_program
+from .mechanics import inertial_modes
 
 # Largest turn of a frame in the differences, rad: their error is its square, and round-off over it.
 _TURN = 1e-3

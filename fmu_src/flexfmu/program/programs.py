@@ -14,7 +14,8 @@ from ..model.fixing import with_fixed_interfaces
 from ..model.methods import Mass, Method, has_frames, masses_of
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered
-from .compile import Draft, compile_draft
+from .compile import compile_draft
+from .draft import Draft, texts
 from .variable_table import variable_table
 from .variables import Variable
 
@@ -72,21 +73,16 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
     Draft
     """
     roles = symbols("ROLE")
-    texts = b"".join("".join(f"{text}\n" for text in (v.name, *v.choices)).encode() + b"\0" for v in table)
     start = [v.choices.index(str(v.start)) if v.choices else float(v.start or 0.0) for v in table]
     offered = [body.interface_names.index(name) for name in body.compliance_interfaces]
     return Draft(
-        {
-            "variables": len(table),
-            "variable_bytes": len(texts),
-            "compliances": len(offered),
-        },
+        {},
         {
             "variable_type": np.array([_TYPES.index(v.type) for v in table]),
             "variable_role": np.array([roles.index(v.role) for v in table]),
             "variable_index": np.array([v.number for v in table]),
             "variable_start": np.array(start, dtype=np.float64),
-            "variable_texts": texts,
+            "variable_texts": texts(*("".join(f"{text}\n" for text in (v.name, *v.choices)) for v in table)),
             "compliance_interface": np.array(offered, dtype=np.int64),
         },
     )
@@ -94,11 +90,7 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
 
 def with_guid(made: Mapping[str, Draft], guid: str) -> dict[str, bytes]:
     """Images of programs that belong to the model description of a guid."""
-    text = guid.encode() + b"\0"
-    return {
-        name: Draft(draft.sizes | {"guid_bytes": len(text)}, draft.arrays | {"guid": text}).image()
-        for name, draft in made.items()
-    }
+    return {name: Draft(draft.sizes, draft.arrays | {"guid": texts(guid)}).image() for name, draft in made.items()}
 
 
 def guid_of(image: bytes) -> str:

@@ -79,6 +79,33 @@ def build_tree(body: ReducedBody, kinematics: Kinematics, inertia: LumpedMass | 
     """
     linear = kinematics is Kinematics.LINEAR
     frames = 0 if linear else body.frame_count
+    on, x, u, theta, lumps = _nodes(body, frames, linear, inertia)
+    offset, d, c = x.copy(), u.copy(), theta.copy()
+    hung = np.flatnonzero(on >= 0)
+    p = on[hung]
+    offset[hung] -= x[p]
+    base = np.zeros_like(x)
+    if kinematics in _TURN:
+        # Only displacements turn: u_p + exp(α θ_p) (u − u_p), with what is left of the rotation on top.
+        share = _TURN[kinematics]
+        base, offset = x, np.zeros_like(x)
+        d[hung] -= u[p]
+        c[:frames] *= share
+        c[hung] -= share * theta[p]
+    else:
+        d[hung] -= u[p] - skew(offset[hung]) @ theta[p]
+        c[hung] -= theta[p]
+    curvature = None
+    if kinematics is Kinematics.SECOND_ORDER and frames:
+        curvature = _curvature(body, inertia, on, offset, d, u, theta)
+        curvature.reshape(2, len(on), 3, *curvature.shape[1:])[1, lumps] = 0.0
+    return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature, lumps)
+
+
+def _nodes(
+    body: ReducedBody, frames: int, linear: bool, inertia: LumpedMass | None
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
+    """Parents, places, displacements and rotations of all nodes, and which of them are lumps."""
     parent = [body.frame_parent[:frames], np.full(body.interface_count, GROUND) if linear else body.interface_frame]
     point = [body.joint_point[:frames], body.interface_point]
     displacement = [body.joint_displacement[:frames], body.interface_displacement]
@@ -104,28 +131,7 @@ def build_tree(body: ReducedBody, kinematics: Kinematics, inertia: LumpedMass | 
         for target, ends in ((displacement, body.ties.displacement), (rotation, body.ties.rotation)):
             target.append(np.swapaxes(ends, 0, 1).reshape(-1, 3, body.mode_count))
     on = np.concatenate(parent).astype(np.int64)
-    x, u, theta = np.concatenate(point), np.concatenate(displacement), np.concatenate(rotation)
-
-    offset, d, c = x.copy(), u.copy(), theta.copy()
-    hung = np.flatnonzero(on >= 0)
-    p = on[hung]
-    offset[hung] -= x[p]
-    base = np.zeros_like(x)
-    if kinematics in _TURN:
-        # Only displacements turn: u_p + exp(α θ_p) (u − u_p), with what is left of the rotation on top.
-        share = _TURN[kinematics]
-        base, offset = x, np.zeros_like(x)
-        d[hung] -= u[p]
-        c[:frames] *= share
-        c[hung] -= share * theta[p]
-    else:
-        d[hung] -= u[p] - skew(offset[hung]) @ theta[p]
-        c[hung] -= theta[p]
-    curvature = None
-    if kinematics is Kinematics.SECOND_ORDER and frames:
-        curvature = _curvature(body, inertia, on, offset, d, u, theta)
-        curvature.reshape(2, len(on), 3, *curvature.shape[1:])[1, lumps] = 0.0
-    return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature, lumps)
+    return on, np.concatenate(point), np.concatenate(displacement), np.concatenate(rotation), lumps
 
 
 def _curvature(
@@ -137,19 +143,7 @@ def _curvature(
     moved: FloatArray,
     rotation: FloatArray,
 ) -> FloatArray:
-    """Second derivatives (6K, m, m) of offsets and relative rotations, (19) and (20).
-
-    Parameters
-    ----------
-    body : ReducedBody
-    inertia : LumpedMass or None
-    parent : (K,) int
-    offset : (K, 3) float
-    change : (K, 3, m) float
-        D_k.
-    displacement, rotation : (K, 3, m) float
-        Linear displacements and rotations of the nodes.
-    """
+    """Second derivatives (6K, m, m) of offsets and relative rotations, (19) and (20); `change` is D_k."""
     data = body.second
     if data is None:
         raise OptionError(

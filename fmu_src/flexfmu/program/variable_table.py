@@ -9,7 +9,7 @@ from itertools import groupby, product
 
 import numpy as np
 
-from ..core.interface import Row, lines, rows, words_of
+from ..core.interface import Row, lines, rows, rows_of, words_of
 from ..model.methods import Mass
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered
@@ -67,6 +67,12 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
         for place, (row, words, spoken) in enumerate(_expanded(body, role, list(kinds))):
             result.append(_variable(body, row, _number(body, row, words, place), words, words | spoken, nominal))
     return tuple(result)
+
+
+def input_names(body: ReducedBody) -> list[str]:
+    """Names of the loads in the order of a program: force and moment of each interface, then the acceleration."""
+    there = [row for row in rows_of("INPUT") if CONDITIONS[row.when](body)]
+    return [_filled(row.name, words) for row, words, _ in _expanded(body, "INPUT", there)]
 
 
 def _expanded(body: ReducedBody, role: str, kinds: Sequence[Row]) -> Iterator[tuple[Row, Words, Words]]:

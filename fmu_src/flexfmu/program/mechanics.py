@@ -1,0 +1,286 @@
+"""Everything of a program but geometric stiffness: modes, nodes, loads, what is watched, inertia."""
+
+import numpy as np
+
+from ..files.array_types import FloatArray, IntArray
+from ..model.errors import OptionError
+from ..model.inertia import LumpedMass
+from ..model.methods import Kinematics, LoadPlacement, Mass, Recipe, Stiffness
+from ..model.reduced_body import ReducedBody
+from ..model.rotations import skew
+from .draft import Draft, texts
+from .tree import Tree, bends, build_tree
+from .variable_table import input_names
+
+PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
+# Stiffness over that of the softest mode beyond which no load that the body bears makes a mode give way.
+_UNBENDING = 1e8
+_ROUND_OFF = 64.0 * np.finfo(np.float64).eps
+# Percent of the limit of rotation that holds where displacements are wrong by the angle, not by its square.
+_FIRST_ORDER = 40
+_TREES = (Kinematics.COROTATED, Kinematics.SECOND_ORDER)
+_WRONG_AT_FIRST_ORDER = (Kinematics.LINEAR, Kinematics.LITERAL)
+# Frequency over that of the softest mode up to which the deformed body's mass counts, and how many elastic modes are at
+# least: stiffer ones move too little, and cost shorter steps (section 9).
+_SLOW, _SLOW_MODES = 20.0, 6
+# Smallest over largest eigenvalue of the inverse inertia below which an axis is held.
+_HELD = 1e-9
+# Motion of the root frame by elastic modes, over that by rigid ones, that is round-off.
+_STILL = 1e-6
+
+
+def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> Draft:
+    """Everything but geometric stiffness and the second opinion on it.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    recipe : Recipe
+    mass : Mass
+
+    Returns
+    -------
+    Draft
+    """
+    lumped = _lumped(body, mass)
+    tree = build_tree(body, recipe.kinematics, lumped)
+    if tree.curvature is not None and not np.all(np.isfinite(tree.curvature)):
+        raise np.linalg.LinAlgError("curvature is not finite")
+    placement = _placement(body, recipe, tree)
+    draft = Draft({"placement": PLACEMENT[placement]}, {})
+    _put_modes(draft, body)
+    _put_nodes(draft, body, tree)
+    _put_loads(draft, body)
+    _put_watched(draft, body, recipe, tree)
+    if tree.curvature is not None:
+        bent = bends(tree, 0 if lumped is None else inertial_modes(body))
+        draft.sizes["curved"] = 1
+        draft.arrays |= {"curvature": bent.numbers, "basis": bent.basis, "part": bent.part}
+        draft.arrays |= {"core_start": bent.start, "extent": bent.extent}
+    if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
+        draft.arrays["stretch"] = np.moveaxis(body.membrane.quadratic, 0, 1)
+        draft.arrays["stretch_linear"] = body.membrane.linear
+        draft.arrays["stretch_sign"] = body.membrane.sign
+    if body.ties is not None and tree.frames:
+        _put_ties(draft, body, tree)
+    _put_inertia(draft, body, recipe, tree, lumped)
+    if body.floating and placement is LoadPlacement.DEFORMED and recipe.stiffness is Stiffness.CONSTANT:
+        _put_turns(draft, body)
+    return draft
+
+
+def _placement(body: ReducedBody, recipe: Recipe, tree: Tree) -> LoadPlacement:
+    """Where loads act."""
+    loaded = tree.frames + body.interface_count + (0 if body.masses is None else body.masses.mass.size)
+    if recipe.loads is LoadPlacement.DEFORMED and not np.any(tree.parent[tree.frames : loaded] >= 0):
+        # Nothing that is loaded hangs on a frame: all places have constant derivatives, and loads on the deformed body
+        # are those on the undeformed one.
+        return LoadPlacement.REFERENCE
+    return recipe.loads
+
+
+def _put_modes(draft: Draft, body: ReducedBody) -> None:
+    """Modes, and which of them loads may buckle."""
+    omega, rigid = body.angular_frequency, body.rigid_count
+    stiffness = omega**2
+    last = int(np.searchsorted(stiffness, _UNBENDING * stiffness[rigid], side="right"))
+    draft.sizes |= {"modes": body.mode_count, "rigid": rigid, "elastic_first": rigid, "elastic_count": last - rigid}
+    draft.arrays |= {
+        "omega": omega,
+        "zeta": body.damping_ratio,
+        "weight": np.where(omega > 0.0, omega, omega[rigid]),
+        "suggested_step": np.array([body.suggested_step]),
+    }
+
+
+def _put_nodes(draft: Draft, body: ReducedBody, tree: Tree) -> None:
+    """The tree of frames."""
+    names = [*body.interface_names, *body.frame_names[: tree.frames], *input_names(body)]
+    draft.sizes |= {"frames": tree.frames, "interfaces": body.interface_count}
+    draft.arrays |= {
+        "parent": tree.parent,
+        "point": tree.point,
+        "offset": tree.offset,
+        "base": tree.base,
+        "operator_": tree.operator,
+        "names": texts(*names),
+        "guid": texts(""),
+    }
+
+
+def _put_loads(draft: Draft, body: ReducedBody) -> None:
+    """Loads on interfaces, and accelerations of the supports."""
+    loads, mass, inertia = 6 * body.interface_count, np.zeros(0), np.zeros((3, body.mode_count))
+    if body.masses is not None:
+        mass = body.masses.mass
+        inertia = -np.tensordot(mass, body.masses.displacement, axes=1)
+        loads += 3
+    draft.sizes["loads"] = loads
+    draft.arrays |= {
+        "load_operator": np.concatenate([body.interface_displacement, body.interface_rotation]),
+        "mass": mass,
+        "inertia_operator": inertia,
+    }
+
+
+def _put_watched(draft: Draft, body: ReducedBody, recipe: Recipe, tree: Tree) -> None:
+    """Rotations within frames, and stress."""
+    turning, turning_frame = _turning(body, tree.frames)
+    points = [part.stress.reshape(-1, 6, body.mode_count) for part in body.stress_sets]
+    draft.sizes |= {
+        "turning_limit": _FIRST_ORDER if recipe.kinematics in _WRONG_AT_FIRST_ORDER else 100,
+        "stress_sets": len(points),
+        "stress_points": sum(len(part) for part in points),
+    }
+    draft.arrays |= {
+        "turning": turning,
+        "turning_frame": turning_frame,
+        "stress_start": np.cumsum([0, *(len(part) for part in points)]),
+        "stress": np.concatenate(points) if points else np.zeros(0),
+        "advice": texts(against_rotation(body, recipe), "", "", against_spin(body, recipe)),
+    }
+
+
+def _put_inertia(draft: Draft, body: ReducedBody, recipe: Recipe, tree: Tree, lumped: LumpedMass | None) -> None:
+    """Mass of the deformed body, or what constant mass leaves out of it."""
+    if lumped is not None:
+        kept = inertial_modes(body)
+        draft.sizes |= {"inertial": 1, "inertial_modes": kept}
+        draft.arrays |= {
+            "lump_mass": lumped.mass,
+            "turning_inertia": lumped.turning,
+            "turning_sweep": lumped.sweep[:, :, :kept],
+            "inertial_rest": -lumped.at_rest(body.frame_rotation)[:kept, :kept],
+        }
+    elif body.rigid_count and tree.frames:
+        _put_spin(draft, body)
+    elif body.missed_inertia is not None and recipe.kinematics in _TREES:
+        pairs, columns = body.missed_inertia.shape
+        draft.sizes |= {"missed_modes": columns - pairs, "missed_pairs": pairs}
+        draft.arrays["missed_inertia"] = body.missed_inertia
+
+
+def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, IntArray]:
+    """Rotations (n, 3, m) of material against its frame, and that frame (n,): joints and interfaces."""
+    if frames == 0:
+        return body.interface_rotation, np.zeros(body.interface_count, dtype=np.int64)
+    carried = np.flatnonzero(body.frame_parent >= 0)
+    parent = body.frame_parent[carried]
+    held = np.flatnonzero(body.interface_frame >= 0)
+    on = body.interface_frame[held]
+    rotations = [
+        body.joint_rotation - body.frame_rotation,
+        body.joint_rotation[carried] - body.frame_rotation[parent],
+        body.interface_rotation[held] - body.frame_rotation[on],
+    ]
+    return np.concatenate(rotations), np.concatenate([np.arange(frames), parent, on])
+
+
+def _put_ties(draft: Draft, body: ReducedBody, tree: Tree) -> None:
+    """Springs that join the parts of a cut body; H is their stiffness at q = 0, which the modes hold."""
+    ties = body.ties
+    assert ties is not None
+    m, count = body.mode_count, len(ties.stiffness)
+    relative = ties.displacement[:, 0] - ties.displacement[:, 1]
+    turned = ties.rotation[:, 0] - ties.rotation[:, 1]
+    # Stretch at the centre, then at the points l_c, which turn by θ × l_c.
+    stretch = np.empty((count, 4, 3, m))
+    stretch[:, 0] = relative
+    stretch[:, 1:] = -skew(np.swapaxes(ties.lever, 1, 2)) @ turned[:, None]
+    each = np.einsum("ti,tcim,tcin->tmn", ties.stiffness, stretch, stretch, optimize=True)
+    directions = ties.stiffness > 0.0
+    turns = np.any(directions, axis=1) & np.any(ties.lever != 0.0, axis=(1, 2))
+    resists = np.concatenate([directions, np.repeat(turns[:, None], 3, axis=1)], axis=1)
+    pull = np.flatnonzero(resists)
+    # Each tie has four springs along an axis: at its centre and at three levers.
+    far = float(np.linalg.norm(tree.point, axis=1).max())
+    noise = _ROUND_OFF * far * float(np.sqrt(4.0 * ties.stiffness.sum()))
+    draft.sizes["ties"] = count
+    draft.arrays |= {
+        "tie_stiffness": ties.stiffness,
+        "tie_lever": ties.lever,
+        "tie_apart": ties.point[:, 0] - ties.point[:, 1],
+        "tie_initial": each.sum(axis=0),
+        "tie_welded": each[ties.frame[:, 1] >= 0].sum(axis=0),
+        "tie_noise": np.array([noise]),
+        "pull": pull,
+    }
+
+
+def _lumped(body: ReducedBody, mass: Mass) -> LumpedMass | None:
+    """The lumps that go along; none where nothing of the body hangs on a frame."""
+    if mass is Mass.CONSTANT:
+        return None
+    if body.inertia is None:
+        raise OptionError(
+            'mass "configuration" needs data that this body was built without: build it with inertia = true in '
+            "[reduction]"
+        )
+    if body.ties is not None:
+        raise OptionError('mass "configuration" does not know bodies that were cut; take mass "constant"')
+    return body.inertia if body.inertia.mass.size else None
+
+
+def inertial_modes(body: ReducedBody) -> int:
+    """How many of the first coordinates the mass of the deformed body knows of."""
+    omega, rigid = body.angular_frequency, body.rigid_count
+    slow = int(np.searchsorted(omega, _SLOW * omega[rigid], side="right"))
+    return min(max(slow, rigid + _SLOW_MODES), body.mode_count)
+
+
+def _put_spin(draft: Draft, body: ReducedBody) -> None:
+    """How a free body turns as a whole: what constant mass misses of it is watched (section 9)."""
+    # Every frame turns alike in rigid motions.
+    rotation = body.frame_rotation[0][:, : body.rigid_count]
+    # Rigid motions are mass-orthonormal.
+    inverse = rotation @ rotation.T
+    values = np.linalg.eigvalsh(inverse)
+    if values[-1] <= 0.0:
+        return
+    draft.sizes["spins"] = 1
+    draft.arrays["spin_rotation"] = rotation
+    if values[0] > _HELD * values[-1]:
+        draft.sizes["spin_inertia_given"] = 1
+        draft.arrays["spin_inertia"] = np.linalg.inv(inverse)
+
+
+def _put_turns(draft: Draft, body: ReducedBody) -> None:
+    """Rigid motions of a body whose root frame makes them, and they alone: it turns in its own axes (section 9)."""
+    rigid = body.rigid_count
+    motion = np.concatenate([body.joint_displacement[0], body.frame_rotation[0]])
+    turning, sliding = motion[3:, :rigid], motion[:3, :rigid]
+    axes, values, _ = np.linalg.svd(turning, full_matrices=False)
+    axis = axes.T[values > _HELD * values.max(initial=0.0)]
+    if len(axis) == 3:
+        axis = np.eye(3)
+    slides = rigid == len(axis) + 3
+    elastic, own = np.abs(motion[:, rigid:]).max(), np.abs(motion[:, :rigid]).max(initial=0.0)
+    if len(axis) not in (1, 3) or not (slides or rigid == len(axis)) or elastic > _STILL * own:
+        return
+    if not slides and np.abs(sliding).max() > _STILL * own:
+        return
+    draft.sizes |= {"turns": 1, "turn_axes": len(axis), "turn_slides": int(slides), "spin_inertia_given": 0}
+    draft.arrays |= {"turn_axis": axis, "turn_coordinates": np.linalg.pinv(motion[:, :rigid])}
+    draft.arrays.pop("spin_inertia", None)
+    operator = np.array(draft.arrays["operator_"])
+    operator[:, 0, :, rigid:] = 0.0
+    draft.arrays["operator_"] = operator
+
+
+def against_rotation(body: ReducedBody, recipe: Recipe) -> str:
+    """What to do about rotation within a frame."""
+    if recipe.kinematics in _WRONG_AT_FIRST_ORDER:
+        return 'take method = "frames"' + ("" if body.frame_count else ", and build with frames")
+    if recipe.kinematics is Kinematics.COROTATED and body.second is not None:
+        return 'take method = "second_order", or build with more frames'
+    return "build with more frames"
+
+
+def against_spin(body: ReducedBody, recipe: Recipe) -> str:
+    """What to do about inertia that constant mass does not know."""
+    words = 'take mass = "configuration"'
+    if recipe.kinematics is not Kinematics.SECOND_ORDER:
+        words += ' with method = "second_order"'
+    if body.inertia is None:
+        words = f"build with inertia = true in [reduction], and {words}"
+    return words
