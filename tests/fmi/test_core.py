@@ -14,7 +14,7 @@ import pytest
 import fuzzed
 from core_files import core_order
 from flexfmu.core.building import FLAGS, FOLDER, command, sources, system_compiler
-from flexfmu.core.library import _SIGNATURES, Core
+from flexfmu.core.library import Core, declare
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.program.compile import compile_program
@@ -123,9 +123,7 @@ def cutting(tmp_path_factory):
     extra = ["-O0", f"-I{FOLDER}", str(folder / "cut.c")]
     subprocess.run(command(system_compiler(), folder / "cut.so", extra=extra), check=True)
     found = ctypes.CDLL(str(folder / "cut.so"))
-    for name, (result, arguments) in _SIGNATURES.items():
-        function = getattr(found, name)
-        function.restype, function.argtypes = result, arguments
+    declare(found)
     found.body_room.restype = found.body_written.restype = ctypes.c_int64
     found.body_room.argtypes = (ctypes.c_void_p,)
     found.body_cut.argtypes = (ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)

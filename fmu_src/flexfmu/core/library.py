@@ -163,12 +163,17 @@ def library() -> ctypes.CDLL:
         raise OptionError(
             f"{path} was compiled from other C files than those beside it; install again (pip install -e . in a clone)"
         )
+    declare(found)
+    return found
+
+
+def declare(found: ctypes.CDLL) -> None:
+    """Tell a loaded core's functions their types."""
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(found, name)
         function.restype, function.argtypes = result, (_PLACE, *arguments)
     found.body_open.restype = _PLACE
     found.body_open.argtypes = (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))
-    return found
 
 
 class Core:
