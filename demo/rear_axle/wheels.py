@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from flexfmu.build.config import InterfaceTable
 from flexfmu.fe.faces import area_matrix, select
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.reduction.interfaces import Interface, fit_interface
+from flexfmu.reduction.options import InterfaceNodes
 
 FloatArray = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def wheels(deck: Path) -> dict[str, Wheel]:
     faces = mesh.faces
     result = {}
     for name, nodes in FLANGES.items():
-        interface = fit_interface(InterfaceTable(name=name, nodes=nodes, weights="area"), mesh, faces, ())
+        interface = fit_interface(InterfaceNodes(name, nodes, weights="area"), mesh, faces, ())
         weight = area_matrix(mesh.points, select(faces, interface.nodes, outer=True), interface.nodes)
         result[name] = Wheel(interface, mesh.points[interface.nodes], weight)
     return result

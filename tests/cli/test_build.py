@@ -17,7 +17,6 @@ from typer.testing import CliRunner
 import flexfmu.build.pipeline
 import flexfmu.reduction.basis
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import InterfaceTable
 from flexfmu.build.pipeline import build_fmu
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
@@ -28,6 +27,7 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file
 from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.options import InterfaceNodes
 from meshes import BAR, arc, bars, body_file, box, lattice, with_sets, write_deck
 from references import relative
 
@@ -146,7 +146,7 @@ def test_weights_by_area_are_refused_for_a_piece_of_the_body(tmp_path):
 
 def test_a_force_on_a_section_inside_the_body_is_a_uniform_traction():
     mesh = bar()
-    interface = fit_interface(InterfaceTable(name="inside", nodes="INSIDE"), mesh, mesh.faces, ())
+    interface = fit_interface(InterfaceNodes("inside", "INSIDE"), mesh, mesh.faces, ())
     assert interface.by_area
     forces = interface.nodal_loads(len(mesh.points)).reshape(-1, 3, 6)[interface.nodes, 0, 0]
     # Of four 8-node faces around one corner: a third of a face's share between corners, twice that where two meet.

@@ -8,12 +8,13 @@ from typer.testing import CliRunner
 
 from decks import BODY, COUPLING
 from flexfmu.build.bores import bores
-from flexfmu.build.config import Place, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.errors import BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
+from flexfmu.reduction.options import Place
 from flexfmu.reduction.places import node_set
 from meshes import box, grid, lattice, write_deck
 

@@ -102,7 +102,7 @@ def test_constant_strain_passes_a_tie_but_for_a_known_error(tmp_path, name, of_d
 def test_equations_of_a_calculix_deck_are_those_of_the_model(tmp_path):
     mesh = checked(glued(tmp_path, "tied_bricks"))
     model = flexfmu.Body(mesh, None, ["ROOT"], {"tip": "TIP"})
-    whole = assemble_model(mesh, model.spec)
+    whole = assemble_model(mesh, model.spec.options)
     path = tmp_path / "again.inp"
     path.write_text(calculix_deck(whole, np.zeros(3 * len(mesh.points)), [1.0], np.arange(1), "again"))
     again = read_deck(path, UnitSystem.SI)

@@ -42,7 +42,7 @@ def bar_and_load(folder, kind=ElementType.C3D20, layers=None):
     config = body_file(mesh, folder, interface=["TIP"])
     springs = SupportTable(nodes="SEAT", stiffness=[0.0, 4e3, 8e3])
     config = config.model_copy(update={"support": [*config.support, springs]})
-    model = assemble_model(read_deck(config.mesh.file, UnitSystem.SI), config)
+    model = assemble_model(read_deck(config.mesh.file, UnitSystem.SI), config.options)
     load = np.zeros((len(model.mesh.points), 3))
     tip = model.mesh.node_sets["TIP"]
     load[tip] = np.array([3e3, 9e3, -1.5e4]) / len(tip)

@@ -50,7 +50,7 @@ def test_defaults_are_those_of_the_documentation(tmp_path):
     assert (body.material, body.support, body.frame, body.frames) == (None, [], [], None)
     assert (body.interface[0].point, body.interface[0].weights) == (None, "auto")
     assert (body.reduction.basis, body.reduction.modes) == (Basis.NORMAL, 8)
-    assert (body.levels, body.residual) == (4, True)
+    assert (body.options.levels, body.residual) == (4, True)
     assert body.damping.ratio == 0.0
     assert body.variant == Variant(Method.SECOND_ORDER, Mass.CONSTANT)
     assert body.stored == {Data.SECOND_ORDER}

@@ -115,7 +115,7 @@ def completed(body, **tables):
         {"name": "b", "interface": [{"name": "tip", "nodes": {"plane": [2.0, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}}],
          "support": [{"nodes": {"numbers": [1, 4, 5, 8]}, "fix": ["x", "y", "z"]}], **tables}
     )  # fmt: skip
-    return assemble_model(checked(body), spec)
+    return assemble_model(checked(body), spec.options)
 
 
 def test_a_body_file_completes_and_replaces_what_a_deck_says_of_materials(tmp_path):
@@ -172,7 +172,7 @@ def test_a_coupling_is_an_interface_under_its_names_at_its_reference_node(tmp_pa
     moved = read(tmp_path, BODY + COUPLING.replace("100, 2.,", "100, 3.,"))
     for body, x in ((mesh, 2.0), (moved, 3.0)):
         body = checked(body)
-        interface = fit_interface(spec.interface[0], body, body.faces, ())
+        interface = fit_interface(spec.options.interfaces[0], body, body.faces, ())
         np.testing.assert_allclose(interface.point, [x, 0.5, 0.5])
     assert any("keeps its nodes rigid, the interface lets them deform" in note for note in mesh.notes)
 

@@ -6,8 +6,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
+from ..reduction.options import Place
 from ..reduction.surface import surface_nodes
-from .config import Place
 
 # Faces whose normals differ by less belong to one smooth piece: coarse bores of eight elements have 45° between them.
 _SMOOTH = np.cos(np.radians(50.0))
@@ -80,5 +80,5 @@ def _bore(points: FloatArray, faces: IntArray, normal: FloatArray) -> Place | No
     if gap > _GAP or not np.all(towards < 0.0):
         return None
     low, high = (at @ axis).min(), (at @ axis).max()
-    ends = [(turn[:, 1:] @ [x, y] + axis * along).round(_DIGITS).tolist() for along in (low, high)]
-    return Place(cylinder=ends, radius=round(radius, _DIGITS))
+    ends = [tuple((turn[:, 1:] @ [x, y] + axis * along).round(_DIGITS).tolist()) for along in (low, high)]
+    return Place(cylinder=(ends[0], ends[1]), radius=round(radius, _DIGITS))

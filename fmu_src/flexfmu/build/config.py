@@ -3,15 +3,27 @@
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import Field, PrivateAttr, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from ..files.errors import BodyFileError
 from ..files.inputs import Kind
 from ..files.limits import MOST_FRAMES
 from ..files.toml_files import Name, Table, read_toml, validated
 from ..model.methods import ASKED_BY, Data, Method, Variant, conflict, has_frames, needs
-from .tables import (
+from ..reduction.options import (
+    DEFAULT_FRAMES,
     Basis,
+    BasisOptions,
+    BodyOptions,
+    BranchJoints,
+    FrameNodes,
+    InterfaceNodes,
+    MaterialConstants,
+    StressElements,
+    SupportNodes,
+)
+from ..reduction.options import Nodes as PlainNodes
+from .tables import (
     BranchTable,
     CutTable,
     DampingTable,
@@ -53,8 +65,6 @@ __all__ = [
     "read_body_file",
 ]
 
-DEFAULT_FRAMES = 4
-"""Of a body of which nothing is said; parts of a cut one share them."""
 _C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -79,8 +89,6 @@ class BodySpec(Table):
         `"auto"`: cut loops between supports at slender sections; `[]`: never; or `[[cut]]` tables.
         Default: where parts turn far against each other, if no key divides the body
     """
-
-    _levels: int = PrivateAttr(default=DEFAULT_FRAMES)
 
     name: Name = Field(examples=["arm"])
     mesh: MeshUnits = MeshUnits()
@@ -154,17 +162,6 @@ class BodySpec(Table):
         return self
 
     @property
-    def levels(self) -> int:
-        """Levels into which the body is divided, unless tables say how."""
-        return self._levels if self.frames is None else self.frames
-
-    def shared_by(self, parts: int) -> Self:
-        """The same for one of some parts, which share the frames that nothing is said of."""
-        own = self.model_copy()
-        own._levels = max(1, self._levels // parts)
-        return own
-
-    @property
     def cuts(self) -> list[CutTable]:
         """The `[[cut]]` tables; none where the build finds the sections."""
         return self.cut if isinstance(self.cut, list) else []
@@ -172,18 +169,14 @@ class BodySpec(Table):
     @property
     def open_to_cuts(self) -> bool:
         """Whether the build decides if loops are cut: nothing is said of cuts or frames, or goes without cuts."""
-        if self.cut is not None or self.divided or self._listed or self.variant != Variant(Method.SECOND_ORDER):
+        divided = self.frames is not None or self.frame or self.branch
+        if self.cut is not None or divided or self._listed or self.variant != Variant(Method.SECOND_ORDER):
             return False
         try:
             self._check_cut()
         except ValueError:
             return False
         return True
-
-    @property
-    def divided(self) -> bool:
-        """Whether something is said of frames."""
-        return self.frames is not None or bool(self.frame or self.branch)
 
     @property
     def residual(self) -> bool | list[str]:
@@ -204,6 +197,58 @@ class BodySpec(Table):
     def without_pictures(self) -> Self:
         """The same body without what only pictures of it need."""
         return self.model_copy(update={"output": self.output.model_copy(update={"surface": False, "stress": False})})
+
+    @property
+    def options(self) -> BodyOptions:
+        """The same as plain data."""
+        residual = self.residual
+        return BodyOptions(
+            name=self.name,
+            interfaces=tuple(
+                InterfaceNodes(one.name, plain_nodes(one.nodes), _tuple(one.point), one.weights)
+                for one in self.interface
+            ),
+            supports=tuple(
+                SupportNodes(plain_nodes(one.nodes), tuple(one.fix), _tuple(one.stiffness)) for one in self.support
+            ),
+            materials=tuple(
+                MaterialConstants(one.name, one.youngs_modulus, one.poissons_ratio, one.density)
+                for one in self.materials
+            ),
+            units=self.mesh.units,
+            boundary=self.mesh.boundary,
+            free=self.free,
+            root=self.root,
+            levels=DEFAULT_FRAMES if self.frames is None else self.frames,
+            levels_asked=self.frames is not None,
+            frames=tuple(
+                FrameNodes(
+                    one.name,
+                    plain_nodes(one.nodes),
+                    one.joint if isinstance(one.joint, str) else _tuple(one.joint),
+                    one.parent,
+                    tuple(one.rotation_points or ()),
+                )
+                for one in self.frame
+            ),
+            branches=tuple(BranchJoints(one.toward, tuple(one.joints)) for one in self.branch),
+            cuts=tuple(one.nodes for one in self.cuts),
+            find_cuts=self.cut == "auto",
+            may_cut=self.open_to_cuts,
+            stress=tuple(StressElements(one.name, one.elements) for one in self.stress),
+            basis=BasisOptions(
+                self.reduction.basis,
+                self.reduction.numbers,
+                self.reduction.counted,
+                tuple(self.residual_columns()) if isinstance(residual, list) else residual,
+            ),
+            membrane=self.reduction.membrane,
+            variant=self.variant,
+            stored=self.stored,
+            acceleration=self.input.acceleration,
+            surface=self.output.surface,
+            surface_stress=self.output.stress,
+        )
 
     @property
     def materials(self) -> list[MaterialTable]:
@@ -296,6 +341,19 @@ class BodySpec(Table):
             raise ValueError("[[cut]] goes without geometric_stiffness, which knows bodies in one piece")
         if self.reduction.inertia:
             raise ValueError('[[cut]] goes with mass "constant" only, without reduction.inertia')
+
+
+def plain_nodes(nodes: Nodes) -> PlainNodes:
+    """Nodes of a body file as plain data."""
+    if isinstance(nodes, str):
+        return nodes
+    if isinstance(nodes, list):
+        return tuple(one if isinstance(one, str) else one.plain for one in nodes)
+    return nodes.plain
+
+
+def _tuple(values: list[float] | None) -> tuple[float, ...] | None:
+    return None if values is None else tuple(values)
 
 
 class BodyFile(BodySpec):

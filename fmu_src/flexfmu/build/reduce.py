@@ -11,7 +11,6 @@ from ..files.errors import BodyFileError
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.version import VERSION
-from ..mesh.checks import checked
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
 from ..mesh.plausibility import implausible
@@ -21,11 +20,8 @@ from ..program.missed_inertia import missed_inertia
 from ..reduction.cut.loop_choice import chosen_cuts
 from ..reduction.cut.parts import reduced_parts
 from ..reduction.masses import body_properties
-from ..reduction.materials import needless
-from ..reduction.model import assemble_model
 from ..reduction.piece import reduced_piece
-from ..reduction.places import by_name, node_set
-from ..reduction.sets import element_set
+from .body_model import body_model
 from .config import BodyFile, BodySpec
 
 # Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
@@ -79,27 +75,23 @@ def reduce_mesh(
         Anything that the specification or the mesh does not provide, with what to do.
     """
     with report.stage("Check the mesh"):
-        given = config
-        mesh, config = by_name(checked(mesh), config)
-        unused = needless(mesh, config)
-        model = assemble_model(mesh, config)
+        prepared = body_model(mesh, config)
+        options, model = prepared.options, prepared.model
         mesh = model.mesh
-        check_sets(config, mesh)
         properties = body_properties(mesh, mesh.volume_matrices)
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)
     for text in (*implausible(mesh, config.mesh.units), *_distant_points(config, properties)):
         report.warning(text)
-    if unused:
+    if prepared.unused_material:
         report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
     store = store or Store()
-    config, model = chosen_cuts(config, model, report, store)
-    mesh = model.mesh
-    if config.cut:
-        body = reduced_parts(config, model, report, store)
+    options, model = chosen_cuts(options, model, report, store)
+    if options.cuts:
+        body = reduced_parts(options, model, report, store)
     else:
-        piece = reduced_piece(config, model, report, store)
+        piece = reduced_piece(options, model, report, store)
         body = piece.body
         if piece.watched_mass is not None:
             body = replace(body, missed_inertia=missed_inertia(replace(body, inertia=piece.watched_mass)))
@@ -121,7 +113,7 @@ def reduce_mesh(
         method=config.variant.method,
         mass=config.variant.mass,
         velocity_outputs=config.output.velocities,
-        provenance=_provenance(given, mesh, origin),
+        provenance=_provenance(config, mesh, origin),
         properties=properties,
     )
 
@@ -141,33 +133,6 @@ def _damping(ratio: float | list[float], count: int) -> FloatArray:
             f"damping.ratio lists {values.size} values, and the basis has {count} modes, interface modes included"
         )
     return np.broadcast_to(values, (count,))
-
-
-def check_sets(config: BodySpec, mesh: Mesh) -> None:
-    """Find every set that will be asked for before the expensive work begins.
-
-    Parameters
-    ----------
-    config : BodySpec
-    mesh : Mesh
-
-    Raises
-    ------
-    BodyFileError
-        Naming the key, the set that is not there, and the nearest that is.
-    """
-    for cut in config.cuts:
-        node_set(mesh, cut.nodes, "[[cut]] nodes")
-    for interface in config.interface:
-        node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")
-    for stress in config.stress:
-        element_set(mesh, stress.elements, f"stress {stress.name!r}, elements")
-    for frame in config.frame:
-        node_set(mesh, frame.nodes, f"frame {frame.name!r}, nodes")
-        if isinstance(frame.joint, str):
-            node_set(mesh, frame.joint, f"frame {frame.name!r}, joint")
-        for name in frame.rotation_points or ():
-            node_set(mesh, name, f"frame {frame.name!r}, rotation_points")
 
 
 def _distant_points(config: BodySpec, properties: Properties) -> list[str]:

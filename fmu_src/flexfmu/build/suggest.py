@@ -9,9 +9,10 @@ from ..files.array_types import FloatArray, IntArray
 from ..files.units import UnitSystem
 from ..mesh.model import NO_MATERIAL, Mesh
 from ..reduction.materials import KEYS, missing
+from ..reduction.options import Nodes, Place
 from ..reduction.places import node_set
 from .bores import bores
-from .config import BodyFile, Nodes, Place
+from .config import BodyFile
 
 _AXES = ("x", "y", "z")
 # Distance from a plane end of the body, over its longest side, of nodes that lie in it.
@@ -41,7 +42,7 @@ def plane_ends(mesh: Mesh) -> dict[str, Place]:
                 continue
             normal = [float(axis == other) for other in range(3)]
             point = [float(value) if axis == other else 0.0 for other in range(3)]
-            found.append((float(side[axis]), f"{name}_{end}", Place(plane=point, normal=normal)))
+            found.append((float(side[axis]), f"{name}_{end}", Place(plane=tuple(point), normal=tuple(normal))))
     # The sort is stable: of an axis the lower end comes first.
     return {name: place for _, name, place in sorted(found, key=lambda one: -one[0])}
 
@@ -133,8 +134,9 @@ def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
     BodyFileError
         A set or place without nodes.
     """
-    choices: list[tuple[str, Nodes]] = [(f"support {n}", table.nodes) for n, table in enumerate(config.support, 1)]
-    choices += [(f"interface {table.name}", table.nodes) for table in config.interface]
+    options = config.options
+    choices: list[tuple[str, Nodes]] = [(f"support {n}", table.nodes) for n, table in enumerate(options.supports, 1)]
+    choices += [(f"interface {table.name}", table.nodes) for table in options.interfaces]
     return {title: node_set(mesh, nodes, title) for title, nodes in choices}
 
 
@@ -193,4 +195,4 @@ def _point(place: FloatArray) -> str:
 def _toml(place: Place) -> str:
     if place.cylinder is not None:
         return f"{{ cylinder = {[list(end) for end in place.cylinder]}, radius = {place.radius} }}"
-    return f"{{ plane = {place.plane}, normal = {place.normal} }}"
+    return f"{{ plane = {list(place.plane or ())}, normal = {list(place.normal or ())} }}"

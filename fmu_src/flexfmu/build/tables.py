@@ -1,9 +1,8 @@
 """Tables of the body file (TOML), each with its keys, checked. The page of keys is made from what stands here."""
 
-from enum import Enum
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -12,6 +11,8 @@ from ..files.toml_files import Name, Table, Vector
 from ..files.units import UnitSystem
 from ..model.errors import OptionError
 from ..model.methods import DEFAULT, Mass, Method, Variant
+from ..reduction.options import Basis
+from ..reduction.options import Place as PlainPlace
 
 ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
 
@@ -112,6 +113,16 @@ class Place(Table):
         if self.cylinder is not None and self.cylinder[0] == self.cylinder[1]:
             raise ValueError("cylinder is given by two equal points of its axis, expected both its ends")
         return self
+
+    @property
+    def plain(self) -> PlainPlace:
+        """The same as plain data."""
+        values = self.model_dump(exclude_none=True)
+        return PlainPlace(**{key: _as_tuple(value) for key, value in values.items()})
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(_as_tuple(one) for one in value) if isinstance(value, list) else value
 
 
 Nodes = str | Place | list[str | Place]
@@ -246,15 +257,6 @@ class CutTable(Table):
     """
 
     nodes: str
-
-
-class Basis(Enum):
-    """Modal basis."""
-
-    NORMAL = "normal"
-    """Eigenmodes with the supports in place."""
-    CRAIG_BAMPTON = "craig_bampton"
-    """Constraint modes of the interfaces and fixed-interface normal modes."""
 
 
 class StressTable(Table):

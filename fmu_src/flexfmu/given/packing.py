@@ -31,6 +31,7 @@ from ..model.summary import first_frequency
 from ..reduction.frames import body_subdomains, frame_requests, several, whole_frame
 from ..reduction.interfaces import Interface, fit_interface
 from ..reduction.model import Model
+from ..reduction.options import BodyOptions
 from ..reduction.places import node_set
 from ..reduction.rigid_fit import by_node
 from ..reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
@@ -198,11 +199,12 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
     for text in warnings:
         report.warning(text)
     shapes = given.modes[:, rows].reshape(len(given.modes), -1).T
-    model = _model(given, mesh, spec, shapes, rows)
+    options = replace(spec.options, variant=variant, stored=frozenset())
+    model = _model(given, mesh, options, shapes, rows)
     volumes = mesh.volume_matrices if mesh.blocks else ()
     faces = mesh.faces if mesh.blocks else ()
-    subdomains = _subdomains(given, spec, model, volumes, faces, rows, report)
-    interfaces = [fit_interface(table, mesh, faces, subdomains) for table in spec.interface]
+    subdomains = _subdomains(given, options, model, volumes, faces, rows, report)
+    interfaces = [fit_interface(one, mesh, faces, subdomains) for one in options.interfaces]
     frames = frame_operators(mesh.points, shapes, subdomains)
     motion = np.array([interface.motion(shapes) for interface in interfaces])
     frequency = 2.0 * np.pi * given.frequency
@@ -225,7 +227,7 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         joint_displacement=frames.joint_displacement,
         joint_rotation=frames.joint_rotation,
         frame_rotation=frames.frame_rotation,
-        whole=whole_frame(model, volumes, faces, shapes, spec) if several(subdomains) and mesh.blocks else None,
+        whole=whole_frame(model, volumes, faces, shapes, options) if several(subdomains) and mesh.blocks else None,
         masses=_masses(given, subdomains, shapes, mesh, rows) if spec.input.acceleration else None,
         surface=_surface(mesh, shapes, faces, subdomains, interfaces, model) if spec.output.surface else None,
         compliance_interfaces=tuple(table.name for table in spec.interface if table.compliance),
@@ -273,14 +275,14 @@ def _mesh(given: GivenModes) -> tuple[Mesh, IntArray]:
     return replace(mesh, blocks=blocks, materials=(Material("given", 1.0, 0.0, density),)), mesh.labels
 
 
-def _model(given: GivenModes, mesh: Mesh, spec: BodySpec, shapes: FloatArray, rows: IntArray) -> Model:
+def _model(given: GivenModes, mesh: Mesh, options: BodyOptions, shapes: FloatArray, rows: IntArray) -> Model:
     """Where the tree hangs: nodes that no mode moves, or the supports that are named."""
     fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     fixed[np.isin(rows, given.held)] = True
-    for number, support in enumerate(spec.support, start=1):
+    for number, support in enumerate(options.supports, start=1):
         fixed[node_set(mesh, support.nodes, f"support[{number}].nodes")] = True
     rigid = shapes[:, given.frequency == 0.0]
-    if rigid.shape[1] and spec.support:
+    if rigid.shape[1] and options.supports:
         raise BodyFileError("the modes are those of a body that nothing holds: take out the supports")
     if not rigid.shape[1] and not fixed.any():
         raise BodyFileError(
@@ -292,7 +294,7 @@ def _model(given: GivenModes, mesh: Mesh, spec: BodySpec, shapes: FloatArray, ro
 
 def _subdomains(
     given: GivenModes,
-    spec: BodySpec,
+    options: BodyOptions,
     model: Model,
     volumes: tuple[FloatArray, ...],
     faces: tuple[FaceBlock, ...],
@@ -315,22 +317,22 @@ def _subdomains(
         else []
     )
     if model.mesh.blocks:
-        found, warnings = body_subdomains(spec, model, volumes, faces)
+        found, warnings = body_subdomains(options, model, volumes, faces)
         for text in warnings:
             report.warning(text)
         # The floating frame is that of the given mass, not of the elements' volume.
         return [*floating, *found[len(floating) :]]
-    if spec.branch or (spec.frames or 0) > 1:
+    if options.branches or (options.levels_asked and options.levels > 1):
         raise BodyFileError(
             "the modes come without cells: the body cannot be divided by itself; give the cells, or node sets of the "
             "frames ([[frame]] tables), or frames = 1"
         )
-    if spec.frame:
+    if options.frames:
         wanted = requested_subdomains(
-            model.mesh, (), (), np.flatnonzero(model.fixed.any(axis=1)), frame_requests(spec, model.mesh)
+            model.mesh, (), (), np.flatnonzero(model.fixed.any(axis=1)), frame_requests(options, model.mesh)
         )
         return floating + [replace(domain, parent=domain.parent + len(floating)) for domain in wanted]
-    if floating or spec.frames == 0:
+    if floating or options.levels == 0:
         return floating
     joint = by_node(np.flatnonzero(model.fixed.any(axis=1)))
     return [Subdomain("body", GROUND, none, whole, fitted_rotation(points, whole), joint, joint.centre(points))]

@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..build.config import Basis, ReductionTable
 from ..fe.assembly import stiffness
 from ..fe.factorisation import solver_name
 from ..fe.geometric import geometric_stiffness
@@ -15,6 +14,7 @@ from ..files.progress import Reporter
 from ..files.store import Store, content_key
 from .model import Model
 from .modes import Modes, chosen_modes, craig_bampton, normal_modes, with_residual_flexibility
+from .options import Basis, BasisOptions
 from .point_masses import model_mass
 from .supported import Supported, eliminated, supported
 
@@ -63,7 +63,7 @@ class Matrices:
 
 
 def modal_basis(
-    table: ReductionTable,
+    table: BasisOptions,
     matrices: Matrices,
     loads: FloatArray,
     residual: FloatArray,
@@ -74,7 +74,7 @@ def modal_basis(
 
     Parameters
     ----------
-    table : ReductionTable
+    table : BasisOptions
     matrices : Matrices
     loads : (3n, 6I) float
         Nodal forces of the interfaces' unit loads; normal modes alone do not depend on them.
@@ -91,9 +91,9 @@ def modal_basis(
     """
     model = matrices.model
     numbers = table.numbers
-    if table.counted:
+    if table.exact:
         return _numbered_basis(table, numbers, matrices, loads, residual, store, report)
-    held = loads.shape[1] if table.basis is Basis.CRAIG_BAMPTON else 0
+    held = loads.shape[1] if table.kind is Basis.CRAIG_BAMPTON else 0
     # The iteration needs two unknowns more than it finds modes.
     most = model.free.size - model.rigid.shape[1] - held - 2
     numbers = numbers[: max(most, 1)]
@@ -105,7 +105,7 @@ def modal_basis(
 
 
 def _numbered_basis(
-    table: ReductionTable,
+    table: BasisOptions,
     numbers: tuple[int, ...],
     matrices: Matrices,
     loads: FloatArray,
@@ -135,10 +135,10 @@ def _numbered_basis(
         with report.stage(f"Add the static response to {residual.shape[1]} unit loads"):
             return with_residual_flexibility(model, modes, residual)
 
-    if table.basis is Basis.CRAIG_BAMPTON:
+    if table.kind is Basis.CRAIG_BAMPTON:
         key = content_key(__name__, "craig-bampton", matrices.key, numbers if few else count, loads)
         modes = _modes(store.arrays(key, "modes", report, lambda: _arrays(constrained())))
-        if table.residual_flexibility:
+        if table.residual:
             report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
         return modes, key
     key = content_key(__name__, "normal", matrices.key, count)

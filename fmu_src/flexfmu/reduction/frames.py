@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..build.config import Basis, BodySpec, BranchTable, Nodes
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
@@ -12,6 +11,7 @@ from ..model.methods import Data
 from ..model.reduced_body import GROUND, WholeFrame
 from .division import Branch, Division, divide, divide_branches, open_loops
 from .model import Model
+from .options import Basis, BodyOptions, BranchJoints, Nodes
 from .places import node_set
 from .second_order import hourglass_warnings
 from .subdomains import (
@@ -33,13 +33,13 @@ _RIGID_MOTIONS = 6
 
 
 def body_subdomains(
-    config: BodySpec, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
+    config: BodyOptions, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
 ) -> tuple[list[Subdomain], tuple[str, ...]]:
     """Frames by hand or by themselves; those of a free body hang on a floating one.
 
     Parameters
     ----------
-    config : BodySpec
+    config : BodyOptions
     model : Model
     volumes : tuple of (n_elements, node_count, node_count) float
     faces : tuple of FaceBlock
@@ -58,19 +58,19 @@ def body_subdomains(
     anchored = hanging(model, config)
     held = anchored if is_free(model) else model.held
     # Parts of a cut body turn with their ties: their coordinates are no rigid motions any more.
-    top = [] if config.cut else root_frame(model, volumes)
-    if config.branch:
+    top = [] if config.cuts else root_frame(model, volumes)
+    if config.branches:
         branches = [
-            Branch(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), tuple(b.joints))
-            for b in config.branch
+            Branch(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), b.joints)
+            for b in config.branches
         ]
         division = divide_branches(mesh, volumes, faces, anchored, branches)
         return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
-    if not config.frame:
+    if not config.frames:
         if config.levels == 0:
             return top, ()
         division = divide(mesh, volumes, faces, anchored, config.levels)
-        if not config.divided and _better_whole(config, mesh, division):
+        if not config.levels_asked and _better_whole(config, mesh, division):
             division = divide(mesh, volumes, faces, anchored, 1)
         return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
     requests = frame_requests(config, mesh)
@@ -79,16 +79,16 @@ def body_subdomains(
     return top + on_floating_frame(subdomains, len(top)), warnings
 
 
-def _better_whole(config: BodySpec, mesh: Mesh, division: Division) -> bool:
+def _better_whole(config: BodyOptions, mesh: Mesh, division: Division) -> bool:
     """Whether one frame does better: it keeps a loop closed, and has no joint on a single element's face."""
     spoiled = Data.SECOND_ORDER in config.stored and hourglass_warnings(mesh, division.subdomains)
     return bool(division.cuts or spoiled)
 
 
-def frame_requests(config: BodySpec, mesh: Mesh) -> list[FrameRequest]:
+def frame_requests(config: BodyOptions, mesh: Mesh) -> list[FrameRequest]:
     """Frames by hand, with the nodes of their sets."""
     requests = []
-    for table in config.frame:
+    for table in config.frames:
         joint: IntArray | FloatArray | None = None
         if isinstance(table.joint, str):
             joint = node_set(mesh, table.joint, f"frame {table.name!r}, joint")
@@ -96,7 +96,7 @@ def frame_requests(config: BodySpec, mesh: Mesh) -> list[FrameRequest]:
             joint = np.array(table.joint)
         nodes = node_set(mesh, table.nodes, f"frame {table.name!r}, nodes")
         key = f"frame {table.name!r}, rotation_points"
-        points = tuple(node_set(mesh, name, key) for name in table.rotation_points or ())
+        points = tuple(node_set(mesh, name, key) for name in table.rotation_points)
         requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
     return requests
 
@@ -114,9 +114,9 @@ def root_frame(model: Model, volumes: tuple[FloatArray, ...]) -> list[Subdomain]
     return [] if found is None else [found]
 
 
-def _end(config: BodySpec, branch: BranchTable) -> Nodes:
+def _end(config: BodyOptions, branch: BranchJoints) -> Nodes:
     """Node set at which a branch ends: an interface's, or that of a section in a part of a cut body."""
-    return next((i.nodes for i in config.interface if i.name == branch.toward), branch.toward)
+    return next((i.nodes for i in config.interfaces if i.name == branch.toward), branch.toward)
 
 
 def _advised(loops: Sequence[str]) -> tuple[str, ...]:
@@ -134,7 +134,7 @@ def several(subdomains: list[Subdomain]) -> bool:
 
 
 def whole_frame(
-    model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], shapes: FloatArray, config: BodySpec
+    model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], shapes: FloatArray, config: BodyOptions
 ) -> WholeFrame:
     """A frame for the whole body about its supports, to be compared with the tree."""
     mesh = model.mesh
@@ -148,22 +148,16 @@ def whole_frame(
     return WholeFrame(domain.joint_point, *operators)
 
 
-def hanging(model: Model, config: BodySpec) -> IntArray:
+def hanging(model: Model, config: BodyOptions) -> IntArray:
     """Nodes from which frames are counted: the best supports, or a free body's root interface."""
     if not is_free(model):
         return model.anchored
-    root = config.interface[_root(config)]
+    root = config.interfaces[config.root_place]
     return np.sort(node_set(model.mesh, root.nodes, f"interface {root.name!r}, nodes"))
 
 
-def _root(config: BodySpec) -> int:
-    """The interface from which a free body is divided."""
-    names = [interface.name for interface in config.interface]
-    return 0 if config.root is None else names.index(config.root)
-
-
-def fixable_root(config: BodySpec, model: Model) -> int:
+def fixable_root(config: BodyOptions, model: Model) -> int:
     """The same where a scene may fix it: the body moves freely, and the basis holds its constraint modes."""
-    if model.rigid.shape[1] and config.reduction.basis is Basis.CRAIG_BAMPTON:
-        return _root(config)
+    if model.rigid.shape[1] and config.basis.kind is Basis.CRAIG_BAMPTON:
+        return config.root_place
     return GROUND

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..build.config import InterfaceTable
 from ..fe.faces import area_matrix, select
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError
 from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
+from .options import InterfaceNodes
 from .places import node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
 from .subdomains import Subdomain, carrying_frame, elements_within
@@ -55,13 +55,13 @@ class Interface:
 
 
 def fit_interface(
-    table: InterfaceTable, mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: Sequence[Subdomain]
+    table: InterfaceNodes, mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: Sequence[Subdomain]
 ) -> Interface:
     """Fit an interface of the body file.
 
     Parameters
     ----------
-    table : InterfaceTable
+    table : InterfaceNodes
     mesh : Mesh
     faces : tuple of FaceBlock
     subdomains : sequence of Subdomain
@@ -91,7 +91,7 @@ def fit_interface(
     return Interface(table.name, point, nodes, operator, by_area, carrying_frame(subdomains, nodes))
 
 
-def _weighted(table: InterfaceTable, mesh: Mesh, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:
+def _weighted(table: InterfaceNodes, mesh: Mesh, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:
     if table.weights == "node":
         return by_node(nodes)
     # A section inside the body is an area too; a set that holds whole elements is a piece of it.

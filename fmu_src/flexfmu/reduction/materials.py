@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..build.config import BodySpec, MaterialTable
 from ..files.errors import BodyFileError
 from ..files.units import UnitSystem
 from ..mesh.model import NO_MATERIAL, Material, Mesh
+from .options import BodyOptions, MaterialConstants
 
 KEYS = ("youngs_modulus", "poissons_ratio", "density")
 
@@ -18,7 +18,7 @@ def elements_without_material(mesh: Mesh) -> int:
     return sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
 
 
-def completed(mesh: Mesh, config: BodySpec) -> tuple[Mesh, tuple[str, ...]]:
+def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
     """Give every element a material with all its constants.
 
     A table with a name takes the place of what the mesh file says of that material, key by key. The one without is for
@@ -27,7 +27,7 @@ def completed(mesh: Mesh, config: BodySpec) -> tuple[Mesh, tuple[str, ...]]:
     Parameters
     ----------
     mesh : Mesh
-    config : BodySpec
+    config : BodyOptions
 
     Returns
     -------
@@ -40,7 +40,7 @@ def completed(mesh: Mesh, config: BodySpec) -> tuple[Mesh, tuple[str, ...]]:
     BodyFileError
         A name that no material has, two tables for one, or constants that nobody tells.
     """
-    units = config.mesh.units
+    units = config.units
     notes = []
     materials = list(mesh.materials)
     for table in config.materials:
@@ -87,7 +87,7 @@ def missing(material: Material) -> tuple[str, ...]:
     return tuple(key for key in KEYS if np.isnan(getattr(material, key)))
 
 
-def needless(mesh: Mesh, config: BodySpec) -> bool:
+def needless(mesh: Mesh, config: BodyOptions) -> bool:
     """Whether the table without a name is for nothing."""
     return (
         _unnamed(config.materials) is not None
@@ -96,7 +96,7 @@ def needless(mesh: Mesh, config: BodySpec) -> bool:
     )
 
 
-def _unnamed(tables: Sequence[MaterialTable]) -> MaterialTable | None:
+def _unnamed(tables: Sequence[MaterialConstants]) -> MaterialConstants | None:
     return next((table for table in tables if table.name is None), None)
 
 
@@ -108,7 +108,7 @@ def _place(materials: Sequence[Material], name: str) -> int:
     return found[0]
 
 
-def _with(material: Material, table: MaterialTable, keys: Sequence[str], units: UnitSystem) -> Material:
+def _with(material: Material, table: MaterialConstants, keys: Sequence[str], units: UnitSystem) -> Material:
     scale = {"youngs_modulus": units.stress, "poissons_ratio": 1.0, "density": units.density}
     values = {key: getattr(table, key) * scale[key] for key in keys}
     # Constants of directions do not survive a modulus without any.

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
-from ..build.config import BodySpec
 from ..fe.unknowns import Unknowns, unknowns
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import ModelError
 from ..mesh.checks import connected_parts
 from ..mesh.model import Mesh
 from .materials import completed
+from .options import BodyOptions
 from .places import node_set
 
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -67,14 +67,14 @@ class Model:
         return fixed if fixed.size else self.anchored
 
 
-def assemble_model(mesh: Mesh, config: BodySpec) -> Model:
+def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     """Give a mesh its materials and supports.
 
     Parameters
     ----------
     mesh : Mesh
         Checked.
-    config : BodySpec
+    config : BodyOptions
 
     Returns
     -------
@@ -90,10 +90,10 @@ def assemble_model(mesh: Mesh, config: BodySpec) -> Model:
     mesh, notes = completed(mesh, config)
     mesh = replace(mesh, notes=(*mesh.notes, *notes))
     fixed = mesh.fixed.copy()
-    if not config.mesh.boundary:
+    if not config.boundary:
         fixed[:] = False
     spring = np.zeros(fixed.shape)
-    for number, support in enumerate(config.support, start=1):
+    for number, support in enumerate(config.supports, start=1):
         nodes = node_set(mesh, support.nodes, f"support[{number}].nodes")
         for axis in support.fix:
             fixed[nodes, _AXES[axis]] = True

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..build.config import BodySpec
 from ..fe.stress import point_stress
 from ..files.array_types import FloatArray
 from ..files.counts import plural
@@ -25,6 +24,7 @@ from .masses import Centre, mass_centres, sub_masses
 from .membrane import Stretching, membrane_energy
 from .model import Model
 from .modes import Modes
+from .options import BodyOptions
 from .rigid_fit import by_node, modal_fit
 from .second_order import hourglass_warnings, node_readings, second_order
 from .sets import element_set
@@ -82,7 +82,7 @@ class _Basis:
 
 
 def reduced_piece(
-    config: BodySpec,
+    config: BodyOptions,
     model: Model,
     report: Reporter,
     store: Store,
@@ -93,7 +93,7 @@ def reduced_piece(
 
     Parameters
     ----------
-    config : BodySpec
+    config : BodyOptions
         Of the piece.
     model : Model
     report : Reporter
@@ -114,8 +114,9 @@ def reduced_piece(
     loads = divided.unit_loads()
     warping = np.zeros((len(loads), 0)) if warping is None else warping
     every = np.hstack([loads, warping])
-    residual = every if config.residual is True else loads[:, config.residual_columns()]
-    modes, key = modal_basis(config.reduction, matrices, every, residual, store, report)
+    chosen = config.basis.residual
+    residual = every if chosen is True else loads[:, list(chosen or ())]
+    modes, key = modal_basis(config.basis, matrices, every, residual, store, report)
     _tell(modes, report)
     basis = _Basis(matrices, modes, key, frame_operators(mesh.points, modes.shapes, subdomains))
     frames, stored = basis.frames, config.stored
@@ -138,7 +139,7 @@ def reduced_piece(
             f"{len(subdomains)} frames open a loop that stretches, one frame keeps it closed: take frames = 1, or "
             'cut = "auto"'
         )
-    surface = _surface(config, divided, basis, loads, second, report, store) if config.output.surface else None
+    surface = _surface(config, divided, basis, loads, second, report, store) if config.surface else None
     motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
     body = ReducedBody(
         name=config.name,
@@ -158,10 +159,10 @@ def reduced_piece(
         joint_rotation=frames.joint_rotation,
         frame_rotation=frames.frame_rotation,
         whole=whole_frame(model, volumes, divided.faces, modes.shapes, config) if several(subdomains) else None,
-        masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.input.acceleration else None,
+        masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.acceleration else None,
         inertia=inertia,
         stress_sets=_stress_sets(config, model, modes),
-        stiffness_by_load=stiffness_by_load(matrices, modes, key, loads, config.input.acceleration, store, report)
+        stiffness_by_load=stiffness_by_load(matrices, modes, key, loads, config.acceleration, store, report)
         if Data.BY_LOAD in stored
         else None,
         stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if Data.BY_MODE in stored else None,
@@ -176,21 +177,21 @@ def reduced_piece(
     return Reduced(body, warping.T @ modes.shapes, watched)
 
 
-def _divided(config: BodySpec, model: Model, report: Reporter) -> _Divided:
+def _divided(config: BodyOptions, model: Model, report: Reporter) -> _Divided:
     """Divide a model into frames, and fit its interfaces."""
     with report.stage("Divide into frames and fit interfaces"):
         volumes = model.mesh.volume_matrices
         faces = model.mesh.faces
         subdomains, cuts = body_subdomains(config, model, volumes, faces)
-        interfaces = [fit_interface(table, model.mesh, faces, subdomains) for table in config.interface]
+        interfaces = [fit_interface(table, model.mesh, faces, subdomains) for table in config.interfaces]
     for interface in interfaces:
         _tell_interface(interface, model, subdomains, report)
     for text in cuts:
         report.warning(text)
     report.note(f"{plural(len(subdomains), 'frame')}, {plural(len(interfaces), 'interface')}")
-    if config.frames is not None and len(subdomains) < config.frames:
+    if config.levels_asked and len(subdomains) < config.levels:
         report.warning(
-            f"frames = {config.frames} were asked for, the body has layers of elements for {len(subdomains)} only: "
+            f"frames = {config.levels} were asked for, the body has layers of elements for {len(subdomains)} only: "
             "ask for fewer, or mesh it finer"
         )
     return _Divided(model, volumes, faces, subdomains, interfaces, open_loops=bool(cuts))
@@ -235,7 +236,7 @@ def _tell(modes: Modes, report: Reporter) -> None:
 
 
 def _second_order(
-    config: BodySpec,
+    config: BodyOptions,
     divided: _Divided,
     basis: _Basis,
     springs: Sequence[Spring],
@@ -246,7 +247,7 @@ def _second_order(
     mesh, subdomains, modes = divided.model.mesh, divided.subdomains, basis.modes
     for text in hourglass_warnings(mesh, subdomains):
         report.warning(text)
-    heavy = config.input.acceleration
+    heavy = config.acceleration
     centres = mass_centres(mesh, divided.volumes, subdomains)[2] if heavy else []
     centres = centres + lump_centres
     turned, nodes = basis.frames.frame_rotation, [by_node(spring.nodes) for spring in springs]
@@ -262,13 +263,13 @@ def _second_order(
 
 
 def _membrane(
-    config: BodySpec, basis: _Basis, loads: FloatArray, report: Reporter, store: Store, *, cut: bool
+    config: BodyOptions, basis: _Basis, loads: FloatArray, report: Reporter, store: Store, *, cut: bool
 ) -> Membrane | None:
     """The energy of fourth order, where it is wanted and the body holds any.
 
     Parts of a cut body hold little, and their steps would take six times as long with it: only where it is asked for.
     """
-    wanted = config.reduction.membrane
+    wanted = config.membrane
     if wanted is False or (cut and wanted is not True):
         return None
     stretching = Stretching(basis.matrices, basis.modes, loads, report)
@@ -276,7 +277,7 @@ def _membrane(
 
 
 def _surface(
-    config: BodySpec,
+    config: BodyOptions,
     divided: _Divided,
     basis: _Basis,
     loads: FloatArray,
@@ -290,7 +291,7 @@ def _surface(
     sets, held = [interface.nodes for interface in divided.interfaces], model.fixed | (model.spring > 0.0)
     moved = np.flatnonzero(held.any(axis=1))
     surface = body_surface(
-        model.mesh, modes.shapes, divided.faces, subdomains, sets, moved, fields, config.output.stress
+        model.mesh, modes.shapes, divided.faces, subdomains, sets, moved, fields, config.surface_stress
     )
     rigid = modes.angular_frequency == 0.0
     if fields is None or not rigid.any() or subdomains[0].floating:
@@ -355,7 +356,7 @@ def _springs(
     return Ties(*(np.array(values) for values in zip(*found, strict=True))) if found else None
 
 
-def _stress_sets(config: BodySpec, model: Model, modes: Modes) -> tuple[StressSet, ...]:
+def _stress_sets(config: BodyOptions, model: Model, modes: Modes) -> tuple[StressSet, ...]:
     """Modal stress of the element sets whose stress is asked for."""
     mesh, result = model.mesh, []
     for table in config.stress:

@@ -1,17 +1,20 @@
 """Nodes chosen by place, number or name."""
 
 from dataclasses import replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
-from ..build.config import BodySpec, Nodes, Place
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import BodyFileError
 from ..mesh.listing import listed
 from ..mesh.model import Mesh
+from .options import BodyOptions, FrameNodes, InterfaceNodes, Nodes, Place, SupportNodes
 from .sets import named_set
 
+PLACED = "nodes of "
+"""How names of sets begin that stand for places of a body file."""
+_Chooser = TypeVar("_Chooser", SupportNodes, InterfaceNodes, FrameNodes)
 # Share of the body's longest side by which nodes may miss a plane or a cylinder without a tolerance.
 _MISS = 1e-4
 
@@ -39,7 +42,7 @@ def node_set(mesh: Mesh, nodes: Nodes, key: str) -> IntArray:
     """
     if isinstance(nodes, str):
         return named_set(mesh.node_sets, "node", nodes, key)
-    if isinstance(nodes, list):
+    if isinstance(nodes, tuple):
         return np.unique(np.concatenate([node_set(mesh, one, key) for one in nodes]))
     rows = np.flatnonzero(_at(mesh, nodes, key))
     if not rows.size:
@@ -54,19 +57,19 @@ def reference(mesh: Mesh, nodes: Nodes) -> FloatArray | None:
     return next((point for name, point in mesh.references.items() if name.upper() == nodes.upper()), None)
 
 
-def by_name(mesh: Mesh, config: BodySpec) -> tuple[Mesh, BodySpec]:
+def by_name(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, BodyOptions]:
     """Turn the body file's places into node sets of the mesh.
 
     Parameters
     ----------
     mesh : Mesh
-    config : BodySpec
+    config : BodyOptions
 
     Returns
     -------
     mesh : Mesh
         With the sets.
-    config : BodySpec
+    config : BodyOptions
         With their names.
 
     Raises
@@ -75,20 +78,24 @@ def by_name(mesh: Mesh, config: BodySpec) -> tuple[Mesh, BodySpec]:
         As of `node_set`.
     """
     sets = dict(mesh.node_sets)
-    tables: dict[str, list[Any]] = {}
-    for kind in ("support", "interface", "frame", "cut"):
-        given = getattr(config, kind)
-        # cut = "auto" names no nodes, and neither does a key that is not there.
-        if given is None or isinstance(given, str):
-            continue
-        tables[kind] = []
-        for number, table in enumerate(given, start=1):
-            if not isinstance(table.nodes, str):
-                title = f"nodes of {kind} {getattr(table, 'name', number)}"
-                sets[title] = node_set(mesh, table.nodes, title)
-                table = table.model_copy(update={"nodes": title})
-            tables[kind].append(table)
-    return replace(mesh, node_sets=sets), config.model_copy(update=tables)
+
+    def named(kind: str, given: tuple[_Chooser, ...]) -> tuple[_Chooser, ...]:
+        found = []
+        for number, one in enumerate(given, start=1):
+            if not isinstance(one.nodes, str):
+                title = f"{PLACED}{kind} {getattr(one, 'name', number)}"
+                sets[title] = node_set(mesh, one.nodes, title)
+                one = replace(one, nodes=title)
+            found.append(one)
+        return tuple(found)
+
+    options = replace(
+        config,
+        supports=named("support", config.supports),
+        interfaces=named("interface", config.interfaces),
+        frames=named("frame", config.frames),
+    )
+    return replace(mesh, node_sets=sets), options
 
 
 def _at(mesh: Mesh, place: Place, key: str) -> BoolArray:

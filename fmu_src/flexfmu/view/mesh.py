@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..build.config import BodyFile, BodySpec
-from ..build.reduce import check_sets
+from ..build.body_model import read_body_model
+from ..build.config import BodyFile
 from ..files.array_types import FloatArray, IntArray
 from ..files.progress import Reporter
 from ..files.units import UnitSystem
@@ -17,8 +17,9 @@ from ..model.reduced_body import GROUND
 from ..reduction.cut.cut import cut_loops, cut_parts, part_configs
 from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface
-from ..reduction.model import Model, assemble_model
-from ..reduction.places import node_set
+from ..reduction.model import Model
+from ..reduction.options import BodyOptions
+from ..reduction.places import PLACED, node_set
 from ..reduction.subdomains import Subdomain
 from ..reduction.surface import carrying_frames, set_numbers, surface_nodes
 from .model import Mark, MarkKind, Region, View
@@ -48,23 +49,20 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
     FlexfmuError
         What the mesh does not provide.
     """
-    with report.stage(f"Read {config.mesh.file.name}"):
-        mesh = checked(read_mesh(config.mesh.file, config.mesh.units))
-        model = assemble_model(mesh, config)
-        mesh = model.mesh
-        check_sets(config, mesh)
-        if config.cut == "auto":
-            config, model, _ = cut_loops(config, model)
-            mesh = model.mesh
+    read = read_body_model(config, report)
+    options, model = read.options, read.model
+    if options.find_cuts:
+        options, model, _ = cut_loops(options, model)
+    mesh = model.mesh
     count = len(mesh.points)
     faces = mesh.faces
     numbered = []
     marks, places = [], []
     with report.stage("Divide into frames"):
-        subdomains, names, frame = _frames(config, model, report)
+        subdomains, names, frame = _frames(options, model, report)
     if subdomains:
         numbered.append(Region(FRAMES, names, frame))
-    interfaces = [fit_interface(table, mesh, faces, ()) for table in config.interface]
+    interfaces = [fit_interface(table, mesh, faces, ()) for table in options.interfaces]
     held = np.flatnonzero((model.fixed | (model.spring > 0.0)).any(axis=1))
     sets = [*(interface.nodes for interface in interfaces), held]
     titles = (*(interface.name for interface in interfaces), "supports")
@@ -76,18 +74,18 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
         if not domain.floating:
             marks.append(Mark(MarkKind.JOINT, name))
             places.append(domain.joint_point)
-    for cut in config.cuts:
-        marks.append(Mark(MarkKind.CUT, cut.nodes))
-        places.append(mesh.points[node_set(mesh, cut.nodes, "[[cut]] nodes")].mean(axis=0))
+    for cut in options.cuts:
+        marks.append(Mark(MarkKind.CUT, cut))
+        places.append(mesh.points[node_set(mesh, cut, "[[cut]] nodes")].mean(axis=0))
     return _view(mesh, config.name, numbered, tuple(marks), np.array(places))
 
 
-def _frames(config: BodyFile, model: Model, report: Reporter) -> tuple[list[Subdomain], tuple[str, ...], IntArray]:
+def _frames(config: BodyOptions, model: Model, report: Reporter) -> tuple[list[Subdomain], tuple[str, ...], IntArray]:
     """Frames of the body, or of the parts of a cut one, their names, and which of them carries each node."""
     points = model.mesh.points
-    pieces: list[tuple[BodySpec, Model]] = [(config, model)]
-    if config.cut:
-        opened, parts = cut_parts(model, [cut.nodes for cut in config.cuts], config.support)
+    pieces: list[tuple[BodyOptions, Model]] = [(config, model)]
+    if config.cuts:
+        opened, parts = cut_parts(model, config.cuts, config.supports)
         pieces = list(zip(part_configs(config, opened, parts), (part.model for part in parts), strict=True))
     every: list[Subdomain] = []
     names: list[str] = []
@@ -101,7 +99,7 @@ def _frames(config: BodyFile, model: Model, report: Reporter) -> tuple[list[Subd
         # A part's mesh holds copies of the body's nodes.
         nodes = np.arange(len(points)) if len(pieces) == 1 else cKDTree(points).query(mesh.points)[1]
         number[nodes[carried >= 0]] = carried[carried >= 0] + len(every)
-        prefix = f"part_{k}_" if len(pieces) > 1 and not own.frame else ""
+        prefix = f"part_{k}_" if len(pieces) > 1 and not own.frames else ""
         names += [prefix + domain.name for domain in found]
         every += found
     return every, tuple(names), number
@@ -117,7 +115,8 @@ def _view(
     nodes, corners = surface_nodes(mesh, mesh.faces)
     row = np.full(len(mesh.points), -1)
     row[nodes] = np.arange(nodes.size)
-    sets = {name: row[rows][row[rows] >= 0] for name, rows in mesh.node_sets.items()}
+    named = {name: rows for name, rows in mesh.node_sets.items() if not name.startswith(PLACED)}
+    sets = {name: row[rows][row[rows] >= 0] for name, rows in named.items()}
     shown = [Region(region.title, region.names, region.number[nodes]) for region in regions]
     size = " × ".join(f"{side:.4g}" for side in np.ptp(mesh.points, axis=0))
     return View(

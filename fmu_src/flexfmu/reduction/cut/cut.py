@@ -5,13 +5,11 @@ Elements on one side of a section keep its nodes, those on the other get copies 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ...build.config import Basis, BodySpec, BranchTable, CutTable, InterfaceTable, SupportTable
 from ...fe.assembly import stiffness
 from ...files.array_types import FloatArray, IntArray
 from ...files.errors import BodyFileError
@@ -21,6 +19,7 @@ from ...mesh.model import Mesh
 from ...model.rotations import skew
 from ..division import neighbours
 from ..model import Model, free_motions
+from ..options import Basis, BodyOptions, BranchJoints, InterfaceNodes, SupportNodes
 from ..places import node_set
 from ..rigid_fit import by_node, rigid_fit
 from ..subdomains import elements_within
@@ -28,7 +27,6 @@ from ..subdomains import section as section_weights
 from .loops import loop_sections
 
 SIDES = ("a", "b")
-_Spec = TypeVar("_Spec", bound=BodySpec)
 _RIGID_MOTIONS = 6
 # Of the forces that make a section warp, those below this share of the largest are left out.
 _WARPING = 3e-3
@@ -83,19 +81,19 @@ def side_set(cut: str, side: str) -> str:
     return f"{cut}, side {side}"
 
 
-def cut_loops(config: _Spec, model: Model) -> tuple[_Spec, Model, list[str]]:
+def cut_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, list[str]]:
     """Find sections that open the loops between a body's supports.
 
     Parameters
     ----------
-    config : BodySpec
+    config : BodyOptions
         With `cut` "auto".
     model : Model
         In one piece.
 
     Returns
     -------
-    config : BodySpec
+    config : BodyOptions
         With a table for each section.
     model : Model
         With a node set for each.
@@ -103,24 +101,28 @@ def cut_loops(config: _Spec, model: Model) -> tuple[_Spec, Model, list[str]]:
         Where they are, in words.
     """
     mesh = model.mesh
-    clear = {one.name: node_set(mesh, one.nodes, f"interface {one.name!r}, nodes") for one in config.interface}
+    clear = {one.name: node_set(mesh, one.nodes, f"interface {one.name!r}, nodes") for one in config.interfaces}
     found = loop_sections(mesh, mesh.faces, model.anchored, clear)
-    sets, tables, notes = dict(mesh.node_sets), [], []
+    sets, names, notes = dict(mesh.node_sets), [], []
     for k, one in enumerate(found, start=1):
         # A name that no mesh file has.
         name = f"loop {k}"
         sets[name] = one.nodes
-        tables.append(CutTable(nodes=name))
+        names.append(name)
         x, y, z = one.place
         notes.append(
             f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {one.nodes.size} nodes, {one.width:.3g} m wide'
         )
     if not found:
         notes.append('cut = "auto": no loop between supports that a slender section opens; the body stays in one piece')
-    return config.model_copy(update={"cut": tables}), replace(model, mesh=replace(mesh, node_sets=sets)), notes
+    return (
+        replace(config, cuts=tuple(names), find_cuts=False),
+        replace(model, mesh=replace(mesh, node_sets=sets)),
+        notes,
+    )
 
 
-def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable]) -> tuple[Mesh, list[Part]]:
+def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes]) -> tuple[Mesh, list[Part]]:
     """Open a body at sections.
 
     Parameters
@@ -129,7 +131,7 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportTable
         In one piece.
     cuts : sequence of str
         Node sets of the sections.
-    supports : sequence of SupportTable
+    supports : sequence of SupportNodes
 
     Returns
     -------
@@ -277,19 +279,19 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
     return part, np.flatnonzero(inside)
 
 
-def part_configs(config: BodySpec, opened: Mesh, parts: Sequence[Part]) -> list[BodySpec]:
+def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> list[BodyOptions]:
     """Body files of the parts: each with its own interfaces, the sides of the cuts after them, frames and stress sets.
 
     Parameters
     ----------
-    config : BodySpec
+    config : BodyOptions
         Of the whole body.
     opened : Mesh
     parts : sequence of Part
 
     Returns
     -------
-    list of BodySpec
+    list of BodyOptions
 
     Raises
     ------
@@ -301,8 +303,8 @@ def part_configs(config: BodySpec, opened: Mesh, parts: Sequence[Part]) -> list[
     for number, part in enumerate(parts):
         owner[part.nodes] = number
         part_of_element[part.elements] = number
-    interfaces: list[list[InterfaceTable]] = [[] for _ in parts]
-    for table in config.interface:
+    interfaces: list[list[InterfaceNodes]] = [[] for _ in parts]
+    for table in config.interfaces:
         found = np.unique(owner[node_set(opened, table.nodes, f"interface {table.name!r}, nodes")])
         if found.size > 1:
             raise BodyFileError(
@@ -312,47 +314,47 @@ def part_configs(config: BodySpec, opened: Mesh, parts: Sequence[Part]) -> list[
         interfaces[found[0]].append(table)
     for own, part in zip(interfaces, parts, strict=True):
         # Names that no body file can have.
-        own += [InterfaceTable.model_construct(name=name, nodes=name) for name in part.sections]
+        own += [InterfaceNodes(name=name, nodes=name) for name in part.sections]
         loose = [spring.interface for spring in part.springs if spring.interface is not None]
-        own += [InterfaceTable.model_construct(name=name, nodes=name, weights="node") for name in loose]
+        own += [InterfaceNodes(name=name, nodes=name, weights="node") for name in loose]
     home: dict[str, int] = {}
-    for frame in config.frame:
+    for frame in config.frames:
         nodes = node_set(opened, frame.nodes, f"frame {frame.name!r}, nodes")
         elements = elements_within(opened, nodes)
         held = part_of_element[elements] if elements.size else owner[nodes]
         home[frame.name] = int(np.argmax(np.bincount(held, minlength=len(parts))))
-    for frame in config.frame:
+    for frame in config.frames:
         if frame.parent is not None and home[frame.parent] != home[frame.name]:
             raise BodyFileError(
                 f"frame {frame.name!r} hangs on {frame.parent!r} beyond a [[cut]]: each part's frames hang on each "
                 "other and on its own supports"
             )
-    basis = config.reduction
-    if basis.basis is Basis.NORMAL:
+    basis, levels = config.basis, config.levels
+    if basis.kind is Basis.NORMAL:
         # Normal modes alone would leave the sections too stiff against each other.
-        basis = basis.model_copy(update={"residual_flexibility": True})
-    shared = config.shared_by(1 if config.divided else len(parts))
+        basis = replace(basis, residual=True)
+    if not config.levels_asked:
+        levels = 1 if config.frames or config.branches else max(1, levels // len(parts))
     return [
-        shared.model_copy(
-            update={
-                "frames": 1 if config.frame or config.branch else config.frames,
-                "interface": interfaces[number],
-                "frame": [frame for frame in config.frame if home[frame.name] == number],
-                "branch": _branches(config.branch, interfaces[number]),
-                "stress": [table for table in config.stress if _has(part.model.mesh.element_sets, table.elements)],
-                "reduction": basis,
-            }
+        replace(
+            config,
+            interfaces=tuple(interfaces[number]),
+            levels=levels,
+            frames=tuple(frame for frame in config.frames if home[frame.name] == number),
+            branches=_branches(config.branches, interfaces[number]),
+            stress=tuple(one for one in config.stress if _has(part.model.mesh.element_sets, one.elements)),
+            basis=basis,
         )
         for number, part in enumerate(parts)
     ]
 
 
-def _branches(tables: Sequence[BranchTable], interfaces: Sequence[InterfaceTable]) -> list[BranchTable]:
+def _branches(tables: Sequence[BranchJoints], interfaces: Sequence[InterfaceNodes]) -> tuple[BranchJoints, ...]:
     """Branches that lead to a part's interfaces, or to its side of a cut."""
     sides = {side_set(table.toward, side): table for table in tables for side in SIDES}
     found = [table for table in tables if any(table.toward == one.name for one in interfaces)]
     ends = [one.name for one in interfaces if one.name in sides]
-    return found + [sides[name].model_copy(update={"toward": name}) for name in ends]
+    return (*found, *(replace(sides[name], toward=name) for name in ends))
 
 
 def _has(sets: Mapping[str, IntArray], name: str) -> bool:
@@ -365,7 +367,7 @@ def spring_set(nodes: str, number: int) -> str:
     return f"springs of support[{number}] at {nodes}"
 
 
-def _springs(model: Model, supports: Sequence[SupportTable]) -> tuple[Model, tuple[Spring, ...]]:
+def _springs(model: Model, supports: Sequence[SupportNodes]) -> tuple[Model, tuple[Spring, ...]]:
     """Springs of a part, and the model without those that its frames do not hang on.
 
     Stiff meshes on soft springs make poor matrices, and nothing is lost: a spring is an internal interface then.

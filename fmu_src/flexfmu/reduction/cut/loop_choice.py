@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
-from ...build.config import BodySpec
 from ...fe.quadratic_strain import mean_spin
 from ...files.array_types import FloatArray, IntArray
 from ...files.errors import BodyFileError
@@ -17,11 +15,11 @@ from ..basis import Matrices
 from ..fourth_order import FourthOrder, energy_shares
 from ..interfaces import fit_interface
 from ..model import Model
+from ..options import BodyOptions
 from ..subdomains import mean_rotation
 from .cut import Part, cut_loops, cut_parts, part_configs
 from .loops import support_groups
 
-_Spec = TypeVar("_Spec", bound=BodySpec)
 # How much of the turning (mean square) frames of the parts have to take away: a twist-beam axle has 9 to 12, a beam
 # held at both ends and an arch 5, a portal frame 1.5, a ring on two feet 1.1.
 _PAYS = 3.0
@@ -44,12 +42,12 @@ class _Choice:
     reason: str
 
 
-def chosen_cuts(config: _Spec, model: Model, report: Reporter, store: Store) -> tuple[_Spec, Model]:
+def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Store) -> tuple[BodyOptions, Model]:
     """Find the sections of `cut = "auto"`; cut a body that nothing is said of where its loop turns far.
 
     Parameters
     ----------
-    config : BodySpec
+    config : BodyOptions
     model : Model
         In one piece.
     report : Reporter
@@ -58,13 +56,13 @@ def chosen_cuts(config: _Spec, model: Model, report: Reporter, store: Store) -> 
 
     Returns
     -------
-    config : BodySpec
+    config : BodyOptions
         With a table for each section.
     model : Model
         With a node set for each.
     """
-    silent = config.cut != "auto"
-    if silent and not (config.open_to_cuts and _closes_loops(model)):
+    silent = not config.find_cuts
+    if silent and not (config.may_cut and _closes_loops(model)):
         return config, model
     with report.stage("Look for loops to cut"):
         found, opened, notes = cut_loops(config, model)
@@ -88,24 +86,24 @@ def _closes_loops(model: Model) -> bool:
     return 1 <= int(support_groups(model.mesh, model.anchored).max()) < _MOST_SUPPORTS
 
 
-def _parts(config: BodySpec, model: Model) -> list[Part]:
+def _parts(config: BodyOptions, model: Model) -> list[Part]:
     """Parts of the body cut at the sections that were found; none where it cannot be cut there."""
-    names = [table.nodes for table in config.cuts]
+    names = config.cuts
     if not names or any(model.mesh.node_sets[name].size <= _ONE_FACE for name in names):
         return []
     try:
-        opened, parts = cut_parts(model, names, config.support)
+        opened, parts = cut_parts(model, names, config.supports)
         part_configs(config, opened, parts)
     except BodyFileError:
         return []
     return parts
 
 
-def _decided(config: BodySpec, model: Model, parts: list[Part], report: Reporter, store: Store) -> _Choice:
+def _decided(config: BodyOptions, model: Model, parts: list[Part], report: Reporter, store: Store) -> _Choice:
     """Cut where the parts turn as a whole, unless stretch stops the body before it turns far."""
     mesh = model.mesh
     faces = mesh.faces
-    nodal = [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interface]
+    nodal = [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
     forces = np.hstack([loads[:, :3] for loads in nodal])
     matrices = Matrices(model, mesh.volume_matrices, report)
     gain = turning_taken(

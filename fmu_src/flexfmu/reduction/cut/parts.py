@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...build.config import BodySpec
 from ...files.array_types import FloatArray
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
@@ -13,17 +12,18 @@ from ...model.reduced_body import ReducedBody
 from ..basis import Matrices
 from ..interfaces import fit_interface
 from ..model import Model
+from ..options import BodyOptions
 from ..piece import reduced_piece
 from .cut import SIDES, cut_parts, on_section, part_configs, section_tractions, side_set
 from .joining import Weld, join_parts
 
 
-def reduced_parts(config: BodySpec, model: Model, report: Reporter, store: Store) -> ReducedBody:
+def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
     """Reduce the parts of a body each by itself and join them again.
 
     Parameters
     ----------
-    config : BodySpec
+    config : BodyOptions
         With cuts.
     model : Model
         In one piece.
@@ -40,9 +40,9 @@ def reduced_parts(config: BodySpec, model: Model, report: Reporter, store: Store
     BodyFileError
         A section without a frame.
     """
-    names = [table.nodes for table in config.cuts]
+    names = config.cuts
     with report.stage("Cut into parts"):
-        opened, parts = cut_parts(model, names, config.support)
+        opened, parts = cut_parts(model, names, config.supports)
         configs = part_configs(config, opened, parts)
     fields = _unit_responses(config, model, report, store)
     # The shapes of a section's warping are those of its first side, on both sides.
@@ -54,7 +54,7 @@ def reduced_parts(config: BodySpec, model: Model, report: Reporter, store: Store
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
         report.note(
             f"part {number + 1} of {len(parts)}: {part.elements.size} elements, interfaces "
-            f"{', '.join(table.name for table in own.interface)}"
+            f"{', '.join(table.name for table in own.interfaces)}"
         )
         sides = {
             side_set(name, side): on_section(part, side_set(name, side), warping[name])
@@ -70,7 +70,7 @@ def reduced_parts(config: BodySpec, model: Model, report: Reporter, store: Store
                 raise BodyFileError(f"[[cut]] {side}: no [[frame]] holds nodes of the section, expected one")
             ends[side] = (number, place), work
         frames = piece.body.frame_names
-        if not own.frame and len(parts) > 1:
+        if not own.frames and len(parts) > 1:
             frames = tuple(f"part_{number + 1}_{name}" for name in frames)
         bodies.append(replace(piece.body, frame_names=frames))
     welds = []
@@ -79,18 +79,18 @@ def reduced_parts(config: BodySpec, model: Model, report: Reporter, store: Store
         welds.append(Weld(first, second, first_work, second_work))
     loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
     with report.stage(f"Join {len(parts)} parts"):
-        body, note = join_parts(bodies, welds, loose, [table.name for table in config.interface])
+        body, note = join_parts(bodies, welds, loose, [table.name for table in config.interfaces])
     hertz = body.angular_frequency / (2.0 * np.pi)
     report.note(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
     return body
 
 
-def _unit_responses(config: BodySpec, model: Model, report: Reporter, store: Store) -> FloatArray:
+def _unit_responses(config: BodyOptions, model: Model, report: Reporter, store: Store) -> FloatArray:
     """Static displacements (3n, l) of the body in one piece under its interfaces' unit loads, of unit work."""
     mesh = model.mesh
     faces = mesh.faces
     loads = np.hstack(
-        [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interface]
+        [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
     )
     matrices = Matrices(model, mesh.volume_matrices, report)
 

@@ -10,16 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...build.config import BodyFile, BodySpec
+from ...build.body_model import read_body_model
+from ...build.config import BodyFile
 from ...files.array_types import FloatArray
-from ...mesh.checks import checked
-from ...mesh.formats import read_mesh
+from ...files.progress import Reporter
 from ...model.reduced_body import GROUND, ReducedBody
 from ...reduction.cut.cut import SIDES, cut_loops, cut_parts, part_configs, side_set
 from ...reduction.division import distance_along, divide
 from ...reduction.frames import hanging, root_frame
-from ...reduction.model import Model, assemble_model
-from ...reduction.places import by_name, node_set
+from ...reduction.model import Model
+from ...reduction.options import BodyOptions
+from ...reduction.places import node_set
 from ...reduction.subdomains import carrying_frame
 from ..candidates import Joints
 
@@ -65,24 +66,23 @@ def find_branches(config: BodyFile) -> list[Branch]:
     -------
     list of Branch
     """
-    mesh, spec = by_name(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
-    config = config.model_copy(update={"support": spec.support, "interface": spec.interface, "frame": spec.frame})
-    model = assemble_model(mesh, config)
-    if config.cut == "auto":
-        config, model, _ = cut_loops(config, model)
-    if not config.cut:
-        return _branches(model, config, 0, len(root_frame(model, model.mesh.volume_matrices)))[0]
-    opened, parts = cut_parts(model, [table.nodes for table in config.cuts], config.support)
+    read = read_body_model(config, Reporter())
+    options, model = read.options, read.model
+    if options.find_cuts:
+        options, model, _ = cut_loops(options, model)
+    if not options.cuts:
+        return _branches(model, options, 0, len(root_frame(model, model.mesh.volume_matrices)))[0]
+    opened, parts = cut_parts(model, options.cuts, options.supports)
     found: list[Branch] = []
     count = 0
-    for number, (part, own) in enumerate(zip(parts, part_configs(config, opened, parts), strict=True)):
+    for number, (part, own) in enumerate(zip(parts, part_configs(options, opened, parts), strict=True)):
         more, frames = _branches(part.model, own, number, count)
         found += more
         count += frames
     return found
 
 
-def _branches(model: Model, config: BodySpec, part: int, offset: int) -> tuple[list[Branch], int]:
+def _branches(model: Model, config: BodyOptions, part: int, offset: int) -> tuple[list[Branch], int]:
     """Branches of a model in one piece, and its number of frames."""
     mesh = model.mesh
     volumes, faces = mesh.volume_matrices, mesh.faces
@@ -90,11 +90,11 @@ def _branches(model: Model, config: BodySpec, part: int, offset: int) -> tuple[l
     domains = divide(mesh, volumes, faces, supported, LEVELS).subdomains
     distance = distance_along(mesh, supported)
     middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
-    cuts = {side_set(table.nodes, side): table.nodes for table in config.cuts for side in SIDES}
-    names = [table.name for table in config.interface]
+    cuts = {side_set(cut, side): cut for cut in config.cuts for side in SIDES}
+    names = [table.name for table in config.interfaces]
     beyond: dict[int, list[str]] = {}
     for name in names:
-        nodes = node_set(mesh, config.interface[names.index(name)].nodes, name)
+        nodes = node_set(mesh, config.interfaces[names.index(name)].nodes, name)
         if not name.isidentifier() and name not in cuts:
             # A support's springs.
             continue

@@ -6,14 +6,11 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
+from ...build.body_model import read_body_model
 from ...files.progress import Reporter
 from ...files.store import Store
 from ...files.targets import check_target
-from ...mesh.checks import checked
-from ...mesh.formats import read_mesh
 from ...reduction.cut.cut import cut_loops
-from ...reduction.model import assemble_model
-from ...reduction.places import by_name
 from ..candidates import Joints, Reduction
 from ..jobs import Crew
 from ..scene.config import BasisChoice
@@ -104,8 +101,8 @@ def _closes_a_loop(scene: Scene) -> bool:
     config = scene.config
     if config.cut is not None or config.frame or config.branch or config.free:
         return False
-    mesh, spec = by_name(checked(read_mesh(config.mesh.file, config.mesh.units)), config)
-    return mesh.equations is None and bool(cut_loops(spec, assemble_model(mesh, spec))[0].cuts)
+    read = read_body_model(config, Reporter())
+    return read.model.mesh.equations is None and bool(cut_loops(read.options, read.model)[0].cuts)
 
 
 def _with_fewest_modes(

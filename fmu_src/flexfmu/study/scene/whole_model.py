@@ -6,18 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
+from ...build.body_model import BodyModel, read_body_model
 from ...build.config import BodyFile
 from ...fe.nonlinear import load_path
 from ...files.array_types import FloatArray
 from ...files.errors import AccuracyError
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
-from ...mesh.checks import checked
-from ...mesh.formats import read_mesh
 from ...model.rotations import exponential, rotation_vector
 from ...reduction.basis import Matrices
 from ...reduction.interfaces import Interface, fit_interface
-from ...reduction.model import Model, assemble_model
+from ...reduction.model import Model
 from ...reduction.point_masses import model_mass
 from . import calculix
 from .config import SceneError, Solver
@@ -67,15 +66,18 @@ class WholeModel:
     @cached_property
     def model(self) -> Model:
         """Mesh and supports."""
-        with self._report.stage(f"Read {self._config.mesh.file.name}"):
-            return assemble_model(checked(read_mesh(self._config.mesh.file, self._config.mesh.units)), self._config)
+        return self._body_model.model
+
+    @cached_property
+    def _body_model(self) -> BodyModel:
+        return read_body_model(self._config, self._report)
 
     @cached_property
     def interfaces(self) -> list[Interface]:
         """The fits of the interfaces."""
         mesh = self.model.mesh
         faces = mesh.faces
-        return [fit_interface(table, mesh, faces, []) for table in self._config.interface]
+        return [fit_interface(table, mesh, faces, []) for table in self._body_model.options.interfaces]
 
     @property
     def size(self) -> int:
