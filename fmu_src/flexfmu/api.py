@@ -72,7 +72,7 @@ class Body:
     --------
     >>> mesh = flexfmu.read_mesh("arm.inp")
     >>> body = flexfmu.Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="arm")
-    >>> arm = body.build(frames=2, modes=4)
+    >>> arm = body.build(frames=2, modes=4, residual_flexibility=False)
     >>> arm
     <BuiltBody 'arm': second_order, 4 modes, 2 frames, interfaces tip>
     """
