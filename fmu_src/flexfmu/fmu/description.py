@@ -82,15 +82,7 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
         files = SubElement(simulation, "SourceFiles")
         for path in sources():
             SubElement(files, "File", name=path.name)
-    units = SubElement(root, "UnitDefinitions")
-    used = {variable.unit for variable in table}
-    for name, exponents in _UNITS.items():
-        if name not in used:
-            continue
-        unit = SubElement(units, "Unit", name=name)
-        SubElement(unit, "BaseUnit", {base: str(exponent) for base, exponent in exponents.items()})
-        if name in _DEGREE:
-            SubElement(unit, "DisplayUnit", name=_DEGREE[name], factor=repr(180.0 / math.pi))
+    _units(SubElement(root, "UnitDefinitions"), {variable.unit for variable in table})
     categories = SubElement(root, "LogCategories")
     for name, words in LOG_CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=words)
@@ -103,6 +95,17 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
     indent(root)
     text: bytes = tostring(root, "utf-8")
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + text + b"\n"
+
+
+def _units(units: Element, used: set[str | None]) -> None:
+    """Units in SI exponents."""
+    for name, exponents in _UNITS.items():
+        if name not in used:
+            continue
+        unit = SubElement(units, "Unit", name=name)
+        SubElement(unit, "BaseUnit", {base: str(exponent) for base, exponent in exponents.items()})
+        if name in _DEGREE:
+            SubElement(unit, "DisplayUnit", name=_DEGREE[name], factor=repr(180.0 / math.pi))
 
 
 def _scalar_variable(reference: int, variable: Variable) -> Element:

@@ -129,35 +129,8 @@ def simulate(
     _tell_doubts(names, loads, end, settings, report)
     _check_size(start, end, interval, 1 + len(outputs))
     run = _Run(fmu, outputs, end)
-    title = f"Simulate {fmu.name} from {start:g} s to {end:g} s in steps of {interval:g} s"
-    with report.counted(title, end - start, "s") as tell, ends_on_interrupt(report) as pressed:
-
-        def step_finished(time: float, recorder: fmpy.simulation.Recorder) -> bool:
-            run.recorder = recorder
-            tell(time - start)
-            # A refused step would be tried again and again.
-            return not (pressed() or run.refusals)
-
-        try:
-            result = fmpy.simulate_fmu(
-                str(fmu),
-                start_time=start,
-                stop_time=end,
-                output_interval=interval,
-                input=_signals(inputs, names, loads),
-                output=outputs,
-                start_values=settings,
-                logger=run.log,
-                debug_logging=True,
-                step_finished=step_finished,
-            )
-        except Exception as error:  # fmpy's FMICallException and what its loader raises
-            raise run.stopped("; ".join(run.refusals) or str(error)) from error
-        # fmpy ends a run quietly where the FMU discards a step.
-        if run.refusals:
-            raise run.stopped("; ".join(run.refusals))
-        if pressed() and result["time"][-1] < end - 0.5 * interval:
-            raise run.stopped("ended by Ctrl-C", interrupted=True)
+    span = {"start_time": start, "stop_time": end, "output_interval": interval}
+    result = run.driven(span, report, input=_signals(inputs, names, loads), start_values=settings)
     for text in run.messages:
         report.warning(text)
     return outputs, _columns(result, outputs)
@@ -177,6 +150,32 @@ class _Run:
         # Lines without a category are the library's own, and say only which call failed.
         if category:
             (self.refusals if status >= _FMI_DISCARD else self.messages).append(text.decode(errors="replace"))
+
+    def driven(self, span: Mapping[str, float], report: Reporter, **given: object) -> NDArray[np.void]:
+        """What fmpy makes of a run over a span of time."""
+        start, interval = span["start_time"], span["output_interval"]
+        title = f"Simulate {self._fmu.name} from {start:g} s to {self._end:g} s in steps of {interval:g} s"
+        with report.counted(title, self._end - start, "s") as tell, ends_on_interrupt(report) as pressed:
+
+            def step_finished(time: float, recorder: fmpy.simulation.Recorder) -> bool:
+                self.recorder = recorder
+                tell(time - start)
+                # Of FMUs that would try a refused step again and again.
+                return not (pressed() or self.refusals)
+
+            options = {"output": self._outputs, "logger": self.log, "debug_logging": True}
+            try:
+                result: NDArray[np.void] = fmpy.simulate_fmu(
+                    str(self._fmu), step_finished=step_finished, **span, **options, **given
+                )
+            except Exception as error:  # fmpy's FMICallException and what its loader raises
+                raise self.stopped("; ".join(self.refusals) or str(error)) from error
+            # fmpy ends a run quietly where the FMU discards a step.
+            if self.refusals:
+                raise self.stopped("; ".join(self.refusals))
+            if pressed() and result["time"][-1] < self._end - 0.5 * interval:
+                raise self.stopped("ended by Ctrl-C", interrupted=True)
+        return result
 
     def stopped(self, why: str, interrupted: bool = False) -> SimulationError:
         """What is raised in mid-run, with the rows so far if there are any."""

@@ -7,10 +7,12 @@ mass-orthonormal modes again.
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..files.array_types import FloatArray
+from .arrays import BODY
 from .curvature import from_ground
 from .errors import OptionError
 from .inertia import without_frames
@@ -45,17 +47,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     """
     if not names:
         return body
-    if body.root_interface == GROUND:
-        raise OptionError(
-            f"interface {min(names)!r} cannot be fixed: only a free body with a Craig-Bampton basis lets the scene fix "
-            'interfaces; build it with free = true and basis = "craig_bampton"'
-        )
-    root = body.interface_names[body.root_interface]
-    if has_frames(method) and set(names) != {root}:
-        raise OptionError(
-            f"fixed interfaces are {', '.join(sorted(names))}, but frames hang on {root!r}: expected that one alone; "
-            'set root in the body file, or take method "linear"'
-        )
+    _check_names(body, names, method)
     held = [body.interface_names.index(name) for name in names]
     rows = np.concatenate([body.interface_displacement[held], body.interface_rotation[held]]).reshape(6 * len(held), -1)
     turn = _remaining_modes(rows, body.angular_frequency)
@@ -67,8 +59,41 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     # Each ratio by its share of the strain energy: one ratio for all modes stays what it is.
     share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
     gone = int(body.floating)
-    frames = slice(gone, None)
-    masses, surface, whole = body.masses, body.surface, body.whole
+    shapes = {entry.name: getattr(body, entry.name) @ turn for entry in BODY if entry.shape.endswith("3 m")}
+    of_frames = {entry.name: getattr(body, entry.name) for entry in BODY if entry.shape.split()[0] == "S"}
+    kept = {name: shapes.get(name, value)[gone:] for name, value in of_frames.items()}
+    kept["frame_parent"] = np.maximum(kept["frame_parent"] - gone, GROUND)
+    return replace(
+        body,
+        angular_frequency=np.sqrt(squares),
+        damping_ratio=share.T @ body.damping_ratio,
+        interface_frame=np.maximum(body.interface_frame - gone, GROUND),
+        stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
+        root_interface=GROUND,
+        floating=False,
+        **(shapes | kept | _parts_fixed(body, turn, squares)),
+    )
+
+
+def _check_names(body: ReducedBody, names: Collection[str], method: Method) -> None:
+    """Refuse interfaces that cannot be fixed."""
+    if body.root_interface == GROUND:
+        raise OptionError(
+            f"interface {min(names)!r} cannot be fixed: only a free body with a Craig-Bampton basis lets the scene fix "
+            'interfaces; build it with free = true and basis = "craig_bampton"'
+        )
+    root = body.interface_names[body.root_interface]
+    if has_frames(method) and set(names) != {root}:
+        raise OptionError(
+            f"fixed interfaces are {', '.join(sorted(names))}, but frames hang on {root!r}: expected that one alone; "
+            'set root in the body file, or take method "linear"'
+        )
+
+
+def _parts_fixed(body: ReducedBody, turn: FloatArray, squares: FloatArray) -> dict[str, Any]:
+    """What the body holds besides its own arrays, in the coordinates that are left."""
+    gone = int(body.floating)
+    whole, masses, surface, inertia, second = body.whole, body.masses, body.surface, body.inertia, body.second
     if whole is not None:
         operators = whole.joint_displacement, whole.joint_rotation, whole.frame_rotation
         whole = WholeFrame(whole.joint_point, *(operator @ turn for operator in operators))
@@ -79,39 +104,21 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     by_mode = body.stiffness_by_mode
     if by_mode is not None:
         by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
-    inertia = body.inertia
     if inertia is not None:
         inertia = without_frames(inertia, turn, gone)
-    second = None
-    if body.second is not None:
-        second, curvature = _second_order_fixed(body, body.second, turn)
+    if second is not None:
+        second, curvature = _second_order_fixed(body, second, turn)
         if inertia is not None and curvature is not None and body.inertia is not None:
             inertia = replace(inertia, curvature=curvature[body.inertia.frame >= gone])
-    membrane = None if body.membrane is None else body.membrane.turned(turn, squares)
-    return replace(
-        body,
-        angular_frequency=np.sqrt(squares),
-        damping_ratio=share.T @ body.damping_ratio,
-        interface_displacement=body.interface_displacement @ turn,
-        interface_rotation=body.interface_rotation @ turn,
-        interface_frame=np.maximum(body.interface_frame - gone, GROUND),
-        frame_names=body.frame_names[gone:],
-        frame_parent=np.maximum(body.frame_parent[frames] - gone, GROUND),
-        joint_point=body.joint_point[frames],
-        joint_displacement=body.joint_displacement[frames] @ turn,
-        joint_rotation=body.joint_rotation[frames] @ turn,
-        frame_rotation=body.frame_rotation[frames] @ turn,
-        whole=whole,
-        masses=masses,
-        stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
-        stiffness_by_mode=by_mode,
-        surface=surface,
-        inertia=inertia,
-        second=second,
-        membrane=membrane,
-        root_interface=GROUND,
-        floating=False,
-    )
+    return {
+        "whole": whole,
+        "masses": masses,
+        "stiffness_by_mode": by_mode,
+        "surface": surface,
+        "inertia": inertia,
+        "second": second,
+        "membrane": None if body.membrane is None else body.membrane.turned(turn, squares),
+    }
 
 
 def _second_order_fixed(
