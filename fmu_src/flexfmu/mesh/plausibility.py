@@ -1,5 +1,7 @@
 """Whether a body looks like a solid in the units that it was declared in, and which units it is likely in if not."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from flexfmu.files.units import UNITS, UnitSystem
@@ -99,38 +101,35 @@ def _material_doubt(material: Material, units: UnitSystem) -> tuple[str, str] | 
     modulus, density = material.youngs_modulus, material.density
     if _solid(modulus, density):
         return None
+    stress_name, density_name = units.factors.stress_name, units.factors.density_name
     fault = (
-        f"material {material.name!r} has Young's modulus {modulus / units.stress:.6g} {units.factors.stress_name} and "
-        f"density {density / units.density:.6g} {units.factors.density_name}"
+        f"material {material.name!r} has Young's modulus {modulus / units.stress:.6g} {stress_name} and "
+        f"density {density / units.density:.6g} {density_name}"
     )
     if units is not UnitSystem.SI:
         fault += f" ({modulus:.3g} N/m², {density:.3g} kg/m³)"
     causes = []
-    light = modulus > density * _FASTEST**2
-    if not _within(density, DENSITY_RANGE) or light:
-        fits = [
-            f"in {name}, {_number(density / units.density * factor, units.density)} {units.factors.density_name}"
-            for name, factor in UNITS["kg/m³"].items()
-            if factor != units.density and is_likely_density(density / units.density * factor)
-        ]
-        causes.append(_cause(fits, "the density"))
+    if not _within(density, DENSITY_RANGE) or modulus > density * _FASTEST**2:
+        causes.append(
+            _cause(_fits(density, units.density, UNITS["kg/m³"], _LIKELY_DENSITY, density_name), "the density")
+        )
     if not _within(modulus, MODULUS_RANGE) or (density > _DENSE and modulus < _SOFT):
-        fits = [
-            f"in {name}, {_number(modulus / units.stress * factor, units.stress)} {units.factors.stress_name}"
-            for name, factor in _STRESSES.items()
-            if factor != units.stress and _within(modulus / units.stress * factor, _LIKELY_MODULUS)
-        ]
+        fits = _fits(modulus, units.stress, _STRESSES, _LIKELY_MODULUS, stress_name)
         causes.append(_cause(fits, "the modulus"))
     return fault, "".join(causes) + f"Give both in the units of [mesh] ({units.value}), or correct these"
 
 
+def _fits(value: float, unit: float, table: Mapping[str, float], likely: tuple[float, float], name: str) -> list[str]:
+    """Other units in which the number that was read is a likely one, with what it is then."""
+    return [
+        f"in {other}, {value / unit * factor / unit:.4g} {name}"
+        for other, factor in table.items()
+        if factor != unit and _within(value / unit * factor, likely)
+    ]
+
+
 def _cause(fits: list[str], what: str) -> str:
     return f"{what[0].upper()}{what[1:]} may be {', or '.join(fits)}. " if fits else ""
-
-
-def _number(value: float, unit: float) -> str:
-    """An SI number as it reads in a unit."""
-    return f"{value / unit:.4g}"
 
 
 def _sides(mesh: Mesh, factor: float) -> str:

@@ -54,11 +54,15 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     content = _Content(MaterialTable(units))
     content.sort(content.assembly.flat(read_cards(path)))
     elements = content.elements.resolved(content.nodes)
-    blocks = elements.blocks
-    if not content.nodes.rows or not blocks:
+    if not content.nodes.rows or not elements.blocks:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
         raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
     _refuse_early_end(content, elements)
+    return _mesh(content, elements, units)
+
+
+def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> Mesh:
+    blocks = elements.blocks
     node_sets, element_sets = _resolved_sets(content, elements)
     _refuse_structures(content, element_sets, elements)
     surfaces = {

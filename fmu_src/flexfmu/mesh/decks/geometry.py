@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,12 +73,12 @@ class NodeTable:
             labels.append(label)
         return labels
 
-    def rows_of(self, other: "Other") -> list[int]:
-        """Return the rows of the nodes of an element that is no solid.
+    def rows_of(self, element: "Element") -> list[int]:
+        """Return the rows of an element's nodes.
 
         Parameters
         ----------
-        other : Other
+        element : Element
 
         Returns
         -------
@@ -87,10 +89,14 @@ class NodeTable:
         DeckError
             A node is not defined.
         """
-        missing = [label for label in other.nodes if label not in self.rows]
-        if missing:
-            raise other.line.error(f"an element names nodes that are not defined: {listed(missing)}; add them")
-        return [self.rows[label] for label in other.nodes]
+        try:
+            return [self.rows[label] for label in element.nodes]
+        except KeyError:
+            missing = [label for label in element.nodes if label not in self.rows]
+            raise element.line.error(
+                f"element {element.label} names nodes that are not defined: {listed(missing)}; add them with *NODE or "
+                "correct the element"
+            ) from None
 
     def points(self) -> FloatArray:
         """Coordinates, (n, 3), in the deck's units."""
@@ -101,22 +107,26 @@ class NodeTable:
         return np.fromiter(self.rows, dtype=np.int64, count=len(self.rows))
 
 
-@dataclass(frozen=True, slots=True)
-class Other:
-    """An element that is no solid: a face, an edge or a point, whose nodes serve sets.
+class Element(NamedTuple):
+    """An element as the deck has it.
 
     Attributes
     ----------
+    label : int
     name : str
         Its type.
+    solid : ElementType or None
+        None for a face, an edge or a point, whose nodes serve sets.
     nodes : list of int
         Labels.
     dimension : int
-        2, 1 or 0.
     line : Line
+        Its first.
     """
 
+    label: int
     name: str
+    solid: ElementType | None
     nodes: list[int]
     dimension: int
     line: Line
@@ -129,12 +139,12 @@ class Elements:
     Attributes
     ----------
     blocks : tuple of ElementBlock
-    others : tuple of Other
+    others : tuple of Element
     nodes : NodeTable
     """
 
     blocks: tuple[ElementBlock, ...]
-    others: tuple[Other, ...]
+    others: tuple[Element, ...]
     nodes: NodeTable
 
     @property
@@ -146,7 +156,7 @@ class Elements:
         """Blocks with some of the elements, and their places in them."""
         return list(parts(self.blocks, np.array(sorted(positions), dtype=np.int64)))
 
-    def others_of(self, positions: Iterable[int]) -> list[Other]:
+    def others_of(self, positions: Iterable[int]) -> list[Element]:
         """Those of the elements that are no solids."""
         first = self.solid_count
         return [self.others[place - first] for place in sorted(positions) if place >= first]
@@ -165,21 +175,13 @@ class ElementTable:
 
     Attributes
     ----------
-    labels, nodes, lines : dict of ElementType to list
-        Label, node labels and first line of each solid element, in order of appearance.
-    types : dict of int to tuple of ElementType and int
-        Type of each solid element's label, and its place among the elements of that type.
-    others : dict of int to Other
+    known : dict of int to Element
         By label.
     notes : dict of str to None
         What types were read as others; each once.
     """
 
-    labels: dict[ElementType, list[int]] = field(default_factory=dict)
-    nodes: dict[ElementType, list[list[int]]] = field(default_factory=dict)
-    lines: dict[ElementType, list[Line]] = field(default_factory=dict)
-    types: dict[int, tuple[ElementType, int]] = field(default_factory=dict)
-    others: dict[int, Other] = field(default_factory=dict)
+    known: dict[int, Element] = field(default_factory=dict)
     notes: dict[str, None] = field(default_factory=dict)
 
     def add(self, card: Card) -> list[int]:
@@ -209,17 +211,24 @@ class ElementTable:
             )
         labels = []
         for line, row in _element_rows(card, name, kind.node_count):
-            self._store(name, kind.solid, kind.dimension, row, line)
+            self._store(Element(row[0], name, kind.solid, row[1:], kind.dimension, line))
             labels.append(row[0])
         if kind.solid is not None and kind.note and labels:
             self.notes.setdefault(f"elements of type {name} are read as {kind.solid.name}: {kind.note}")
         return labels
 
+    def _by_type(self) -> tuple[dict[ElementType, list[Element]], list[Element]]:
+        """Solids by type, in the order in which the types appear, and the others."""
+        solids: dict[ElementType, list[Element]] = {}
+        others: list[Element] = []
+        for element in self.known.values():
+            (others if element.solid is None else solids.setdefault(element.solid, [])).append(element)
+        return solids, others
+
     def positions(self) -> dict[int, int]:
         """Position of each label in the blocks laid end to end; what is no solid comes after them."""
-        labels = [label for block in self.labels.values() for label in block]
-        labels += self.others
-        return dict(zip(labels, range(len(labels)), strict=True))
+        solids, others = self._by_type()
+        return {element.label: place for place, element in enumerate(chain(*solids.values(), others))}
 
     def resolved(self, nodes: NodeTable) -> Elements:
         """Return all elements, without materials; solids by type, in the order in which the types appear.
@@ -237,59 +246,25 @@ class ElementTable:
         DeckError
             A solid element names a node that the deck does not define.
         """
+        solids, others = self._by_type()
         blocks = []
-        for kind, labels in self.labels.items():
-            if labels:
-                material = np.full(len(labels), NO_MATERIAL, dtype=np.int64)
-                connectivity = self._connectivity(kind, nodes)
-                blocks.append(ElementBlock(kind, np.array(labels, dtype=np.int64), connectivity, material))
-        return Elements(tuple(blocks), tuple(self.others.values()), nodes)
+        for kind, members in solids.items():
+            labels = np.array([element.label for element in members], dtype=np.int64)
+            connectivity = np.array([nodes.rows_of(element) for element in members], dtype=np.int64)
+            blocks.append(ElementBlock(kind, labels, connectivity, np.full(len(members), NO_MATERIAL, dtype=np.int64)))
+        return Elements(tuple(blocks), tuple(others), nodes)
 
-    def _store(self, name: str, kind: ElementType | None, dimension: int, row: list[int], line: Line) -> None:
-        label, nodes = row[0], row[1:]
+    def _store(self, element: Element) -> None:
+        label, line = element.label, element.line
         if not 0 < label <= HIGHEST_LABEL:
             raise line.error(f"element numbers should be positive, at most 1e12, found {label}")
-        if max(nodes) > HIGHEST_LABEL:
-            raise line.error(f"node numbers should be at most 1e12, found {max(nodes)} in element {label}")
-        before = self._known(label)
-        if before is None and kind is not None:
-            for table in (self.labels, self.nodes, self.lines):
-                table.setdefault(kind, [])
-            self.types[label] = (kind, len(self.labels[kind]))
-            self.labels[kind].append(label)
-            self.nodes[kind].append(nodes)
-            self.lines[kind].append(line)
-        elif before is None:
-            self.others[label] = Other(name, nodes, dimension, line)
-        elif before[0] != (kind or name) or before[1] != nodes:
+        if max(element.nodes) > HIGHEST_LABEL:
+            raise line.error(f"node numbers should be at most 1e12, found {max(element.nodes)} in element {label}")
+        before = self.known.setdefault(label, element)
+        if (before.solid or before.name, before.nodes) != (element.solid or element.name, element.nodes):
             raise line.error(
-                f"element {label} is defined again, differently from {before[2].place}; renumber one of them"
+                f"element {label} is defined again, differently from {before.line.place}; renumber one of them"
             )
-
-    def _known(self, label: int) -> tuple[ElementType | str, list[int], Line] | None:
-        """Type, nodes and line of an element that is there already."""
-        if label in self.types:
-            kind, place = self.types[label]
-            return kind, self.nodes[kind][place], self.lines[kind][place]
-        if label in self.others:
-            other = self.others[label]
-            return other.name, other.nodes, other.line
-        return None
-
-    def _connectivity(self, kind: ElementType, nodes: NodeTable) -> IntArray:
-        wanted = np.array(self.nodes[kind], dtype=np.int64)
-        known = nodes.labels()
-        order = np.argsort(known)
-        places = np.searchsorted(known, wanted, sorter=order)
-        rows: IntArray = order[np.minimum(places, len(known) - 1)] if len(known) else np.zeros_like(wanted)
-        wrong = known[rows] != wanted if len(known) else np.ones(wanted.shape, dtype=bool)
-        if wrong.any():
-            first = int(np.argmax(wrong.any(axis=1)))
-            raise self.lines[kind][first].error(
-                f"element {self.labels[kind][first]} names nodes that are not defined: "
-                f"{listed(wanted[first][wrong[first]])}; add them with *NODE or correct the element"
-            )
-        return rows
 
 
 def _node(line: Line) -> tuple[int, tuple[float, float, float]]:

@@ -22,7 +22,6 @@ READ_AS |= {
     "C3D8RH": READ_AS["C3D8R"],
     "C3D8RT": (ElementType.C3D8I, _THERMAL),
     "C3D8HT": (ElementType.C3D8, _THERMAL),
-    "C3D20RT": (ElementType.C3D20R, _THERMAL),
     "C3D20RHT": (ElementType.C3D20R, _THERMAL),
     "C3D10HT": (ElementType.C3D10, _THERMAL),
     "C3D10M": (ElementType.C3D10, _MODIFIED),
@@ -31,7 +30,6 @@ READ_AS |= {
     "C3D10I": (ElementType.C3D10, "stress at its surface is found as inside"),
     "C3D10HS": (ElementType.C3D10, "stress at its surface is found as inside"),
     "C3D8S": (ElementType.C3D8, "stress at its surface is found as inside"),
-    "C3D10T": (ElementType.C3D10, _THERMAL),
 }
 
 # Nodes of faces, edges and points by the beginnings of their names; a family's nodes are the digits that follow.

@@ -55,9 +55,9 @@ def _contents(variables: Mapping[str, Any], path: Path) -> Contents:
         points = np.asarray(variables["coord"]["data"], dtype=float).T
     else:
         points = np.stack([np.asarray(variables[f"coord{axis}"]["data"], dtype=float) for axis in "xyz"], axis=1)
-    cells, names, sets = [], _names(variables, "eb_names"), {}
-    count = sum(key.startswith("connect") for key in variables)
-    for number in range(1, count + 1):
+    cells = []
+    blocks = _titles(variables, "connect", "eb_names", "block")
+    for number in range(1, len(blocks) + 1):
         given = variables[f"connect{number}"]
         rows = np.asarray(given["data"], dtype=np.int64) - 1
         title = given["elem_type"].upper()
@@ -68,17 +68,14 @@ def _contents(variables: Mapping[str, Any], path: Path) -> Contents:
                 "of first or second order"
             )
         cells.append((_KINDS[key].name, rows[:, _KINDS[key].layered]) if key in _KINDS else (_EDGES[key], rows))
-    for number in range(count):
-        name = names[number] if number < len(names) and names[number] else f"block {number + 1}"
-        sets[name] = [np.arange(len(cells[k][1])) if k == number else np.zeros(0, int) for k in range(count)]
-    point_sets = {}
-    names = _names(variables, "ns_names")
-    for number in range(1, 1 + sum(key.startswith("node_ns") for key in variables)):
-        name = names[number - 1] if number <= len(names) and names[number - 1] else f"node set {number}"
-        point_sets[name] = np.asarray(variables[f"node_ns{number}"]["data"], dtype=np.int64) - 1
-    names = _names(variables, "ss_names")
-    for number in range(1, 1 + sum(key.startswith("elem_ss") for key in variables)):
-        name = names[number - 1] if number <= len(names) and names[number - 1] else f"side set {number}"
+    none = np.zeros(0, int)
+    sets = {name: [np.arange(len(rows)) if k == place else none for k, (_, rows) in enumerate(cells)]
+            for place, name in enumerate(blocks)}  # fmt: skip
+    point_sets = {
+        name: np.asarray(variables[f"node_ns{number}"]["data"], dtype=np.int64) - 1
+        for number, name in enumerate(_titles(variables, "node_ns", "ns_names", "node set"), start=1)
+    }
+    for number, name in enumerate(_titles(variables, "elem_ss", "ss_names", "side set"), start=1):
         elements = np.asarray(variables[f"elem_ss{number}"]["data"], dtype=np.int64) - 1
         sides = np.asarray(variables[f"side_ss{number}"]["data"], dtype=np.int64) - 1
         nodes = _side_nodes(cells, elements, sides)
@@ -104,12 +101,12 @@ def _side_nodes(cells: list[tuple[str, IntArray]], elements: IntArray, sides: In
     return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.int64)
 
 
-def _names(variables: Mapping[str, Any], key: str) -> list[str]:
-    """Names of blocks or sets; rows of single characters."""
-    if key not in variables:
-        return []
-    rows = np.asarray(variables[key]["data"])
-    return [b"".join(row.tolist()).split(b"\0")[0].decode("latin-1").strip() for row in rows]
+def _titles(variables: Mapping[str, Any], key: str, names: str, kind: str) -> list[str]:
+    """Names of the blocks or sets with a variable each, called after their kind and number where they have none."""
+    rows = np.asarray(variables[names]["data"]) if names in variables else ()
+    given = [b"".join(row.tolist()).split(b"\0")[0].decode("latin-1").strip() for row in rows]
+    count = sum(name.startswith(key) for name in variables)
+    return [name or f"{kind} {number}" for number, name in enumerate([*given, *[""] * count][:count], start=1)]
 
 
 def _from_hdf5(file: Any) -> dict[str, dict[str, Any]]:
