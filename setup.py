@@ -1,7 +1,7 @@
 """What pyproject.toml cannot say: the core in C is compiled into the package.
 
 As it comes, for this machine. With FLEXFMU_PLATFORMS=all in the environment a wheel carries the core of every platform
-(tools/build_wheel.py).
+(.ci/build_wheel.py).
 """
 
 import importlib.util

@@ -13,7 +13,7 @@ from pathlib import Path
 import meshio
 import pytest
 import typer
-from tools.reference_pages import filled
+from docs.generators.reference_pages import filled
 
 import flexfmu as flexfmu_package
 from bodies import beam_body

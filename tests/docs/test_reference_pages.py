@@ -1,11 +1,11 @@
-"""What pages promise to list in full is what the code has; see tools/reference_pages.py."""
+"""What pages promise to list in full is what the code has; see docs/generators/reference_pages.py."""
 
 import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tools.reference_pages import KEPT, ON_SITE, PAGES, described, filled, keys_of, messages, tables_of
+from docs.generators.reference_pages import KEPT, ON_SITE, PAGES, described, filled, keys_of, messages, tables_of
 
 from bodies import body_of_everything, random_body
 from flexfmu.build.config import BodyFile, Place
@@ -24,7 +24,7 @@ TEXTS = {path: path.read_text(encoding="utf-8") for path in PAGES}
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
 def test_what_a_page_has_from_the_code_is_what_the_code_gives(path):
-    """Else: python -m tools.reference_pages."""
+    """Else: python -m docs.generators.reference_pages."""
     assert path.read_text(encoding="utf-8") == filled(path.read_text(encoding="utf-8"), KEPT)
 
 

@@ -334,7 +334,7 @@ def test_pip_is_asked_for_a_compiler_only_where_there_is_none(monkeypatch, tmp_p
     plain = ModuleType("setuptools.build_meta")
     plain.get_requires_for_build_wheel = plain.get_requires_for_build_editable = lambda _settings: []
     monkeypatch.setitem(sys.modules, "setuptools.build_meta", plain)
-    hooks = runpy.run_path(str(ROOT / "tools" / "build_backend.py"))
+    hooks = runpy.run_path(str(ROOT / ".ci" / "build_backend.py"))
     asked = [hooks[f"get_requires_for_build_{kind}"] for kind in ("wheel", "editable")]
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.delenv("FLEXFMU_PLATFORMS", raising=False)
@@ -414,7 +414,7 @@ def test_the_command_in_an_fmus_sources_makes_a_library_that_runs_the_same(nativ
 def test_a_wheel_has_the_same_bytes_twice_and_runs_without_a_compiler(tmp_path):
     wheels = []
     for name in ("one", "two"):
-        command = [sys.executable, str(ROOT / "tools" / "build_wheel.py"), str(tmp_path / name), "--no-isolation"]
+        command = [sys.executable, str(ROOT / ".ci" / "build_wheel.py"), str(tmp_path / name), "--no-isolation"]
         subprocess.run(command, check=True, capture_output=True)
         wheels += (tmp_path / name).glob("*.whl")
     assert wheels[0].name == wheels[1].name

@@ -7,7 +7,7 @@ from benchmarks.field.records import Record, read, tables
 from benchmarks.records import read_records
 from demo.methods import table
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 # Rows of the short table of methods.
 _METHODS = (

@@ -1,7 +1,7 @@
 """Parts of pages that promise all, made from the code: keys of files, commands, datasets, messages.
 
-A page has them between `<!-- generated: NAME -->` and `<!-- end -->`. `python tools/reference_pages.py` writes anew
-those that the repository's pages hold; the site (`tools/site.py`) fills in all of them.
+A page has them between `<!-- generated: NAME -->` and `<!-- end -->`. `python -m docs.generators.reference_pages`
+writes anew those that the repository's pages hold; the site (`site.py`) fills in all of them.
 """
 
 import ast
@@ -18,7 +18,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "fmu_src" / "flexfmu"
 _REGION = re.compile(r"<!-- generated: (?P<name>[^>]+) -->\n.*?<!-- end -->\n", re.DOTALL)
 
@@ -225,7 +225,7 @@ def _file(name: str) -> Callable[[], str]:
 
 def _of(module: str, name: str) -> Callable[[], str]:
     """A table of another module, which is imported when it is made."""
-    return lambda: str(getattr(importlib.import_module(f"tools.{module}"), name)())
+    return lambda: str(getattr(importlib.import_module(f"docs.generators.{module}"), name)())
 
 
 PARTS: dict[str, Callable[[], str]] = {

@@ -1,4 +1,4 @@
-"""Build the wheel that carries the core of every platform: `python tools/build_wheel.py [FOLDER] [--no-isolation]`.
+"""Build the wheel that carries the core of every platform: `python .ci/build_wheel.py [FOLDER] [--no-isolation]`.
 
 The same sources, setuptools and ziglang give the same bytes. FOLDER is dist by default. pip fetches setuptools and
 ziglang (some 400 MB); with --no-isolation those of this Python are used.
@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-_FILES = ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "tools", "fmu_src")
+_FILES = ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", ".ci", "fmu_src")
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.egg-info", "_flexcore*", "binaries")
 # The earliest date that wheels know, 1980-01-01.
 _EPOCH = "315532800"
