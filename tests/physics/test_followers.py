@@ -111,6 +111,21 @@ def test_flutter_is_told_by_the_watch_and_a_column_far_above_euler_s_load_is_not
         dead.static({"tip": [-10.0 * BENDING, 0.0, 0.0]})
 
 
+@pytest.mark.parametrize(("method", "frames"), [(Method.SECOND_ORDER, 2), (Method.FRAMES, 8)])
+def test_a_moment_about_an_axis_that_stays_is_the_same_whether_it_follows_or_not(cantilever, method, frames):
+    """In the plane a moment turns about its own axis: of the loads it is the only one, in a step and at rest."""
+    body = FlexibleBody(cantilever(frames), method)
+    dead = FlexibleBody(replace(body.model, following_interfaces=()), method)
+    state, moment = body.rest(), {"tip": [0.0, 0.0, 0.0, 0.0, 0.0, 0.5 * BENDING]}
+    expected = state
+    for _ in range(20):
+        state, expected = body.step(state, moment, 1e-3), dead.step(expected, moment, 1e-3)
+        np.testing.assert_allclose(
+            body.response(state).displacement, dead.response(expected).displacement, rtol=1e-9, atol=1e-10
+        )
+    assert abs(body.response(state).displacement[0, 1]) > 0.05
+
+
 @pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER, Method.FLOATING_FRAME, Method.FRAMES_STIFFNESS])
 @pytest.mark.parametrize("free", [False, True])
 def test_modal_forces_are_those_of_the_turned_loads_and_the_tangent_is_their_derivative(method, free, random):

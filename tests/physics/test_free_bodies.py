@@ -143,6 +143,20 @@ def test_a_push_moves_the_centre_of_mass_as_newton_says_while_the_body_turns(flo
     assert body.response(state).rotation[1, 2] > 0.3
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_push_that_grows_moves_the_centre_of_mass_exactly_in_any_number_of_steps(floating, count):
+    """m x″ = F (1 + t/T) gives x(T) = (½ + ⅙) F T²/m, whatever the body does about its centre."""
+    body = floating()
+    state, end, push = body.rest(), 6e-3, np.array([30.0, 20.0, -10.0])
+    for k in range(count):
+        first, last = (1.0 + (k + part) / count for part in (0, 1))
+        state, _ = body.step_with_work(state, {"tip": first * push}, end / count, {"tip": last * push})
+    centre = body.model.joint_displacement[0] @ state.q
+    np.testing.assert_allclose(centre, (0.5 + 1.0 / 6.0) * push / MASS * end**2, rtol=1e-9)
+    # The tip is elsewhere: the body turns and bends.
+    assert relative(body.response(state).displacement[1], centre) > 0.1
+
+
 def test_a_free_body_keeps_its_energy_under_a_dead_force(floating):
     body = FlexibleBody(floating().model, damping_scale=0.0)
     loads, state = {"tip": [0.0, 200.0, 100.0]}, body.rest()
