@@ -13,7 +13,7 @@ void take_learning(int64_t size, int64_t most, Arena *arena, Learning *learning)
     learning->seen = take(arena, 2 * (most + 1) * size);
 }
 
-void learn(Learning *learning, const double *weight, const double *mean, int64_t round, double *change) {
+double learn(Learning *learning, const double *weight, const double *mean, int64_t round, double *change) {
     const int64_t m = learning->size;
     double *seen = learning->seen, *error = seen + 2 * learning->most * m, *place = error + m;
     if (round == 1) learning->pairs = 0;
@@ -37,6 +37,8 @@ void learn(Learning *learning, const double *weight, const double *mean, int64_t
             learning->pairs++;
         }
     }
+    double square = 0.0;
+    for (int64_t j = 0; j < m; j++) square += weight[j] * change[j] * change[j];
     memcpy(error, change, (size_t)m * sizeof(double));
     memcpy(place, mean, (size_t)m * sizeof(double));
     for (int64_t i = 0; i < learning->pairs; i++) {
@@ -45,4 +47,5 @@ void learn(Learning *learning, const double *weight, const double *mean, int64_t
         for (int64_t j = 0; j < m; j++) along += weight[j] * error[j] * old[j];
         for (int64_t j = 0; j < m; j++) change[j] += along * (old[m + j] - old[j]);
     }
+    return square;
 }

@@ -15,7 +15,8 @@ typedef struct {
 
 void take_learning(int64_t size, int64_t most, Arena *arena, Learning *learning);
 /* Take what earlier rounds have shown out of the error at hand: `change`, an error of the mean, becomes the change to be
- * subtracted. */
-void learn(Learning *learning, const double *weight, const double *mean, int64_t round, double *change);
+ * subtracted. Returns the weighed square of that error: where the last round has shown nothing new, the change may be small
+ * and the error is not. */
+double learn(Learning *learning, const double *weight, const double *mean, int64_t round, double *change);
 
 #endif

@@ -238,7 +238,7 @@ static Progress correct(Step *s) {
     if (!turn(x)) return LOST;
     momentum_of(p, &end->mass, z, 1, x->reached);
     for (int64_t j = 0; j < e; j++) off[j] = x->mean_force[j] - x->push[j] + (x->reached[t + j] - x->momentum[t + j]) / h;
-    learn(&x->learning, x->sizes, x->mean_force, s->round, off);
+    const double left = learn(&x->learning, x->sizes, x->mean_force, s->round, off);
     for (int64_t j = 0; j < e; j++) {
         const double blur = s->blur * s->way[j];
         x->mean_force[j] -= off[j];
@@ -260,7 +260,7 @@ static Progress correct(Step *s) {
         sized += unit * now * now;
         end->z[a] = now;
     }
-    return progress_of(s, moved, sqrt(sized), blurred, TOLERANCE);
+    return progress_of(s, fmax(moved, left), sqrt(sized), blurred, TOLERANCE);
 }
 
 /* Turn and rates at the end, by momenta that are what they ought to be, whatever is left of the iteration's error. */

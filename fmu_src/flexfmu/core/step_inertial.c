@@ -152,7 +152,7 @@ static Progress correct(Step *s) {
     const Program *p = &s->body->p;
     double moved = 0.0, sized = 0.0, blurred = 0.0;
     lu_solve(x->chord, s->body->pivot, x->off, p->inertial_modes, 1);
-    learn(&x->learning, x->size, x->mean, s->round, x->off);
+    const double left = learn(&x->learning, x->size, x->mean, s->round, x->off);
     for (int64_t j = 0; j < p->modes; j++) {
         const double blur = s->blur * s->way[j];
         x->mean[j] -= x->off[j];
@@ -162,7 +162,7 @@ static Progress correct(Step *s) {
         sized += reached * reached + x->v1[j] * x->v1[j];
         blurred += x->size[j] * blur * blur;
     }
-    return progress_of(s, moved, sqrt(sized), blurred, TOLERANCE);
+    return progress_of(s, fmax(moved, left), sqrt(sized), blurred, TOLERANCE);
 }
 
 static int accept(Step *s, double *error) {

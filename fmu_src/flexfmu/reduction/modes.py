@@ -24,8 +24,8 @@ _ILL_CONDITIONED = (
     "layer of elements across the thickness; look for parts that hang on the rest by a single edge or corner, and for "
     "elements that are far smaller than the others"
 )
-# Strain energy of a shape over that of its entries' sizes which is round-off of none at all.
-_ROUND_OFF = 1e-17
+# Strain energy of a shape over that of its entries' sizes which is round-off of none at all, and which may be.
+_ROUND_OFF, _DOUBTFUL = 1e-17, 1.1e-16
 # Relative distance of ω² below which modes span a plane whose axes are arbitrary.
 _DEGENERATE = 1e-7
 # Share of a static shape's strain energy below which the modes hold it already: the compliance is right to as much.
@@ -295,8 +295,11 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
     softest = np.abs(vectors @ small[:, 0])
     # Its indices are no copies.
     sizes = sp.csr_array((np.abs(k.data), k.indices, k.indptr), shape=k.shape)
-    if squares[0] <= _ROUND_OFF * float(softest @ (sizes @ softest)):
+    size = float(softest @ (sizes @ softest))
+    if squares[0] <= _ROUND_OFF * size:
         raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
+    if squares[0] <= _DOUBTFUL * size:
+        raise AccuracyError(f"modes are not good enough: the lowest frequency may be off by 100 %; {_ILL_CONDITIONED}")
     return squares, vectors @ small
 
 
