@@ -4,7 +4,8 @@ Run from the repository's root: python -m benchmarks.mutations [--only WORDS] [-
 tree is copied to a temporary folder; there each change is made in turn and the tests that should notice run until the
 first fails. A change is *killed* when one does, and *survives* when none does: then a test is missing. It takes about
 three quarters of an hour. Each result is written at once; `--resume` leaves out what the records hold already, so that
-a run can be ended (Ctrl-C, `--minutes`) and gone on with.
+a run can be ended (Ctrl-C, `--minutes`) and gone on with. `--random N [--seed S]` draws N changes instead
+(random_mutations.py), and goes on with the record of that seed.
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ def arguments_of(tests: str) -> list[str]:
     return files.split() + (["-k", " or ".join(words.split("|"))] if words else [])
 
 
-def run_tests(tree: Path, tests: str) -> subprocess.CompletedProcess[str]:
+def run_tests(tree: Path, tests: str, longest: float = LONGEST) -> subprocess.CompletedProcess[str]:
     """Run tests in a copy of the tree until the first fails."""
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(tree / "fmu_src"), str(tree)]),
@@ -129,7 +130,7 @@ def run_tests(tree: Path, tests: str) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=LONGEST,
+        timeout=longest,
     )
 
 
@@ -262,7 +263,14 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no change later than this")
     parser.add_argument("--output", type=Path, help="records, CSV")
     parser.add_argument("--resume", action="store_true", help="leave out what the records hold already")
+    parser.add_argument("--random", type=int, default=0, metavar="N", help="draw this many instead")
+    parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
+    if arguments.random:
+        from benchmarks import random_mutations
+
+        output = arguments.output or HERE / "random_mutations.csv"
+        raise SystemExit(not random_mutations.run(arguments.random, arguments.seed, arguments.minutes, output))
     table = read_table(TABLE)
     changes = [change for change in table if arguments.only in f"{change.file} {change.fact}"]
     results = read_records(arguments.output, table) if arguments.output and arguments.resume else {}
