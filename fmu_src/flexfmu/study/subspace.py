@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from ..files.array_types import FloatArray, IntArray
+from ..model.arrays import BODY, INERTIA, MASSES, SECOND, STRESS, TIES, WHOLE, Entry
 from ..model.reduced_body import ReducedBody
 from .scene.config import BasisChoice
 from .scene.scene import load_names
@@ -97,37 +98,32 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     ReducedBody
     """
 
-    def turned(part: object, *names: str) -> dict[str, Any]:
-        return {name: getattr(part, name) @ turn for name in names}
+    def changed(part: Any, entries: Sequence[Entry]) -> dict[str, Any]:
+        """Arrays of a part that have modal axes, which are their last ones."""
+        found = {}
+        for entry in entries:
+            array, axes = getattr(part, entry.name), entry.shape.split().count("m")
+            if array is not None and axes == 1:
+                found[entry.name] = array @ turn
+            elif array is not None and axes == 2:
+                found[entry.name] = turn.T @ array @ turn
+            elif array is not None and axes == 3:
+                found[entry.name] = np.einsum("abc,ai,bj,ck->ijk", array, turn, turn, turn, optimize=True)
+        return found
 
-    frames = ("joint_displacement", "joint_rotation", "frame_rotation")
-    whole, masses, surface, inertia, ties = body.whole, body.masses, body.surface, body.inertia, body.ties
-    if inertia is not None:
-        curvature = None if inertia.curvature is None else turn.T @ inertia.curvature @ turn
-        inertia = replace(inertia, curvature=curvature, **turned(inertia, "displacement", "sweep"))
-    second = body.second
-    if second is not None:
-        displacement, rotation = (turn.T @ part @ turn for part in (second.displacement, second.rotation))
-        second = replace(second, displacement=displacement, rotation=rotation)
-    by_load, by_mode = body.stiffness_by_load, body.stiffness_by_mode
-    if by_mode is not None:
-        by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
+    parts = {"whole": WHOLE, "masses": MASSES, "ties": TIES, "inertia": INERTIA, "second": SECOND}
+    known = {name: (getattr(body, name), entries) for name, entries in parts.items()}
+    changes = changed(body, [entry for entry in BODY if entry.shape != "m"])
+    changes |= {name: part and replace(part, **changed(part, entries)) for name, (part, entries) in known.items()}
     return replace(
         body,
         angular_frequency=angular_frequency,
         damping_ratio=np.full(len(angular_frequency), body.damping_ratio[0]),
-        whole=whole and replace(whole, **turned(whole, *frames)),
-        masses=masses and replace(masses, **turned(masses, "displacement")),
-        surface=surface and surface.in_coordinates(turn),
-        ties=ties and replace(ties, **turned(ties, "displacement", "rotation")),
-        inertia=inertia,
-        second=second,
+        surface=body.surface and body.surface.in_coordinates(turn),
         membrane=body.membrane and body.membrane.turned(turn, angular_frequency**2),
-        stress_sets=tuple(replace(part, **turned(part, "stress")) for part in body.stress_sets),
+        stress_sets=tuple(replace(part, **changed(part, STRESS)) for part in body.stress_sets),
         missed_inertia=None,
-        stiffness_by_load=None if by_load is None else turn.T @ by_load @ turn,
-        stiffness_by_mode=by_mode,
-        **turned(body, "interface_displacement", "interface_rotation", *frames),
+        **changes,
     )
 
 

@@ -18,10 +18,11 @@ from ..model.errors import RuntimeBodyError
 from ..model.methods import Variant
 from ..model.reduced_body import ReducedBody
 from ..model.variants import lean
-from .candidates import Reduction, reduction_config
+from .candidates import Joints, Reduction, reduction_config
 from .cost import StepCost, time_steps
 from .jobs import Crew
 from .pace import Clock
+from .scene.config import BasisChoice
 from .scene.measure import Errors, errors, on_interfaces
 from .scene.reference import Reference, references
 from .scene.scene import Scene
@@ -116,6 +117,15 @@ class Workshop:
         """The references, found when first needed."""
         return references(self.scene, self.report, self.store, self.whole)
 
+    @property
+    def plenty(self) -> int:
+        """The most modes of the sweep."""
+        return max(self.scene.file.sweep.modes)
+
+    def ample(self, frames: int | Joints) -> Reduction:
+        """A division with plenty of modes and residual flexibility."""
+        return Reduction(BasisChoice.RESIDUAL, self.plenty, frames)
+
     def build(self, reduction: Reduction, variants: list[Variant]) -> Built:
         """Reduce the body unless it was reduced for these variants, maybe among others, before."""
         found, before = self._bodies.get(reduction, (None, ()))
@@ -135,11 +145,10 @@ class Workshop:
 
         A cut body, whose parts have modes of their own, is reduced as it is asked for.
         """
-        most = max(self.scene.file.sweep.modes)
         count = reduction.modes
-        if self.scene.config.cut or not isinstance(count, int) or count >= most:
+        if self.scene.config.cut or not isinstance(count, int) or count >= self.plenty:
             return self.build(reduction, variants)
-        built = self.build(replace(reduction, modes=most), variants)
+        built = self.build(replace(reduction, modes=self.plenty), variants)
         return replace(built, body=subset(built.body, reduction.basis, np.arange(count)))
 
     def errors(self, body: ReducedBody, variant: Variant, limits: StepLimits | None = None) -> Errors:

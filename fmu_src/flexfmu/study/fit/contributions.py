@@ -5,6 +5,7 @@ strain energy, within its span; the rest is missed. Linear theory, of the body a
 """
 
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from ...model.reduced_body import ReducedBody
 from ...model.variants import lean
 from ..scene.config import BasisChoice
 from ..scene.measure import within
+from ..scene.reference import states_through
 from ..scene.scene import AXES, Scene
 from ..subspace import normal_shapes
 
@@ -30,14 +32,12 @@ class Course:
 
     Attributes
     ----------
-    name : str
     q : (T, m) float
         Modal coordinates: one row of a static load, or one a communication point.
     acceleration : (T, m) float
         Their second derivatives, by differences over steps; zero under a static load.
     """
 
-    name: str
     q: FloatArray
     acceleration: FloatArray
 
@@ -60,29 +60,25 @@ def courses(scene: Scene, model: FlexibleBody, filtered: bool = True) -> list[Co
     found = []
     for case in scene.static:
         for factor in case.factors:
-            try:
-                state = model.static(case.peak.scaled(factor))
-            except EquilibriumError:
-                continue
-            found.append(Course(f"{case.name} × {factor:g}", state.q[None], np.zeros((1, state.q.size))))
-    heavy = model.model.masses is not None
+            with suppress(EquilibriumError):
+                q = model.static(case.peak.scaled(factor)).q
+                found.append(Course(q[None], np.zeros((1, q.size))))
     for transient in scene.transient:
-        state = model.rest()
-        rows, rates = [state.q], [state.v]
         try:
-            for start, end in zip(transient.start_loads, transient.end_loads, strict=True):
-                first, last = start.packed(heavy), end.packed(heavy)
-                same = np.array_equal(first, last)
-                state, _ = model.step_packed(state, first, transient.step, None if same else last)
-                rows.append(state.q)
-                rates.append(state.v)
+            states = list(states_through(model, transient))
         except RuntimeBodyError:
             continue
-        q, acceleration = np.array(rows), np.gradient(np.array(rates), transient.step, axis=0)
+        q, rates = np.array([state.q for state in states]), np.array([state.v for state in states])
+        acceleration = np.gradient(rates, transient.step, axis=0)
         if filtered and transient.frequencies is not None:
             q, acceleration = (within(x, transient.frequencies, transient.step) for x in (q, acceleration))
-        found.append(Course(transient.name, q, acceleration))
+        found.append(Course(q, acceleration))
     return found
+
+
+def configurations(scene: Scene, model: FlexibleBody) -> list[FloatArray]:
+    """Modal coordinates (m,) that a model goes through, over all cases."""
+    return [q for course in courses(scene, model, filtered=False) for q in course.q]
 
 
 def contributions(
@@ -138,14 +134,14 @@ def contributions(
 _NOTHING = 1e-12
 
 
-def load_names(body: ReducedBody) -> list[str]:
+def loads_by_kind(body: ReducedBody) -> list[str]:
     """Forces, then moments, of all interfaces, as FMU inputs."""
     kinds = ("force", "moment")
     return [f"{name}.{kind}.{axis}" for kind in kinds for name in body.interface_names for axis in AXES]
 
 
 def static_shapes(body: ReducedBody) -> FloatArray:
-    """Answers (m, 6I) to unit loads in the order of `load_names`, scaled so that their squares are strain energies."""
+    """Answers (m, 6I) to unit loads as of `loads_by_kind`, scaled so that their squares are strain energies."""
     work = np.concatenate([body.interface_displacement, body.interface_rotation]).reshape(-1, body.mode_count)
     elastic = body.angular_frequency > 0.0
     result = np.zeros_like(work.T)
@@ -165,7 +161,7 @@ def missed(body: ReducedBody, whole: ReducedBody) -> FloatArray:
     Returns
     -------
     (6I,) float
-        In the order of `load_names`; 1 where the body is rigid.
+        In the order of `loads_by_kind`; 1 where the body is rigid.
     """
     here, there = (np.sum(static_shapes(one) ** 2, axis=0) for one in (body, whole))
     return np.where(_counts(there), np.maximum(1.0 - here / np.where(there > 0.0, there, 1.0), 0.0), 0.0)
@@ -188,9 +184,9 @@ def loads_to_keep(whole: ReducedBody, chosen: IntArray, loaded: Collection[str],
     Returns
     -------
     tuple of str
-        In the order of `load_names`.
+        In the order of `loads_by_kind`.
     """
-    names, shapes = load_names(whole), static_shapes(whole)
+    names, shapes = loads_by_kind(whole), static_shapes(whole)
     counts = _counts(np.sum(shapes**2, axis=0))
     left = np.where(counts, shapes / np.where(counts, np.linalg.norm(shapes, axis=0), 1.0), 0.0)
     left[whole.rigid_count + chosen] = 0.0

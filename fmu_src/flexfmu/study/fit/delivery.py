@@ -2,9 +2,9 @@
 
 import math
 import time
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from ...body.flexible_body import FlexibleBody, StepLimits
 from ...build.config import read_body_file
@@ -17,11 +17,10 @@ from ...model.reduced_body import ReducedBody
 from ...model.variants import chosen
 from ..candidates import Reduction, reduction_config, times
 from ..fmu_cost import fmu_timer
-from ..scene.config import BasisChoice
 from ..scene.measure import Errors
 from ..workshop import Workshop, build
 from .body_text import body_text
-from .contributions import load_names, missed
+from .contributions import loads_by_kind, missed
 from .modes import Choice, loaded_inputs
 
 _TIMINGS = 2
@@ -31,7 +30,7 @@ _SAME_PACE = 0.05
 _STIFF = 0.1 + 1e-6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
     """What was found.
 
@@ -68,49 +67,55 @@ class Fit:
     measured: Errors
     given: Errors
     step: float
-    given_step: float
-    fmu_step: float
-    given_fmu_step: float
-    fmu_ratio: float
+    given_step: float = math.nan
+    fmu_step: float = math.nan
+    given_fmu_step: float = math.nan
+    fmu_ratio: float = math.nan
     mode_count: int
-    given_mode_count: int
+    given_mode_count: int = 0
     frame_count: int
-    given_frame_count: int
+    given_frame_count: int = 0
     reasons: dict[str, str]
     limit: str
     stiff: tuple[str, ...]
-    seconds: float
+    seconds: float = math.nan
     tried: int
 
     @property
     def verdict(self) -> str:
         """Pass or fail, in a line."""
-        share = times(self.measured.share)
-        if self.met:
-            return f"pass: {share} × the tolerance"
-        return f"fail: {share} × the tolerance; the best model found is written all the same"
+        words = "pass: {} × the tolerance"
+        if not self.met:
+            words = "fail: {} × the tolerance; the best model found is written all the same"
+        return words.format(times(self.measured.share))
 
     @property
     def summary(self) -> list[str]:
         """The result in a few lines."""
-        where = f" ({self.measured.limited_by})" if self.measured.limited_by else ""
+        measured, errors = self.measured, []
+        for kind, error, words in (
+            ("static displacement", measured.static_displacement, ""),
+            ("displacement over time", measured.transient_displacement, " rms"),
+        ):
+            if not math.isnan(error):
+                errors.append(f"{kind} {100.0 * error:.2g} %{words}")
+        where = f" ({measured.limited_by})" if measured.limited_by else ""
         lines = [
-            f"Error over tolerance: predicted {times(self.predicted.share)}, measured {times(self.measured.share)}"
-            f"{where}; {_in_percent(self.measured)}.",
+            f"Error over tolerance: predicted {times(self.predicted.share)}, measured {times(measured.share)}"
+            f"{where}; {', '.join(errors)}.",
             f"{_counts(self.mode_count, self.frame_count)}; a step from Python takes {1e6 * self.step:.3g} µs.",
         ]
         if math.isfinite(self.given_step):
-            gain = self.given_step / self.step
             lines.append(
                 f"As given: {times(self.given.share)} of the tolerance, "
                 f"{_counts(self.given_mode_count, self.given_frame_count)}, {1e6 * self.given_step:.3g} µs; this is "
-                f"{_faster(gain)}."
+                f"{_faster(self.given_step / self.step)}."
             )
             if math.isfinite(self.fmu_step):
-                gain = self.given_fmu_step / self.fmu_step
                 lines.append(
                     f"Through the FMU a step takes {1e6 * self.fmu_step:.3g} µs, {self.fmu_ratio:.2g} times that of an "
-                    f"empty FMU; as given {1e6 * self.given_fmu_step:.3g} µs: {_faster(gain)}."
+                    f"empty FMU; as given {1e6 * self.given_fmu_step:.3g} µs: "
+                    f"{_faster(self.given_fmu_step / self.fmu_step)}."
                 )
         else:
             lines.append(f"As given the body has no answer in this scene: {self.given.failure}")
@@ -120,15 +125,6 @@ class Fit:
                 "may come, put them into the scene, or give its [fit] a smaller other_loads."
             )
         return [*lines, self.limit] if self.limit else lines
-
-
-def _in_percent(found: Errors) -> str:
-    parts = []
-    if not math.isnan(found.static_displacement):
-        parts.append(f"static displacement {100.0 * found.static_displacement:.2g} %")
-    if not math.isnan(found.transient_displacement):
-        parts.append(f"displacement over time {100.0 * found.transient_displacement:.2g} % rms")
-    return ", ".join(parts)
 
 
 def _counts(modes: int, frames: int) -> str:
@@ -170,11 +166,9 @@ def deliver(
     Fit
     """
     config = reduction_config(workshop.scene.config, best.plan, [best.variant])
-    title = f"{config.name}: the smallest and fastest model found within a scene's tolerance."
-    if limit:
-        title = f"{config.name}: the best model found for a scene; its tolerance is not met."
-    with ExitStack() as files:
-        part = files.enter_context(whole_file(target))
+    words = "the smallest and fastest model found within a scene's tolerance."
+    title = f"{config.name}: {'the best model found for a scene; its tolerance is not met.' if limit else words}"
+    with whole_file(target) as part:
         # It is read where it stands while it is written: paths in it are taken from there.
         part.write_text(body_text(config, part.parent, [title], reasons), encoding="utf-8")
         body = build(read_body_file(part), workshop.store).body
@@ -196,20 +190,28 @@ def _measured(
     workshop: Workshop, best: Choice, body: ReducedBody, reasons: dict[str, str], limit: str, through_fmu: bool
 ) -> Fit:
     """Measure a body against the scene, and its steps against those of the body as given."""
-    given = None
+    bodies = {"": body}
+    found: dict[str, Any] = {}
     try:
         given = build(workshop.scene.given, workshop.store).body
         given_errors = workshop.errors(given, chosen(given))
+        found |= {"given_mode_count": given.mode_count, "given_frame_count": given.frame_count}
+        if not given_errors.failure:
+            bodies["given_"] = given
     except RuntimeBodyError as error:
         given_errors = Errors(failure=str(error))
-    found = {"fit": math.inf, "given": math.inf}
     for _ in range(_TIMINGS):
-        found["fit"] = min(found["fit"], workshop.cost(body, best.variant).fastest)
-        if given is not None and not given_errors.failure:
-            found["given"] = min(found["given"], workshop.cost(given, chosen(given)).fastest)
+        for name, one in bodies.items():
+            key = f"{name}step"
+            found[key] = min(workshop.cost(one, chosen(one)).fastest, found.get(key, math.inf))
     measured = workshop.errors(body, best.variant)
-    bodies = [body] if given is None or given_errors.failure else [body, given]
-    fmu_times = _through_fmu(workshop, bodies) if through_fmu else []
+    with fmu_timer(through_fmu) as timer:
+        if timer is not None:
+            step = workshop.step(FlexibleBody(body))
+            for name, one in bodies.items():
+                took = timer.times(one, workshop.scene, step, chosen(one), StepLimits())
+                found[f"{name}fmu_step"] = 1e-6 * took["fmu_us"]
+                found.setdefault("fmu_ratio", took["fmu_ratio"])
     return Fit(
         plan=best.plan,
         variant=best.variant,
@@ -217,35 +219,19 @@ def _measured(
         predicted=best.errors,
         measured=measured,
         given=given_errors,
-        step=found["fit"],
-        given_step=found["given"] if math.isfinite(found["given"]) else math.nan,
-        fmu_step=fmu_times[0]["fmu_us"] * 1e-6 if fmu_times else math.nan,
-        given_fmu_step=fmu_times[1]["fmu_us"] * 1e-6 if len(fmu_times) > 1 else math.nan,
-        fmu_ratio=fmu_times[0]["fmu_ratio"] if fmu_times else math.nan,
         mode_count=body.mode_count,
-        given_mode_count=0 if given is None else given.mode_count,
         frame_count=body.frame_count,
-        given_frame_count=0 if given is None else given.frame_count,
         reasons=reasons,
         limit=limit,
         stiff=_too_stiff(workshop, best, body),
-        seconds=math.nan,
         tried=workshop.tried,
+        **found,
     )
 
 
 def _too_stiff(workshop: Workshop, best: Choice, body: ReducedBody) -> tuple[str, ...]:
     """Loads that the scene does not have and that the body as written gives way to by too little."""
-    most = max(workshop.scene.file.sweep.modes)
-    whole = workshop.body(Reduction(BasisChoice.RESIDUAL, most, best.plan.frames), [best.variant])
+    whole = workshop.body(workshop.ample(best.plan.frames), [best.variant])
     loaded = loaded_inputs(workshop.scene)
-    lacking = zip(load_names(whole), missed(body, whole), strict=True)
+    lacking = zip(loads_by_kind(whole), missed(body, whole), strict=True)
     return tuple(name for name, part in lacking if part > _STIFF and name not in loaded)
-
-
-def _through_fmu(workshop: Workshop, bodies: list[ReducedBody]) -> list[dict[str, float]]:
-    """Time steps of bodies, each under its own method, through their FMUs."""
-    step = workshop.step(FlexibleBody(bodies[0]))
-    with fmu_timer() as timer:
-        assert timer is not None
-        return [timer.times(body, workshop.scene, step, chosen(body), StepLimits()) for body in bodies]

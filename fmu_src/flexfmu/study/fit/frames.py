@@ -18,7 +18,7 @@ from ..scene.measure import Errors
 from ..scene.scene import Scene
 from ..workshop import Workshop
 from .branches import LEVELS, Branch, find_branches, frames_of, spread_joints, turning
-from .contributions import courses
+from .contributions import configurations
 
 LADDER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
 """Numbers that are tried one after the other."""
@@ -26,12 +26,8 @@ LADDER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
 HELPS = 0.1
 # Those that are there for comparison are left out.
 _WORTH_TRYING = (
-    Method.LINEAR,
-    Method.STIFFNESS_BY_LOAD,
-    Method.FRAMES,
-    Method.SECOND_ORDER,
-    Method.FRAMES_STIFFNESS,
-)
+    Method.LINEAR, Method.STIFFNESS_BY_LOAD, Method.FRAMES, Method.SECOND_ORDER, Method.FRAMES_STIFFNESS,
+)  # fmt: skip
 _ALWAYS = (Method.LINEAR, Method.FRAMES)
 # Frames are given up when so many more tries have not helped.
 _PATIENCE = 2
@@ -73,14 +69,12 @@ class Tried:
         return not has_frames(self.variant.method)
 
 
-def frames_needed(workshop: Workshop, plenty: int, *, uneven: bool = True) -> list[Tried]:
+def frames_needed(workshop: Workshop, *, uneven: bool = True) -> list[Tried]:
     """Under each variant the fewest frames that will do, with plenty of modes and residual flexibility.
 
     Parameters
     ----------
     workshop : Workshop
-    plenty : int
-        Number of modes.
     uneven : bool
         Whether other joints than those of equal levels are tried.
 
@@ -94,14 +88,14 @@ def frames_needed(workshop: Workshop, plenty: int, *, uneven: bool = True) -> li
     levels = offered_frames(scene.config, (n for n in LADDER if n <= most))
     title = "1 of 3: frames, with plenty of modes"
     with workshop.report.counted(title, 1 + len(levels) + most, "divisions at most") as tell:
-        _try(workshop, plenty, linear_frames(scene.config), [one for one in tried if one.linear])
+        _try(workshop, linear_frames(scene.config), [one for one in tried if one.linear])
         tell(1)
         if not any(one.enough is not None for one in tried):
             for done, count in enumerate(levels, start=2):
-                _try(workshop, plenty, count, [one for one in _open(tried) if not one.stuck])
+                _try(workshop, count, [one for one in _open(tried) if not one.stuck])
                 tell(done)
             if uneven:
-                _uneven(workshop, plenty, tried, most, lambda done: tell(1 + len(levels) + done))
+                _uneven(workshop, tried, most, lambda done: tell(1 + len(levels) + done))
     return [one for one in tried if one.shares]
 
 
@@ -126,34 +120,33 @@ def _open(tried: list[Tried]) -> list[Tried]:
     return wanted
 
 
-def _try(workshop: Workshop, plenty: int, division: int | Joints, wanted: list[Tried]) -> ReducedBody | None:
+def _try(workshop: Workshop, division: int | Joints, wanted: list[Tried]) -> ReducedBody | None:
     """Measure a division under some variants; None where the body cannot be divided so."""
     if not wanted:
         return None
-    plan = Reduction(BasisChoice.RESIDUAL, plenty, division)
-    with workshop.report.stage(f"Try {frames_words(division)} with {plenty} modes"):
+    with workshop.report.stage(f"Try {frames_words(division)} with {workshop.plenty} modes"):
         try:
-            body = workshop.body(plan, [one.variant for one in wanted])
+            body = workshop.body(workshop.ample(division), [one.variant for one in wanted])
         except BodyFileError:
             return None
         found = list(workshop.each(Workshop.errors, [(body, one.variant) for one in wanted]))
     for one, errors in zip(wanted, found, strict=True):
         one.shares[division], one.counts[division] = errors, body.frame_count
-        workshop.report.note(f"{one.variant.words}: {times(one.shares[division].share)} of the tolerance")
+        workshop.report.note(f"{one.variant.words}: {times(errors.share)} of the tolerance")
     return body
 
 
-def _uneven(workshop: Workshop, plenty: int, tried: list[Tried], most: int, tell: Tell) -> None:
+def _uneven(workshop: Workshop, tried: list[Tried], most: int, tell: Tell) -> None:
     """From one frame a branch, divide where the frames' own indicator of rotation says so, as long as that may pay."""
     scene = workshop.scene
     # Sections that the build finds have no names by which joints could be asked for.
-    if scene.config.cut == "auto" or not any(not one.linear for one in tried):
+    if scene.config.cut == "auto" or all(one.linear for one in tried):
         return
     turned = Variant(Method.FRAMES)
     with workshop.report.stage(f"See where the body turns, with {LEVELS} levels"):
         branches = find_branches(scene.config)
-        fine = workshop.body(Reduction(BasisChoice.RESIDUAL, plenty, LEVELS), [turned])
-        states = [q for course in courses(scene, FlexibleBody(lean(fine, turned)), False) for q in course.q]
+        fine = workshop.body(workshop.ample(LEVELS), [turned])
+        states = configurations(scene, FlexibleBody(lean(fine, turned)))
     turns = [turning(branch, fine, states) for branch in branches]
     if not states or not branches:
         return
@@ -163,11 +156,10 @@ def _uneven(workshop: Workshop, plenty: int, tried: list[Tried], most: int, tell
         wanted = [one for one in _improvable(tried) if one.enough is None or sum(counts) < one.counts[one.enough]]
         if not wanted:
             return
-        body: ReducedBody | None
         if joints:
-            body = _try(workshop, plenty, joints, wanted)
+            body = _try(workshop, joints, wanted)
         else:
-            body = workshop.body(Reduction(BasisChoice.RESIDUAL, plenty, 1), [one.variant for one in wanted])
+            body = workshop.body(workshop.ample(1), [one.variant for one in wanted])
         if body is None:
             return
         within = _rotation(scene, body, branches, counts, turns)
@@ -178,11 +170,9 @@ def _uneven(workshop: Workshop, plenty: int, tried: list[Tried], most: int, tell
 def _improvable(tried: list[Tried]) -> list[Tried]:
     """Methods of which fewer frames would be worth having, or other ones might do."""
     turned = [one for one in tried if not one.linear]
-    if any(one.enough is not None for one in turned):
-        return [
-            one for one in turned if one.enough is not None or not (one.stuck or one.variant.mass is not Mass.CONSTANT)
-        ]
-    return turned
+    if all(one.enough is None for one in turned):
+        return turned
+    return [one for one in turned if one.enough is not None or not (one.stuck or one.variant.mass is not Mass.CONSTANT)]
 
 
 def _rotation(
@@ -191,15 +181,13 @@ def _rotation(
     """Largest rotation within any frame of each branch in the scene, rad."""
     even = [float(np.sum(turn)) / count for turn, count in zip(turns, counts, strict=True)]
     own = frames_of(branches, counts, body)
-    if own is None:
-        return even
-    variant = Variant(Method.FRAMES)
-    model = FlexibleBody(lean(body, variant))
-    largest = np.zeros(model.model.frame_count)
+    model = FlexibleBody(lean(body, Variant(Method.FRAMES)))
+    largest = np.zeros(body.frame_count)
     try:
-        for course in courses(scene, model, False):
-            for q in course.q:
-                largest = np.maximum(largest, model.rotation_within_frames(State(q, np.zeros_like(q))))
+        for q in configurations(scene, model) if own is not None else ():
+            largest = np.maximum(largest, model.rotation_within_frames(State(q, np.zeros_like(q))))
     except RuntimeBodyError:
+        own = None
+    if own is None:
         return even
     return [max((float(largest[s]) for s in frames), default=e) for frames, e in zip(own, even, strict=True)]

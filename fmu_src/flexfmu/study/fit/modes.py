@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,10 +13,10 @@ from ...model.reduced_body import ReducedBody
 from ..candidates import Joints, Reduction
 from ..scene.config import BasisChoice
 from ..scene.measure import Errors
-from ..scene.scene import AXES, Scene
+from ..scene.scene import Scene, load_names
 from ..subspace import joined_numbers, normal_frequencies, pairs, subset
 from ..workshop import Workshop
-from .contributions import contributions, load_names, loads_to_keep
+from .contributions import contributions, loads_by_kind, loads_to_keep
 from .frames import LADDER
 
 
@@ -38,7 +38,7 @@ class Choice:
     variant: Variant
     body: ReducedBody
     errors: Errors
-    cost: float = float("inf")
+    cost: float = math.inf
 
 
 # Steps whose times differ by less cost the same.
@@ -49,32 +49,23 @@ _FEWER = 0.75
 _TIMINGS, _CLOSE = 3, 0.2
 
 
-def bases_to_try(scene: Scene) -> list[tuple[BasisChoice, tuple[str, ...]]]:
-    """Bases, each with the loads of the scene where static shapes are those of single loads."""
-    found: list[tuple[BasisChoice, tuple[str, ...]]] = [(basis, ()) for basis in dict.fromkeys(scene.file.sweep.basis)]
-    loaded = loaded_inputs(scene)
-    return [*found, (BasisChoice.RESIDUAL, loaded)] if offers_shapes_by_load(scene) and loaded else found
+def reductions_to_try(workshop: Workshop, frames: int | Joints) -> list[Reduction]:
+    """Reductions with plenty of modes in each basis, also with static shapes of the scene's loads alone."""
+    scene, loaded = workshop.scene, loaded_inputs(workshop.scene)
+    ample = workshop.ample(frames)
+    found = [replace(ample, basis=basis) for basis in dict.fromkeys(scene.file.sweep.basis)]
+    return [*found, replace(ample, residual=loaded)] if offers_shapes_by_load(scene) and loaded else found
 
 
-def modes_needed(
-    workshop: Workshop,
-    basis: tuple[BasisChoice, tuple[str, ...]],
-    variant: Variant,
-    frames: int | Joints,
-    plenty: int,
-    allowed: float,
-) -> Choice | None:
+def modes_needed(workshop: Workshop, most: Reduction, variant: Variant, allowed: float) -> Choice | None:
     """The fewest modes of a basis that will do.
 
     Parameters
     ----------
     workshop : Workshop
-    basis : tuple
-        One of `bases_to_try`.
+    most : Reduction
+        One of `reductions_to_try`, whose modes are chosen among.
     variant : Variant
-    frames : int or Joints
-    plenty : int
-        Number of modes to choose among.
     allowed : float
         Error over tolerance that will do.
 
@@ -82,10 +73,8 @@ def modes_needed(
     -------
     Choice or None
     """
-    if workshop.scene.config.cut:
-        # Its parts have modes of their own, which no choice by contribution knows apart.
-        return _fewest_of_parts(workshop, basis[0], variant, frames, plenty, allowed)
-    return _fewest(workshop, basis[0], variant, frames, plenty, allowed, basis[1])
+    # Parts of a cut body have modes of their own, which no choice by contribution knows apart.
+    return (_fewest_of_parts if workshop.scene.config.cut else _fewest)(workshop, most, variant, allowed)
 
 
 def offers_shapes_by_load(scene: Scene) -> bool:
@@ -97,41 +86,29 @@ def loaded_inputs(scene: Scene) -> tuple[str, ...]:
     """Names of the forces and moments on interfaces that a scene has."""
     every = [case.peak for case in scene.static]
     every += [loads for case in scene.transient for loads in (*case.start_loads, *case.end_loads)]
-    found = []
-    for kind in ("force", "moment"):
-        used = np.any([getattr(loads, kind) != 0.0 for loads in every], axis=0)
-        found += [
-            f"{name}.{kind}.{AXES[axis]}" for i, name in enumerate(scene.names) for axis in np.flatnonzero(used[i])
-        ]
-    return tuple(found)
+    used = np.any([loads.packed(False) != 0.0 for loads in every], axis=0)
+    return tuple(name for name, one in zip(load_names(scene.names), used, strict=True) if one)
 
 
-def _fewest(
-    workshop: Workshop,
-    basis: BasisChoice,
-    variant: Variant,
-    frames: int | Joints,
-    plenty: int,
-    allowed: float,
-    loaded: tuple[str, ...],
-) -> Choice | None:
+def _fewest(workshop: Workshop, most: Reduction, variant: Variant, allowed: float) -> Choice | None:
     """Of a body in one piece: those that move most are taken first, then whatever can be spared is left out again.
 
-    With `loaded` static shapes are those of these loads, and of others as far as the scene asks for.
+    Static shapes of single loads are those of the scene, and of others as far as it asks for.
     """
+    scene, basis, loaded = workshop.scene, most.basis, most.residual
     try:
-        body = workshop.body(Reduction(basis, plenty, frames), [variant])
+        body = workshop.body(replace(most, residual=()), [variant])
     except (AccuracyError, BodyFileError):
         # Interfaces that cannot be held one by one, for Craig-Bampton.
         return None
-    groups = mode_groups(body, basis, plenty)
-    part = contributions(workshop.scene, body, variant, basis)
-    order = sorted(groups, key=lambda group: -float(part[group].max()))
+    part = contributions(scene, body, variant, basis)
+    order = sorted(mode_groups(body, most), key=lambda group: -float(part[group].max()))
     tried: dict[tuple[int, ...], Errors] = {}
-    limit = workshop.scene.file.fit.other_loads
+    limit = scene.file.fit.other_loads
     # Normal modes alone have to do as well, where static shapes are to be had instead.
-    alone = basis is BasisChoice.NORMAL and limit < 1.0 and offers_shapes_by_load(workshop.scene)
-    whole = workshop.body(Reduction(BasisChoice.RESIDUAL, plenty, frames), [variant]) if alone or loaded else body
+    alone = basis is BasisChoice.NORMAL and limit < 1.0 and offers_shapes_by_load(scene)
+    completed = replace(most, basis=BasisChoice.RESIDUAL, residual=())
+    whole = workshop.body(completed, [variant]) if alone or loaded else body
 
     def shapes(numbers: IntArray) -> tuple[str, ...]:
         return loads_to_keep(whole, numbers, loaded, limit) if alone or loaded else ()
@@ -157,16 +134,16 @@ def _fewest(
         if fewer and share(fewer) <= allowed:
             chosen = fewer
     numbers = joined_numbers(chosen)
-    errors = tried[tuple(numbers.tolist())]
     lowest = int(numbers[-1]) + 1 == numbers.size
     modes = numbers.size if lowest else tuple(int(k) + 1 for k in numbers)
     kept = shapes(numbers)
     # All of them need no list.
-    listed = () if len(kept) == len(load_names(body)) else kept
-    return Choice(Reduction(basis, modes, frames, listed), variant, subset(body, basis, numbers, kept), errors)
+    listed = () if len(kept) == len(loads_by_kind(body)) else kept
+    plan, errors = replace(most, modes=modes, residual=listed), tried[tuple(numbers.tolist())]
+    return Choice(plan, variant, subset(body, basis, numbers, kept), errors)
 
 
-def mode_groups(body: ReducedBody, basis: BasisChoice, plenty: int) -> list[IntArray]:
+def mode_groups(body: ReducedBody, reduction: Reduction) -> list[IntArray]:
     """Places of a body's elastic normal modes, pairs of equal frequency together.
 
     The last one is left out where it is alone: its other half may be the next.
@@ -174,15 +151,14 @@ def mode_groups(body: ReducedBody, basis: BasisChoice, plenty: int) -> list[IntA
     Parameters
     ----------
     body : ReducedBody
-    basis : BasisChoice
-    plenty : int
-        How many normal modes there are.
+    reduction : Reduction
+        That made it.
 
     Returns
     -------
     list of (k,) int
     """
-    groups = pairs(normal_frequencies(body, basis)[:plenty])
+    groups = pairs(normal_frequencies(body, reduction.basis)[: len(reduction.numbers)])
     return groups[:-1] if len(groups) > 1 and groups[-1].size == 1 else groups
 
 
@@ -199,15 +175,14 @@ def _first(last: int, enough: Callable[[int], bool], quick: bool) -> int | None:
     return high
 
 
-def _fewest_of_parts(
-    workshop: Workshop, basis: BasisChoice, variant: Variant, frames: int | Joints, plenty: int, allowed: float
-) -> Choice | None:
+def _fewest_of_parts(workshop: Workshop, most: Reduction, variant: Variant, allowed: float) -> Choice | None:
     """Of a cut body: the lowest modes of each part, which always gets residual flexibility."""
-    if basis is BasisChoice.NORMAL and BasisChoice.RESIDUAL in workshop.scene.file.sweep.basis:
+    if most.basis is BasisChoice.NORMAL and BasisChoice.RESIDUAL in workshop.scene.file.sweep.basis:
         return None
+    plenty = len(most.numbers)
     # All of them first: each try is a reduction, and where they do not do fewer will not.
     for count in (plenty, *(n for n in LADDER if n < plenty), plenty):
-        plan = Reduction(basis, count, frames)
+        plan = replace(most, modes=count)
         try:
             body = workshop.body(plan, [variant])
         except (AccuracyError, BodyFileError):
