@@ -341,6 +341,15 @@ def test_on_the_front_are_those_that_nothing_beats():
     assert pareto_front([], []) == []
 
 
+def test_of_equal_costs_only_the_smallest_error_is_on_the_front():
+    assert pareto_front([2.0, 2.0, 2.0, 3.0], [0.6, 0.5, 0.7, 0.55]) == [1]
+    # Where one stands for another of nearly the same cost, what costs the same and errs more is beaten.
+    cheapest = made_up(30, static_displacement=0.10, step_us=10.0, mode_count=30)
+    plain = made_up(3, static_displacement=0.105, step_us=10.2, mode_count=3)
+    exact = made_up(40, static_displacement=0.02, step_us=10.2, mode_count=40)
+    assert plain_front([cheapest, plain, exact], "step_us", "static_displacement", 0.1, 0.03) == [exact]
+
+
 def test_of_models_that_are_as_good_the_plainest_is_named():
     by_load = made_up(20, static_displacement=0.010, step_us=10.0, method="frames_stiffness", mode_count=20)
     plain = made_up(10, static_displacement=0.0102, step_us=10.2, mode_count=10)

@@ -30,11 +30,9 @@ class Driven:
 
     def __init__(self, path: str, folder: str):
         description = fmpy.read_model_description(path)
+        name, unpacked = description.coSimulation.modelIdentifier, fmpy.extract(path, folder)
         self.slave = FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=fmpy.extract(path, folder),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="timed",
+            guid=description.guid, unzipDirectory=unpacked, modelIdentifier=name, instanceName="timed"
         )
         self.slave.instantiate()
         variables = description.modelVariables

@@ -175,12 +175,10 @@ def pareto_front(costs: Sequence[float], errors: Sequence[float], margin: float 
     -------
     list of int
     """
-    order = sorted(
-        (k for k in range(len(costs)) if math.isfinite(costs[k]) and math.isfinite(errors[k])),
-        key=lambda k: (costs[k], errors[k]),
-    )
     front: list[int] = []
-    for k in order:
+    known = (k for k, pair in enumerate(zip(costs, errors, strict=True)) if all(map(math.isfinite, pair)))
+    # Of equal costs the smaller error comes first.
+    for k in sorted(known, key=lambda k: (costs[k], errors[k])):
         if not front or errors[k] < (1.0 - margin) * errors[front[-1]]:
             front.append(k)
     return front

@@ -119,10 +119,8 @@ class Layout(Generic[R]):
             raise self.error(f"{where}: {len(cells)} columns, expected {len(self.columns)}")
         *values, code, check = cells
         if row_check([*values, code]) != check:
-            raise self.error(
-                f"{where}: the row does not match its checksum: it was altered, or two runs wrote at once; "
-                "remove the line to have it made anew"
-            )
+            fault = "it was altered, or two runs wrote at once; remove the line to have it made anew"
+            raise self.error(f"{where}: the row does not match its checksum: {fault}")
         try:
             known = zip(fields(self.kind), values, strict=True)  # type: ignore[arg-type]
             return self.kind(**{field.name: _value(field, cell) for field, cell in known}), code

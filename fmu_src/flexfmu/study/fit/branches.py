@@ -77,31 +77,26 @@ def find_branches(config: BodyFile) -> list[Branch]:
     count = 0
     for number, (part, own) in enumerate(zip(parts, part_configs(options, opened, parts), strict=True)):
         more, frames = _branches(part.model, own, number, count)
-        found += more
-        count += frames
+        found, count = [*found, *more], count + frames
     return found
 
 
 def _branches(model: Model, config: BodyOptions, part: int, offset: int) -> tuple[list[Branch], int]:
     """Branches of a model in one piece, and its number of frames."""
     mesh = model.mesh
-    volumes, faces = mesh.volume_matrices, mesh.faces
     supported = hanging(model, config)
-    domains = divide(mesh, volumes, faces, supported, LEVELS).subdomains
+    domains = divide(mesh, mesh.volume_matrices, mesh.faces, supported, LEVELS).subdomains
     distance = distance_along(mesh, supported)
     middle = np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
     cuts = {side_set(cut, side): cut for cut in config.cuts for side in SIDES}
-    names = [table.name for table in config.interfaces]
     beyond: dict[int, list[str]] = {}
-    for name in names:
-        nodes = node_set(mesh, config.interfaces[names.index(name)].nodes, name)
-        if not name.isidentifier() and name not in cuts:
-            # A support's springs.
-            continue
-        s = carrying_frame(domains, nodes)
-        while s != GROUND:
-            beyond.setdefault(s, []).append(cuts.get(name, name))
-            s = domains[s].parent
+    for table in config.interfaces:
+        # Others are a support's springs.
+        if table.name.isidentifier() or table.name in cuts:
+            s = carrying_frame(domains, node_set(mesh, table.nodes, table.name))
+            while s != GROUND:
+                beyond.setdefault(s, []).append(cuts.get(table.name, table.name))
+                s = domains[s].parent
     chains: list[list[int]] = []
     chain_of: dict[int, int] = {}
     for s in sorted(beyond):
@@ -113,19 +108,19 @@ def _branches(model: Model, config: BodyOptions, part: int, offset: int) -> tupl
         else:
             chain_of[s] = chain_of[parent]
             chains[chain_of[s]].append(s)
+
+    def begins(s: int) -> float:
+        """Distance between the last element before a frame's joint and the first one beyond it."""
+        if domains[s].parent == GROUND:
+            return 0.0
+        first, before = float(middle[domains[s].elements].min()), middle[domains[domains[s].parent].elements]
+        return 0.5 * (first + float(before[before < first].max(initial=0.0)))
+
     found = []
     for chain in chains:
-        near = []
-        for s in chain:
-            begins = float(middle[domains[s].elements].min())
-            up = domains[s].parent
-            # Between the last element before the joint and the first one beyond it.
-            before = middle[domains[up].elements] if up != GROUND else np.zeros(1)
-            near.append(0.5 * (begins + float(before[before < begins].max(initial=0.0))) if up != GROUND else 0.0)
-        end = float(distance[domains[chain[-1]].body.nodes].max())
-        ends = tuple(beyond[chain[0]])
-        frames = tuple(offset + s for s in chain)
-        found.append(Branch(ends, part, frames, np.array([*near, end]), domains[chain[0]].parent == GROUND))
+        near = np.array([*map(begins, chain), float(distance[domains[chain[-1]].body.nodes].max())])
+        frames, root = tuple(offset + s for s in chain), domains[chain[0]].parent == GROUND
+        found.append(Branch(tuple(beyond[chain[0]]), part, frames, near, root))
     return found, len(domains)
 
 

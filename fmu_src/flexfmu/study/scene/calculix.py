@@ -117,15 +117,9 @@ def _mesh_cards(model: Model) -> Iterator[str]:
             name = f"PART{place}_{index}"
             used.append((name, int(index)))
             yield f"*ELEMENT, TYPE={block.type.name}, ELSET={name}"
-            for row, material in enumerate(materials):
-                if material != index:
-                    continue
+            for row in np.flatnonzero(materials == index):
                 words = [str(number + row + 1), *(str(node + 1) for node in block.connectivity[row])]
-                # A line of nodes that goes on ends in a comma.
-                yield from (
-                    ", ".join(words[k : k + 10]) + ("," if k + 10 < len(words) else "")
-                    for k in range(0, len(words), 10)
-                )
+                yield from _wrapped(words, 10)
         number += len(block.material)
     for key, index in made.items():
         found = np.frombuffer(key)
@@ -137,13 +131,16 @@ def _mesh_cards(model: Model) -> Iterator[str]:
             # Upper triangle, column by column, of 11, 22, 33, 12, 13, 23.
             matrix = found[1:].reshape(6, 6)[np.ix_(_DECK_ORDER, _DECK_ORDER)]
             words = [f"{value:.12e}" for value in matrix[np.tril_indices(6)]]
-            yield "*ELASTIC, TYPE=ANISO"
-            yield from (
-                ", ".join(words[k : k + 8]) + ("," if k + 8 < len(words) else "") for k in range(0, len(words), 8)
-            )
+            yield from ("*ELASTIC, TYPE=ANISO", *_wrapped(words, 8))
         yield from ("*DENSITY", f"{material.density:.12e}")
     for name, index in used:
         yield f"*SOLID SECTION, ELSET={name}, MATERIAL=MATERIAL{index}"
+
+
+def _wrapped(words: Sequence[str], most: int) -> Iterator[str]:
+    """Lines of so many words; one that goes on ends in a comma."""
+    for k in range(0, len(words), most):
+        yield ", ".join(words[k : k + most]) + ("," if k + most < len(words) else "")
 
 
 def _elasticity(mesh: Mesh, block: ElementBlock) -> FloatArray:
@@ -176,9 +173,7 @@ def _equation_cards(model: Model) -> Iterator[str]:
     transform = model.unknowns.transform
     if transform is None:
         return
-    known = np.ones(model.fixed.size, dtype=bool)
-    known[model.free] = False
-    for dof in np.flatnonzero(known & ~model.fixed.ravel()):
+    for dof in np.setdiff1d(np.flatnonzero(~model.fixed), model.free):
         row = slice(transform.indptr[dof], transform.indptr[dof + 1])
         terms = [(dof, -1.0), *zip(model.free[transform.indices[row]], transform.data[row], strict=True)]
         yield from ("*EQUATION", str(len(terms)))
@@ -216,18 +211,16 @@ def read_displacements(text: str, node_count: int) -> tuple[list[float], FloatAr
     times: list[float] = []
     tables: list[FloatArray] = []
     for line in text.splitlines():
-        head = re.match(r"\s*displacements .* time\s+(\S+)", line)
+        head, words = re.match(r"\s*displacements .* time\s+(\S+)", line), line.split()
         if head is not None:
             times.append(float(head[1]))
             tables.append(np.full((node_count, 3), np.nan))
-            continue
-        words = line.split()
-        if not words or not tables:
-            continue
-        try:
-            tables[-1][int(words[0]) - 1] = [float(word) for word in words[1:]]
-        except (ValueError, IndexError) as error:
-            raise SceneError(f"CalculiX printed {line.strip()!r}, expected a node and three displacements") from error
+        elif words and tables:
+            try:
+                tables[-1][int(words[0]) - 1] = [float(word) for word in words[1:]]
+            except (ValueError, IndexError) as error:
+                found = line.strip()
+                raise SceneError(f"CalculiX printed {found!r}, expected a node and three displacements") from error
     return times, np.array(tables).reshape(len(tables), 3 * node_count)
 
 
@@ -262,12 +255,9 @@ def run(text: str, factors: Sequence[float], node_count: int, report: Reporter) 
         (folder / f"{_JOB}.inp").write_text(text, encoding="ascii")
         start, before = time.perf_counter(), os.times()
         with (folder / "log.txt").open("w") as log:
+            environment = os.environ | {"OMP_NUM_THREADS": "1"}
             process = subprocess.Popen(
-                [program, "-i", _JOB],
-                cwd=folder,
-                env=os.environ | {"OMP_NUM_THREADS": "1"},
-                stdout=log,
-                stderr=subprocess.STDOUT,
+                [program, "-i", _JOB], cwd=folder, env=environment, stdout=log, stderr=subprocess.STDOUT
             )
             try:
                 _follow(process, folder / f"{_JOB}.sta", report)
@@ -290,14 +280,12 @@ def run(text: str, factors: Sequence[float], node_count: int, report: Reporter) 
 def _follow(process: subprocess.Popen[bytes], status: Path, report: Reporter) -> None:
     """Wait for the end, and say what is reached meanwhile."""
     said = 0
-    while True:
+    while process.returncode is None:
         with suppress(subprocess.TimeoutExpired):
             process.wait(_LOOK)
         for step, reached, iterations in (counts := _counts(status))[said:]:
             report.note(f"CalculiX: {100.0 * reached:.4g} % of step {step} after {iterations} iterations")
         said = len(counts)
-        if process.returncode is not None:
-            return
 
 
 def _counts(status: Path) -> list[tuple[int, float, int]]:
@@ -318,8 +306,7 @@ def _check(code: int, said: str, times: list[float], factors: Sequence[float]) -
     reached = len(times)
     if code == 0 and "*ERROR" not in said and "Job finished" in said and reached == len(factors):
         return
-    log = "\n  ".join(line.strip() for line in said.splitlines() if line.strip())
-    end = "\n  ".join(log.splitlines()[-_TOLD:])
+    end = "\n  ".join([line.strip() for line in said.splitlines() if line.strip()][-_TOLD:])
     if "divergence" in said or "too many cutbacks" in said:
         where = f"beyond {factors[reached - 1]:g} of the load" if reached else "at the first part of the load"
         raise SceneError(

@@ -156,11 +156,9 @@ def read_scene(path: Path, body: Path) -> Scene:
         )
     known = tuple(table.name for table in given.interface)
     tables = {case.name: _table(case, path) for case in file.transient}
-    loaded: set[str] = set()
     columns = {case.name: list(case.loads) for case in file.static} | {name: table[0] for name, table in tables.items()}
-    for case_name, inputs in columns.items():
-        loaded |= {_component(name, known, f"{path}: {case_name}.loads")[0] for name in inputs}
-    loaded -= {ACCELERATION}
+    every = [(name, f"{path}: {case}.loads") for case, inputs in columns.items() for name in inputs]
+    loaded = {_loaded(name, known, where) for name, where in every} - {ACCELERATION}
     for key, listed in (("loaded", file.loaded), ("read", file.read)):
         for name in listed or ():
             if name not in known:
@@ -173,11 +171,10 @@ def read_scene(path: Path, body: Path) -> Scene:
     kept = {*read, *loaded, *(file.loaded or ()), *([given.root or known[0]] if given.free else ())}
     config = given.model_copy(update={"interface": [table for table in given.interface if table.name in kept]})
     names = tuple(table.name for table in config.interface)
+    peaks = [_loads(c.loads, names, given, f"{path}: {c.name}") for c in file.static]
     static = tuple(
-        StaticCase(
-            c.name, _loads(c.loads, names, given, f"{path}: {c.name}"), tuple(c.factors), c.results, c.results_seconds
-        )
-        for c in file.static
+        StaticCase(c.name, peak, tuple(c.factors), c.results, c.results_seconds)
+        for c, peak in zip(file.static, peaks, strict=True)
     )
     transient = tuple(_transient(c, tables[c.name], names, given, path) for c in file.transient)
     return Scene(file, body, given, config, read, static, transient, _digest(file, config, read, static, transient))
@@ -188,7 +185,7 @@ def _digest(
     config: BodyFile,
     read: Sequence[str],
     static: Sequence[StaticCase],
-    transient: Sequence[TransientCase],
+    moving: Sequence[TransientCase],
 ) -> str:
     digest = hashlib.sha256()
     varied = {"mesh": {"file"}, "frames": True, "frame": True, "reduction": True, "formulation": True}
@@ -197,46 +194,40 @@ def _digest(
     digest.update(said.encode())
     digest.update(Path(config.mesh.file).read_bytes())
     digest.update(repr((tuple(read), file.tolerance, file.reference)).encode())
-    for case in static:
-        digest.update(repr((case.name, case.factors)).encode() + case.peak.packed(True).tobytes())
-    for motion in transient:
+    for rest in static:
+        digest.update(repr((rest.name, rest.factors)).encode() + rest.peak.packed(True).tobytes())
+    for motion in moving:
         digest.update(repr((motion.name, motion.step, motion.frequencies)).encode())
         for loads in (*motion.start_loads, *motion.end_loads):
             digest.update(loads.packed(True).tobytes())
-    for results in (*(c.results for c in static), *(c.results for c in transient)):
-        if results is None:
-            continue
+    for results in (*(case.results for case in static), *(case.results for case in moving)):
         try:
-            digest.update(results.read_bytes())
+            digest.update(results.read_bytes() if results is not None else b"")
         except OSError as error:
             raise SceneError(f"{results}: cannot be read ({error})") from error
     return digest.hexdigest()[:12]
 
 
-def _component(name: str, known: Sequence[str], where: str) -> tuple[str, str, int]:
-    """Interface, kind and axis of an FMU input."""
-    parts = name.split(".")
-    if name.startswith(f"{ACCELERATION}.") and parts[-1] in AXES:
-        return ACCELERATION, "acceleration", AXES.index(parts[-1])
-    if len(parts) != 3 or parts[0] not in known or parts[1] not in ("force", "moment") or parts[2] not in AXES:
+def _loaded(name: str, known: Sequence[str], where: str) -> str:
+    """Interface that an FMU input acts on; `ACCELERATION` of that of the supports."""
+    if name in [f"{ACCELERATION}.{axis}" for axis in AXES]:
+        return ACCELERATION
+    if name not in load_names(known):
         raise SceneError(
             f"{where}: {name!r} is no input of the body; expected INTERFACE.force.AXIS or INTERFACE.moment.AXIS, as "
             f'"{known[0]}.force.y", or "{ACCELERATION}.z"; its interfaces: {", ".join(known)}'
         )
-    return parts[0], parts[1], AXES.index(parts[2])
+    return name.partition(".")[0]
 
 
 def _loads(values: Mapping[str, float], names: Sequence[str], body: BodyFile, where: str) -> Loads:
-    force, moment, acceleration = np.zeros((len(names), 3)), np.zeros((len(names), 3)), np.zeros(3)
+    inputs = [*load_names(names), *(f"{ACCELERATION}.{axis}" for axis in AXES)]
+    packed = np.zeros(len(inputs))
     for name, value in values.items():
-        interface, kind, axis = _component(name, names, where)
-        if kind == "acceleration":
-            if not body.input.acceleration:
-                raise SceneError(f"{where}: {name!r} needs acceleration = true in [input] of the body file")
-            acceleration[axis] = value
-        else:
-            (force if kind == "force" else moment)[names.index(interface), axis] = value
-    return Loads(force, moment, acceleration)
+        if _loaded(name, names, where) == ACCELERATION and not body.input.acceleration:
+            raise SceneError(f"{where}: {name!r} needs acceleration = true in [input] of the body file")
+        packed[inputs.index(name)] = value
+    return Loads.unpacked(packed, len(names))
 
 
 def _table(case: TransientTable, path: Path) -> tuple[list[str], FloatArray]:
@@ -323,10 +314,9 @@ def read_results(path: Path, first: str, names: Sequence[str]) -> tuple[FloatArr
         raise SceneError(f"{path}: {error}; expected rows of {len(header)} numbers") from error
     if table.ndim != 2 or table.shape[1] != len(header) or not np.all(np.isfinite(table)):
         raise SceneError(f"{path}: expected rows of {len(header)} finite numbers")
-    motion = np.full((len(table), len(names), 6), np.nan)
+    motion = np.full((len(table), 6 * len(names)), np.nan)
     allowed = [f"{name}.{kind}.{axis}" for name in names for kind in MOTION for axis in AXES]
     for column, name in enumerate(header[1:], start=1):
         if name in allowed:
-            place = allowed.index(name)
-            motion[:, place // 6, place % 6] = table[:, column]
-    return table[:, 0], motion
+            motion[:, allowed.index(name)] = table[:, column]
+    return table[:, 0], motion.reshape(len(table), len(names), 6)
