@@ -47,6 +47,13 @@ def test_l_frame_demo_prints_errors_and_draws_figures(tmp_path):
     assert len(list(tmp_path.glob("*.png"))) == 5
 
 
+def test_modes_by_formula_bend_as_the_beam_does(tmp_path):
+    command = [sys.executable, "-m", "demo.given_modes", str(tmp_path / "beam.npz")]
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    # 10 N at the tip, F L³ / 3 E I; three modes leave 1 %.
+    assert float(printed.split()[-1]) == pytest.approx(10.0 / (3.0 * 2.1e11 * 0.02**4 / 12.0), rel=0.01)
+
+
 @pytest.fixture(scope="module")
 def table():
     """Errors by method and case at the full load; None where there is no equilibrium."""
