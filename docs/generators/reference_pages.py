@@ -197,7 +197,7 @@ def core_messages(source: str) -> Iterator[str]:
 def messages() -> str:
     """Every message, by the folder of the package that gives it."""
     found: dict[str, list[str]] = {}
-    for path in sorted(PACKAGE.rglob("*.*")):
+    for path in sorted(PACKAGE.glob("*/**/*.*")):
         room = path.relative_to(PACKAGE).parts[0]
         if path.suffix == ".py":
             found.setdefault(room, []).extend(messages_of(ast.parse(path.read_text(encoding="utf-8"))))
@@ -206,7 +206,7 @@ def messages() -> str:
     parts = []
     for room, texts in found.items():
         rows = [f"- `` {re.sub(r'…+', '…', ' '.join(text.split()))} ``" for text in dict.fromkeys(texts)]
-        parts += [f"### `{room}`\n\n" + "\n".join(rows)] if rows else []
+        parts += [f"## `{room}`\n\n" + "\n".join(rows)] if rows else []
     return "\n\n".join(parts)
 
 
