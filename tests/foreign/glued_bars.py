@@ -38,7 +38,7 @@ def surface(mesh, name, rows, first):
     (block,) = mesh.blocks
     inside = np.isin(block.connectivity, rows)
     lines = [f"*SURFACE, NAME={name}"]
-    for place, corners in enumerate(block.type.shape.cell.faces, start=1):
+    for place, corners in enumerate(block.type.shape.polytope.faces, start=1):
         lines += [f"{first + label}, S{place}" for label in block.labels[inside[:, corners].all(axis=1)]]
     return lines
 

@@ -142,8 +142,8 @@ def test_the_rules_of_an_element_lie_within_it_and_weigh_its_volume(kind):
 @EVERY
 def test_faces_of_an_element_close_it_and_hold_the_mid_side_nodes_of_their_edges(kind):
     shape = kind.shape
-    edges = [frozenset(pair) for face in shape.cell.faces for pair in zip(face, face[1:] + face[:1], strict=True)]
-    assert sorted(map(sorted, edges)) == sorted(2 * [sorted(edge) for edge in shape.cell.edges])
+    edges = [frozenset(pair) for face in shape.polytope.faces for pair in zip(face, face[1:] + face[:1], strict=True)]
+    assert sorted(map(sorted, edges)) == sorted(2 * [sorted(edge) for edge in shape.polytope.edges])
     for face in shape.faces:
         corners = len(face) // 2 if shape.quadratic else len(face)
         places = shape.nodes[list(face)]

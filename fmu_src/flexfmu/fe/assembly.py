@@ -98,7 +98,7 @@ def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]
     """
     total, volume = np.zeros((len(mesh.points), 3)), 0.0
     used = np.zeros(len(mesh.points), dtype=bool)
-    for block, chosen in mesh.parts(elements):
+    for block, chosen in mesh.by_block(elements):
         nodes, rule = block.connectivity[chosen], block.type.mass
         slope = block.type.shape.gradient(rule.points)
         inverse, determinant = jacobians(mesh.points[nodes], slope)

@@ -33,7 +33,7 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
     """
     u = fields.reshape(len(mesh.points), 3, -1)
     places, stresses = [], []
-    for block, inside in mesh.parts(elements):
+    for block, inside in mesh.by_block(elements):
         for _, some in cells(mesh, block.part(inside), CHUNK):
             gradient = some.displacement_gradient(u)
             found = some.stress(0.5 * (gradient + gradient.swapaxes(2, 3)))
@@ -82,4 +82,4 @@ def _extrapolation(kind: ElementType) -> FloatArray:
 
     Of several the least: one point gives a constant, one of the triangle at two heights what is linear along the wedge.
     """
-    return np.linalg.pinv(LINEAR[kind.shape.cell].value(kind.stiffness.points)).astype(np.float64)
+    return np.linalg.pinv(LINEAR[kind.shape.polytope].value(kind.stiffness.points)).astype(np.float64)

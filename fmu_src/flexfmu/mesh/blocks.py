@@ -48,7 +48,7 @@ class ElementBlock:
         return ElementBlock(self.type, self.labels[chosen], self.connectivity[chosen], self.material[chosen], axes)
 
 
-def parts(blocks: Sequence[ElementBlock], elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
+def by_block(blocks: Sequence[ElementBlock], elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
     """Yield each block that has some of the elements, counted over all blocks, and their places in it.
 
     Parameters
@@ -98,7 +98,7 @@ class FaceBlock:
 
 def face_corners(nodes: IntArray) -> int:
     """Number of corners of faces (f, k)."""
-    return len(FACE_SHAPES[nodes.shape[1]].cell.corners)
+    return len(FACE_SHAPES[nodes.shape[1]].polytope.corners)
 
 
 def faces_of(blocks: Sequence[ElementBlock]) -> tuple[FaceBlock, ...]:
@@ -140,7 +140,7 @@ def faces_of(blocks: Sequence[ElementBlock]) -> tuple[FaceBlock, ...]:
 
 
 def jacobians(corners: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of the elements' own coordinates by place, and how much larger the elements are than their cell.
+    """Derivatives of the elements' own coordinates by place, and how much larger the elements are than their polytope.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ def jacobian_determinants(points: FloatArray, block: ElementBlock) -> FloatArray
         m³; at the corners first, then at the quadrature points of the type.
     """
     shape = block.type.shape
-    places = np.concatenate([shape.cell.corners, block.type.stiffness.points])
+    places = np.concatenate([shape.polytope.corners, block.type.stiffness.points])
     # Relative to the first node, so that a body far from the origin loses no digits.
     coordinates = points[block.connectivity] - points[block.connectivity[:, :1]]
     determinants: FloatArray = np.linalg.det(np.einsum("ena,pnb->epab", coordinates, shape.gradient(places)))

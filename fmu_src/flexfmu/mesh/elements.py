@@ -73,7 +73,7 @@ class ElementType(Enum):
     @property
     def corner_count(self) -> int:
         """Corners per element: 4 of a tetrahedron, 6 of a wedge, 8 of a brick."""
-        return len(self.shape.cell.corners)
+        return len(self.shape.polytope.corners)
 
 
 ASSUMED = {kind.shape.name: kind for kind in ElementType if kind.assumed}

@@ -124,7 +124,7 @@ def _turned(found: Any, points: FloatArray, places: Sequence[int]) -> list[str]:
         block = found.cells[place]
         shape = ASSUMED[block.type].shape
         # Edges of the first corner, along the first coordinate, the second and the third.
-        ends = [max(edge) for edge in shape.cell.edges if 0 in edge]
+        ends = [max(edge) for edge in shape.polytope.edges if 0 in edge]
         inverted = np.linalg.det(points[block.data[:, ends]] - points[block.data[:, :1]]) < 0.0
         if inverted.any():
             count += int(inverted.sum())

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.mesh.blocks import ElementBlock, FaceBlock, faces_of, parts, volume_matrices
+from flexfmu.mesh.blocks import ElementBlock, FaceBlock, by_block, faces_of, volume_matrices
 from flexfmu.mesh.listing import listed
 
 NO_MATERIAL = -1
@@ -144,6 +144,6 @@ class Mesh:
         """Volumes (n_elements,) over all blocks, m³."""
         return np.concatenate([np.zeros(0), *(matrices.sum(axis=(1, 2)) for matrices in self.volume_matrices)])
 
-    def parts(self, elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
+    def by_block(self, elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
         """Each block that has some of the elements, counted over all blocks, and their places in it."""
-        return parts(self.blocks, elements)
+        return by_block(self.blocks, elements)

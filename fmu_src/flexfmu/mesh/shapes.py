@@ -1,4 +1,4 @@
-"""Reference cells, the polynomials on them that are one at one node and zero at the others, and quadrature.
+"""Reference polytopes, the polynomials on them that are one at one node and zero at the others, and quadrature.
 
 Coordinates go from −1 to 1 along the edges of bricks and rectangles, from 0 to 1 in triangles and tetrahedra. Those of
 wedges are the triangle's, then −1 to 1 along the prism. Source: K.-J. Bathe, Finite Element Procedures, 2nd ed., 5.3.
@@ -19,14 +19,14 @@ _DECIMALS = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cell:
+class Polytope:
     """A polyhedron or polygon in its own coordinates.
 
     Attributes
     ----------
     corners : (c, d) float
-    names : tuple of (str, str)
-        Nastran's, without the number of nodes of a face's, and Exodus' first three letters.
+    nastran, exodus : str
+        Nastran's name, without the number of nodes of a face, and the first three letters of Exodus'.
     edges : tuple of (int, int)
         Corners between which mid-side nodes lie, in the order of these nodes.
     faces : tuple of tuple of int
@@ -34,18 +34,19 @@ class Cell:
     """
 
     corners: FloatArray
-    names: tuple[str, str]
+    nastran: str
+    exodus: str
     edges: tuple[tuple[int, int], ...]
     faces: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Nodes of a cell, and the polynomials between them.
+    """Nodes of a polytope, and the polynomials between them.
 
     Attributes
     ----------
-    cell : Cell
+    polytope : Polytope
     name : str
         meshio's, which follows VTK.
     quadratic : bool
@@ -54,7 +55,7 @@ class Shape:
         Exponents of the monomials that the polynomials are made of.
     """
 
-    cell: Cell
+    polytope: Polytope
     name: str
     quadratic: bool
     powers: IntArray
@@ -62,31 +63,31 @@ class Shape:
     @cached_property
     def nodes(self) -> FloatArray:
         """Places of the nodes (n, d)."""
-        corners = self.cell.corners
-        middle = corners[np.array(self.cell.edges)].mean(axis=1)
+        corners = self.polytope.corners
+        middle = corners[np.array(self.polytope.edges)].mean(axis=1)
         return np.concatenate([corners, middle]) if self.quadratic else corners
 
     @cached_property
     def faces(self) -> tuple[tuple[int, ...], ...]:
-        """Nodes of each face, in the cell's order: corners around it, then mid-side nodes likewise."""
+        """Nodes of each face, in the polytope's order: corners around it, then mid-side nodes likewise."""
         if not self.quadratic:
-            return self.cell.faces
-        middle = {frozenset(edge): len(self.cell.corners) + k for k, edge in enumerate(self.cell.edges)}
+            return self.polytope.faces
+        middle = {frozenset(edge): len(self.polytope.corners) + k for k, edge in enumerate(self.polytope.edges)}
         return tuple(
             (*face, *(middle[frozenset(ends)] for ends in zip(face, (*face[1:], face[0]), strict=True)))
-            for face in self.cell.faces
+            for face in self.polytope.faces
         )
 
     @cached_property
     def mirrored(self) -> IntArray:
-        """The nodes (n,) in the order that turns a cell inside out."""
+        """The nodes (n,) in the order that turns an element inside out."""
         turned = self.nodes[:, [1, 0, *range(2, self.nodes.shape[1])]]
         return np.array([np.flatnonzero((self.nodes == place).all(axis=1))[0] for place in turned], dtype=np.int64)
 
     @cached_property
     def layered(self) -> IntArray:
         """Where the nodes (n,) stand in Nastran and Exodus, with mid-side nodes from the bottom to the top."""
-        count = len(self.cell.corners)
+        count = len(self.polytope.corners)
         height = self.nodes[count:, 2:].sum(axis=1)
         return np.argsort([*range(count), *(count + np.argsort(height, kind="stable"))])
 
@@ -117,27 +118,31 @@ def _powers(dimension: int, wanted: Callable[..., bool]) -> IntArray:
     return np.array([power for power in product(range(3), repeat=dimension) if wanted(*power)], dtype=np.int64)
 
 
-_TRIANGLE = Cell(np.array([(0, 0), (1, 0), (0, 1)], dtype=float), ("CTRIA", "TRI"), ((0, 1), (1, 2), (2, 0)))
-_RECTANGLE = Cell(
+_TRIANGLE = Polytope(np.array([(0, 0), (1, 0), (0, 1)], dtype=float), "CTRIA", "TRI", ((0, 1), (1, 2), (2, 0)))
+_RECTANGLE = Polytope(
     np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float),
-    ("CQUAD", "QUA"),
+    "CQUAD",
+    "QUA",
     ((0, 1), (1, 2), (2, 3), (3, 0)),
 )
-TETRAHEDRON = Cell(
+TETRAHEDRON = Polytope(
     np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=float),
-    ("CTETRA", "TET"),
+    "CTETRA",
+    "TET",
     ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
     ((0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
 )
-WEDGE = Cell(
+WEDGE = Polytope(
     np.array([(*corner, end) for end in (-1.0, 1.0) for corner in _TRIANGLE.corners]),
-    ("CPENTA", "WED"),
+    "CPENTA",
+    "WED",
     ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
     ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
 )
-BRICK = Cell(
+BRICK = Polytope(
     np.array([(*corner, end) for end in (-1.0, 1.0) for corner in _RECTANGLE.corners]),
-    ("CHEXA", "HEX"),
+    "CHEXA",
+    "HEX",
     ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
     ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 )
@@ -153,15 +158,15 @@ WEDGE_15 = Shape(WEDGE, "wedge15", True, _powers(3, lambda r, s, t: r + s <= (2 
 BRICK_8 = Shape(BRICK, "hexahedron", False, _powers(3, lambda *p: max(p) <= 1))
 BRICK_20 = Shape(BRICK, "hexahedron20", True, _powers(3, lambda *p: p.count(2) <= 1))
 
-LINEAR = {shape.cell: shape for shape in (TETRAHEDRON_4, WEDGE_6, BRICK_8)}
-"""The functions between the corners of a cell."""
+LINEAR = {shape.polytope: shape for shape in (TETRAHEDRON_4, WEDGE_6, BRICK_8)}
+"""The functions between the corners of a polytope."""
 FACE_SHAPES = {len(shape.nodes): shape for shape in (TRIANGLE_3, TRIANGLE_6, RECTANGLE_4, RECTANGLE_8)}
 """By the number of a face's nodes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quadrature:
-    """Where and with which weights functions on a cell are summed.
+    """Where and with which weights functions on a polytope are summed.
 
     Attributes
     ----------

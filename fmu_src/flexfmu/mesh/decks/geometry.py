@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import DeckError
-from flexfmu.mesh.blocks import ElementBlock, parts
+from flexfmu.mesh.blocks import ElementBlock, by_block
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.types import SUPPORTED, reading
 from flexfmu.mesh.elements import ElementType
@@ -154,7 +154,7 @@ class Elements:
 
     def solids_of(self, positions: Iterable[int]) -> list[tuple[ElementBlock, IntArray]]:
         """Blocks with some of the elements, and their places in them."""
-        return list(parts(self.blocks, np.array(sorted(positions), dtype=np.int64)))
+        return list(by_block(self.blocks, np.array(sorted(positions), dtype=np.int64)))
 
     def others_of(self, positions: Iterable[int]) -> list[Element]:
         """Those of the elements that are no solids."""

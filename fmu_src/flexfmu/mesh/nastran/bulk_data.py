@@ -23,9 +23,9 @@ from flexfmu.mesh.shapes import FACE_SHAPES
 
 # Solids and faces by card and number of nodes. Faces that belong to no property have no stiffness: mesh generators
 # mark groups by them.
-_SOLIDS = {(kind.shape.cell.names[0], kind.node_count): kind.shape for kind in ASSUMED.values()}
-_FACES = {(f"{shape.cell.names[0]}{count}", count): shape for count, shape in FACE_SHAPES.items()}
-_CORNERS = {shape.cell.names[0]: len(shape.cell.corners) for shape in _SOLIDS.values()}
+_SOLIDS = {(kind.shape.polytope.nastran, kind.node_count): kind.shape for kind in ASSUMED.values()}
+_FACES = {(f"{shape.polytope.nastran}{count}", count): shape for count, shape in FACE_SHAPES.items()}
+_CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SOLIDS.values()}
 # They hold or load nothing.
 _DRAWN = ("PLOTEL", "PLOTEL3", "PLOTEL4")
 

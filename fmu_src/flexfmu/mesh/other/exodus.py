@@ -18,7 +18,7 @@ from flexfmu.mesh.shapes import FACE_SHAPES
 
 # Shapes by the first three letters and the number of nodes.
 _SOLIDS = [kind.shape for kind in ASSUMED.values()]
-_KINDS = {(shape.cell.names[1], len(shape.nodes)): shape for shape in (*_SOLIDS, *FACE_SHAPES.values())}
+_KINDS = {(shape.polytope.exodus, len(shape.nodes)): shape for shape in (*_SOLIDS, *FACE_SHAPES.values())}
 _KINDS |= {("SHE", 4): FACE_SHAPES[4], ("SHE", 8): FACE_SHAPES[8]}
 _EDGES = {("BAR", 2): "line", ("BAR", 3): "line3"}
 # Where the faces of solids stand in Exodus' order of sides.
@@ -95,7 +95,7 @@ def _side_nodes(cells: list[tuple[str, IntArray]], elements: IntArray, sides: In
             chosen = rows[elements[inside & (sides == side)] - start]
             if kind in ASSUMED:
                 shape = ASSUMED[kind].shape
-                chosen = chosen[:, shape.faces[_SIDES[shape.cell.names[1]][side]]]
+                chosen = chosen[:, shape.faces[_SIDES[shape.polytope.exodus][side]]]
             found.append(chosen.ravel())
         start += len(rows)
     return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.int64)
