@@ -13,8 +13,6 @@ ROOT = Path(__file__).resolve().parents[2]
 _METHODS = (
     "`linear`",
     "`stiffness_by_load`",
-    "`modal_rotation`, 4 frames",
-    "`half_rotation`, 4 frames",
     "`floating_frame`",
     "`frames`, 8 frames",
     "`second_order`, 1 frame, and residual flexibility",
