@@ -55,7 +55,12 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
     for name in names:
         if names.count(name) > 1 or name == "time":
             raise SimulationError(f"{path}: two columns are called {name!r}, expected each name once")
-    values = np.empty((len(lines) - 1, len(names) + 1))
+    return names, _rows(path, lines, [factor for _, factor in columns])
+
+
+def _rows(path: Path, lines: list[tuple[int, list[str]]], factors: list[float]) -> FloatArray:
+    """Numbers of the lines below the header, in SI units."""
+    values = np.empty((len(lines) - 1, len(factors)))
     for k, (line, row) in enumerate(lines[1:]):
         if len(row) != values.shape[1]:
             raise SimulationError(
@@ -63,7 +68,7 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
                 "columns only, and decimal points"
             )
         try:
-            values[k] = [factor * float(cell) for cell, (_, factor) in zip(row, columns, strict=True)]
+            values[k] = [factor * float(cell) for cell, factor in zip(row, factors, strict=True)]
         except ValueError as error:
             raise SimulationError(f"{path}, line {line}: {error}; expected numbers, units in the header") from error
         if not np.all(np.isfinite(values[k])):
@@ -73,7 +78,7 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
             )
         if k and values[k, 0] < values[k - 1, 0]:
             raise SimulationError(f"{path}, line {line}: time goes back from {values[k - 1, 0]} to {values[k, 0]}")
-    return names, values
+    return values
 
 
 def _header_fault(cells: Sequence[str]) -> str:

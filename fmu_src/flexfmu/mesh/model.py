@@ -1,6 +1,6 @@
 """The finite element mesh as data: nodes, blocks of solid elements, sets and materials; SI units throughout."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -72,6 +72,13 @@ class PointMass:
     nodes: IntArray
     mass: float
     inertia: FloatArray
+
+
+def masses_note(masses: Sequence[PointMass], where: str) -> list[str]:
+    """A line on the masses that a file gives to nodes or points; none without them."""
+    total = sum(one.mass for one in masses)
+    names = listed(one.name for one in masses)
+    return [f"masses at {len(masses)} {where}: {names}; {total:.5g} kg"] if masses else []
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,8 +11,7 @@ from flexfmu.mesh.decks.cards import Card, Line, fields, number
 from flexfmu.mesh.decks.couplings import Coupling
 from flexfmu.mesh.decks.geometry import Elements
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import PointMass
+from flexfmu.mesh.model import PointMass, masses_note
 
 # The type of element that each card gives its numbers, and where I11, I22, I33, I12, I13, I23 stand in a matrix.
 _TYPES = {"MASS": "MASS", "ROTARYINERTIA": "ROTARYI"}
@@ -63,9 +62,7 @@ def point_masses(
             place = f"{one.line.place}: node {labels[row]}"
             notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
         found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, one.mass, one.inertia))
-    if found:
-        total = sum(one.mass for one in found)
-        notes.append(f"masses at {len(found)} nodes: {listed(one.name for one in found)}; {total:.5g} kg")
+    notes.extend(masses_note(found, "nodes"))
     return tuple(found)
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import PointMass
+from flexfmu.mesh.model import PointMass, masses_note
 from flexfmu.mesh.nastran.constraints import spider_ends
 
 
@@ -76,7 +75,5 @@ def point_masses(
         found.append(
             PointMass(f"CONM2 {number}", at, rows, float(one.mass) * weight, inertia * weight * units.length**2)
         )
-    if found:
-        total = sum(one.mass for one in found)
-        notes.append(f"masses at {len(found)} points: {listed(one.name for one in found)}; {total:.5g} kg")
+    notes.extend(masses_note(found, "points"))
     return tuple(found)
