@@ -7,7 +7,7 @@
 
 /* All that follows is in the order of interface.def. */
 enum {
-#define ROLE(symbol, count) ROLE_##symbol,
+#define ROLE(symbol, ...) ROLE_##symbol,
 #include "interface.def"
     ROLES
 };

@@ -46,42 +46,80 @@ static double (*const DIAGNOSE[])(Instance *) = {
 #include "interface.def"
 };
 
+static Answer read_input(Instance *x, int64_t index, double *value, char *why) {
+    (void)why;
+    *value = x->input[index];
+    return ANSWER_OK;
+}
+
+static Answer read_parameter(Instance *x, int64_t index, double *value, char *why) {
+    (void)why;
+    *value = x->parameter[index];
+    return ANSWER_OK;
+}
+
+static Answer read_status(Instance *x, int64_t index, double *value, char *why) {
+    (void)index, (void)why;
+    *value = x->single[S_STATUS];
+    return ANSWER_OK;
+}
+
+/* Motions and rates, found when one of them is first asked for. */
+static Answer move(Instance *x, char *why) {
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    if (!(x->cached & CACHED_MOTION) && body_motion(x->body, x->q, x->v, x->motion, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
+    x->cached |= CACHED_MOTION;
+    return ANSWER_OK;
+}
+
+static Answer read_motion(Instance *x, int64_t index, double *value, char *why) {
+    const Answer answer = move(x, why);
+    if (answer == ANSWER_OK) *value = x->motion[index];
+    return answer;
+}
+
+static Answer read_rate(Instance *x, int64_t index, double *value, char *why) {
+    const Answer answer = move(x, why);
+    if (answer == ANSWER_OK) *value = x->rates[index];
+    return answer;
+}
+
+static Answer read_stress(Instance *x, int64_t index, double *value, char *why) {
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    if (!(x->cached & CACHED_STRESS)) body_stress(x->body, x->q, x->stress);
+    x->cached |= CACHED_STRESS;
+    *value = x->stress[index];
+    return ANSWER_OK;
+}
+
+static Answer read_compliance(Instance *x, int64_t index, double *value, char *why) {
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    const Program *p = description(x);
+    const int64_t n = p->compliances;
+    if (!(x->cached & CACHED_COMPLIANCE) &&
+        body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, n, x->compliance) != FLEX_OK)
+        return instance_lacks_room(x, why);
+    x->cached |= CACHED_COMPLIANCE;
+    /* By pairs of interfaces: of the first by loads on the second, row by row. */
+    const int64_t pair = index / 36, row = index % 36 / 6, column = index % 6;
+    *value = x->compliance[(6 * (pair / n) + row) * 6 * n + 6 * (pair % n) + column];
+    return ANSWER_OK;
+}
+
+static Answer read_diagnostic(Instance *x, int64_t index, double *value, char *why) {
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    *value = DIAGNOSE[index](x);
+    return ANSWER_OK;
+}
+
+static Answer (*const READ[])(Instance *, int64_t, double *, char *) = {
+#define ROLE(symbol, reader, ...) reader,
+#include "interface.def"
+};
+
 Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
     const Program *p = description(x);
-    const int64_t role = p->variable_role[variable], index = p->variable_index[variable];
-    switch (role) {
-    case ROLE_INPUT: *value = x->input[index]; return ANSWER_OK;
-    case ROLE_PARAMETER: *value = x->parameter[index]; return ANSWER_OK;
-    case ROLE_STATUS: *value = x->single[S_STATUS]; return ANSWER_OK;
-    default: break;
-    }
-    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
-    switch (role) {
-    case ROLE_MOTION:
-    case ROLE_RATE:
-        if (!(x->cached & CACHED_MOTION) && body_motion(x->body, x->q, x->v, x->motion, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
-        x->cached |= CACHED_MOTION;
-        *value = role == ROLE_MOTION ? x->motion[index] : x->rates[index];
-        break;
-    case ROLE_STRESS:
-        if (!(x->cached & CACHED_STRESS)) body_stress(x->body, x->q, x->stress);
-        x->cached |= CACHED_STRESS;
-        *value = x->stress[index];
-        break;
-    case ROLE_COMPLIANCE: {
-        const int64_t n = p->compliances;
-        if (!(x->cached & CACHED_COMPLIANCE) &&
-            body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, n, x->compliance) != FLEX_OK)
-            return instance_lacks_room(x, why);
-        x->cached |= CACHED_COMPLIANCE;
-        /* By pairs of interfaces: of the first by loads on the second, row by row. */
-        const int64_t pair = index / 36, row = index % 36 / 6, column = index % 6;
-        *value = x->compliance[(6 * (pair / n) + row) * 6 * n + 6 * (pair % n) + column];
-        break;
-    }
-    default: *value = DIAGNOSE[index](x);
-    }
-    return ANSWER_OK;
+    return READ[p->variable_role[variable]](x, p->variable_index[variable], value, why);
 }
 
 Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_count, const int64_t *inputs,

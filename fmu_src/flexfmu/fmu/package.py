@@ -151,7 +151,7 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes]) -> d
     made = programs(body)
     described = model_description(body, "", runtime)
     if runtime is Runtime.NATIVE:
-        binaries = {f"binaries/{folder}/{body.name}{ending}": data for folder, ending, data in _by_folder(cores)}
+        binaries = {f"binaries/{Path(name).stem}/{body.name}{Path(name).suffix}": data for name, data in cores.items()}
         code = {}
         sources = {f"sources/{path.name}": path.read_bytes() for path in source_files()}
         sources["sources/README.txt"] = _SOURCES_README.format(name=body.name, flags=" ".join(FLAGS)).encode()
@@ -192,11 +192,6 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes]) -> d
 def _modal_mark(modal: bytes) -> str:
     """What a guid begins with: so a modal file of another FMU is noticed."""
     return hashlib.sha256(modal).hexdigest()[:8]
-
-
-def _by_folder(cores: dict[str, bytes]) -> list[tuple[str, str, bytes]]:
-    """Folder of FMI's platform, ending and contents of each core."""
-    return [(Path(name).stem, Path(name).suffix, data) for name, data in cores.items()]
 
 
 def read_packaged_body(path: Path) -> ReducedBody:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TypeVar
 
 from .errors import OptionError
 
@@ -61,6 +62,9 @@ class Kinematics(Enum):
     """The tree of corotated frames."""
     SECOND_ORDER = "second_order"
     """The same, with what motions within the frames lack at second order."""
+
+
+_Choice = TypeVar("_Choice", Method, Mass)
 
 
 class LoadPlacement(Enum):
@@ -188,36 +192,29 @@ def masses_of(method: Method) -> tuple[Mass, ...]:
     return tuple(Mass) if method in (Method.FRAMES, Method.SECOND_ORDER) else (Mass.CONSTANT,)
 
 
-def method_named(value: Method | str) -> Method:
-    """A method by itself or by its name.
+def named(kind: type[_Choice], value: _Choice | str) -> _Choice:
+    """A method or a mass by itself or by its name.
 
     Parameters
     ----------
-    value : Method or str
+    kind : type
+        `Method` or `Mass`.
+    value : Method, Mass or str
 
     Returns
     -------
-    Method
+    Method or Mass
 
     Raises
     ------
     OptionError
-        There is no such method.
+        There is none of this name.
     """
     try:
-        return Method(value)
+        return kind(value)
     except ValueError:
-        names = ", ".join(method.value for method in Method)
-        raise OptionError(f"method is {value!r}, expected one of {names}") from None
-
-
-def mass_named(value: Mass | str) -> Mass:
-    """A mass by itself or by its name; OptionError where there is none such."""
-    try:
-        return Mass(value)
-    except ValueError:
-        names = ", ".join(mass.value for mass in Mass)
-        raise OptionError(f"mass is {value!r}, expected one of {names}") from None
+        names = ", ".join(choice.value for choice in kind)
+        raise OptionError(f"{kind.__name__.lower()} is {value!r}, expected one of {names}") from None
 
 
 def has_frames(method: Method) -> bool:

@@ -12,9 +12,8 @@ from .methods import (
     Method,
     Variant,
     has_frames,
-    mass_named,
     masses_of,
-    method_named,
+    named,
     needs,
     recipe_of,
 )
@@ -44,9 +43,9 @@ def chosen(body: ReducedBody, method: Method | str | None = None, mass: Mass | s
     if method is None:
         one = Method.LINEAR if has_frames(body.method) and not body.frame_count else body.method
     else:
-        one = method_named(method)
+        one = named(Method, method)
     if mass is not None:
-        found = Variant(one, mass_named(mass))
+        found = Variant(one, named(Mass, mass))
     else:
         found = Variant(one, body.mass if body.mass in masses_of(one) else Mass.CONSTANT)
     lack = missing(body, found.method, found.mass)

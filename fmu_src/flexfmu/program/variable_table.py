@@ -15,20 +15,13 @@ from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered
 from .variables import AXES, Variable
 
-_INPUT, _OUTPUT = ("input", "continuous", None), ("output", "continuous", "calculated")
-_LOCAL = ("local", "continuous", "calculated")
-_FMI = {
-    "INPUT": _INPUT,
-    "MOTION": _OUTPUT,
-    "RATE": _OUTPUT,
-    "STRESS": _OUTPUT,
-    # Not an output: masters that take every output for a real number would stop at an integer.
-    "STATUS": _LOCAL,
-    "PARAMETER": ("parameter", "fixed", "exact"),
-    "DIAGNOSTIC": _LOCAL,
-    "COMPLIANCE": _LOCAL,
+# Variability and initial of each causality.
+_KINDS = {
+    "input": ("continuous", None),
+    "output": ("continuous", "calculated"),
+    "local": ("continuous", "calculated"),
+    "parameter": ("fixed", "exact"),
 }
-"""Causality, variability and initial of each role."""
 # Rows and columns of an interface's compliance, and the unit of each pair of their first letters.
 _ROWS = {f"u{axis}": f"displacement along {axis}" for axis in AXES}
 _ROWS |= {f"r{axis}": f"rotation about {axis}" for axis in AXES}
@@ -105,7 +98,8 @@ def _variable(
     body: ReducedBody, row: Row, number: int, words: Words, spoken: Words, nominal: Mapping[str, float]
 ) -> Variable:
     """The variable of a row."""
-    causality, variability, initial = _FMI[row.role]
+    causality = next(causality for role, _, causality, _ in lines("ROLE") if role == row.role)
+    variability, initial = _KINDS[causality]
     if row.tunable:
         variability = "tunable"
     elif row.type == "Integer":
@@ -123,7 +117,7 @@ def _variable(
         unit=_UNITS[words["ROW"][0] + words["COLUMN"][0]] if row.role == "COMPLIANCE" else row.unit or None,
         description=_filled(_description(body, row, choices, words), spoken),
         minimum=row.least if row.role == "PARAMETER" and row.type == "Real" else None,
-        nominal=nominal[row.name.split(".")[1]] if row.role in ("INPUT", "MOTION", "RATE", "STRESS") else None,
+        nominal=nominal.get(row.name.split(".")[1]) if causality in ("input", "output") else None,
         choices=choices,
     )
 
