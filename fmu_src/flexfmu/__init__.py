@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from .build.choices import Interface, Support
     from .build.config import Basis
     from .files.units import UnitSystem
+    from .files.version import __version__
     from .fmu.built_body import BuiltBody, SimulationResult, load
     from .given.matrices import linear_body
     from .given.modes import GivenModes, read_given
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from .mesh.formats import read_mesh
     from .mesh.model import Mesh
     from .model.methods import Mass, Method
-
-    __version__: str
 __all__ = [
     "Basis",
     "Body",
@@ -47,36 +46,25 @@ __all__ = [
 
 # Imported when first asked for.
 _MODULES = {
-    "Basis": ".build.config",
-    "Body": ".api",
-    "BuiltBody": ".fmu.built_body",
-    "FlexibleBody": ".body.flexible_body",
-    "GivenModes": ".given.modes",
-    "Interface": ".build.choices",
-    "Mass": ".model.methods",
-    "Mesh": ".mesh.model",
-    "Method": ".model.methods",
-    "Response": ".body.flexible_body",
-    "SimulationResult": ".fmu.built_body",
-    "State": ".body.flexible_body",
-    "StepLimits": ".body.flexible_body",
-    "Support": ".build.choices",
-    "UnitSystem": ".files.units",
-    "linear_body": ".given.matrices",
-    "load": ".fmu.built_body",
-    "pack": ".given.packing",
-    "read_given": ".given.modes",
-    "read_mesh": ".mesh.formats",
-    "read_sid": ".given.sid",
-    "write_sid": ".given.sid",
+    ".api": ("Body",),
+    ".body.flexible_body": ("FlexibleBody", "Response", "State", "StepLimits"),
+    ".build.choices": ("Interface", "Support"),
+    ".build.config": ("Basis",),
+    ".files.units": ("UnitSystem",),
+    ".files.version": ("__version__",),
+    ".fmu.built_body": ("BuiltBody", "SimulationResult", "load"),
+    ".given.matrices": ("linear_body",),
+    ".given.modes": ("GivenModes", "read_given"),
+    ".given.packing": ("pack",),
+    ".given.sid": ("read_sid", "write_sid"),
+    ".mesh.formats": ("read_mesh",),
+    ".mesh.model": ("Mesh",),
+    ".model.methods": ("Mass", "Method"),
 }
 
 
 def __getattr__(name: str) -> object:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if name == "__version__":
-        from .files.version import VERSION
-
-        return VERSION
-    return getattr(import_module(_MODULES[name], __name__), name)
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(module, __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -10,7 +10,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.files.tables import read_table
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import Result, couple, read_coupling_file, run, write_result
-from flexfmu.master.acceleration import Model, Secants, joined, no_secants, quasi_newton_update
+from flexfmu.master.acceleration import KnownResponse, Secants, joined, no_secants, quasi_newton_update
 from flexfmu.master.config import Held, Scheme
 from flexfmu.master.exchange import base_inputs, coupled_inputs, noise
 from flexfmu.master.springs import Springs, backward_rates, energy, loads, losses, relative_motion, tangent
@@ -486,7 +486,7 @@ def test_round_off_costs_a_stiff_coupling_one_difference_and_one_refinement():
 
 def test_a_slope_that_is_known_settles_at_once(random):
     slope, shift = stiff(random), random.standard_normal(6)
-    count, error, _ = settle(slope, shift, Model(slope, np.ones(6, dtype=bool)))
+    count, error, _ = settle(slope, shift, KnownResponse(slope, np.ones(6, dtype=bool)))
     assert count == 2
     assert error < 1e-12
 
@@ -497,7 +497,7 @@ def test_a_slope_that_is_known_in_part_helps(random):
     slope[0, 7] = 0.5
     partly = slope.copy()
     partly[6:] = partly[:, 6:] = 0.0
-    count, error, _ = settle(slope, shift, Model(partly, np.arange(8) < 6), tolerance=1e-9)
+    count, error, _ = settle(slope, shift, KnownResponse(partly, np.arange(8) < 6), tolerance=1e-9)
     plain, _, _ = settle(slope, shift, tolerance=1e-9)
     assert error < 1e-7
     assert count < plain

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..core import Core, StepLimits
 from ..files.array_types import FloatArray
-from ..model.division import divided
 from ..model.errors import EquilibriumError, LoadError, OptionError, StepError
 from ..model.fixing import with_fixed_interfaces
+from ..model.frame_layout import with_frame_layout
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
@@ -120,7 +120,7 @@ class FlexibleBody:
             raise OptionError(f"internal_step.most is {limits.most}, expected a finite number of internal steps ≥ 1")
         variant = chosen(model, method, mass)
         self.variant, self.method = variant, variant.method
-        self.model = divided(with_fixed_interfaces(model, fixed, self.method), self.method)
+        self.model = with_frame_layout(with_fixed_interfaces(model, fixed, self.method), self.method)
         self.limits = limits
         program = compile_program(self.model, self.method, variant.mass)
         self.core = Core(program, damping_scale, limits)

@@ -10,7 +10,7 @@ from ..files.array_types import FloatArray
 from ..files.errors import BodyFileError
 from ..files.progress import Reporter
 from ..files.store import Store
-from ..files.version import VERSION
+from ..files.version import __version__
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
 from ..mesh.plausibility import implausible
@@ -155,7 +155,7 @@ def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict
         "body_sha256": hashlib.sha256(config.model_dump_json(exclude={"mesh": {"file"}}).encode()).hexdigest(),
         "nodes": str(len(mesh.points)),
         "elements": str(mesh.element_count),
-        "flexfmu_version": VERSION,
+        "flexfmu_version": __version__,
         **(
             {NORMAL_MODES: " ".join(map(str, config.reduction.numbers))}
             if isinstance(config.reduction.modes, list)

@@ -42,9 +42,9 @@ for _name in COMMANDS:
 
 def _version(asked: bool) -> None:
     if asked:
-        from ..files.version import VERSION
+        from ..files.version import __version__
 
-        typer.echo(f"flexfmu {VERSION}")
+        typer.echo(f"flexfmu {__version__}")
         raise typer.Exit
 
 

@@ -2,4 +2,4 @@
 
 from importlib.metadata import version
 
-VERSION = version("flexfmu")
+__version__ = version("flexfmu")

@@ -4,7 +4,7 @@ import math
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ..core.building import sources
-from ..files.version import VERSION
+from ..files.version import __version__
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import variable_table
 from ..program.variables import Variable
@@ -61,7 +61,7 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
         description=f"Flexible body {body.name}: {body.mode_count} modes, {body.frame_count} corotated frames. All "
         "vectors have components along the fixed global axes of its "
         "finite element model; rotations are rotation vectors.",
-        generationTool=f"flexfmu {VERSION}",
+        generationTool=f"flexfmu {__version__}",
         variableNamingConvention="structured",
         numberOfEventIndicators="0",
     )

@@ -18,7 +18,7 @@ from ..files.counts import plural
 from ..files.errors import BodyFileError
 from ..files.progress import Reporter, ScriptReporter
 from ..files.units import UnitSystem
-from ..files.version import VERSION
+from ..files.version import __version__
 from ..fmu.built_body import BuiltBody, load
 from ..mesh.blocks import FaceBlock
 from ..mesh.checks import checked
@@ -234,7 +234,7 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         method=variant.method,
         mass=variant.mass,
         velocity_outputs=spec.output.velocities,
-        provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": VERSION},
+        provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": __version__},
     )
     report.note(
         f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg; "

@@ -38,7 +38,7 @@ class Secants:
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class KnownResponse:
     """What is known beforehand of g.
 
     Attributes
@@ -90,7 +90,7 @@ def quasi_newton_update(
     secants: Secants,
     scale: FloatArray,
     relaxation: float,
-    model: Model | None = None,
+    model: KnownResponse | None = None,
     earlier: Secants | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Change of the coupled inputs that should make the residual zero, and how far off they may still be.
@@ -108,7 +108,7 @@ def quasi_newton_update(
         Sizes that make inputs of different kinds comparable, > 0.
     relaxation : float
         Part of an unexplained residual that is added as long as there are no differences.
-    model : Model, optional
+    model : KnownResponse, optional
     earlier : Secants, optional
         Of earlier steps.
 
@@ -140,7 +140,7 @@ def _responses(secants: Secants, kept: list[int], scale: FloatArray) -> tuple[fl
     return float(np.min(ratio)), float(np.max(ratio))
 
 
-def _unexplained(rest: FloatArray, scale: FloatArray, part: float, model: Model | None) -> FloatArray:
+def _unexplained(rest: FloatArray, scale: FloatArray, part: float, model: KnownResponse | None) -> FloatArray:
     """M⁻¹ times what is left of the residual; where nothing is known M is 1/part."""
     plain: FloatArray = part * rest
     if model is None:

@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from ..files.array_types import BoolArray, FloatArray
-from .acceleration import Model
+from .acceleration import KnownResponse
 from .layout import Response, Wiring
 from .springs import Springs, backward_rates, energy, loads, losses, tangent
 
@@ -95,7 +95,7 @@ def interface_response(
     compliance: Sequence[FloatArray],
     share: float = 1.0,
     dampers: Dampers = Dampers.NOW,
-) -> Model | None:
+) -> KnownResponse | None:
     """Derivative of the coupled inputs with respect to themselves, held over a step, from the interfaces' compliance.
 
     Of springs only one of whose ends offers its compliance nothing is known.
@@ -115,7 +115,7 @@ def interface_response(
 
     Returns
     -------
-    Model or None
+    KnownResponse or None
         None: nothing is known.
     """
     ends, springs, fed = wiring.ends, wiring.springs, wiring.matrix != 0.0
@@ -150,7 +150,7 @@ def interface_response(
     used[ends.motion] = True
     # Nothing is missing where all is told of every signal that is used.
     complete = np.all(told[:-1] | ~movable, axis=1) | ~used[:-1]
-    return Model(share * slope, known, bool(np.all(complete)))
+    return KnownResponse(share * slope, known, bool(np.all(complete)))
 
 
 def _signals_by_inputs(

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
-from .acceleration import Model, Secants, joined, no_secants, quasi_newton_update
+from .acceleration import KnownResponse, Secants, joined, no_secants, quasi_newton_update
 from .config import ExperimentTable, Held, Scheme
 from .exchange import Dampers, base_inputs, coupled_inputs, interface_response, noise
 from .layout import Wiring
@@ -88,7 +88,7 @@ class Stage:
 
     def response(
         self, signals: FloatArray, before: FloatArray, share: float = 1.0, dampers: Dampers = Dampers.NOW
-    ) -> Model | None:
+    ) -> KnownResponse | None:
         """What the interfaces' compliance, of the step just taken, tells beforehand."""
         compliance = [
             self.participants[response.role].reals(response.references).reshape(6, 6)
@@ -184,7 +184,7 @@ class Iterated:
         for participant in stage.free:
             stage.step_participant(participant, point.number, base, signals)
         here = self._none
-        model: Model | None = None
+        model: KnownResponse | None = None
         held, guess = (first if not self._held else self._held[-1]), self._predicted(first)
         past: tuple[FloatArray, FloatArray, list[int]] | None = None
         least = np.inf

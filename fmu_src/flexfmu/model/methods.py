@@ -89,7 +89,7 @@ class Stiffness(Enum):
     """Geometric stiffness of the stress of the modal coordinates, Σ q_j K_j."""
 
 
-class Division(Enum):
+class FrameLayout(Enum):
     """How the frames of a body hang together."""
 
     TREE = "tree"
@@ -127,22 +127,22 @@ class Recipe:
     kinematics : Kinematics
     loads : LoadPlacement
     stiffness : Stiffness
-    division : Division
+    layout : FrameLayout
     """
 
     kinematics: Kinematics
     loads: LoadPlacement
     stiffness: Stiffness = Stiffness.CONSTANT
-    division: Division = Division.TREE
+    layout: FrameLayout = FrameLayout.TREE
 
 
 _RECIPES = {
     Method.LINEAR: Recipe(Kinematics.LINEAR, LoadPlacement.REFERENCE),
     Method.STIFFNESS_BY_LOAD: Recipe(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_LOAD),
     Method.STIFFNESS_BY_MODE: Recipe(Kinematics.LINEAR, LoadPlacement.REFERENCE, Stiffness.BY_MODE),
-    Method.MODAL_ROTATION: Recipe(Kinematics.LITERAL, LoadPlacement.CORRECTIVE_MOMENT, division=Division.SEPARATE),
+    Method.MODAL_ROTATION: Recipe(Kinematics.LITERAL, LoadPlacement.CORRECTIVE_MOMENT, layout=FrameLayout.SEPARATE),
     Method.HALF_ROTATION: Recipe(Kinematics.SECANT, LoadPlacement.CORRECTIVE_MOMENT),
-    Method.FLOATING_FRAME: Recipe(Kinematics.COROTATED, LoadPlacement.DEFORMED, division=Division.ONE),
+    Method.FLOATING_FRAME: Recipe(Kinematics.COROTATED, LoadPlacement.DEFORMED, layout=FrameLayout.ONE),
     Method.FRAMES: Recipe(Kinematics.COROTATED, LoadPlacement.DEFORMED),
     Method.FRAMES_STIFFNESS: Recipe(Kinematics.COROTATED, LoadPlacement.DEFORMED, Stiffness.BY_LOAD),
     Method.SECOND_ORDER: Recipe(Kinematics.SECOND_ORDER, LoadPlacement.DEFORMED),
@@ -269,6 +269,6 @@ def conflict(variant: Variant, free: bool, cut: bool) -> str | None:
         return f'[[cut]] goes without geometric stiffness, which method "{name}" needs: it knows bodies in one piece'
     if cut and Data.INERTIA in needed:
         return '[[cut]] goes with mass "constant" only'
-    if cut and _RECIPES[variant.method].division is Division.ONE:
+    if cut and _RECIPES[variant.method].layout is FrameLayout.ONE:
         return f'[[cut]] gives each part frames of its own: it does not go with method "{name}"'
     return None

@@ -246,7 +246,7 @@ class ReducedBody:
     frame_rotation : (S, 3, m) float
         Averaged rotation Θ_s of the sub-domain.
     whole : WholeFrame or None
-        Aboard where there are several frames.
+        Of bodies with several frames.
     masses : Masses or None
         Where the body's mass is, for accelerations of its supports.
     stress_sets : tuple of StressSet

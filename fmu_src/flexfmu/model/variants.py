@@ -7,7 +7,7 @@ from .errors import OptionError
 from .methods import (
     ASKED_BY,
     Data,
-    Division,
+    FrameLayout,
     Mass,
     Method,
     Variant,
@@ -67,15 +67,15 @@ def missing(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> st
     -------
     str or None
     """
-    division = recipe_of(method).division
+    layout = recipe_of(method).layout
     for data in Data:
         if data in needs(method, mass) and getattr(body, data.value) is None:
             return f"{ASKED_BY[data]} in [reduction]"
     if has_frames(method) and not body.frame_count:
         return "frames"
-    if division is Division.ONE and body.ties is not None:
+    if layout is FrameLayout.ONE and body.ties is not None:
         return "a body in one piece, without [[cut]]"
-    if division is Division.ONE and body.frame_count > 1 and body.whole is None and not body.floating:
+    if layout is FrameLayout.ONE and body.frame_count > 1 and body.whole is None and not body.floating:
         return "the frame of the whole body, which bodies of several frames hold"
     return None
 

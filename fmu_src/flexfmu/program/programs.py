@@ -8,9 +8,9 @@ import numpy as np
 
 from ..core.image import read_image
 from ..core.interface import symbols
-from ..model.division import divided
 from ..model.errors import OptionError
 from ..model.fixing import with_fixed_interfaces
+from ..model.frame_layout import with_frame_layout
 from ..model.methods import Mass, Method, has_frames, masses_of
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered
@@ -45,7 +45,7 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
         for fixed in _fixed_sets(body, method):
             names = tuple(body.interface_names[number] for number in fixed)
             try:
-                held = divided(with_fixed_interfaces(body, names, method), method)
+                held = with_frame_layout(with_fixed_interfaces(body, names, method), method)
             except OptionError:
                 if not fixed:
                     raise

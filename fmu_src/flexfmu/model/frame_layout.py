@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from .errors import OptionError
-from .methods import Division, Method, recipe_of
+from .methods import FrameLayout, Method, recipe_of
 from .reduced_body import GROUND, ReducedBody, WholeFrame
 
 
-def divided(body: ReducedBody, method: Method) -> ReducedBody:
+def with_frame_layout(body: ReducedBody, method: Method) -> ReducedBody:
     """The body with its frames as a method has them.
 
     Parameters
@@ -30,11 +30,11 @@ def divided(body: ReducedBody, method: Method) -> ReducedBody:
     OptionError
         The body does not hold the frame of the whole.
     """
-    division = recipe_of(method).division
+    layout = recipe_of(method).layout
     # A floating frame counts: the method has it alone.
-    if division is Division.TREE or body.frame_count < 2:
+    if layout is FrameLayout.TREE or body.frame_count < 2:
         return body
-    if division is Division.SEPARATE:
+    if layout is FrameLayout.SEPARATE:
         # Of a free body all frames hang on the floating one.
         parent = np.full(body.frame_count, 0 if body.floating else GROUND)
         if body.floating:
