@@ -12,7 +12,7 @@ from demo.rear_axle.run import solve as solve_axle
 from scipy.spatial import cKDTree
 
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
-from flexfmu.build.config import CutTable, MeshTable, read_body_file
+from flexfmu.build.config import CutTable, MeshTable, SupportTable, read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.core.image import read_image
 from flexfmu.files.errors import BodyFileError
@@ -27,9 +27,10 @@ from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.reduced_body import Ties
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
+from flexfmu.reduction.cut.joining import join_parts
 from flexfmu.view.mesh import body_file_view
 from masters import description, master, motion
-from meshes import bars, body_file, with_sets
+from meshes import bars, body_file, box, with_sets
 
 DEMO = Path(__file__).parents[2] / "demo"
 LINEAR = Method.LINEAR
@@ -648,3 +649,39 @@ def test_a_step_that_begins_within_a_fast_vibration_follows_it(one_frame_a_part,
     off = np.concatenate([omega * found.q, found.v]) - expected
     assert np.linalg.norm(off) < 0.01 * np.linalg.norm(expected)
     assert work.substeps > 4
+
+
+def test_frames_and_masses_of_a_cut_body_move_at_second_order_as_in_their_parts(tmp_path, monkeypatch):
+    """Masses that an acceleration pushes have rows of their own, between interfaces and ends of springs."""
+    parts = []
+
+    def seen(bodies, *others):
+        parts.extend(bodies)
+        return join_parts(bodies, *others)
+
+    monkeypatch.setattr("flexfmu.reduction.cut.parts.join_parts", seen)
+    mesh = box(ElementType.C3D20, (8, 1, 1), (0.8, 0.03, 0.03))
+    mesh = with_sets(mesh, MID=lambda p: p[:, 0] - 0.4, SEAT=lambda p: p[:, 0] - 0.6, NEAR=lambda p: p[:, 0] - 0.2)
+    tables = {"frames": 2, "cut": [{"nodes": "MID"}], "reduction": {"modes": 3}, "input": {"acceleration": True}}
+    config = body_file(mesh, tmp_path, interface=["NEAR"], **tables)
+    held = [SupportTable(nodes="TIP", fix=["y", "z"]), SupportTable(nodes="SEAT", stiffness=[1e5, 1e5, 1e5])]
+    whole = reduce_body(config.model_copy(update={"support": [*config.support, *held]}), Reporter())
+    assert len(parts) == 2
+    first = whole.frame_count + whole.interface_count
+    frames = masses = points = 0
+    for part in parts:
+        # What a part's coordinates are in the modes of the whole, by all of its surface.
+        count = len(part.surface.points)
+        turn, _, rank, _ = np.linalg.lstsq(
+            part.surface.modes.reshape(-1, part.mode_count),
+            whole.surface.modes[points : points + count].reshape(-1, whole.mode_count),
+        )
+        assert rank == part.mode_count
+        own = part.second.displacement
+        hung = part.frame_count + part.interface_count + np.arange(part.masses.mass.size)
+        expected = np.einsum("kiab,ac,bd->kicd", own[[*range(part.frame_count), *hung]], turn, turn, optimize=True)
+        rows = [*range(frames, frames + part.frame_count), *(first + masses + np.arange(part.masses.mass.size))]
+        found = whole.second.displacement[rows]
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+        assert np.abs(found[part.frame_count :]).max() > 0.0
+        frames, masses, points = frames + part.frame_count, masses + part.masses.mass.size, points + count

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 from scipy.special import ellipk
 
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.body.loads import Loads
-from flexfmu.build.config import Basis, FrameTable, InputTable, InterfaceTable, SupportTable
+from flexfmu.build.config import Basis, DampingTable, FrameTable, InputTable, InterfaceTable, SupportTable
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.errors import ModelError
 from flexfmu.files.progress import Reporter
@@ -74,6 +75,24 @@ def test_fixed_by_the_scene_the_free_body_is_the_supported_one(bodies, floating,
     np.testing.assert_allclose(found[0].rotation[0], 0.0, atol=1e-12)
     # A distributing coupling holds the section's mean, a support each node.
     assert relative(found[0].displacement[1], found[1].displacement[0]) < 5e-3
+
+
+def test_ratios_of_damping_are_listed_for_elastic_modes_and_fixed_by_their_share_of_strain_energy(floating):
+    ratios = np.linspace(0.01, 0.14, 14)
+    model = floating(modes=8, damping=DampingTable(ratio=ratios.tolist())).model
+    np.testing.assert_array_equal(model.damping_ratio, [*np.zeros(6), *ratios])
+    fixed = FlexibleBody(model, Method.LINEAR, fixed=["root"]).model
+    held = null_space(np.concatenate([model.interface_displacement[0], model.interface_rotation[0]]))
+    stiffness = np.diag(model.angular_frequency**2)
+    squares, turn = np.linalg.eigh(held.T @ stiffness @ held)
+    energy = (model.angular_frequency[:, None] * (held @ turn)) ** 2
+    np.testing.assert_allclose(fixed.angular_frequency, np.sqrt(squares), rtol=1e-9)
+    expected = model.damping_ratio @ energy / energy.sum(axis=0)
+    # Modes of equal frequency may be turned: their sum is the same.
+    ends = np.flatnonzero(np.diff(squares, append=np.inf) > 1e-6 * squares)
+    np.testing.assert_allclose(np.cumsum(fixed.damping_ratio)[ends], np.cumsum(expected)[ends], rtol=1e-6)
+    # The ratios differ, so that shares count.
+    assert np.ptp(fixed.damping_ratio) > 0.05
 
 
 @pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import Basis
+from flexfmu.build.config import Basis, InterfaceTable
 from flexfmu.model.methods import Method
 from references import BEAM, calculix, displacement, relative
 
@@ -99,3 +100,20 @@ def test_modes_of_high_frequency_do_not_spoil_the_motion(beam):
         energies.append(sum(body.energies(state)) - 5e3 * found[-1][1])
     assert relative(found, displacement(table)[::2]) < 0.025
     assert np.max(np.abs(energies)) < 1e-8 * 5e3 * 0.25
+
+
+def test_a_free_body_s_constraint_modes_hold_the_response_to_every_load_in_balance(bodies):
+    """As normal modes with residual flexibility do: both are exact, forces and moments of any size together."""
+    ends = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
+    found = []
+    for basis in Basis:
+        update = {"basis": basis, "modes": 2, "residual_flexibility": basis is Basis.NORMAL}
+        reduction = bodies.config(BEAM).reduction.model_copy(update=update)
+        model = bodies.beam(free=True, support=[], interface=ends, reduction=reduction, frames=1).model
+        rows = np.concatenate([model.interface_displacement, model.interface_rotation]).reshape(12, -1)
+        found.append((rows[:, :6], rows[:, 6:] / model.angular_frequency[6:]))
+    balanced = null_space(found[0][0].T)
+    assert balanced.shape == (12, 6)
+    first, second = (balanced.T @ rows @ rows.T @ balanced for _, rows in found)
+    np.testing.assert_allclose(first, second, atol=1e-6 * np.abs(first).max())
+    assert np.linalg.matrix_rank(first / np.sqrt(np.outer(np.diag(first), np.diag(first)))) == 6

@@ -157,6 +157,16 @@ def test_frames_of_node_sets_need_no_cells(clamped, reference):
     assert motion(packed)[1] == pytest.approx(motion(reference[4])[1], rel=0.02)
 
 
+def test_loads_that_follow_an_interface_do_so_on_given_modes(clamped, reference):
+    """The same body built from its mesh: a following force bends it less than one that keeps its direction."""
+    ends = {"tip": flexfmu.Interface("TIP", follows=True)}
+    packed = flexfmu.pack(clamped, ends, frames=4)
+    assert packed.reduced.following_interfaces == ("tip",)
+    built = flexfmu.Body(bar(), None, ["ROOT"], ends).build("frames", modes=MODES, residual_flexibility=False, frames=4)
+    np.testing.assert_allclose(motion(packed), motion(built), rtol=1e-5, atol=1e-7)
+    assert abs(motion(packed)[0] - motion(reference[4])[0]) > 0.02 * abs(motion(reference[4])[0])
+
+
 def test_springs_need_a_place_where_frames_hang(clamped):
     loose = changed(clamped, modes=clamped.modes + 1e-6 * np.abs(clamped.modes).max(axis=(1, 2), keepdims=True))
     with pytest.raises(BodyFileError, match="no node is held by all modes"):

@@ -15,6 +15,7 @@ from ..reduction.options import (
     Basis,
     BasisOptions,
     BodyOptions,
+    BodyUse,
     BranchJoints,
     FrameNodes,
     InterfaceNodes,
@@ -197,6 +198,18 @@ class BodySpec(Table):
     def without_pictures(self) -> Self:
         """The same body without what only pictures of it need."""
         return self.model_copy(update={"output": self.output.model_copy(update={"surface": False, "stress": False})})
+
+    @property
+    def use(self) -> BodyUse:
+        """How the body will be used."""
+        return BodyUse(
+            self.name,
+            self.damping.ratio,
+            self.variant,
+            self.output.velocities,
+            tuple(one.name for one in self.interface if one.compliance),
+            tuple(one.name for one in self.interface if one.follows),
+        )
 
     @property
     def options(self) -> BodyOptions:

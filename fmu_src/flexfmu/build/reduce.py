@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..files.array_types import FloatArray
-from ..files.errors import BodyFileError
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.version import __version__
@@ -19,6 +17,7 @@ from ..model.summary import NORMAL_MODES, first_frequency, summary
 from ..program.missed_inertia import missed_inertia
 from ..reduction.cut.loop_choice import chosen_cuts
 from ..reduction.cut.parts import reduced_parts
+from ..reduction.making import used_body
 from ..reduction.masses import body_properties
 from ..reduction.piece import reduced_piece
 from .body_model import body_model
@@ -95,8 +94,8 @@ def reduce_mesh(
         body = piece.body
         if piece.watched_mass is not None:
             body = replace(body, missed_inertia=missed_inertia(replace(body, inertia=piece.watched_mass)))
-    damping_ratio = _damping(config.damping.ratio, body.mode_count)
-    first = float(damping_ratio[body.rigid_count])
+    body = used_body(body, replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties))
+    first = float(body.damping_ratio[body.rigid_count])
     if first > _HEAVY_DAMPING:
         report.warning(
             f"damping.ratio = {first:g} of the first mode: it hardly swings; the ratio is a share of critical damping, "
@@ -105,17 +104,7 @@ def reduce_mesh(
     report.note(f"first frequency {first_frequency(body.angular_frequency)}")
     if body.surface is not None:
         report.note(_surface_words(body.surface))
-    return replace(
-        body,
-        damping_ratio=damping_ratio,
-        compliance_interfaces=tuple(table.name for table in config.interface if table.compliance),
-        following_interfaces=tuple(table.name for table in config.interface if table.follows),
-        method=config.variant.method,
-        mass=config.variant.mass,
-        velocity_outputs=config.output.velocities,
-        provenance=_provenance(config, mesh, origin),
-        properties=properties,
-    )
+    return body
 
 
 def _surface_words(surface: Surface) -> str:
@@ -124,15 +113,6 @@ def _surface_words(surface: Surface) -> str:
     # In single precision.
     parts = [f"{words} {part.nbytes / 2048:.0f} KiB" for words, part in sizes.items() if part is not None]
     return f"surface for pictures: {len(surface.points)} points, {', '.join(parts)} ([output] surface, stress)"
-
-
-def _damping(ratio: float | list[float], count: int) -> FloatArray:
-    values = np.asarray(ratio, dtype=np.float64)
-    if values.ndim and values.size != count:
-        raise BodyFileError(
-            f"damping.ratio lists {values.size} values, and the basis has {count} modes, interface modes included"
-        )
-    return np.broadcast_to(values, (count,))
 
 
 def _distant_points(config: BodySpec, properties: Properties) -> list[str]:

@@ -13,8 +13,7 @@ import scipy.sparse as sp
 from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 from ..fmu.built_body import BuiltBody
-from ..model.methods import Method
-from ..model.reduced_body import GROUND, ReducedBody
+from ..reduction.making import Motion, linear_use, made_body
 
 # Relative size of what is not symmetric, and of a smallest eigenvalue that is round-off.
 _ASYMMETRIC, _ROUND_OFF = 1e-6, 1e-10
@@ -78,19 +77,9 @@ def linear_body(
         raise MatrixError(f"mass is not positive definite ({error}): take out rows without mass") from error
     if squares[0] <= _ROUND_OFF * squares[-1]:
         raise MatrixError("stiffness is not positive definite: the body is free, or rows are zero; hold it")
-    rows = shapes[: _EACH * len(points)].reshape(len(points), 2, 3, -1)
-    body = ReducedBody(
-        name=name,
-        angular_frequency=np.sqrt(squares),
-        damping_ratio=np.full(squares.size, damping),
-        interface_names=tuple(points),
-        interface_point=np.array([list(point) for point in points.values()], dtype=float),
-        interface_displacement=rows[:, 0],
-        interface_rotation=rows[:, 1],
-        interface_frame=np.full(len(points), GROUND),
-        method=Method.LINEAR,
-        provenance={"matrices": f"{len(k)} rows"},
-    )
+    moved = shapes[: _EACH * len(points)].reshape(len(points), _EACH, -1)
+    use = linear_use(name, damping, {"matrices": f"{len(k)} rows"})
+    body = made_body(Motion.of_interfaces(np.sqrt(squares), points, moved), use)
     return BuiltBody(body)
 
 

@@ -30,6 +30,7 @@ from ..model.reduced_body import GROUND, Masses, ReducedBody, Surface
 from ..model.summary import first_frequency
 from ..reduction.frames import body_subdomains, frame_requests, several, whole_frame
 from ..reduction.interfaces import Interface, fit_interface
+from ..reduction.making import Motion, Parts, made_body
 from ..reduction.model import Model
 from ..reduction.options import BodyOptions
 from ..reduction.places import node_set
@@ -206,36 +207,19 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
     subdomains = _subdomains(given, options, model, volumes, faces, rows, report)
     interfaces = [fit_interface(one, mesh, faces, subdomains) for one in options.interfaces]
     frames = frame_operators(mesh.points, shapes, subdomains)
-    motion = np.array([interface.motion(shapes) for interface in interfaces])
     frequency = 2.0 * np.pi * given.frequency
-    damping = spec.damping.ratio if spec.damping.ratio or given.damping is None else given.damping
-    if np.size(damping) not in (1, frequency.size):
-        raise BodyFileError(f"damping.ratio lists {np.size(damping)} values, and there are {frequency.size} modes")
-    body = ReducedBody(
-        name=spec.name,
-        angular_frequency=frequency,
-        damping_ratio=np.broadcast_to(np.asarray(damping, dtype=float), frequency.shape),
-        interface_names=tuple(interface.name for interface in interfaces),
-        interface_point=np.array([interface.point for interface in interfaces]),
-        interface_displacement=motion[:, :3],
-        interface_rotation=motion[:, 3:],
-        interface_frame=np.array([interface.frame for interface in interfaces]),
-        floating=any(domain.floating for domain in subdomains),
-        frame_names=tuple(domain.name for domain in subdomains),
-        frame_parent=np.array([domain.parent for domain in subdomains], dtype=np.int64),
-        joint_point=np.array([domain.joint_point for domain in subdomains]),
-        joint_displacement=frames.joint_displacement,
-        joint_rotation=frames.joint_rotation,
-        frame_rotation=frames.frame_rotation,
-        whole=whole_frame(model, volumes, faces, shapes, options) if several(subdomains) and mesh.blocks else None,
-        masses=_masses(given, subdomains, shapes, mesh, rows) if spec.input.acceleration else None,
-        surface=_surface(mesh, shapes, faces, subdomains, interfaces, model) if spec.output.surface else None,
-        compliance_interfaces=tuple(table.name for table in spec.interface if table.compliance),
-        method=variant.method,
-        mass=variant.mass,
-        velocity_outputs=spec.output.velocities,
+    use = replace(
+        spec.use,
+        damping=spec.damping.ratio if spec.damping.ratio or given.damping is None else given.damping,
+        variant=variant,
         provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": __version__},
     )
+    parts = Parts(
+        whole=whole_frame(model, volumes, faces, shapes, options) if several(subdomains) and mesh.blocks else None,
+        masses=_masses(given, subdomains, shapes, mesh, rows) if options.acceleration else None,
+        surface=_surface(mesh, shapes, faces, subdomains, interfaces, model) if options.surface else None,
+    )
+    body = made_body(Motion.of_tree(frequency, shapes, interfaces, subdomains, frames), use, parts)
     report.note(
         f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg; "
         f"first frequency {first_frequency(body.angular_frequency)}"

@@ -23,9 +23,9 @@ import scipy.sparse as sp
 from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 from ..files.targets import whole_file
-from ..model.methods import Method
-from ..model.reduced_body import GROUND, ReducedBody
+from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
+from ..reduction.making import Motion, linear_use, made_body
 from ..reduction.rigid_fit import by_node, modal_fit
 from .checks import checked_modes
 from .modes import GivenModes, GivenModesError
@@ -244,18 +244,12 @@ def read_sid(path: str | Path, name: str | None = None) -> ReducedBody:
     if not nodes or squares[0] <= 0.0:
         raise SidError(f"{source}: {len(nodes)} nodes and a smallest ω² of {squares[0]:.3g}, expected nodes and ω² > 0")
     rate = np.sqrt(squares)
-    return ReducedBody(
-        name=name or re.sub(r"\W", "_", source.stem),
-        angular_frequency=rate,
-        damping_ratio=np.maximum(modal / (2.0 * rate), 0.0),
-        interface_names=tuple(f"node_{number}" for number, _ in nodes),
-        interface_point=np.array([point[:, 0] for point, _, _ in ends]),
-        interface_displacement=np.array([moved @ vectors for _, moved, _ in ends]),
-        interface_rotation=np.array([turned @ vectors for _, _, turned in ends]),
-        interface_frame=np.full(len(nodes), GROUND),
-        method=Method.LINEAR,
-        provenance={"sid_fem": source.name},
+    points = {f"node_{number}": point[:, 0] for (number, _), (point, _, _) in zip(nodes, ends, strict=True)}
+    moved = np.array([np.concatenate([moved @ vectors, turned @ vectors]) for _, moved, turned in ends])
+    use = linear_use(
+        name or re.sub(r"\W", "_", source.stem), np.maximum(modal / (2.0 * rate), 0.0), {"sid_fem": source.name}
     )
+    return made_body(Motion.of_interfaces(rate, points, moved), use)
 
 
 def _array(text: str, key: str) -> Series:

@@ -3,12 +3,15 @@
 `build.config` makes it of a body file.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal
 
+from ..files.array_types import FloatArray
 from ..files.units import UnitSystem
 from ..model.methods import DEFAULT, Data, Variant
+from ..model.reduced_body import Properties
 
 _DEFAULT = Variant(DEFAULT)
 DEFAULT_FRAMES = 4
@@ -192,3 +195,32 @@ class BodyOptions:
     def root_place(self) -> int:
         """Place of the interface from which a free body is divided."""
         return 0 if self.root is None else [one.name for one in self.interfaces].index(self.root)
+
+
+@dataclass(frozen=True, slots=True)
+class BodyUse:
+    """How a body will be used: what does not change its reduction.
+
+    Attributes
+    ----------
+    name : str
+    damping : float or sequence of float
+        Modal damping ratio: of all modes, or one each, of all or of the elastic ones.
+    variant : Variant
+        Method and mass to start with.
+    velocities : bool
+        Whether velocities are outputs.
+    compliance, follows : tuple of str
+        Interfaces whose compliance is offered, and those whose loads turn with them.
+    provenance : mapping of str to str
+    properties : Properties or None
+    """
+
+    name: str
+    damping: float | Sequence[float] | FloatArray = 0.0
+    variant: Variant = _DEFAULT
+    velocities: bool = False
+    compliance: tuple[str, ...] = ()
+    follows: tuple[str, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    properties: Properties | None = None

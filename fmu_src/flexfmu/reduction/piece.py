@@ -20,11 +20,12 @@ from .cut.cut import Spring
 from .frames import body_subdomains, fixable_root, several, whole_frame
 from .inertia import element_lumps, lumped_mass
 from .interfaces import Interface, fit_interface
+from .making import Motion, Parts, made_body
 from .masses import Centre, mass_centres, sub_masses
 from .membrane import Stretching, membrane_energy
 from .model import Model
 from .modes import Modes
-from .options import BodyOptions
+from .options import BodyOptions, BodyUse
 from .rigid_fit import by_node, modal_fit
 from .second_order import hourglass_warnings, node_readings, second_order
 from .sets import element_set
@@ -119,62 +120,63 @@ def reduced_piece(
     modes, key = modal_basis(config.basis, matrices, every, residual, store, report)
     _tell(modes, report)
     basis = _Basis(matrices, modes, key, frame_operators(mesh.points, modes.shapes, subdomains))
-    frames, stored = basis.frames, config.stored
-
     # Parts of a cut body have constant mass.
     lumps = element_lumps(mesh, volumes, subdomains) if subdomains and not cut else []
     carried = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
     inertia: LumpedMass | None = None
     lump_centres: list[Centre] = []
-    if lumps and Data.INERTIA in stored:
-        inertia, lump_centres = lumped_mass(mesh, volumes, modes.shapes, lumps, frames, carried)
-    second = None
-    if Data.SECOND_ORDER in stored and subdomains:
+    if lumps and Data.INERTIA in config.stored:
+        inertia, lump_centres = lumped_mass(mesh, volumes, modes.shapes, lumps, basis.frames, carried)
+    second, membrane = None, None
+    if Data.SECOND_ORDER in config.stored and subdomains:
         second, curvature = _second_order(config, divided, basis, springs, lump_centres, report)
         if inertia is not None:
             inertia = replace(inertia, curvature=curvature)
-    membrane = _membrane(config, basis, loads, report, store, cut=cut) if second is not None else None
+        membrane = _membrane(config, basis, loads, report, store, cut=cut)
     if membrane is not None and divided.open_loops:
         report.warning(
             f"{len(subdomains)} frames open a loop that stretches, one frame keeps it closed: take frames = 1, or "
             'cut = "auto"'
         )
-    surface = _surface(config, divided, basis, loads, second, report, store) if config.surface else None
-    motion = np.array([interface.motion(modes.shapes) for interface in interfaces])
-    body = ReducedBody(
-        name=config.name,
-        angular_frequency=modes.angular_frequency,
-        damping_ratio=np.zeros(modes.angular_frequency.size),
-        interface_names=tuple(interface.name for interface in interfaces),
-        interface_point=np.array([interface.point for interface in interfaces]),
-        interface_displacement=motion[:, :3],
-        interface_rotation=motion[:, 3:],
-        interface_frame=np.array([interface.frame for interface in interfaces]),
-        root_interface=fixable_root(config, model),
-        floating=any(domain.floating for domain in subdomains),
-        frame_names=tuple(domain.name for domain in subdomains),
-        frame_parent=np.array([domain.parent for domain in subdomains], dtype=np.int64),
-        joint_point=np.array([domain.joint_point for domain in subdomains]),
-        joint_displacement=frames.joint_displacement,
-        joint_rotation=frames.joint_rotation,
-        frame_rotation=frames.frame_rotation,
-        whole=whole_frame(model, volumes, divided.faces, modes.shapes, config) if several(subdomains) else None,
-        masses=sub_masses(mesh, volumes, modes.shapes, subdomains) if config.acceleration else None,
+    parts = replace(
+        _parts(config, divided, basis, loads, second, report, store),
         inertia=inertia,
-        stress_sets=_stress_sets(config, model, modes),
-        stiffness_by_load=stiffness_by_load(matrices, modes, key, loads, config.acceleration, store, report)
-        if Data.BY_LOAD in stored
-        else None,
-        stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if Data.BY_MODE in stored else None,
-        surface=surface,
         ties=_springs(springs, divided, basis),
-        second=second,
         membrane=membrane,
     )
+    motion = Motion.of_tree(modes.angular_frequency, modes.shapes, interfaces, subdomains, basis.frames)
+    body = made_body(motion, BodyUse(config.name), parts)
     watched = None
     if lumps and not body.rigid_count and config.variant.mass is Mass.CONSTANT and has_frames(config.variant.method):
-        watched = inertia or lumped_mass(mesh, volumes, modes.shapes, lumps, frames, carried)[0]
+        watched = inertia or lumped_mass(mesh, volumes, modes.shapes, lumps, basis.frames, carried)[0]
     return Reduced(body, warping.T @ modes.shapes, watched)
+
+
+def _parts(
+    config: BodyOptions,
+    divided: _Divided,
+    basis: _Basis,
+    loads: FloatArray,
+    second: SecondOrder | None,
+    report: Reporter,
+    store: Store,
+) -> Parts:
+    """What the body holds beside its motion, by its options."""
+    model, subdomains, matrices = divided.model, divided.subdomains, basis.matrices
+    modes, key, stored, volumes = basis.modes, basis.key, config.stored, divided.volumes
+    by_load, by_mode = Data.BY_LOAD in stored, Data.BY_MODE in stored
+    surface = _surface(config, divided, basis, loads, second, report, store) if config.surface else None
+    loaded = stiffness_by_load(matrices, modes, key, loads, config.acceleration, store, report) if by_load else None
+    return Parts(
+        root_interface=fixable_root(config, model),
+        whole=whole_frame(model, volumes, divided.faces, modes.shapes, config) if several(subdomains) else None,
+        masses=sub_masses(model.mesh, volumes, modes.shapes, subdomains) if config.acceleration else None,
+        stress_sets=_stress_sets(config, model, modes),
+        stiffness_by_load=loaded,
+        stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if by_mode else None,
+        surface=surface,
+        second=second,
+    )
 
 
 def _divided(config: BodyOptions, model: Model, report: Reporter) -> _Divided:

@@ -12,6 +12,8 @@ from ...files.errors import ModelError
 from ...model.membrane import Membrane
 from ...model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
 from ...model.rotations import skew
+from ..making import Motion, Parts, made_body
+from ..options import BodyUse
 
 # Springs of the joints take up this share of an interface's displacement under a load on it, all together. Stiffer ones
 # would only make equations worse.
@@ -120,10 +122,8 @@ def join_parts(
     ]
     moved = np.array([stack.motion(*place) for place in places])
     values, modes, pull, turn = _modes_of_whole(stack, welds, loose, moved)
-    body = ReducedBody(
-        name=parts[0].name,
+    motion = Motion(
         angular_frequency=np.sqrt(values),
-        damping_ratio=np.zeros(len(values)),
         interface_names=tuple(interfaces),
         interface_point=np.array([parts[p].interface_point[i] for p, i in places]),
         interface_displacement=moved[:, :3] @ modes,
@@ -135,6 +135,8 @@ def join_parts(
         joint_displacement=stack.every("joint_displacement", modes),
         joint_rotation=stack.every("joint_rotation", modes),
         frame_rotation=stack.every("frame_rotation", modes),
+    )
+    beside = Parts(
         masses=_masses(stack, modes),
         stress_sets=_stress_sets(stack, modes),
         surface=_surface(stack, modes, interfaces),
@@ -142,6 +144,7 @@ def join_parts(
         second=_second_order(stack, welds, places, modes),
         membrane=_membrane(stack, modes),
     )
+    body = made_body(motion, BodyUse(parts[0].name), beside)
     return body, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
 
 
