@@ -2,7 +2,8 @@
 
 A drawn mutation turns a sign, doubles a factor, moves an index, turns a comparison round, or deletes a statement.
 Left out are lines that do no physics: messages, docstrings, annotations, imports, guards that only refuse, sizes of
-work arrays, memos, and bookkeeping of round-off. What compiles to the same bytes is no mutation and is drawn anew.
+work arrays, memos, and bookkeeping of round-off. What compiles to the same bytes is no mutation and is drawn anew. What
+quick tests do not notice is tried with the slow ones.
 """
 
 from __future__ import annotations
@@ -267,6 +268,8 @@ def bodies():
     return Bodies(Store(Path(__file__).parents[2] / "reductions"))
 """
 LONGEST = 600.0
+# Pytest's answer where it finds none.
+NO_TESTS = 5
 
 
 def tried(tree: Path, mutation: Mutation) -> tuple[str, str]:
@@ -287,6 +290,9 @@ def tried(tree: Path, mutation: Mutation) -> tuple[str, str]:
         elif marshal.dumps(compile(text, "", "exec")) == marshal.dumps(compile("".join(lines), "", "exec")):
             return NONE, "compiles to the same"
         done = tools.run_tests(tree, tests_of(mutation.file), LONGEST)
+        if done.returncode in (0, NO_TESTS):
+            done = tools.run_tests(tree, f"{tests_of(mutation.file)} -m slow", LONGEST)
+            done.returncode *= done.returncode != NO_TESTS
         outcome, by = tools.judged(done.returncode, done.stdout)
         return (
             KILLED if outcome is tools.Outcome.KILLED else SURVIVED if outcome is tools.Outcome.SURVIVED else UNCLEAR
