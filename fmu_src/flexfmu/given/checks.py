@@ -8,6 +8,7 @@ import numpy as np
 from ..files.array_types import FloatArray
 from ..files.units import UnitSystem
 from ..mesh.plausibility import DENSITY_RANGE, SIZE_RANGE
+from ..reduction.model import rigid_basis
 from .modes import GivenModes, GivenModesError
 
 # Frequencies below this share of the next are those of rigid motions.
@@ -26,13 +27,7 @@ _FASTEST = 2.5e4
 
 def rigid_motions(given: GivenModes) -> FloatArray:
     """Rigid motions (3n, 6) of modal masses one, orthogonal to each other."""
-    arm = given.nodes - given.nodes.mean(axis=0)
-    size = float(np.abs(arm).max()) or 1.0
-    motions = np.zeros((len(arm), 3, 6))
-    motions[:, :, :3] = np.eye(3)
-    for axis in range(3):
-        motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm / size)
-    flat = motions.reshape(-1, 6)
+    flat = rigid_basis(given.nodes).reshape(-1, 6)
     values, vectors = np.linalg.eigh(flat.T @ given.momentum(flat))
     if values[0] <= 1e-12 * values[-1]:
         raise GivenModesError("the masses lie on a line or in a point: they tell no rotation, expected a body in space")

@@ -103,14 +103,20 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     return Model(mesh, fixed, spring, rigid)
 
 
-def free_motions(points: FloatArray, held: BoolArray) -> FloatArray:
-    """Rigid motions (3n, r) of points (n, 3) that move no held translation (n, 3)."""
+def rigid_basis(points: FloatArray) -> FloatArray:
+    """Translations, and rotations about the points' mean over the points' extent, (n, 3, 6), of points (n, 3)."""
     arm = points - points.mean(axis=0)
     size = max(float(np.abs(arm).max()), 1e-300)
     motions = np.zeros((len(points), 3, 6))
     motions[:, :, :3] = np.eye(3)
     for axis in range(3):
         motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm / size)
+    return motions
+
+
+def free_motions(points: FloatArray, held: BoolArray) -> FloatArray:
+    """Rigid motions (3n, r) of points (n, 3) that move no held translation (n, 3)."""
+    motions = rigid_basis(points)
     rows = motions[held]
     _, values, turn = np.linalg.svd(np.concatenate([rows, np.zeros((6, 6))]))
     # Without any support the plain translations and rotations are clearer than the axes of a decomposition.
