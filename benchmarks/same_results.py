@@ -147,7 +147,8 @@ def built(case: Case, demo: Path) -> flexfmu.FlexibleBody:
     mesh = data.pop("mesh")
     units = mesh.get("units", "m-kg-s")
     file = demo / case.mesh if case.mesh else path.parent / mesh["file"]
-    data["reduction"] = {"second_order": True, **data.get("reduction", {}), **case.reduction}
+    plain = {"second_order": True, "residual_flexibility": False}
+    data["reduction"] = {**plain, **data.get("reduction", {}), **case.reduction}
     data = {key: value for key, value in (data | case.tables).items() if value is not None}
     body = flexfmu.Body(flexfmu.read_mesh(file, units), units=units, tables=data)
     return body.build(method="frames", mass=CONSTANT)
