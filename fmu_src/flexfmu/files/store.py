@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -134,7 +135,8 @@ class Store:
         with suppress(Exception):
             path.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as part, part.open("wb") as file:
-                np.savez(file, allow_pickle=False, **{_CHECK: np.array(_checksum(key, arrays))}, **dict(arrays))
+                contents: dict[str, Any] = {_CHECK: np.array(_checksum(key, arrays)), **arrays}
+                np.savez(file, **contents)
             self._make_room(path.parent)
 
     @staticmethod
