@@ -67,6 +67,26 @@ def element_lumps(
     return lumps
 
 
+def _lump_of_elements(
+    mesh: Mesh, masses: tuple[FloatArray, ...], nodal: FloatArray, elements: IntArray, turn: FloatArray
+) -> tuple[float, Centre, FloatArray, FloatArray, FloatArray]:
+    """Mass, centre, mean displacement (3, m), inertia about the centre and sweep (3, m) of a lump whose frame turns."""
+    part = volume_weighted(mesh, masses, elements)
+    weight = part.weight @ np.ones(part.nodes.size)
+    share = np.zeros(len(mesh.points))
+    share[part.nodes] = weight / weight.sum()
+    moved = nodal[part.nodes]
+    centre = Centre.mean(mesh.points, share)
+    arm = mesh.points[part.nodes] - centre.point
+    weighted = part.weight @ arm
+    square = arm.T @ weighted
+    inertia = np.trace(square) * np.eye(3) - square
+    # ∫ρ r × e, where the frame's turn is taken off: the mean of either does not count.
+    swept = np.einsum("nij,nja->ia", skew(weighted), moved, optimize=True)
+    displacement = np.tensordot(share[part.nodes], moved, axes=1)
+    return float(weight.sum()), centre, displacement, inertia, swept - inertia @ turn
+
+
 def lumped_mass(
     mesh: Mesh,
     volumes: tuple[FloatArray, ...],
@@ -98,40 +118,19 @@ def lumped_mass(
     masses = tuple(
         density[block.material][:, None, None] * matrices for block, matrices in zip(mesh.blocks, volumes, strict=True)
     )
-    count, modes = len(frames.frame_rotation), shapes.shape[1]
+    modes, turn = shapes.shape[1], frames.frame_rotation
     nodal = shapes.reshape(len(mesh.points), 3, modes)
-    turning, sweep = np.zeros((count, 3, 3)), np.zeros((count, 3, modes))
-    mass: list[float] = []
-    centres: list[Centre] = []
-    displacement: list[FloatArray] = []
-    for frame, elements in lumps:
-        part = volume_weighted(mesh, masses, elements)
-        weight = part.weight @ np.ones(part.nodes.size)
-        share = np.zeros(len(mesh.points))
-        share[part.nodes] = weight / weight.sum()
-        moved = nodal[part.nodes]
-        mass.append(float(weight.sum()))
-        centres.append(Centre.mean(mesh.points, share))
-        displacement.append(np.tensordot(share[part.nodes], moved, axes=1))
-        arm = mesh.points[part.nodes] - centres[-1].point
-        weighted = part.weight @ arm
-        square = arm.T @ weighted
-        inertia = np.trace(square) * np.eye(3) - square
-        # ∫ρ r × e, where the frame's turn is taken off: the mean of either does not count.
-        swept = np.einsum("nij,nja->ia", skew(weighted), moved, optimize=True)
-        turning[frame] += inertia
-        sweep[frame] += swept - inertia @ frames.frame_rotation[frame]
-    frame_of = [frame for frame, _ in lumps]
+    found = [(frame, *_lump_of_elements(mesh, masses, nodal, elements, turn[frame])) for frame, elements in lumps]
     for frame, one in zip(carried, mesh.masses, strict=False):
         if frame == GROUND:
             continue
         motion = attachment(mesh.points, one) @ nodal[one.nodes].reshape(-1, modes)
-        frame_of.append(frame)
-        mass.append(one.mass)
-        centres.append(hung_centre(mesh.points, one))
-        displacement.append(motion[:3])
-        turning[frame] += one.inertia
-        sweep[frame] += one.inertia @ (motion[3:] - frames.frame_rotation[frame])
-    places = np.array([centre.point for centre in centres])
-    arrays = np.array(mass), places, np.array(displacement)
-    return LumpedMass(np.array(frame_of, dtype=np.int64), *arrays, turning, sweep), centres
+        swept, centre = one.inertia @ (motion[3:] - turn[frame]), hung_centre(mesh.points, one)
+        found.append((frame, one.mass, centre, motion[:3], one.inertia, swept))
+    frame_of, mass, centres, displacement, inertia, swept_by = zip(*found, strict=True)
+    turning, sweep = np.zeros((len(turn), 3, 3)), np.zeros((len(turn), 3, modes))
+    for k, frame in enumerate(frame_of):
+        turning[frame] += inertia[k]
+        sweep[frame] += swept_by[k]
+    arrays = np.array(mass), np.array([centre.point for centre in centres]), np.array(displacement)
+    return LumpedMass(np.array(frame_of, dtype=np.int64), *arrays, turning, sweep), list(centres)

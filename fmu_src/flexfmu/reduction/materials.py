@@ -73,13 +73,18 @@ def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
         blocks = tuple(
             replace(block, material=np.where(block.material == NO_MATERIAL, index, block.material)) for block in blocks
         )
+    _refuse_missing(materials, units)
+    return replace(mesh, blocks=blocks, materials=tuple(materials)), tuple(notes)
+
+
+def _refuse_missing(materials: Sequence[Material], units: UnitSystem) -> None:
+    """Raise where a material lacks constants."""
     for material in materials:
         if lacking := list(missing(material)):
             raise BodyFileError(
                 f"the mesh file does not tell {', '.join(lacking)} of the material {material.name!r}: add a [material] "
                 f"table with it, in the units of [mesh] ({_units(units)}), of this name if there are several"
             )
-    return replace(mesh, blocks=blocks, materials=tuple(materials)), tuple(notes)
 
 
 def missing(material: Material) -> tuple[str, ...]:

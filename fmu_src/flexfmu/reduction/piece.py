@@ -110,16 +110,11 @@ def reduced_piece(
     """
     mesh, cut = model.mesh, warping is not None
     divided = _divided(config, model, report)
-    volumes, subdomains, interfaces = divided.volumes, divided.subdomains, divided.interfaces
-    matrices = Matrices(model, volumes, report)
+    volumes, subdomains = divided.volumes, divided.subdomains
     loads = divided.unit_loads()
     warping = np.zeros((len(loads), 0)) if warping is None else warping
-    every = np.hstack([loads, warping])
-    chosen = config.basis.residual
-    residual = every if chosen is True else loads[:, list(chosen or ())]
-    modes, key = modal_basis(config.basis, matrices, every, residual, store, report)
-    _tell(modes, report)
-    basis = _Basis(matrices, modes, key, frame_operators(mesh.points, modes.shapes, subdomains))
+    basis = _with_modes(config, divided, loads, warping, report, store)
+    modes = basis.modes
     # Parts of a cut body have constant mass.
     lumps = element_lumps(mesh, volumes, subdomains) if subdomains and not cut else []
     carried = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
@@ -132,24 +127,32 @@ def reduced_piece(
         second, curvature = _second_order(config, divided, basis, springs, lump_centres, report)
         if inertia is not None:
             inertia = replace(inertia, curvature=curvature)
-        membrane = _membrane(config, basis, loads, report, store, cut=cut)
-    if membrane is not None and divided.open_loops:
-        report.warning(
-            f"{len(subdomains)} frames open a loop that stretches, one frame keeps it closed: take frames = 1, or "
-            'cut = "auto"'
-        )
+        membrane = _membrane(config, divided, basis, loads, report, store, cut=cut)
     parts = replace(
         _parts(config, divided, basis, loads, second, report, store),
         inertia=inertia,
         ties=_springs(springs, divided, basis),
         membrane=membrane,
     )
-    motion = Motion.of_tree(modes.angular_frequency, modes.shapes, interfaces, subdomains, basis.frames)
+    motion = Motion.of_tree(modes.angular_frequency, modes.shapes, divided.interfaces, subdomains, basis.frames)
     body = made_body(motion, BodyUse(config.name), parts)
     watched = None
     if lumps and not body.rigid_count and config.variant.mass is Mass.CONSTANT and has_frames(config.variant.method):
         watched = inertia or lumped_mass(mesh, volumes, modes.shapes, lumps, basis.frames, carried)[0]
     return Reduced(body, warping.T @ modes.shapes, watched)
+
+
+def _with_modes(
+    config: BodyOptions, divided: _Divided, loads: FloatArray, warping: FloatArray, report: Reporter, store: Store
+) -> _Basis:
+    """The modes of a divided model, with room for unit loads and for the warping of a part's sections."""
+    matrices = Matrices(divided.model, divided.volumes, report)
+    every = np.hstack([loads, warping])
+    chosen = config.basis.residual
+    residual = every if chosen is True else loads[:, list(chosen or ())]
+    modes, key = modal_basis(config.basis, matrices, every, residual, store, report)
+    _tell(modes, report)
+    return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
 
 
 def _parts(
@@ -265,7 +268,7 @@ def _second_order(
 
 
 def _membrane(
-    config: BodyOptions, basis: _Basis, loads: FloatArray, report: Reporter, store: Store, *, cut: bool
+    config: BodyOptions, divided: _Divided, basis: _Basis, loads: FloatArray, report: Reporter, store: Store, cut: bool
 ) -> Membrane | None:
     """The energy of fourth order, where it is wanted and the body holds any.
 
@@ -275,7 +278,13 @@ def _membrane(
     if wanted is False or (cut and wanted is not True):
         return None
     stretching = Stretching(basis.matrices, basis.modes, loads, report)
-    return membrane_energy(stretching, basis.key, wanted is True, not cut, store)
+    membrane = membrane_energy(stretching, basis.key, wanted is True, not cut, store)
+    if membrane is not None and divided.open_loops:
+        report.warning(
+            f"{len(divided.subdomains)} frames open a loop that stretches, one frame keeps it closed: take "
+            'frames = 1, or cut = "auto"'
+        )
+    return membrane
 
 
 def _surface(

@@ -105,6 +105,25 @@ def body_surface(
     )
 
 
+def _turning_directions(
+    mesh: Mesh, phi: FloatArray, omega: FloatArray, loads: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Directions (k, e) in coordinates times `size`, how far each turns the material (k,), and `size` (e,)."""
+    # Coordinates of unit strain energy under each load, and of each mode alone as slow loads move it.
+    answers = (loads.T @ phi) / omega**2
+    energy = np.linalg.norm(answers * omega, axis=1)
+    answers = answers[energy > 0.0] / energy[energy > 0.0, None]
+    amplitudes = np.vstack([answers, np.diag(omega[0] / omega**2)])
+    # By how far they turn the material: differences over the elements' edges tell it well enough.
+    edges = np.concatenate([np.sort(block.connectivity[:, :2]) for block in mesh.blocks])
+    length = np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1)
+    u = phi.reshape(len(mesh.points), 3, -1)
+    turned = np.linalg.norm((u[edges[:, 1]] - u[edges[:, 0]]) / length[:, None, None], axis=(0, 1))
+    size = np.where(turned > 0.0, turned, 1.0)
+    _, values, axes = np.linalg.svd(amplitudes * size, full_matrices=False)
+    return axes[:_DIRECTIONS], values[:_DIRECTIONS], size
+
+
 def second_order_fields(
     mesh: Mesh,
     model: Supported,
@@ -140,21 +159,8 @@ def second_order_fields(
         c_r, symmetric.
     """
     m, phi = shapes.shape[1], shapes[:, elastic]
-    omega = np.sqrt(squares[elastic])
-    # Coordinates of unit strain energy under each load, and of each mode alone as slow loads move it.
-    answers = (loads.T @ phi) / omega**2
-    energy = np.linalg.norm(answers * omega, axis=1)
-    answers = answers[energy > 0.0] / energy[energy > 0.0, None]
-    amplitudes = np.vstack([answers, np.diag(omega[0] / omega**2)])
-    # By how far they turn the material: differences over the elements' edges tell it well enough.
-    edges = np.concatenate([np.sort(block.connectivity[:, :2]) for block in mesh.blocks])
-    length = np.linalg.norm(np.diff(mesh.points[edges], axis=1)[:, 0], axis=1)
-    u = phi.reshape(len(mesh.points), 3, -1)
-    turned = np.linalg.norm((u[edges[:, 1]] - u[edges[:, 0]]) / length[:, None, None], axis=(0, 1))
-    size = np.where(turned > 0.0, turned, 1.0)
-    _, values, axes = np.linalg.svd(amplitudes * size, full_matrices=False)
-    kept = min(_DIRECTIONS, values.size)
-    axes, values = axes[:kept], values[:kept]
+    axes, values, size = _turning_directions(mesh, phi, np.sqrt(squares[elastic]), loads)
+    kept = values.size
     directions = phi @ (axes / size).T
     first, second = np.triu_indices(kept)
     # Pairs are weighed by how large they get.

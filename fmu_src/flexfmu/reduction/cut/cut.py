@@ -303,20 +303,7 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
     for number, part in enumerate(parts):
         owner[part.nodes] = number
         part_of_element[part.elements] = number
-    interfaces: list[list[InterfaceNodes]] = [[] for _ in parts]
-    for table in config.interfaces:
-        found = np.unique(owner[node_set(opened, table.nodes, f"interface {table.name!r}, nodes")])
-        if found.size > 1:
-            raise BodyFileError(
-                f"interface {table.name!r}: its nodes are in {found.size} of the parts that [[cut]] makes, expected "
-                "one; take a smaller set, or cut elsewhere"
-            )
-        interfaces[found[0]].append(table)
-    for own, part in zip(interfaces, parts, strict=True):
-        # Names that no body file can have.
-        own += [InterfaceNodes(name=name, nodes=name) for name in part.sections]
-        loose = [spring.interface for spring in part.springs if spring.interface is not None]
-        own += [InterfaceNodes(name=name, nodes=name, weights="node") for name in loose]
+    interfaces = _part_interfaces(config, opened, parts, owner)
     home: dict[str, int] = {}
     for frame in config.frames:
         nodes = node_set(opened, frame.nodes, f"frame {frame.name!r}, nodes")
@@ -347,6 +334,27 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
         )
         for number, part in enumerate(parts)
     ]
+
+
+def _part_interfaces(
+    config: BodyOptions, opened: Mesh, parts: Sequence[Part], owner: IntArray
+) -> list[list[InterfaceNodes]]:
+    """Interfaces of each part, the sides of the cuts after its own, then its loose springs; `owner`: part of a node."""
+    interfaces: list[list[InterfaceNodes]] = [[] for _ in parts]
+    for table in config.interfaces:
+        found = np.unique(owner[node_set(opened, table.nodes, f"interface {table.name!r}, nodes")])
+        if found.size > 1:
+            raise BodyFileError(
+                f"interface {table.name!r}: its nodes are in {found.size} of the parts that [[cut]] makes, expected "
+                "one; take a smaller set, or cut elsewhere"
+            )
+        interfaces[found[0]].append(table)
+    for own, part in zip(interfaces, parts, strict=True):
+        # Names that no body file can have.
+        own += [InterfaceNodes(name=name, nodes=name) for name in part.sections]
+        loose = [spring.interface for spring in part.springs if spring.interface is not None]
+        own += [InterfaceNodes(name=name, nodes=name, weights="node") for name in loose]
+    return interfaces
 
 
 def _branches(tables: Sequence[BranchJoints], interfaces: Sequence[InterfaceNodes]) -> tuple[BranchJoints, ...]:

@@ -48,23 +48,19 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
     # The shapes of a section's warping are those of its first side, on both sides.
     warping = {}
     for name in names:
-        part = next(part for part in parts if side_set(name, SIDES[0]) in part.sections)
-        warping[name] = section_tractions(part, side_set(name, SIDES[0]), fields)
+        one, other = (side_set(name, side) for side in SIDES)
+        part = next(part for part in parts if one in part.sections)
+        warping[one] = warping[other] = section_tractions(part, one, fields)
     bodies, ends = [], {}
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
         report.note(
             f"part {number + 1} of {len(parts)}: {part.elements.size} elements, interfaces "
             f"{', '.join(table.name for table in own.interfaces)}"
         )
-        sides = {
-            side_set(name, side): on_section(part, side_set(name, side), warping[name])
-            for name in names
-            for side in SIDES
-            if side_set(name, side) in part.sections
-        }
-        piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack([*sides.values()]))
-        widths = np.cumsum([force.shape[1] for force in sides.values()])[:-1]
-        for side, work in zip(sides, np.split(piece.warping_work, widths), strict=True):
+        forces = [on_section(part, side, warping[side]) for side in part.sections]
+        piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack(forces))
+        widths = np.cumsum([force.shape[1] for force in forces])[:-1]
+        for side, work in zip(part.sections, np.split(piece.warping_work, widths), strict=True):
             place = piece.body.interface_names.index(side)
             if piece.body.interface_frame[place] < 0:
                 raise BodyFileError(f"[[cut]] {side}: no [[frame]] holds nodes of the section, expected one")
@@ -73,10 +69,8 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
         if not own.frames and len(parts) > 1:
             frames = tuple(f"part_{number + 1}_{name}" for name in frames)
         bodies.append(replace(piece.body, frame_names=frames))
-    welds = []
-    for name in names:
-        (first, first_work), (second, second_work) = (ends[side_set(name, side)] for side in SIDES)
-        welds.append(Weld(first, second, first_work, second_work))
+    pairs = [[ends[side_set(name, side)] for side in SIDES] for name in names]
+    welds = [Weld(first, second, first_work, second_work) for (first, first_work), (second, second_work) in pairs]
     loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
     with report.stage(f"Join {len(parts)} parts"):
         body, note = join_parts(bodies, welds, loose, [table.name for table in config.interfaces])
