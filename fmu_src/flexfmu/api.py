@@ -192,13 +192,7 @@ class Body:
             With what was found, what was expected and what to do.
         """
         data = self.spec.model_dump(exclude_unset=True) | {"mesh": {"units": self.spec.mesh.units}}
-        if frames is not None or branches is not None:
-            for key in ("frames", "frame", "branch"):
-                data.pop(key, None)
-            if branches is not None:
-                data["branch"] = [{"toward": key, "joints": plain(value)} for key, value in branches.items()]
-            if frames is not None:
-                data["frames" if isinstance(frames, int) else "frame"] = plain(frames)
+        _choose_frames(data, frames, branches)
         chosen: dict[str, dict[str, Any]] = {
             "formulation": {"method": method, "mass": mass},
             "reduction": {"basis": basis, "modes": modes, "residual_flexibility": residual_flexibility},
@@ -210,6 +204,21 @@ class Body:
             data[table] = {**data.get(table, {}), **given}
         spec = checked_spec(data)
         return BuiltBody(reduce_mesh(self.mesh, spec, self._origin, report or ScriptReporter(), store))
+
+
+def _choose_frames(
+    data: dict[str, Any],
+    frames: int | Sequence[Mapping[str, Any]] | None,
+    branches: Mapping[str, Sequence[float]] | None,
+) -> None:
+    """Put frames and branches, where any are given, in place of all those of a body file."""
+    if frames is not None or branches is not None:
+        for key in ("frames", "frame", "branch"):
+            data.pop(key, None)
+    if branches is not None:
+        data["branch"] = [{"toward": key, "joints": plain(value)} for key, value in branches.items()]
+    if frames is not None:
+        data["frames" if isinstance(frames, int) else "frame"] = plain(frames)
 
 
 def _cut_tables(choices: NodeChoices, cuts: Sequence[Nodes] | Literal["auto"]) -> list[dict[str, str]] | str:

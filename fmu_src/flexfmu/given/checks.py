@@ -58,19 +58,7 @@ def checked_modes(given: GivenModes) -> tuple[GivenModes, tuple[str, ...], tuple
     shapes = given.shapes
     gram = shapes.T @ given.momentum(shapes)
     modal = np.diagonal(gram).copy()
-    if np.any(modal <= 0.0):
-        raise GivenModesError(f"mode {int(np.argmin(modal)) + 1} moves no mass: the mass belongs to other nodes")
-    product = gram / np.sqrt(np.outer(modal, modal)) - np.eye(len(modal))
-    worst = np.unravel_index(int(np.argmax(np.abs(product))), product.shape)
-    off = abs(float(product[worst]))
-    told = f"modes {worst[0] + 1} and {worst[1] + 1} have the product {off:.2g} by mass, expected 0"
-    if off > _WRONG:
-        raise GivenModesError(
-            f"{told}: the mass is not that of these modes (nodes in another order, a part without its mass, mass of "
-            "mid-side nodes left out), or the modes are no eigenmodes"
-        )
-    if off > _DOUBTFUL:
-        warnings.append(f"{told}: lumped masses are coarse here; a consistent mass matrix would be exact")
+    warnings += _not_orthogonal(gram, modal)
     if np.any(np.abs(modal - 1.0) > _NORMALISED):
         notes.append(f"modal masses are {modal.min():.4g} to {modal.max():.4g} kg: made one")
         shapes = shapes / np.sqrt(modal)
@@ -101,6 +89,24 @@ def checked_modes(given: GivenModes) -> tuple[GivenModes, tuple[str, ...], tuple
             damping = None if damping is None else np.concatenate([np.zeros(6), damping])
     modes = shapes.T.reshape(shapes.shape[1], -1, 3)
     return replace(given, modes=modes, frequency=frequency, damping=damping), tuple(notes), tuple(warnings)
+
+
+def _not_orthogonal(gram: FloatArray, modal: FloatArray) -> list[str]:
+    """A warning where modes are not orthogonal by mass; an error where the mass cannot be theirs."""
+    if np.any(modal <= 0.0):
+        raise GivenModesError(f"mode {int(np.argmin(modal)) + 1} moves no mass: the mass belongs to other nodes")
+    product = gram / np.sqrt(np.outer(modal, modal)) - np.eye(len(modal))
+    worst = np.unravel_index(int(np.argmax(np.abs(product))), product.shape)
+    off = abs(float(product[worst]))
+    told = f"modes {worst[0] + 1} and {worst[1] + 1} have the product {off:.2g} by mass, expected 0"
+    if off > _WRONG:
+        raise GivenModesError(
+            f"{told}: the mass is not that of these modes (nodes in another order, a part without its mass, mass of "
+            "mid-side nodes left out), or the modes are no eigenmodes"
+        )
+    if off > _DOUBTFUL:
+        return [f"{told}: lumped masses are coarse here; a consistent mass matrix would be exact"]
+    return []
 
 
 def _rigid_count(frequency: FloatArray) -> int:

@@ -88,9 +88,7 @@ def pack(
     'frames'
     """
     given = modes if isinstance(modes, GivenModes) else read_given(modes)
-    fixed = np.zeros((len(given.nodes), 3), dtype=bool)
-    plain = Mesh(given.nodes, np.arange(len(given.nodes)), (), given.sets, {}, (), fixed)
-    choices = NodeChoices(plain, UnitSystem.SI)
+    choices = NodeChoices(_nodes_alone(given), UnitSystem.SI)
     data: dict[str, Any] = {
         "name": name or given.name,
         "support": [support_table(choices, nodes, f"support {k}") for k, nodes in enumerate(supports, start=1)],
@@ -98,13 +96,10 @@ def pack(
         "damping": {"ratio": plain_value(damping)},
         "input": {"acceleration": acceleration},
         "output": {"velocities": velocities, "surface": surface},
+        **({"reduction": {"second_order": False}} if method is None else {"formulation": {"method": method}}),
     }
     if frames is not None:
         data["frames" if isinstance(frames, int) else "frame"] = plain_value(frames)
-    if method is not None:
-        data["formulation"] = {"method": method}
-    else:
-        data["reduction"] = {"second_order": False}
     with_sets = replace(given, sets=choices.mesh.node_sets)
     return BuiltBody(reduce_given(with_sets, checked_spec(data), report or ScriptReporter()))
 
@@ -242,14 +237,18 @@ def _variant(spec: BodySpec) -> Variant:
     return variant
 
 
+def _nodes_alone(given: GivenModes) -> Mesh:
+    """Nodes and their sets as a mesh without elements."""
+    count = len(given.nodes)
+    return Mesh(given.nodes, np.arange(count), (), dict(given.sets), {}, (), np.zeros((count, 3), dtype=bool))
+
+
 def _mesh(given: GivenModes) -> tuple[Mesh, IntArray]:
     """Nodes and cells as a mesh of one density, and the rows of the nodes that it has."""
-    count = len(given.nodes)
+    labels = np.arange(len(given.nodes))
     if not given.cells:
-        fixed = np.zeros((count, 3), dtype=bool)
-        return Mesh(given.nodes, np.arange(count), (), dict(given.sets), {}, (), fixed), np.arange(count)
+        return _nodes_alone(given), labels
     plain = meshio.Mesh(given.nodes, list(given.cells.items()), point_sets=dict(given.sets))
-    labels = np.arange(count)
     mesh = from_contents(Contents(plain, labels), "the cells", UnitSystem.SI)
     mesh = checked(mesh)
     blocks = tuple(replace(block, material=np.zeros(len(block.labels), dtype=np.int64)) for block in mesh.blocks)

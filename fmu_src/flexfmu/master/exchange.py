@@ -118,7 +118,7 @@ def interface_response(
     KnownResponse or None
         None: nothing is known.
     """
-    ends, springs, fed = wiring.ends, wiring.springs, wiring.matrix != 0.0
+    ends, fed = wiring.ends, wiring.matrix != 0.0
     sound = [(r, block) for r, block in zip(wiring.responses, compliance, strict=True) if np.all(np.isfinite(block))]
     if not sound:
         return None
@@ -128,22 +128,18 @@ def interface_response(
     movable = wiring.signal_role[:, None] == np.where(wiring.coupled, wiring.input_role, -1)
     unknown = np.any(movable, axis=1) & ~np.any(told[:-1], axis=1)
     known = np.any(fed, axis=1) & ~np.any(fed & unknown, axis=1)
-    offered = {r.moved for r, _ in sound if r.moved == r.loaded}
-    # The ground does not give way.
-    held = np.array([*(name in offered for name in ends.names), True])
-    kept = held[springs.a] & held[springs.b]
-    if np.any(kept):
-        known_springs = Springs(springs.a[kept], springs.b[kept], springs.stiffness[kept], springs.damping[kept])
+    springs = _known_springs(wiring, [response for response, _ in sound])
+    if len(springs.a):
         motion, _ = _motion(wiring, signals, before, step)
         if dampers is Dampers.MEAN:
             # Their part in what is held is one, whatever that of the springs.
             by_motion = np.full(len(motion), 1.0 / (share * step))
         else:
             by_motion = np.where(ends.rates[:, 0] >= 0, _RATE_BY_MOTION, 1.0) / step
-        loads_by_inputs = tangent(known_springs, motion, by_motion) @ by_inputs[ends.motion.ravel()]
+        loads_by_inputs = tangent(springs, motion, by_motion) @ by_inputs[ends.motion.ravel()]
         places = ends.loads.ravel()
         slope[places[places >= 0]] += loads_by_inputs[places >= 0]
-        touched = np.unique(np.concatenate([known_springs.a, known_springs.b]))
+        touched = np.unique(np.concatenate([springs.a, springs.b]))
         places = ends.loads[touched[touched < len(ends.names)]]
         known[places[places >= 0]] = True
     used = np.append(np.any(fed, axis=0), False)
@@ -151,6 +147,16 @@ def interface_response(
     # Nothing is missing where all is told of every signal that is used.
     complete = np.all(told[:-1] | ~movable, axis=1) | ~used[:-1]
     return KnownResponse(share * slope, known, bool(np.all(complete)))
+
+
+def _known_springs(wiring: Wiring, responses: Sequence[Response]) -> Springs:
+    """Springs both of whose ends offer their compliance."""
+    springs = wiring.springs
+    offered = {response.moved for response in responses if response.moved == response.loaded}
+    # The ground does not give way.
+    held = np.array([*(name in offered for name in wiring.ends.names), True])
+    kept = held[springs.a] & held[springs.b]
+    return Springs(springs.a[kept], springs.b[kept], springs.stiffness[kept], springs.damping[kept])
 
 
 def _signals_by_inputs(

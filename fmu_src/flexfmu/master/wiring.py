@@ -38,36 +38,23 @@ def wire(coupling: CouplingFile) -> Wiring:
     starts = {fmu.name: _start_values(descriptions[fmu.name], fmu.start) for fmu in coupling.fmu}
     tables = {fmu.name: _table(descriptions[fmu.name], fmu, inputs) for fmu in coupling.fmu if fmu.input is not None}
     links = [_link(number, link, descriptions) for number, link in enumerate(coupling.connection, start=1)]
-    for number, (source, output, target, name) in enumerate(links, start=1):
-        if target.name in tables and name in tables[target.name][0]:
-            table = next(fmu.input for fmu in coupling.fmu if fmu.name == target.name)
-            raise SimulationError(
-                f"connection {number}: {target.name}.{name} is also a column of {table}; "
-                "an input takes a table or connections: remove one of them"
-            )
+    tabled = {(fmu.name, name): fmu.input for fmu in coupling.fmu if fmu.name in tables for name in tables[fmu.name][0]}
+    linked = [(target.name, name) for _, _, target, name in links]
+    _check_fed_once(linked, tabled)
+    for source, output, target, name in links:
         signals.ask(source.name, output)
         inputs.ask(target.name, name)
     ends = end_names(coupling.spring, descriptions, inputs, signals)
     input_place, signal_place = inputs.places(), signals.places()
-
     if coupling.experiment.scheme is Scheme.ITERATED:
-        for fmu, variable in input_place:
-            fed = any((target.name, name) == (fmu, variable) for _, _, target, name in links)
-            if (fed or any(end.partition(".")[0] == fmu for end in ends)) and not descriptions[fmu].saves_state:
-                raise SimulationError(
-                    f'experiment.scheme is "iterated", but fmu {fmu!r} ({descriptions[fmu].file.name}) cannot save '
-                    'its state (canGetAndSetFMUstate is false): take "jacobi" or "gauss_seidel", or export it anew'
-                )
+        _check_states(descriptions, {fmu for fmu, _ in linked} | {end.partition(".")[0] for end in ends})
     matrix = np.zeros((len(input_place), len(signal_place)))
     for link, (source, output, target, name) in zip(coupling.connection, links, strict=True):
         factor = 1.0 if link.factor is None else link.factor
         matrix[input_place[target.name, name], signal_place[source.name, output]] += factor
     laid_ends = lay_ends(ends, descriptions, input_place, signal_place)
     base = np.array([_base(descriptions[fmu], name, starts[fmu]) for fmu, name in input_place])
-    for _, _, target, name in links:
-        base[input_place[target.name, name]] = 0.0
-    for fmu, (names, _) in tables.items():
-        base[[input_place[fmu, name] for name in names]] = 0.0
+    base[[input_place[pair] for pair in (*linked, *tabled)]] = 0.0
     coupled = np.any(matrix != 0.0, axis=1)
     coupled[laid_ends.loads[laid_ends.loads >= 0]] = True
     return Wiring(
@@ -168,6 +155,26 @@ def _link(
             "variables of one unit, or give the factor that turns the one into the other"
         )
     return source, output, target, name
+
+
+def _check_fed_once(linked: list[tuple[str, str]], tabled: Mapping[tuple[str, str], Path | None]) -> None:
+    """An input takes a table or connections, not both."""
+    for number, pair in enumerate(linked, start=1):
+        if pair in tabled:
+            raise SimulationError(
+                f"connection {number}: {'.'.join(pair)} is also a column of {tabled[pair]}; "
+                "an input takes a table or connections: remove one of them"
+            )
+
+
+def _check_states(descriptions: Mapping[str, Description], coupled: set[str]) -> None:
+    """Iterations repeat a step: every coupled FMU must save its state."""
+    for name, description in descriptions.items():
+        if name in coupled and not description.saves_state:
+            raise SimulationError(
+                f'experiment.scheme is "iterated", but fmu {name!r} ({description.file.name}) cannot save '
+                'its state (canGetAndSetFMUstate is false): take "jacobi" or "gauss_seidel", or export it anew'
+            )
 
 
 def _base(description: Description, name: str, start: Mapping[str, StartValue]) -> float:
