@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 
 import fuzzed
+from bodies import beam_body
 from core_files import core_order
+from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.core.building import FLAGS, FOLDER, command, sources, system_compiler
 from flexfmu.core.library import Core, declare
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.runtime import Runtime
+from flexfmu.model.errors import OptionError
 from flexfmu.program.compile import compile_program
 
 pytestmark = pytest.mark.skipif(
@@ -241,3 +244,13 @@ def test_files_of_the_core_call_those_before_them_only(symbols):
     wanted = {(name, home.get(row[0], name)) for name, rows in symbols.items() for row in rows if row[2] == "U"}
     assert [pair for pair in sorted(wanted) if order.index(pair[1]) > order.index(pair[0])] == []
     assert len(wanted) > 2 * len(order)
+
+
+@pytest.mark.parametrize("interfaces", [[0, 0], [1], [-1]])
+def test_the_compliance_of_what_is_no_interface_or_more_than_there_are_is_refused(interfaces):
+    body, q = FlexibleBody(beam_body(3, modes=3)), np.zeros(3)
+    with pytest.raises(OptionError, match="expected different numbers from 0 to 0"):
+        body.compliance(State(q, q), np.zeros(6), 1e-3, interfaces)
+    # The core looks for itself.
+    with pytest.raises(MemoryError, match="workspace"):
+        body.core.compliance(np.zeros(6), 1e-3, q, interfaces)

@@ -979,7 +979,7 @@ def test_a_run_that_stops_leaves_an_earlier_result_alone_and_its_own_beside_it(f
 
 INTERRUPTED = """
 import os, signal, sys, threading
-from flexfmu import cli
+from flexfmu.commands import cli
 from flexfmu.files.console import ConsoleReporter
 
 # Jobs in the background are started deaf to it.

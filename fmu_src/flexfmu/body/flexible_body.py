@@ -381,7 +381,15 @@ class FlexibleBody:
         -------
         (6n, 6n) float
             Displacement and rotation of each in turn per force and moment on each: m/N, m/(N m), rad/N, rad/(N m).
+
+        Raises
+        ------
+        OptionError
+            An interface is named twice, or is none.
         """
+        count = len(self.model.interface_names)
+        if len(set(interfaces)) < len(interfaces) or not all(0 <= one < count for one in interfaces):
+            raise OptionError(f"interfaces are {list(interfaces)}, expected different numbers from 0 to {count - 1}")
         return self.core.compliance(inputs, step, state.q, interfaces)
 
     def _packed(self, loads: Loads | Mapping[str, Sequence[float]]) -> FloatArray:

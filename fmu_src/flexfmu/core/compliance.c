@@ -112,6 +112,10 @@ int body_compliance(Body *body, const double *inputs, double step, const double 
     const Rule *rule;
     Arena arena = work_arena(body);
     Room room;
+    /* The room is that of every interface once. */
+    if (n > p->interfaces) return FLEX_NO_ROOM;
+    for (int64_t i = 0; i < n; i++)
+        if (interfaces[i] < 0 || interfaces[i] >= p->interfaces) return FLEX_NO_ROOM;
     take_room(body, &arena, &room);
     if (arena.refused) return FLEX_NO_ROOM;
     memset(out, 0, (size_t)(36 * n * n) * sizeof(double));

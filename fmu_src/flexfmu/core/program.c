@@ -130,7 +130,8 @@ static const char *inconsistent(const Program *p) {
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";
     if (!within(p->follower, p->followers, 0, p->interfaces - 1) || (p->followers && p->placement != PLACE_DEFORMED))
         return "a load follows no interface";
-    if (!within(p->compliance_interface, p->compliances, 0, p->interfaces - 1)) return "a compliance is of no interface";
+    if (p->compliances > p->interfaces || !within(p->compliance_interface, p->compliances, 0, p->interfaces - 1))
+        return "a compliance is of no interface";
     if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < 4)
         return "names are missing";
     if (texts_in(p->variable_texts, p->variable_bytes) != p->variables || texts_in(p->guid, p->guid_bytes) != 1)
