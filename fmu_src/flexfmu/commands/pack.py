@@ -12,7 +12,7 @@ def pack(
     file: Annotated[Path, typer.Argument(help="Modes of another program (.npz, .h5), SID_FEM, or a modal file (.h5).")],
     interface: Annotated[list[str] | None, typer.Option(help="NAME=SET; may be repeated.")] = None,
     support: Annotated[list[str] | None, typer.Option(help="SET where frames hang if no node is held.")] = None,
-    frames: Annotated[int | None, typer.Option(help="Frames; default: 1.")] = None,
+    frames: Annotated[int | None, typer.Option(help="Frames; default: 4 of modes with elements, else 1.")] = None,
     method: Annotated[str | None, typer.Option(help="Method; default: frames.")] = None,
     damping: Annotated[float, typer.Option(help="Modal damping ratio; default: that of the modes.")] = 0.0,
     name: Annotated[str | None, typer.Option(help="Name of the body; default: that of the modes.")] = None,
