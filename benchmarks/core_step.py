@@ -19,8 +19,9 @@ from pathlib import Path
 
 import fmpy
 
-from flexfmu.build.config import DampingTable, FormulationTable, InterfaceTable, OutputTable, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import DampingTable, FormulationTable, InterfaceTable, OutputTable
 from flexfmu.core import building
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store

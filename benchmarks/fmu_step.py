@@ -58,8 +58,9 @@ class Record:
 
 def build_body(folder: Path) -> dict[str, Path]:
     """The clamped beam with four interfaces: its FMU by runtime."""
-    from flexfmu.build.config import InterfaceTable, OutputTable, read_body_file
+    from flexfmu.build.config import read_body_file
     from flexfmu.build.reduce import reduce_body
+    from flexfmu.build.tables import InterfaceTable, OutputTable
     from flexfmu.files.progress import Reporter
     from flexfmu.fmu.description import Runtime
     from flexfmu.fmu.package import package_fmu

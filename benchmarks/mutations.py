@@ -12,52 +12,20 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import platform
-import runpy
-import shutil
 import subprocess
-import sys
 import tempfile
 import time
 import tomllib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
-from enum import Enum
 from pathlib import Path
-from typing import Any
+
+from benchmarks import random_mutations
+from benchmarks.mutated import LONGEST, PACKAGE, Outcome, compile_core, copied, judged, library_of, run_tests
 
 HERE = Path(__file__).parent
-ROOT = HERE.parent
 TABLE = HERE / "mutations.toml"
-PACKAGE = Path("fmu_src") / "flexfmu"
-# Not needed by any test, or made anew.
-LEFT_OUT = (".git", ".venv*", "__pycache__", ".*_cache", ".hypothesis", "output", "dist", "*.egg-info")
-CORE = PACKAGE / "core"
-# Tests are short: compiling well takes longer than what it saves in them.
-QUICK = ("-O0",)
-# That a test fails is enough: nobody looks for its smallest example.
-HASTE = """
-import hypothesis
-
-hypothesis.settings.register_profile("haste", phases=[hypothesis.Phase.explicit, hypothesis.Phase.generate])
-hypothesis.settings.load_profile("haste")
-"""
-# Tests that take this long (s) do not end any more.
-LONGEST = 900.0
-
-
-class Outcome(Enum):
-    """What became of a change."""
-
-    KILLED = "killed"
-    """A test failed."""
-    SURVIVED = "survived"
-    """All tests passed."""
-    GONE = "gone"
-    """The line is not there any more, or more than once: the table has to be brought up to date."""
-    BROKEN = "broken"
-    """No test ran."""
 
 
 @dataclass(frozen=True)
@@ -108,53 +76,6 @@ def read_table(path: Path) -> list[Change]:
     return [Change(**entry) for entry in tomllib.loads(path.read_text(encoding="utf-8"))["change"]]
 
 
-def arguments_of(tests: str) -> list[str]:
-    """Arguments of pytest: what follows -k is joined by "or"."""
-    files, _, words = tests.partition(" -k ")
-    return files.split() + (["-k", " or ".join(words.split("|"))] if words else [])
-
-
-def run_tests(tree: Path, tests: str, longest: float = LONGEST) -> subprocess.CompletedProcess[str]:
-    """Run tests in a copy of the tree until the first fails."""
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(tree / "fmu_src"), str(tree)]),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-    }
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-rf", "--tb=no", "-p", "no:cacheprovider"]
-    return subprocess.run(
-        [*command, *arguments_of(tests)],
-        cwd=tree,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=longest,
-    )
-
-
-def compile_core(tree: Path) -> None:
-    """Build the core in place by the copy's own command, which knows its sources."""
-    building: dict[str, Any] = runpy.run_path(str(tree / CORE / "building.py"))
-    compiler = building["system_compiler"]()
-    if compiler is None:
-        raise SystemExit("there is no C compiler")
-    output = library_of(tree)
-    # Another file: who has the old one open keeps it.
-    part = output.with_name(f"part{output.suffix}")
-    words = building["command"](compiler, part, extra=QUICK)
-    done = subprocess.run(words, cwd=tree, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(f"the core does not compile:\n{done.stdout}\n{done.stderr}")
-    part.replace(output)
-
-
-def library_of(tree: Path) -> Path:
-    """The compiled core of a copy."""
-    return (tree / CORE / "_flexcore").with_suffix({"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so"))
-
-
 def try_change(tree: Path, change: Change) -> Result:
     """Make a change, run its tests, and take it back."""
     start = time.perf_counter()
@@ -179,29 +100,6 @@ def try_change(tree: Path, change: Change) -> Result:
             library.unlink()
             library.write_bytes(right)
     return Result(outcome, by, time.perf_counter() - start)
-
-
-def judged(code: int, output: str) -> tuple[Outcome, str]:
-    """What pytest's exit code says, and the test that failed."""
-    failed = [line.split()[1] for line in output.splitlines() if line.startswith(("FAILED ", "ERROR "))]
-    if code == 0:
-        return Outcome.SURVIVED, ""
-    if code == 1:
-        return Outcome.KILLED, failed[0].partition("::")[2] if failed else "?"
-    if code < 0 or code > 5:
-        return Outcome.KILLED, f"the process ended with {code}"
-    return Outcome.BROKEN, (output.strip().splitlines() or ["no output"])[-1]
-
-
-def check_copy(tree: Path) -> None:
-    """Make sure that tests run on the copy."""
-    code = "import flexfmu; print(flexfmu.__file__)"
-    environment = os.environ | {"PYTHONPATH": str(tree / "fmu_src")}
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tree, env=environment, capture_output=True, text=True, check=False
-    )
-    if not done.stdout.startswith(str(tree)):
-        raise SystemExit(f"tests would run on {done.stdout.strip()!r} instead of the copy in {tree}")
 
 
 def check_tests(tree: Path, tests: str) -> None:
@@ -241,11 +139,7 @@ def run(changes: list[Change], minutes: float) -> Iterator[tuple[Change, Result]
     checked: set[str] = set()
     with tempfile.TemporaryDirectory(prefix="mutations_") as name:
         tree = Path(name).resolve() / "tree"
-        shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(*LEFT_OUT))
-        with (tree / "tests" / "conftest.py").open("a", encoding="utf-8") as file:
-            file.write(HASTE)
-        compile_core(tree)
-        check_copy(tree)
+        copied(tree)
         start = time.perf_counter()
         for change in changes:
             if time.perf_counter() - start > 60.0 * minutes:
@@ -267,8 +161,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     if arguments.random:
-        from benchmarks import random_mutations
-
         output = arguments.output or HERE / "random_mutations.csv"
         raise SystemExit(not random_mutations.run(arguments.random, arguments.seed, arguments.minutes, output))
     table = read_table(TABLE)

@@ -16,7 +16,6 @@ import os
 import queue
 import random
 import re
-import shutil
 import subprocess
 import tempfile
 import threading
@@ -27,7 +26,7 @@ from dataclasses import asdict, dataclass, fields
 from fnmatch import fnmatch
 from pathlib import Path
 
-from benchmarks import mutations as tools
+from benchmarks import mutated as tools
 
 KINDS = ("sign", "factor", "index", "comparison", "deletion")
 REFERENCE = "tests/reference/test_reference.py"
@@ -36,9 +35,10 @@ PHYSICS = "tests/physics/test_"
 ROWS: tuple[tuple[str, str], ...] = (
     ("core/step_free.c", "spinning inertia free_bodies followers acceleration"),
     ("core/free_body.c", "spinning inertia free_bodies followers acceleration"),
-    ("core/step_inertial.c", "inertia motion missed_inertia spinning"),
+    ("core/step_inertial.c", "inertia motion mass_polynomial spinning"),
     ("core/learning.c", "inertia spinning motion"),
-    ("core/inertia.c", "= inertia missed_inertia spinning"),
+    ("core/inertia.c", "= inertia spinning"),
+    ("core/polynomial.c", "motion mass_polynomial"),
     ("core/step_tied.c", "ties cut motion stepping"),
     ("core/ties.c", "= ties cut motion"),
     ("core/step_plain.c", "motion stepping step_bounds followers propagation"),
@@ -59,7 +59,7 @@ ROWS: tuple[tuple[str, str], ...] = (
     ("reduction/division.py", "@division chain tree @run_time_division"),
     ("reduction/subdomains.py", "@division averaged_rotation free_bodies tree chain"),
     ("reduction/*.py", "@modes @bases @rigid_fit free_bodies acceleration @division @surface inertia point_masses cut"),
-    ("program/missed_inertia.py", "missed_inertia"),
+    ("program/mass_polynomial.py", "mass_polynomial"),
     ("program/*.py", "= stability_watch statics tree membrane watch motion free_bodies"),
     ("model/fixing.py", "second_order free_bodies acceleration coupling inertia"),
     ("model/*.py", "= @rotations @methods second_order inertia statics membrane"),
@@ -238,7 +238,7 @@ def all_mutations(package: Path) -> list[Mutation]:
         "variable_table",
         "variants",
     )
-    speed = ("memory", "factorisation", "basis", "materials", "places", "sets", "programs", "drafts", "loads", "replay")
+    speed = ("factorisation", "basis", "materials", "places", "sets", "programs", "drafts", "loads", "replay")
     for room in rooms:
         for path in sorted((package / room).rglob("*.c" if room == "core" else "*.py")):
             skipped = others if room == "core" else (*reading, *data, *speed)
@@ -262,6 +262,9 @@ COLUMNS = ("seed", "number", *(field.name for field in fields(Mutation)), "outco
 KILLED, SURVIVED, NONE, UNCLEAR = "killed", "survived", "no mutation", "unclear"
 # Reductions that a mutation does not touch are found once for all of a copy's runs.
 KEPT = """
+
+from pathlib import Path
+
 
 @pytest.fixture(scope="session")
 def bodies():
@@ -361,11 +364,7 @@ def run(count: int, seed: int, minutes: float, output: Path, jobs: int = 2) -> b
     with tempfile.TemporaryDirectory(prefix="mutations_") as name:
         trees = [Path(name).resolve() / str(job) / "tree" for job in range(jobs)]
         for tree in trees:
-            shutil.copytree(tools.ROOT, tree, ignore=shutil.ignore_patterns(*tools.LEFT_OUT))
-            with (tree / "tests" / "conftest.py").open("a", encoding="utf-8") as file:
-                file.write("\nfrom pathlib import Path\n" + tools.HASTE + KEPT)
-            tools.compile_core(tree)
-            tools.check_copy(tree)
+            tools.copied(tree, KEPT)
         threads = [threading.Thread(target=work, args=(tree,)) for tree in trees]
         for thread in threads:
             thread.start()

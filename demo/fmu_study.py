@@ -13,8 +13,9 @@ from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import FormulationTable, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import FormulationTable
 from flexfmu.files.figures import BLUE, GREEN, ORANGE, SKY, VERMILION
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from flexfmu.core.image import read_image
 from flexfmu.model import modal_file
-from flexfmu.model.inertia import LumpedMass
+from flexfmu.model.inertia import LumpedMass, MassPolynomial
 from flexfmu.model.membrane import Membrane
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, Ties, WholeFrame
@@ -80,6 +80,15 @@ def with_membrane(body: ReducedBody, size: float = 1.0) -> ReducedBody:
     linear[:3] = 0.0
     sign = np.array([1.0, 1.0, -1.0, 1.0, 1.0])
     return replace(body, membrane=Membrane(quadratic + quadratic.swapaxes(1, 2), linear, sign))
+
+
+def with_polynomial(body: ReducedBody, size: float = 0.02) -> ReducedBody:
+    """The body with a mass polynomial of four terms of any form."""
+    rng, modes = np.random.default_rng(1002), body.mode_count
+    form, square = size * rng.standard_normal((2, 4, modes, modes))
+    linear = rng.standard_normal((4, modes))
+    terms = MassPolynomial(form + form.swapaxes(1, 2), linear, (square + square.swapaxes(1, 2)) / size)
+    return replace(body, polynomial=terms)
 
 
 def turning_body(axis: FloatArray, pivot: FloatArray) -> ReducedBody:

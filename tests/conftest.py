@@ -11,7 +11,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
-from references import BEAM, L_FRAME
+from references import BEAM, L_FRAME, body_without_error
 from scene_tools import SMALL_SWEEP, with_results
 
 # Builds in tests find everything anew, and leave nothing in the user's folders.
@@ -21,7 +21,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 class Bodies:
-    """Demo bodies reduced on demand, each variant once; modes and the like once for all processes of the tests."""
+    """Demo bodies reduced on demand, each variant once; modes and the like once for all processes of the tests.
+
+    They do not tell their error, which would take twice as long, unless `output` says so.
+    """
 
     def __init__(self, store):
         self._known = {}
@@ -30,7 +33,7 @@ class Bodies:
     def __call__(self, folder, **changes):
         key = (folder, repr(sorted(changes.items())))
         if key not in self._known:
-            config = read_body_file(folder / "body.toml")
+            config = body_without_error(folder / "body.toml")
             if "modes" in changes:
                 changes["reduction"] = config.reduction.model_copy(update={"modes": changes.pop("modes")})
             self._known[key] = FlexibleBody(reduce_body(config.model_copy(update=changes), Reporter(), self._store))

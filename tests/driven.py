@@ -51,7 +51,7 @@ class _Slave:
 
     def status(self, name, *arguments):
         calls = {
-            "setup": lambda: self.slave.setup_experiment(0.0, None, None),
+            "setup": lambda start=0.0, stop=None: self.slave.setup_experiment(start, stop, None),
             "enter": self.slave.enter_initialization_mode,
             "exit": self.slave.exit_initialization_mode,
             "terminate": self.slave.terminate,
@@ -95,7 +95,8 @@ class Driven:
         self.table = {v.name: (number, v) for number, v in enumerate(variable_table(model))}
         self.set(**start)
         self.began = max(self.side.status(name) for name in ("setup", "enter", "exit"))
-        self.time = 0.0
+        # The last one that was reached, and that of each state taken.
+        self.time, self.times = 0.0, {}
 
     def set(self, **values):
         for name, value in values.items():
@@ -130,11 +131,14 @@ class Driven:
     @property
     def state(self):
         """The state as bytes."""
-        return self.side.status("bytes")
+        block = self.side.status("bytes")
+        self.times[block] = self.time
+        return block
 
     @state.setter
     def state(self, block):
         assert self.side.status("set_bytes", block) == OK
+        self.time = self.times.get(block, self.time)
 
     @property
     def log(self):

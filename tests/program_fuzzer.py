@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from bodies import body_of_everything, random_ties
-from flexfmu.core import Core, StepLimits
 from flexfmu.core import library as core_library
 from flexfmu.core.image import _HEAD, checksum, fields, read_image
+from flexfmu.core.library import Core, StepLimits
 from flexfmu.fmu.python_slave import SlaveError, core_file
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
-from flexfmu.study.stability.slave import BodyPrograms
+from flexfmu.study.slave import BodyPrograms
 
 # Seconds that one program may take, with every call and under sanitizers.
 PATIENCE = 60
@@ -205,10 +205,11 @@ def through_the_fmu(core, seed, count):
         try:
             slave = aboard.start(method=path.stem) if path.stem in {m.value for m in Method} else aboard.start()
             slave.set_real(range(6), [1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+            slave.setup_experiment(0.0, None, None)
             slave.enter_initialization_mode()
             slave.exit_initialization_mode()
-            for step in (1e-3, 1e-3, 0.1):
-                slave.do_step(0.0, step)
+            for time, step in ((0.0, 1e-3), (1e-3, 1e-3), (2e-3, 0.1)):
+                slave.do_step(time, step)
             slave._set_fmu_state(slave._get_fmu_state())
             for real in reals:
                 with suppress(SlaveError):

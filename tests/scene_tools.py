@@ -21,7 +21,7 @@ basis = ["normal"]
 modes = [3, 6]
 frames = [1, 2]
 methods = ["linear", "frames"]
-finite_elements = []
+finite_elements = false
 """
 
 

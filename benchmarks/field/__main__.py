@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks.field import mechanisms, motion, others, statics
+from benchmarks.field import mechanisms, motion, others, short, statics
 from benchmarks.field.records import Record, tables
 from benchmarks.records import write_records
 
@@ -20,6 +20,9 @@ PROBLEMS: dict[str, Callable[[], list[Record]]] = {
     "arch": statics.arch_records,
     "roof": statics.roof_records,
     "lee": statics.lee_records,
+    "twisted": short.twisted_records,
+    "annulus": short.annulus_records,
+    "half_cylinder": short.half_cylinder_records,
     "flutter": motion.flutter_records,
     "spin_up": motion.rotating_beam_records,
     "kane": motion.kane_records,

@@ -23,8 +23,9 @@ from demo.fmu_study import (
 )
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import OutputTable, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import OutputTable
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.simulation import simulate

@@ -13,8 +13,9 @@ from demo.curved.make_mesh import HERE, LINES
 from numpy.typing import NDArray
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import MeshTable, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import MeshTable
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody

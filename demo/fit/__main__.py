@@ -14,7 +14,7 @@ from demo.fit.scenes import DEMONSTRATIONS, Outcome, run
 
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.store import Store
-from flexfmu.study.scene.measure import Errors
+from flexfmu.study.scene.measure import SceneErrors
 
 HEAD = (
     "scene",
@@ -24,12 +24,11 @@ HEAD = (
     "against CalculiX",
     "as given",
     "step: given, found",
-    "step of the FMU",
     "search, s",
 )
 
 
-def in_percent(found: Errors) -> str:
+def in_percent(found: SceneErrors) -> str:
     """Largest relative errors."""
     statics = found.static_displacement, found.static_rotation
     motion = found.transient_displacement, found.transient_rotation
@@ -56,7 +55,6 @@ def row(title: str, outcome: Outcome) -> list[str]:
         f"**{outcome.calculix.share:.2f}** ({in_percent(outcome.calculix)}{toe[0]})",
         f"{outcome.given.share:.2f} ({in_percent(outcome.given)}{toe[1]})",
         faster(fit.given_step, fit.step),
-        faster(fit.given_fmu_step, fit.fmu_step),
         f"{fit.seconds:.0f}",
     ]
 

@@ -1,7 +1,6 @@
 """Four scenes with a tolerance each, and what CalculiX says of the models that `flexfmu fit` finds for them.
 
-The search compares with flexfmu's own finite element model and, over time, with a large reduced model; it never sees
-the CalculiX results.
+The search compares with fine reduced models; it never sees the CalculiX results.
 """
 
 from __future__ import annotations
@@ -20,9 +19,8 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.study.fit.delivery import Fit
-from flexfmu.study.fit.search import fit
-from flexfmu.study.scene.measure import Errors, errors
+from flexfmu.study.fit import Fit, fit
+from flexfmu.study.scene.measure import SceneErrors, errors
 from flexfmu.study.scene.reference import references
 from flexfmu.study.scene.scene import AXES, Scene, read_scene
 
@@ -95,15 +93,15 @@ class Outcome:
     Attributes
     ----------
     fit : Fit
-    calculix, given : Errors
+    calculix, given : SceneErrors
         Of the model found and of the body as given, against CalculiX at all its load levels up to the scene's.
     toe, given_toe : float
         Largest error of the wheels' toe, degrees; not a number without wheels.
     """
 
     fit: Fit
-    calculix: Errors
-    given: Errors
+    calculix: SceneErrors
+    given: SceneErrors
     toe: float
     given_toe: float
 
@@ -185,7 +183,7 @@ def _written(path: Path, first: str, key: NDArray[np.float64], rows: NDArray[np.
     return path
 
 
-def judged(judge: Scene, body: ReducedBody) -> Errors:
+def judged(judge: Scene, body: ReducedBody) -> SceneErrors:
     """Error of a body in a scene, with its own method."""
     return errors(judge, references(judge, Reporter()), FlexibleBody(body))
 

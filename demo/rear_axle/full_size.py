@@ -30,8 +30,9 @@ from demo.rear_axle.run import read_reference, solve
 from fmpy.fmi2 import FMU2Slave
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import FormulationTable, MeshTable, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import FormulationTable, MeshTable
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.fmu.package import package_fmu

@@ -16,8 +16,9 @@ from demo.rear_axle.alignment import LEFT, RIGHT, Alignment, FloatArray, alignme
 from demo.tip_face import MOTION_COLUMNS
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import FormulationTable, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import FormulationTable
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Method

@@ -14,8 +14,9 @@ from demo.rear_axle import make_mesh
 from demo.rear_axle.run import HERE, align, read_reference, solve
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import BodyFile, FrameTable, MeshTable, read_body_file
+from flexfmu.build.config import BodyFile, read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import FrameTable, MeshTable
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.figures import GREEN, ORANGE, PINK, SKY, VERMILION
 from flexfmu.files.progress import Reporter

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from flexfmu.fe.faces import area_matrix, select
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.reduction.interfaces import Interface, fit_interface
+from flexfmu.reduction.interfaces import InterfaceFit, fit_interface
 from flexfmu.reduction.options import InterfaceNodes
 
 FloatArray = NDArray[np.float64]
@@ -32,7 +32,7 @@ class Wheel:
 
     Attributes
     ----------
-    interface : Interface
+    interface : InterfaceFit
         The fit: point, nodes and operator.
     points : ndarray, shape (k, 3)
         Coordinates of its nodes, m.
@@ -40,7 +40,7 @@ class Wheel:
         Weight of the fit, ∫ N_a N_b dA.
     """
 
-    interface: Interface
+    interface: InterfaceFit
     points: FloatArray
     weight: csr_array
 

@@ -111,9 +111,9 @@ def body_keys() -> str:
 
 def place_keys() -> str:
     """Conditions of a place."""
-    from flexfmu.build.config import Place
+    from flexfmu.build.tables import PlaceTable
 
-    return keys(Place).replace("| key |", "| condition |")
+    return keys(PlaceTable).replace("| key |", "| condition |")
 
 
 def coupling_keys() -> str:
@@ -151,9 +151,9 @@ def exports() -> str:
 def modal_file() -> str:
     """Table of the datasets of a modal file."""
     from flexfmu.model import arrays
-    from flexfmu.model.reduced_body import PARTS
+    from flexfmu.model.reduced_body import GROUPS
 
-    entries = [*arrays.BODY, *(entry for part in PARTS for entry in part.entries)]
+    entries = [*arrays.BODY, *(entry for part in GROUPS for entry in part.entries)]
     rows = [f"| `{entry.path}` | {entry.unit} | {entry.description} |" for entry in entries]
     rows += [f"| `stress/NNN_NAME/{entry.path}` | {entry.unit} | {entry.description} |" for entry in arrays.STRESS]
     return "\n".join(["| dataset | unit | shape, meaning |", "|---|---|---|", *rows])
@@ -237,6 +237,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "coupling keys": coupling_keys,
     "errors of methods in full": _of("result_tables", "methods_in_full"),
     "errors of methods in short": _of("result_tables", "methods_in_short"),
+    "the shortest body file": _of("result_tables", "defaults_in_full"),
+    "the shortest body file in short": _of("result_tables", "defaults_in_short"),
     "exports": exports,
     "messages": messages,
     "modal file": modal_file,
@@ -259,7 +261,7 @@ KEPT = tuple(name for name in PARTS if name not in ON_SITE)
 """Parts that the repository's pages hold as well, for readers without the site."""
 PAGES = (
     *sorted((ROOT / "docs").rglob("*.md")),
-    *(ROOT / name for name in ("demo/RESULTS.md", "benchmarks/field/README.md")),
+    *(ROOT / name for name in ("demo/RESULTS.md", "benchmarks/field/README.md", "benchmarks/defaults/README.md")),
 )
 
 

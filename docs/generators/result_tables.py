@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from benchmarks.defaults.published import ALL
+from benchmarks.defaults.table import RECORDS, summary
 from benchmarks.field.records import Record, read, tables
 from benchmarks.records import read_records
 from demo.methods import table
@@ -79,6 +81,28 @@ def _worst(records: Sequence[Record]) -> str:
 def _two_digits(value: float) -> str:
     """Two significant digits, without an exponent."""
     return f"{float(f'{value:.2g}'):g}"
+
+
+def defaults_in_full() -> str:
+    """What the shortest body file leaves, by kind of body."""
+    found, rows = read_records(RECORDS), []
+    kinds = {kind: {make.__name__ for make in makes} for kind, makes in ALL.items()}
+    for kind, names in (kinds | {"all": set().union(*kinds.values())}).items():
+        s = summary([row for row in found if row["body"] in names])
+        silent, worst = s["silent"] + s["silent_beyond_3"], _two_digits(100.0 * s["worst_silent"])
+        counts = (s["bodies"], s["points"], s["right"], s["told"] + s["refused"], silent)
+        rows.append([kind, *(f"{count:g}" for count in counts), f"{worst} %" if silent else ""])
+    return markdown(["", "bodies", "points", "right", "warned, refused", "silent", "worst silent"], rows)
+
+
+def defaults_in_short() -> str:
+    """The same of all bodies, in a sentence."""
+    s = summary(read_records(RECORDS))
+    silent = s["silent"] + s["silent_beyond_3"]
+    words = f", by {_two_digits(100.0 * s['worst_silent'])} % at most" if silent else ""
+    warned, share = s["told"] + s["refused"], 100.0 * s["right"] / s["points"]
+    counts = f"{s['bodies']} bodies, {s['points']} points"
+    return f"{counts}: {share:.0f} % right, {warned} with a warning or refused, {silent} silent{words}."
 
 
 def costs_of_steps() -> str:

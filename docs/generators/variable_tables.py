@@ -22,7 +22,7 @@ def variables_in_and_out() -> str:
 
 def local_variables() -> str:
     """Local variables of an FMU."""
-    return _variables(row for row in rows() if row.role in ("STATUS", "DIAGNOSTIC", "COMPLIANCE"))
+    return _variables(row for row in rows() if row.role in ("STATUS", "DIAGNOSTIC", "COMPLIANCE", "ERROR"))
 
 
 def parameters() -> str:

@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from .api import Body
     from .body.flexible_body import FlexibleBody, Response, State, StepLimits
     from .build.choices import Interface, Support
-    from .build.config import Basis
+    from .files.errors import FlexfmuError, SimulationError
     from .files.units import UnitSystem
     from .files.version import __version__
     from .fmu.built_body import BuiltBody, SimulationResult, load
@@ -17,11 +17,16 @@ if TYPE_CHECKING:
     from .given.sid import read_sid, write_sid
     from .mesh.formats import read_mesh
     from .mesh.model import Mesh
+    from .mesh.shells import shell_mesh
+    from .model.errors import EquilibriumError, RuntimeBodyError, StepError
     from .model.methods import Mass, Method
+    from .reduction.options import Basis
 __all__ = [
     "Basis",
     "Body",
     "BuiltBody",
+    "EquilibriumError",
+    "FlexfmuError",
     "FlexibleBody",
     "GivenModes",
     "Interface",
@@ -29,8 +34,11 @@ __all__ = [
     "Mesh",
     "Method",
     "Response",
+    "RuntimeBodyError",
+    "SimulationError",
     "SimulationResult",
     "State",
+    "StepError",
     "StepLimits",
     "Support",
     "UnitSystem",
@@ -41,6 +49,7 @@ __all__ = [
     "read_given",
     "read_mesh",
     "read_sid",
+    "shell_mesh",
     "write_sid",
 ]
 
@@ -49,7 +58,7 @@ _MODULES = {
     ".api": ("Body",),
     ".body.flexible_body": ("FlexibleBody", "Response", "State", "StepLimits"),
     ".build.choices": ("Interface", "Support"),
-    ".build.config": ("Basis",),
+    ".files.errors": ("FlexfmuError", "SimulationError"),
     ".files.units": ("UnitSystem",),
     ".files.version": ("__version__",),
     ".fmu.built_body": ("BuiltBody", "SimulationResult", "load"),
@@ -59,7 +68,10 @@ _MODULES = {
     ".given.sid": ("read_sid", "write_sid"),
     ".mesh.formats": ("read_mesh",),
     ".mesh.model": ("Mesh",),
+    ".mesh.shells": ("shell_mesh",),
+    ".model.errors": ("EquilibriumError", "RuntimeBodyError", "StepError"),
     ".model.methods": ("Mass", "Method"),
+    ".reduction.options": ("Basis",),
 }
 
 

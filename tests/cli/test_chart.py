@@ -18,12 +18,12 @@ from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Mass, Method, Variant, has_frames
 from flexfmu.study import fmu_cost
 from flexfmu.study import pictures as look
+from flexfmu.study.body_text import body_text
 from flexfmu.study.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
 from flexfmu.study.chart import sweep as sweeping
 from flexfmu.study.chart.draw import chart
 from flexfmu.study.chart.extent import Grid, members
 from flexfmu.study.chart.sweep import sweep
-from flexfmu.study.fit.body_text import body_text
 from flexfmu.study.fmu_cost import FmuTimer
 from flexfmu.study.front import RATIO, cost_axis, finding, front, pareto_front, plain_front, recommended, tolerance
 from flexfmu.study.records import RECORDS, Record, RecordFile
@@ -52,15 +52,18 @@ def test_a_sweep_takes_each_meaningful_combination_once(tmp_path):
 modes = [4]
 frames = [1, 3]
 methods = METHODS
-mass = ["constant", "configuration"]
+mass = MASSES
 internal_step = ["single", 1e-4, 1e-6]
-""".replace("METHODS", json.dumps([method.value for method in Method]))
+"""
+    for word, kind in (("METHODS", Method), ("MASSES", Mass)):
+        sweep_all = sweep_all.replace(word, json.dumps([one.value for one in kind]))
     found = candidates(scene_of(tmp_path, BEND + SUDDEN + sweep_all))
     assert len(found) == len({candidate.key for candidate in found})
     for candidate in found:
         method = candidate.variant.method
         assert (candidate.reduction.frames == 0) == (not has_frames(method))
         assert candidate.variant.mass is Mass.CONSTANT or method in (Method.FRAMES, Method.SECOND_ORDER)
+        assert candidate.variant.mass is not Mass.POLYNOMIAL or method is Method.SECOND_ORDER
         assert (candidate.internal_step == EXACT) == (method is Method.LINEAR)
         if method is Method.FLOATING_FRAME:
             assert candidate.reduction.frames == 1
@@ -166,9 +169,9 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(bent_beam, tmp_path, stor
 
 def test_the_finite_element_model_is_on_record_with_its_error_and_its_time(tmp_path, store):
     results = calculix_results(tmp_path, BEAM / "calculix" / "static_y.csv", 10e3, (0.3, 1.0))
-    small = SMALL_SWEEP.replace("[3, 6]", "[3]").replace("[1, 2]", "[1]").replace("finite_elements = []", "")
+    small = SMALL_SWEEP.replace("[3, 6]", "[3]").replace("[1, 2]", "[1]").replace("finite_elements = false", "")
     motion = SUDDEN.replace("duration", "seconds_per_second = 2e3\nduration")
-    text = f"{BEND}{results}results_seconds = 6.0\n{motion}{small}" + 'finite_elements = ["flexfmu"]\n'
+    text = f"{BEND}{results}results_seconds = 6.0\n{motion}{small}"
     scene = scene_of(tmp_path, text + "[reference]\nmodes = 6\nframes = 2\n")
     rows = sweep(scene, tmp_path / "r.csv", Reporter(), store, fmu=False)
     found = {(row.solver, row.case): row for row in rows if row.solver != "reduced"}
@@ -211,7 +214,7 @@ def test_records_of_another_scene_or_kind_are_left_alone(tmp_path):
     with pytest.raises(SceneError, match="records of another scene"):
         RecordFile(RECORDS, path, "other")
     path.write_text("time,tip.displacement.x\n0,1\n", encoding="utf-8")
-    with pytest.raises(SceneError, match="not the records of a sweep"):
+    with pytest.raises(SceneError, match="not records of this version"):
         RecordFile(RECORDS, path, "scene")
     assert path.read_text(encoding="utf-8").startswith("time")
 
@@ -235,7 +238,7 @@ def test_records_of_other_code_are_not_continued_and_altered_ones_not_read(tmp_p
 def test_a_file_of_another_kind_is_not_written_over(tmp_path):
     path = tmp_path / "notes.csv"
     path.write_text("one line without an end", encoding="utf-8")
-    with pytest.raises(SceneError, match="not the records"):
+    with pytest.raises(SceneError, match="not records"):
         RecordFile(RECORDS, path, "scene")
     assert path.read_text(encoding="utf-8") == "one line without an end"
 
@@ -263,7 +266,7 @@ def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_come_next(bent
     made = sweeping.record
     monkeypatch.setattr(sweeping, "record", timed)
     monkeypatch.setattr(sweeping, "_costs", lambda *_: {"step": 1e-3})
-    table = SweepTable(basis=[BasisChoice.NORMAL], modes=[2, 4, 8], frames=[1, 2, 4, 8], finite_elements=[])
+    table = SweepTable(basis=[BasisChoice.NORMAL], modes=[2, 4, 8], frames=[1, 2, 4, 8], finite_elements=False)
     scene = replace(bent_beam, file=bent_beam.file.model_copy(update={"sweep": table}))
     looks = []
     rows = sweep(scene, tmp_path / "r.csv", Reporter(), store, False, None, False, looks.append)

@@ -7,15 +7,17 @@ import zipfile
 import numpy as np
 import pytest
 
-from flexfmu.build.config import Basis, FrameTable, InterfaceTable, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.build.pipeline import build_fmu
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import FrameTable, InterfaceTable
 from flexfmu.files.errors import BodyFileError, OutputError, PackagingError, SimulationError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.tables import read_table
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.fmu.simulation import simulate, simulate_csv
+from flexfmu.reduction.options import Basis
 from references import BEAM
 
 

@@ -11,7 +11,16 @@ from flexfmu.files.progress import Reporter
 from given_bars import bar, eigenmodes
 from meshes import write_deck
 
-MODULES = ("api", "body.flexible_body", "given.modes", "given.matrices", "mesh.formats", "given.packing", "given.sid")
+MODULES = (
+    "api",
+    "body.flexible_body",
+    "given.modes",
+    "given.matrices",
+    "mesh.formats",
+    "mesh.shells",
+    "given.packing",
+    "given.sid",
+)
 BODY = """name = "arm"
 frames = 2
 support = [{ nodes = "ROOT", fix = ["x", "y", "z"] }]

@@ -4,14 +4,16 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from docs.generators.reference_pages import KEPT, ON_SITE, PAGES, described, filled, keys_of, messages, tables_of
 
-from bodies import body_of_everything, random_body
-from flexfmu.build.config import BodyFile, Place
+from bodies import body_of_everything, random_body, with_polynomial
+from flexfmu.build.config import BodyFile
+from flexfmu.build.tables import PlaceTable
 from flexfmu.core.interface import lines, rows
 from flexfmu.master.config import CouplingFile
-from flexfmu.program.missed_inertia import missed_inertia
+from flexfmu.model.reduced_body import Shadow
 from flexfmu.program.variable_table import CONDITIONS, variable_table
 from flexfmu.study.scene.config import SceneFile
 
@@ -33,7 +35,7 @@ def test_every_generated_part_is_on_a_page():
     assert sorted(shown) == sorted({*KEPT, *ON_SITE})
 
 
-@pytest.mark.parametrize("file", [BodyFile, Place, CouplingFile, SceneFile])
+@pytest.mark.parametrize("file", [BodyFile, PlaceTable, CouplingFile, SceneFile])
 def test_each_key_of_a_file_says_what_it_means(file):
     for table in tables_of(file):
         told = {name for names in described(table) for name in names}
@@ -60,8 +62,8 @@ def test_the_page_of_variables_lists_those_of_the_table_and_no_others():
 def test_every_row_of_the_table_is_a_variable_of_some_body_and_every_variable_is_of_a_row():
     everything, free = body_of_everything(1), body_of_everything(2, modes=9, free=True)
     bodies = [
-        replace(everything, missed_inertia=missed_inertia(everything), velocity_outputs=True),
-        free,
+        replace(with_polynomial(everything), velocity_outputs=True),
+        replace(free, shadow=Shadow(free, np.eye(9))),
         random_body(1, compliance_interfaces=("port_0", "port_2"), root_interface=1),
     ]
     words = {"NAME": r"port_\d", "OTHER": r"port_\d", "AXIS": "[xyz]", "ROW": "[ur][xyz]", "COLUMN": "[fm][xyz]"}

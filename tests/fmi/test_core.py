@@ -52,7 +52,7 @@ for number in range(50):
     load = [(0.1 + 0.3 * (number % 7)) * (-1) ** k for k in range(len(inputs))]
     # The last load is beyond anything.
     load = load if number < 49 else [1e200] * len(inputs)
-    statuses = one.set_real(inputs, load), one.step(0.0, 1e-4 * 4 ** (number % 6))
+    statuses = one.set_real(inputs, load), one.go_on(1e-4 * 4 ** (number % 6))
     assert statuses[0] == OK
     one.get_real(outputs)
 stepped = made.value

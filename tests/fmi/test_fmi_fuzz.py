@@ -323,7 +323,7 @@ def test_the_order_of_calls_is_that_of_the_standard(folder, runtime):
         "read before initialisation": refused,
         "step before initialisation": refused,
         "second initialisation": refused,
-        "time that jumps": OK,
+        "time that jumps": refused,
         "terminate": OK,
         "step after terminate": refused,
         "read after terminate": OK,
@@ -396,11 +396,12 @@ def test_a_thousand_instances_one_after_another_cost_what_the_library_loses_and_
 
 @linux
 @pytest.mark.slow
-@pytest.mark.parametrize(("method", "count"), [("linear", 100_000), ("frames", 1_000_000)])
+@pytest.mark.parametrize(("method", "count"), [("linear", 100_000), ("frames", 200_000)])
 def test_many_steps_of_one_instance_keep_memory_flat(folder, runtime, method, count):
     if runtime is Runtime.PYTHON:
-        count //= 10
-    # A thousand steps are refused and states go to bytes and back; the library loses the text of each log line.
+        count //= 4
+    # The least allocation is 16 B, lost in each step 3 MB. A thousand steps are refused and states go to bytes and
+    # back; the library loses the text of each log line.
     found = master("many_steps", str(folder / "body.fmu"), method, count, 2000)
     print(f"{count} steps: {found['growth']:.2f} MB more")
     assert found["growth"] < 2.0

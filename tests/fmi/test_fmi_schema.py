@@ -19,13 +19,14 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from bodies import beam_body, random_body
-from flexfmu.build.config import Basis, InputTable, OutputTable, StressTable
+from flexfmu.build.tables import InputTable, OutputTable, StressTable
 from flexfmu.core.building import PLATFORMS as BINARIES
 from flexfmu.core.building import this_platform
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import Masses, StressSet
+from flexfmu.reduction.options import Basis
 from references import BEAM
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"

@@ -30,6 +30,10 @@ STARTS = {"rest": {}, "static": {"initialization": "static"}}
 # Those that set texts start in either way; the others know numbers only.
 MASTERS = [(name, start) for name in ("fmpy", "libcosimpy", "ecospy") for start in STARTS]
 MASTERS += [(name, "rest") for name in ("pathsim_fmi", "cofmupy", "gemseo_fmu")]
+# Ecos takes no notice of a refused step.
+PATIENT = {"ecospy"}
+# Wall clock, s, for runs of some seconds.
+DEADLINE = 120.0
 RUNTIMES = {runtime.value: runtime for runtime in Runtime}
 
 
@@ -70,26 +74,57 @@ def on_tip(loads):
     return {"tip": [loads.get(f"tip.{quantity}.{axis}", 0.0) for quantity in ("force", "moment") for axis in "xyz"]}
 
 
-def in_master(name, path, start):
-    """Outputs after every step in a master that is a Python package, in a process of its own."""
-    arguments = json.dumps([str(path), STARTS[start], LOADS, LATER, STEP, COUNT, OUTPUTS])
+def run_of(name, path, texts, later, step=STEP):
+    """A run in a master that is a Python package, in a process with a deadline: outputs, or None, and all it says."""
+    if importlib.util.find_spec(name) is None:
+        pytest.skip(f"{name} is not installed: pip install {name.replace('_', '-')}")
+    arguments = json.dumps([str(path), texts, LOADS, later, step, COUNT, OUTPUTS])
     command = [sys.executable, str(SCRIPTS / "python_masters.py"), name, arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    lines = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
-    if not lines and "libtbb" in done.stderr:
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=False)
+    if done.returncode and "libtbb" in done.stderr:
         pytest.skip("ecospy needs oneTBB: the package tbb, or Debian's libtbb12")
-    assert lines, f"{name} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}"
-    return json.loads(lines[-1][len(MARK) :])
+    rows = [json.loads(line[len(MARK) :]) for line in done.stdout.splitlines() if line.startswith(MARK)]
+    return rows[-1] if rows else None, f"{name} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}"
+
+
+def in_master(name, path, start):
+    """Outputs after every step in a master that is a Python package."""
+    found, said = run_of(name, path, STARTS[start], LATER)
+    assert found, said
+    return found
 
 
 @pytest.mark.parametrize("runtime", RUNTIMES)
 @pytest.mark.parametrize(("name", "start"), MASTERS)
 def test_masters_give_the_numbers_of_the_body_itself(exports, expected, name, start, runtime):
-    if importlib.util.find_spec(name) is None:
-        pytest.skip(f"{name} is not installed: pip install {name.replace('_', '-')}")
     found = in_master(name, exports[1][runtime], start)
     assert np.max(np.abs(expected[start])) > 0.05
     np.testing.assert_allclose(found, expected[start], rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow  # Two to five seconds each, which masters need to start.
+@pytest.mark.parametrize("runtime", RUNTIMES)
+@pytest.mark.parametrize("name", dict(MASTERS))
+@pytest.mark.parametrize(("load", "words"), [(1e12, "does not converge"), (float("nan"), "expected a finite number")])
+def test_a_refused_step_ends_the_run_with_a_word_or_leaves_the_body_as_it_was(exports, name, runtime, load, words):
+    found, said = run_of(name, exports[1][runtime], {}, {"tip.force.y": load})
+    assert words in said
+    assert (found is not None) == (name in PATIENT)
+    if found is not None:
+        refused = np.array(found[COUNT // 2 - 1 :])
+        np.testing.assert_array_equal(refused, np.tile(refused[0], (len(refused), 1)))
+        assert np.all(np.isfinite(refused))
+        assert np.max(np.abs(refused)) > 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", dict(MASTERS))
+def test_steps_of_a_second_end_where_the_body_rests(beam, name):
+    found, said = run_of(name, beam[1], {}, LATER, 1.0)
+    assert found is not None, said
+    body = FlexibleBody(beam[0])
+    rest = body.response(body.static(on_tip(LOADS | LATER)))
+    np.testing.assert_allclose(found[-1], [*rest.displacement[0], *rest.rotation[0]], rtol=1e-4, atol=1e-9)
 
 
 def test_every_output_is_a_real_number_as_masters_take_it_for(beam):

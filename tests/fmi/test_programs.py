@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
-from flexfmu.core import Core, building
+from flexfmu.core import building
 from flexfmu.core.image import _HEAD, ProgramError, fields, read_image, write_image
-from flexfmu.core.library import library_path
+from flexfmu.core.library import Core, library_path
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Method
 from flexfmu.program.compile import compile_program

@@ -117,14 +117,17 @@ def nastran(folder, *bulk):
 @pytest.mark.parametrize(
     ("bulk", "message"),
     [
-        (("CQUAD4,5,2,1,2,3,4", "PSHELL,2,1,.001"), "no solid: CQUAD4 5; supported are CTETRA"),
+        (("CQUAD4,5,2,1,2,3,4", "PSHELL,2,1,.001"), "PSHELL 2 should have a thickness, one material"),
         (("CBAR,6,3,1,2,0.,0.,1.",), "no solid: CBAR 6"),
         (("MPC,1,1,1,1.,2,4,-1.",), "MPC 1 has the term 2, 4: supported are translations"),
         (
             ("MPC,1,1,1,1.,2,1,-1.", "MPC,2,1,1,1.,3,1,-1."),
             "MPC sets 1, 2 are there, and the case control chooses none",
         ),
-        (("RBE2,4,9,123,1,2", "RBE2,5,9,123,3,4", "GRID,9,,2.,2.,2."), "rigid elements 4, 5 share their reference"),
+        (
+            ("RBE2,4,9,123,1,2", "RBE2,5,9,12,3,4", "GRID,9,,2.,2.,2."),
+            "elements 4, 5 share their reference points, and",
+        ),
         (("CTETRA,2,1,1,2,3,4,9,", ",,,,,,"), "CTETRA 2"),
         (("CTETRA,2,1,1,2,3,99",), "names GRID 99, which is not there"),
         (("PLSOLID,2,1", "CTETRA,2,2,1,2,3,4"), "property 2 is a PLSOLID, expected PSOLID"),
@@ -142,7 +145,9 @@ def test_constraints_and_rigid_elements_of_nastran_are_sets_and_are_told_of(tmp_
     assert mesh.labels[mesh.node_sets["SPC 3"]].tolist() == [1, 2]
     assert mesh.labels[mesh.node_sets["RBE2 4"]].tolist() == [3, 4]
     np.testing.assert_allclose(mesh.references["RBE2 4"], [2.0, 2.0, 2.0])
-    assert any("RBE2 4 is offered as an interface" in note and "rigid is left out" in note for note in mesh.notes)
+    assert any("RBE2 4 is offered as an interface" in note and "are rigid" in note for note in mesh.notes)
+    (link,) = mesh.links
+    assert mesh.labels[link.nodes].tolist() == [3, 4, 9]
     assert any("SPC 3" in note and "holds nothing" in note for note in mesh.notes)
     assert not mesh.fixed.any()
 

@@ -95,6 +95,8 @@ class Instance:
     def __init__(self, fmu, component):
         self.fmu = fmu
         self.component = c_void_p(component)
+        # Where the last step ended.
+        self.reached = 0.0
 
     def _call(self, name, *arguments):
         return getattr(self.fmu.library, f"fmi2{name}")(self.component, *arguments)
@@ -133,7 +135,13 @@ class Instance:
         self._call("FreeInstance")
 
     def step(self, time, size):
-        return self._call("DoStep", c_double(time), c_double(size), 1)
+        status = self._call("DoStep", c_double(time), c_double(size), 1)
+        self.reached = time + size if status <= WARNING else self.reached
+        return status
+
+    def go_on(self, size):
+        """A step from where the last one ended."""
+        return self.step(self.reached, size)
 
     def logging(self, on, categories=()):
         names = (c_char_p * len(categories))(*(name.encode() for name in categories))

@@ -25,9 +25,9 @@ def resident():
 
 def sound(instance):
     """Whether an instance still steps, answers and can be freed, many times over."""
-    for k in range(50):
+    for _ in range(50):
         instance.get_boolean([0])
-        if instance.step(0.1 * k, 1e-3) != OK or instance.get_real([0])[0] != OK:
+        if instance.go_on(1e-3) != OK or instance.get_real([0])[0] != OK:
             return False
     instance.free()
     return True
@@ -271,7 +271,7 @@ def fatal(path, kind):
         elif kind == "state that is null":
             one.set_state(None)
         for _ in range(100):
-            one.step(0.0, 1e-3)
+            one.go_on(1e-3)
             one.get_real([0])
         one.free()
     return "survived"
@@ -306,7 +306,7 @@ def many_steps(path, method, count, warm_up):
     def steps(number):
         for k in range(number):
             one.set_real([first], [float(k % 7) - 3.0])
-            assert one.step(1e-3 * k, 1e-3) == OK
+            assert one.go_on(1e-3) == OK
             one.get_real(outputs[k % 2 :: 2])
             if k % max(100, count // 1000) == 0:
                 one.step(0.0, -1.0)

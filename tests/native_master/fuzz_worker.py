@@ -106,13 +106,18 @@ class Body:
         return block[HEAD : self.slot] + block[self.slot + 8 :]
 
 
+def same(one, other, step):
+    """Whether two times are the same but for round-off."""
+    return abs(one - other) <= 1e-6 * step + 1e-12 * max(abs(one), abs(other))
+
+
 class Expected:
     """What an instance must answer."""
 
     def __init__(self, body):
         self.phase, self.calm, self.extreme = INSTANTIATED, True, False
         self.inputs = dict.fromkeys(body.inputs, 0.0)
-        self.rates = False
+        self.rates, self.time = False, 0.0
         self.numbers, self.texts, self.flags = dict(body.numbers), dict(body.texts), dict(body.flags)
 
     def copy(self):
@@ -143,6 +148,8 @@ class Player:
         assert all(self.pair)
         self.expected = [Expected(body) for _ in self.pair]
         self.logging = [True, True]
+        # Of the experiment, which is no part of a state: whether it is set up, and where it ends.
+        self.experiment = [(False, math.inf)] * 2
         self.saved = []
         self.calls = [getattr(self, name) for name, weight in WEIGHTS.items() for _ in range(weight)]
         if self.random.random() < 0.6:
@@ -234,10 +241,15 @@ class Player:
         if not self.body.native:
             # The library drops what is not given by zeros.
             start, stop, fine = 0.0, None, True
-        return self.refused_unless(fine and self.know.phase == INSTANTIATED, self.one.setup(start, stop, tolerance))
+        fine = fine and self.know.phase == INSTANTIATED
+        if fine:
+            self.know.time = start
+            self.experiment[self.which] = True, math.inf if stop is None else stop
+        return self.refused_unless(fine, self.one.setup(start, stop, tolerance))
 
     def enter(self):
-        status = self.refused_unless(self.know.phase == INSTANTIATED, self.one.enter())
+        ready = self.know.phase == INSTANTIATED and self.experiment[self.which][0]
+        status = self.refused_unless(ready, self.one.enter())
         if status == OK:
             self.know.phase = INITIALIZING
         return status
@@ -260,15 +272,20 @@ class Player:
     def reset(self):
         status = self.expect({OK}, self.one.reset())
         self.expected[self.which] = Expected(self.body)
+        self.experiment[self.which] = False, math.inf
         assert self.one.bytes() == self.body.fresh
         return status
 
     def step(self):
-        know, body, size, time = self.know, self.body, self.random.choice(STEPS), self.random.choice(TIMES)
+        know, body, size = self.know, self.body, self.random.choice(STEPS)
+        time = self.random.choice([*[know.time] * 20, *TIMES])
         status = self.one.step(time, size)
         if know.phase not in RUNNING:
             return self.expect({body.refused}, status)
-        fine = math.isfinite(size) and size >= 0.0 and math.isfinite(time) and math.isfinite(time + size)
+        numbers, stop = math.isfinite(size) and size >= 0.0 and math.isfinite(time), self.experiment[self.which][1]
+        if numbers and (not same(time, know.time, size) or (time + size > stop and not same(time + size, stop, size))):
+            return self.expect({body.refused}, status)
+        fine = numbers and math.isfinite(time + size)
         sure = fine and size <= CALM_STEP and know.sure(body)
         may_end = any(know.texts[n] == "terminate" for n in body.limit_actions)
         self.expect(
@@ -277,6 +294,7 @@ class Player:
         know.phase = {OK: STEPPING, DISCARD: STEP_FAILED}.get(status, FAILED)
         if status == OK:
             know.calm = know.sure(body) and size <= CALM_STEP
+            know.time = time + size if size > 0.0 else know.time
         return status
 
     def many(self):
@@ -285,11 +303,15 @@ class Player:
             return OK
         self.one.set_real(self.body.inputs, [0.0] * len(self.body.inputs))
         self.know.inputs, self.know.rates = dict.fromkeys(self.body.inputs, 0.0), False
-        for k in range(5):
-            status = self.one.step(1e-3 * k, 1e-3)
+        for _ in range(5):
+            end = self.know.time + 1e-3
+            if end > self.experiment[self.which][1]:
+                break
+            status = self.one.step(self.know.time, 1e-3)
             self.know.phase = {OK: STEPPING, DISCARD: STEP_FAILED}.get(status, FAILED)
             if status > DISCARD:
                 break
+            self.know.time = end if status == OK else self.know.time
         return OK
 
     # Values.
@@ -474,6 +496,8 @@ class Player:
 
     def replay(self):
         """The same calls from the same state, here and in the other instance, end in the same bits."""
+        if self.experiment[0][1] != self.experiment[1][1]:
+            return OK
         block, other = self.one.bytes(), self.pair[1 - self.which]
         there = other.bytes()
         loads = [[self.random.uniform(-2.0, 2.0) for _ in self.body.inputs] for _ in range(3)]
@@ -481,10 +505,11 @@ class Player:
         ends = []
         for instance in (self.one, self.one, other):
             assert instance.set_bytes(block) == OK
-            row = []
+            row, time = [], self.know.time
             for given, size in zip(loads, sizes, strict=True):
                 row.append(instance.set_real(self.body.inputs, given))
-                row += [instance.step(0.1, size), repr(instance.get_real(self.body.outputs)), instance.bytes()]
+                row += [instance.step(time, size), repr(instance.get_real(self.body.outputs)), instance.bytes()]
+                time += size if row[-3] == OK and size > 0.0 else 0.0
             ends.append(row)
         assert ends[0] == ends[1] == ends[2]
         assert self.one.set_bytes(block) == OK

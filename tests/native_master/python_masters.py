@@ -78,7 +78,10 @@ def run_ecospy(path, texts, loads, later, step, count, outputs):
     with contextlib.suppress(OSError):
         ctypes.CDLL(str(Path(sys.prefix) / "lib" / "libtbb.so.12"), ctypes.RTLD_GLOBAL)
     from ecospy import EcosSimulation, EcosSimulationStructure
+    from ecospy.lib import EcosLib
 
+    # Below it Ecos keeps what FMUs say to itself.
+    EcosLib.set_log_level("debug")
     structure = EcosSimulationStructure()
     structure.add_model("body", path)
     structure.add_parameter_set("start", {f"body::{name}": value for name, value in {**texts, **loads}.items()})

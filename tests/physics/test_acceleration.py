@@ -6,7 +6,7 @@ import pytest
 from driven import Driven
 from elastica import MASS, STIFFNESS, heavy_elastica
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import InputTable
+from flexfmu.build.tables import InputTable
 from flexfmu.fmu.description import Runtime
 from flexfmu.model.errors import LoadError
 from flexfmu.model.methods import Method

@@ -12,8 +12,8 @@ from demo.rear_axle.run import solve as solve_axle
 from scipy.spatial import cKDTree
 
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
-from flexfmu.build.config import CutTable, MeshTable, SupportTable, read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import CutTable, MeshTable, SupportTable
 from flexfmu.core.image import read_image
 from flexfmu.files.errors import BodyFileError
 from flexfmu.files.progress import Reporter
@@ -31,6 +31,7 @@ from flexfmu.reduction.cut.joining import join_parts
 from flexfmu.view.mesh import body_file_view
 from masters import description, master, motion
 from meshes import bars, body_file, box, with_sets
+from references import body_without_error
 
 DEMO = Path(__file__).parents[2] / "demo"
 LINEAR = Method.LINEAR
@@ -228,15 +229,13 @@ def test_methods_at_run_time(cut):
 @pytest.mark.slow
 def test_frames_that_close_a_loop_are_told_of_with_what_to_do(tmp_path):
     heard = Heard()
-    reduced(tmp_path, heard)
-    assert any("closed loop cut between" in text and "[[cut]]" in text for text in heard.warnings)
-    heard = Heard()
-    config = read_body_file(HERE / "body.toml").model_copy(update={"cut": []})
-    reduce_body(config.model_copy(update={"reduction": config.reduction.model_copy(update={"modes": 2})}), heard)
+    reduced(tmp_path, heard, reduction={"modes": 2})
     assert [text.partition(":")[0] for text in heard.warnings] == [
-        "closed loop cut between frames beam_left_4 and beam_right_4 at (0.13, 0, 0.01162) m",
-        "10 frames open a loop that stretches, one frame keeps it closed",
+        "closed loop cut between frames frame_6 and frame_7 at (0.2, 0.21, 0.01) m",
+        "7 frames open a loop that stretches, one frame keeps it closed",
     ]
+    assert "[[cut]]" in heard.warnings[0]
+    assert "frames = 1" in heard.warnings[1]
 
 
 def test_the_modal_file_keeps_the_ties(cut, tmp_path):
@@ -409,7 +408,7 @@ def test_a_beam_clamped_at_both_ends_stretches(tmp_path):
     deck.write_text("\n".join(lines) + "\n")
     table = np.genfromtxt(folder / "calculix" / "static_y.csv", delimiter=",", names=True)
     expected = np.array([table[f"u{axis}_m"][-1] for axis in "xyz"])
-    config = read_body_file(folder / "body.toml")
+    config = body_without_error(folder / "body.toml")
     errors = []
     for frames in (4, 8, 16):
         changes = {"mesh": MeshTable(file=deck), "cut": [CutTable(nodes="CUT")], "frames": frames}
@@ -430,12 +429,12 @@ def test_a_beam_clamped_at_both_ends_stretches(tmp_path):
 @pytest.fixture(scope="module")
 def axles():
     names = dict.fromkeys(case[0] for case in CASES.values())
-    return {name: reduce_body(read_body_file(HERE / name), Reporter()) for name in names}
+    return {name: reduce_body(body_without_error(HERE / name), Reporter()) for name in names}
 
 
 @pytest.fixture(scope="module")
 def one_frame_a_part():
-    config = read_body_file(HERE / "body.toml")
+    config = body_without_error(HERE / "body.toml")
     few = config.reduction.model_copy(update={"modes": 6})
     return reduce_body(config.model_copy(update={"frames": 1, "frame": [], "reduction": few}), Reporter())
 
@@ -443,7 +442,7 @@ def one_frame_a_part():
 @pytest.fixture(scope="module")
 def found_cut():
     """The axle with nothing told of its sections: no cut, no frames."""
-    config = read_body_file(HERE / "body.toml")
+    config = body_without_error(HERE / "body.toml")
     few = config.reduction.model_copy(update={"modes": 6})
     told = {"cut": None, "frames": None, "frame": [], "reduction": few}
     return reduce_body(config.model_copy(update=told), Reporter())
@@ -492,22 +491,17 @@ def test_axle_against_the_finite_element_model_in_large_rotation(axles, case, di
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "displacement"), [("left", 5e-4), ("side", 5e-4), ("opposite", 2e-3)])
+@pytest.mark.parametrize(("case", "displacement"), [("left", 5e-4), ("side", 5e-4), ("opposite", 5e-4)])
 def test_the_axle_is_cut_without_being_told_where(found_cut, case, displacement):
     assert found_cut.frame_count == 6
-    # It would take six times as long to step.
-    assert found_cut.membrane is None
     assert axle_errors(found_cut, case)[0] < displacement
 
 
 @pytest.mark.slow
-def test_membrane_energy_of_parts_leaves_half_of_the_axle_s_error(found_cut):
-    config = read_body_file(HERE / "body.toml")
-    asked = config.reduction.model_copy(update={"modes": 6, "membrane": True})
-    told = {"cut": None, "frames": None, "frame": [], "reduction": asked}
-    body = reduce_body(config.model_copy(update=told), Reporter())
-    assert body.membrane is not None
-    assert axle_errors(body, "opposite")[0] < min(6e-4, 0.5 * axle_errors(found_cut, "opposite")[0])
+def test_without_membrane_energy_of_its_parts_the_axle_has_more_than_twice_the_error(found_cut):
+    assert found_cut.membrane is not None
+    body = replace(found_cut, membrane=None)
+    assert axle_errors(found_cut, "opposite")[0] < 0.5 * axle_errors(body, "opposite")[0]
 
 
 @pytest.mark.slow
@@ -521,7 +515,7 @@ def test_one_frame_a_part_is_enough_to_second_order(one_frame_a_part, case, disp
 
 @pytest.mark.slow
 def test_axle_in_one_piece_and_cut_are_the_same_linearly(axles):
-    config = read_body_file(HERE / "body.toml")
+    config = body_without_error(HERE / "body.toml")
     models = [
         FlexibleBody(body, LINEAR)
         for body in (reduce_body(config.model_copy(update={"cut": []}), Reporter()), axles["body.toml"])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from demo.calculix_scene import deck as calculix_deck
 
 import flexfmu
 from flexfmu.fe.assembly import stiffness
@@ -16,7 +17,6 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.reduction.model import assemble_model
-from flexfmu.study.scene.calculix import deck as calculix_deck
 from foreign.deck_bars import FORCE, LARGE, SIZE
 from foreign.glued_bars import HALVES, deck
 from foreign.test_glued_bars import calculix

@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,65 +22,52 @@ from flexfmu.files.store import Store
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method, Variant
+from flexfmu.study.body_text import body_text
 from flexfmu.study.candidates import Reduction, reduction_config
 from flexfmu.study.cost import StepCost
-from flexfmu.study.fit import delivery
-from flexfmu.study.fit.body_text import body_text
-from flexfmu.study.fit.branches import Branch, find_branches, spread_joints
-from flexfmu.study.fit.contributions import contributions
-from flexfmu.study.fit.search import fit
+from flexfmu.study.fit import fit
 from flexfmu.study.jobs import Crew
 from flexfmu.study.scene.config import BasisChoice
 from flexfmu.study.scene.measure import errors
 from flexfmu.study.scene.reference import references
 from flexfmu.study.scene.scene import read_scene
+from flexfmu.study.smallest import reference_scene, smallest
 from flexfmu.study.subspace import subset
 from flexfmu.study.workshop import Workshop
 from flexfmu.view.tables import describe
-from meshes import bars, body_file, box, with_sets
+from meshes import body_file, box
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 from scene_tools import BEND, Listening, calculix_results, scene_of, with_results
 
 pytestmark = pytest.mark.slow
 
 FRAMES = Variant(Method.FRAMES)
+# E I / L² of the beam, N.
+BENDING = 13.5e3
 # s, of the motion under a sudden load: six periods.
 SUDDEN_END = 0.25
 
 
-@pytest.mark.parametrize(
-    ("basis", "residual"),
-    [*((basis, []) for basis in BasisChoice), (BasisChoice.RESIDUAL, ["tip.moment.z", "tip.force.y"])],
-    ids=["normal", "residual", "craig_bampton", "residual of two loads"],
-)
-def test_modes_chosen_in_the_body_file_make_the_body_that_many_modes_are_reduced_to(bodies, basis, residual):
+@pytest.mark.parametrize("basis", BasisChoice)
+def test_leaving_modes_out_of_a_body_makes_the_body_of_so_many_modes(bodies, basis):
     config = bodies.config(BEAM)
 
     def build(modes):
-        reduction = reduction_config(config, Reduction(basis, 12, 2), [Variant(Method.FRAMES_STIFFNESS)])
-        table = reduction.reduction.model_copy(
-            update={"modes": modes, "inertia": True, "second_order": True, "membrane": False}
-        )
-        if residual and isinstance(modes, list):
-            table = table.model_copy(update={"residual_flexibility": residual})
+        reduction = reduction_config(config, Reduction(basis, modes, 2), [Variant(Method.FRAMES_STIFFNESS)])
+        table = reduction.reduction.model_copy(update={"inertia": True, "second_order": True, "membrane": False})
         return reduce_body(reduction.model_copy(update={"reduction": table}), Reporter())
 
-    listed = build([1, 2, 5, 6])
-    kept = subset(build(12), basis, np.array([0, 1, 4, 5]), residual)
-    np.testing.assert_allclose(kept.angular_frequency, listed.angular_frequency, rtol=1e-7)
-    assert listed.provenance["normal_modes"] == "1 2 5 6"
+    few, kept = build(4), subset(build(12), basis, 4)
+    np.testing.assert_allclose(kept.angular_frequency, few.angular_frequency, rtol=1e-7)
     loads = {"tip": [500.0, 3e3, 1e3, 20.0, 30.0, 40.0]}
     for variant in (
         Variant(Method.FRAMES_STIFFNESS),
         Variant(Method.FRAMES, Mass.CONFIGURATION),
         Variant(Method.SECOND_ORDER),
     ):
-        models = [FlexibleBody(body, variant.method, variant.mass) for body in (kept, listed)]
+        models = [FlexibleBody(body, variant.method, variant.mass) for body in (kept, few)]
         motions = [model.motion(model.step(model.static(loads), {"tip": [0.0, 1e3, 0.0]}, 1e-3)) for model in models]
         np.testing.assert_allclose(*motions, rtol=1e-7, atol=1e-10)
-    if basis is BasisChoice.NORMAL:
-        hertz = FlexibleBody(build(6)).model.angular_frequency[[0, 1, 4, 5]]
-        np.testing.assert_allclose(listed.angular_frequency, hertz, rtol=1e-7)
 
 
 def test_chosen_modes_come_from_the_store_whatever_is_chosen(tmp_path, bodies):
@@ -109,14 +95,6 @@ def test_info_counts_modes_as_a_body_file_names_them(bodies):
         console.print(part)
     rows = [line.split()[1] for line in console.export_text().splitlines() if line.startswith("│") and "0.01" in line]
     assert [row for row in rows if row.isdigit()] == ["1", "2", "5", "6"]
-
-
-def test_modes_across_the_load_move_nothing(bent_beam, store):
-    body = Workshop(bent_beam, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 6, 2), [FRAMES]).body
-    part = contributions(bent_beam, body, FRAMES)
-    assert part.max() > 0.9
-    # The other of each pair bends across; the square section holds their axes to some digits.
-    assert np.sum(part < 1e-4) == 3
 
 
 def test_a_body_file_that_is_written_says_what_was_meant(tmp_path):
@@ -149,7 +127,7 @@ displacement = 0.005
 
 [sweep]
 modes = [10]
-frames = [8]
+frames = [1, 2, 4, 8]
 """
 
 
@@ -164,19 +142,44 @@ def test_a_large_load_is_given_frames_and_holds_where_it_was_not_looked_at(tmp_p
         assert 0 < told[-1] <= total
     assert found.met
     assert found.measured.share <= 1.0
-    assert found.measured.share == pytest.approx(found.predicted.share, rel=0.02)
-    assert 1 <= found.frame_count <= 4
-    assert found.mode_count < 10
-    # Of a pair of equal frequency both or none.
-    chosen = set(found.plan.numbers)
-    assert chosen
-    assert all(pair <= chosen or not pair & chosen for pair in ({1, 2}, {3, 4}, {5, 6}, {8, 9}))
+    assert 1 <= found.frame_count <= 8
+    # Of a pair of equal frequency both or none: (1, 2), (3, 4), (5, 6), (8, 9) are pairs.
+    assert found.reduction.modes in (2, 4, 6, 7, 10)
     for force in (2e3, 5e3, 8e3):
         assert static_error(target, force) < 0.005
     text = target.read_text(encoding="utf-8")
-    assert "Linear is not enough" in text
-    assert "predicted" in text
+    assert "Error over tolerance with 10 modes, by the number of frames: linear" in text
     assert tomllib.loads(text)["formulation"]["method"] != "linear"
+
+
+def test_what_the_search_compares_with_is_as_good_as_the_finite_element_model(tmp_path, store):
+    scene = scene_of(tmp_path, BEND + FIT)
+    found = fit(scene, tmp_path / "fitted.toml", Reporter(), store, verify=True)
+    assert found.met
+    assert 0.05 < found.verified.share <= 1.0
+    assert found.measured.share == pytest.approx(found.verified.share, rel=0.3)
+
+
+def test_a_moment_is_judged_without_finite_elements(tmp_path, store):
+    """Under an end moment the beam is an arc: M L / E I = π/4 at the load."""
+    scene = scene_of(tmp_path, BEND.replace("tip.force.y", "tip.moment.z").replace("10e3", "10620.0") + FIT)
+    found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
+    assert found.met
+    body = FlexibleBody(reduce_body(read_body_file(tmp_path / "fitted.toml"), Reporter()))
+    moved = body.response(body.static({"tip": [0.0, 0.0, 0.0, 0.0, 0.0, 10620.0]})).displacement[0]
+    arc = np.array([np.sin(np.pi / 4.0), 1.0 - np.cos(np.pi / 4.0), 0.0]) / (np.pi / 4.0) - [1.0, 0.0, 0.0]
+    assert np.linalg.norm(moved - arc) < 0.01 * np.linalg.norm(arc)
+
+
+@pytest.mark.parametrize(("tolerance", "frames"), [(0.3, 0), (0.02, 1), (0.001, 2)])
+def test_a_tolerance_alone_is_met_by_the_fewest_frames_at_a_large_deflection(tmp_path, store, tolerance, frames):
+    scene_of(tmp_path, BEND, changes=[("frames = 8\n", ""), ("residual_flexibility = false\n", "")])
+    config, share = smallest(tmp_path / "body.toml", tolerance, None, Reporter(), store)
+    assert (config.frames, share <= 1.0) == (frames, True)
+    (load, *_) = reference_scene(config, store).static
+    across = np.hypot(load.loads["tip.force.y"], load.loads["tip.force.z"])
+    # Linear theory: a tip that turns by θ = F L² / 2 E I moves by 2/3 θ L, more than 0.2 L.
+    assert across == pytest.approx(0.2 * 3.0 * BENDING, rel=0.02)
 
 
 def test_a_small_load_is_left_linear(tmp_path, store):
@@ -185,7 +188,7 @@ def test_a_small_load_is_left_linear(tmp_path, store):
     found = fit(scene, target, Reporter(), store)
     assert found.met
     assert found.variant.method is Method.LINEAR
-    assert found.plan.frames == 0
+    assert found.reduction.frames == 0
     assert "Linear is enough" in target.read_text(encoding="utf-8")
 
 
@@ -194,7 +197,7 @@ def clamped_at_both_ends(folder, changes=()):
     body = DEMO / "clamped_clamped" / "body.toml"
     results = calculix_results(folder, body.parent / "calculix" / "static_y.csv", 200e3, (0.5, 1.0), "middle")
     case = BEND.replace("tip", "middle").replace("10e3", "200e3").replace("0.3", "0.5") + results
-    return scene_of(folder, case + FIT.replace("[8]", "[3]"), body, changes)
+    return scene_of(folder, case + FIT.replace("[1, 2, 4, 8]", "[1, 3]"), body, changes)
 
 
 def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store, monkeypatch):
@@ -206,8 +209,6 @@ def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store, monke
     assert found.met
     assert found.variant.method is Method.SECOND_ORDER
     assert found.frame_count == 1
-    # Today's default has ten.
-    assert found.mode_count < 10
     body = FlexibleBody(reduce_body(read_body_file(tmp_path / "fitted.toml"), Reporter()))
     table = calculix(DEMO / "clamped_clamped" / "calculix" / "static_y.csv")[-1]
     moved = body.response(body.static({"middle": [0.0, 200e3, 0.0]})).displacement[0, 1]
@@ -224,7 +225,7 @@ def test_processes_that_share_the_search_find_the_same_model(bent_beam, tmp_path
         with Crew(jobs) as crew:
             found.append(fit(bent_beam, tmp_path / "fitted.toml", Reporter(), store, crew=crew))
     one, two = found
-    assert (one.plan, one.variant, one.tried, one.met) == (two.plan, two.variant, two.tried, two.met)
+    assert (one.reduction, one.variant, one.tried, one.met) == (two.reduction, two.variant, two.tried, two.met)
     assert repr(one.measured) == repr(two.measured)
     assert one.reasons == two.reasons
 
@@ -250,7 +251,7 @@ basis = ["residual"]
 modes = [{modes}]
 frames = [1]
 methods = ["linear", "second_order"]
-finite_elements = []
+finite_elements = false
 """
     return scene_of(folder, scene, body, changes)
 
@@ -276,15 +277,6 @@ def test_a_twist_beam_axle_is_cut_where_one_piece_falls_short(tmp_path, store):
     assert found.met
     assert read_body_file(tmp_path / "fitted.toml").cut == "auto"
     assert found.mode_count < found.given_mode_count
-
-
-def test_what_is_out_of_reach_is_said_with_what_limits_it(tmp_path, store):
-    changes = [("modes = 10", "modes = 10\nmembrane = false"), ("frames = 8", "frames = 8\ncut = []")]
-    scene = clamped_at_both_ends(tmp_path, changes)
-    found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
-    assert not found.met
-    assert "Neither more modes nor more frames help" in found.limit
-    assert "membrane" in (tmp_path / "fitted.toml").read_text(encoding="utf-8")
 
 
 CURVED = DEMO / "curved"
@@ -323,7 +315,7 @@ basis = ["{"residual" if name == "quarter arc" else "normal"}"]
 modes = [{20 if name == "L-frame" else 10}]
 frames = [1, 2, 3]
 methods = ["linear", "frames", "second_order"]
-finite_elements = []
+finite_elements = false
 """
     return scene_of(folder, text, body / "body.toml", [("ratio = 0.01", "ratio = 0.0"), *changes])
 
@@ -343,7 +335,7 @@ def test_a_motion_that_constant_mass_does_not_meet_is_given_the_deformed_body_s(
     assert found.variant == Variant(Method.SECOND_ORDER, Mass.CONFIGURATION)
     written = (tmp_path / "fitted.toml").read_text(encoding="utf-8")
     assert 'mass = "configuration"' in written
-    assert "does not reach it" in written
+    assert "second_order, mass configuration" in written
 
 
 @pytest.mark.parametrize(("name", "tolerance"), [("beam", 0.03), pytest.param("L-frame", 0.05, marks=pytest.mark.slow)])
@@ -353,11 +345,11 @@ def test_a_motion_that_constant_mass_meets_is_left_with_it(tmp_path, store, name
     assert found.variant.mass is Mass.CONSTANT
 
 
-def test_frames_are_named_where_they_are_what_is_missing(tmp_path, store):
-    scene = with_results(tmp_path, FIT.replace("[8]", "[1]").replace("0.005", "0.0005"))
+def test_where_no_model_meets_the_tolerance_that_is_said(tmp_path, store):
+    scene = with_results(tmp_path, FIT.replace("[1, 2, 4, 8]", "[1]").replace("0.005", "1e-6"))
     found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
     assert not found.met
-    assert "Most is to be had from frames (2 instead of 1)" in found.limit
+    assert "out of reach with these frames and modes" in (tmp_path / "fitted.toml").read_text(encoding="utf-8")
     assert found.variant.method is not Method.LINEAR
 
 
@@ -413,102 +405,11 @@ def bar_fitted(folder, text):
 def test_a_fitted_body_gives_way_to_loads_that_its_scene_does_not_have(tmp_path):
     found, report, answers = bar_fitted(tmp_path, ONE_WAY)
     assert found.met
-    # A tenth of the static displacement may be missing, by default; the mesh and the clamp's edge take two hundredths.
-    for name, expected in CLOSED_FORM.items():
-        assert answers[name] == pytest.approx(expected, rel=0.12), name
-    assert found.stiff == ()
-    assert not report.warnings
-    # Not by all that there is: what the scene does not need is chosen too.
-    assert found.mode_count < found.given_mode_count
-
-
-def test_other_loads_are_as_exact_as_the_scene_asks(tmp_path):
-    _, _, answers = bar_fitted(tmp_path, ONE_WAY + "[fit]\nother_loads = 1e-9\n")
+    # The mesh and the clamp's edge take two hundredths.
     for name, expected in CLOSED_FORM.items():
         assert answers[name] == pytest.approx(expected, rel=0.02), name
-
-
-@pytest.mark.parametrize("said", ["[fit]\nother_loads = 1.0\n", 'basis = ["normal"]\n'])
-def test_a_body_that_is_left_rigid_says_under_which_loads(tmp_path, said):
-    found, report, answers = bar_fitted(tmp_path, ONE_WAY + said)
-    assert found.met
-    stiff = {name for name, expected in CLOSED_FORM.items() if answers[name] < 0.88 * expected}
-    assert "tip.force.x" in stiff
-    assert (
-        stiff <= set(found.stiff) <= {name for name, expected in CLOSED_FORM.items() if answers[name] < 0.92 * expected}
-    )
-    (told,) = [text for text in report.warnings if "too stiff, or rigid" in text]
-    for name in found.stiff:
-        assert name in told
-        assert name in (tmp_path / "fitted.toml").read_text(encoding="utf-8")
-
-
-# --- frames where the body turns
-
-
-TURNING = """
-[[static]]
-name = "push"
-loads = {{ "{load}" = {force} }}
-
-[tolerance.static]
-displacement = 0.001
-
-[sweep]
-methods = ["linear", "frames"]
-"""
-
-
-def flexure():
-    """A bar that is thin in its first quarter and stiff beyond it."""
-    mesh = box(ElementType.C3D20R, (24, 2, 2), (1.2, 0.04, 0.04))
-    points = mesh.points.copy()
-    points[:, 1:] = 0.02 + (points[:, 1:] - 0.02) * np.interp(points[:, :1], [0.3, 0.35], [1.0, 2.5])
-    return with_sets(replace(mesh, points=points), ROOT=lambda p: p[:, 0], TIP=lambda p: p[:, 0] - 1.2)
-
-
-def test_a_body_that_turns_in_one_place_is_divided_there(tmp_path):
-    scene = written(flexure(), tmp_path, ["TIP"], TURNING.format(load="tip.force.y", force=15e3))
-    found = fit(scene, tmp_path / "fitted.toml", Reporter(), Store(tmp_path / "kept"))
-    assert found.met
-    ((toward, joints),) = found.plan.frames
-    assert toward == "tip"
-    assert all(place < 0.3 for place in joints)
-    # Equal levels need two more at least.
-    shown = re.search(r"modes: (.*) at equal levels", found.reasons["branch"]).group(1)
-    enough = [int(n) for n, share in re.findall(r"(\d+): ([\d.]+)", shown) if float(share) <= 1.0]
-    assert found.frame_count <= min(enough) - 2
-    assert read_body_file(tmp_path / "fitted.toml").branch[0].joints == list(joints)
-
-
-def test_a_branch_that_bears_nothing_keeps_one_frame(tmp_path):
-    runs = [
-        ((0, 0, 0), (23, 1, 1)), ((22, -10, 0), (23, 11, 1)), ((24, -10, 0), (47, -9, 1)), ((24, 10, 0), (47, 11, 1)),
-    ]  # fmt: skip
-    mesh = with_sets(bars(ElementType.C3D20R, runs, 0.02), ROOT=lambda p: p[:, 0], END=lambda p: p[:, 0] - 0.96)
-    end = mesh.node_sets["END"]
-    left = mesh.points[end, 1] < 0.0
-    mesh.node_sets.update(LEFT=end[left], RIGHT=end[~left])
-    text = TURNING.format(load="left.force.z", force=6e3).replace("0.001", "0.0006")
-    scene = written(mesh, tmp_path, ["LEFT", "RIGHT"], text)
-    found = fit(scene, tmp_path / "fitted.toml", Reporter(), Store(tmp_path / "kept"))
-    assert found.met
-    joints = dict(found.plan.frames)
-    assert len(joints["left"]) >= 2
-    assert len(joints["right"]) == 1
-    branches = find_branches(scene.config)
-    assert sorted(branch.ends for branch in branches) == [("left",), ("left", "right"), ("right",)]
-
-
-def test_frames_share_out_the_turning_of_a_branch():
-    near = np.linspace(0.0, 1.0, 101)
-    middle = 0.5 * (near[1:] + near[:-1])
-    branch = Branch(("tip",), 0, tuple(range(100)), near, True)
-    # ∫κ^⅔ dx of κ = (1 - x)³ is (1 - (1 - x)³)/3.
-    ((_, joints),) = spread_joints([branch], [0.01 * (1.0 - middle) ** 3], [4])
-    np.testing.assert_allclose(joints, 1.0 - (1.0 - np.array([0.25, 0.5, 0.75])) ** (1.0 / 3.0), atol=2e-3)
-    ((_, even),) = spread_joints([branch], [np.full(100, 0.01)], [4])
-    np.testing.assert_allclose(even, [0.25, 0.5, 0.75], atol=1e-3)
+    assert not report.warnings
+    assert found.mode_count < found.given_mode_count
 
 
 # --- four scenes, against CalculiX
@@ -538,7 +439,6 @@ def check_scene(name, outcome, folder):
     """What holds of all scenes; error over tolerance of the model that was found, if it were linear."""
     found = outcome.fit
     assert found.met
-    assert found.measured.share == pytest.approx(found.predicted.share, rel=0.02)
     assert outcome.calculix.share <= 1.0
     # The default would do as well: what is saved is not accuracy that the scene asks for.
     assert outcome.given.share <= 1.0
@@ -560,8 +460,6 @@ def test_scene_of_a_small_load_is_met_by_a_linear_model_and_its_fmu(fitted):
     packaged = read_packaged_body(folder / "small_load.fmu")
     np.testing.assert_allclose(packaged.angular_frequency, body.angular_frequency, rtol=1e-9)
     assert Variant(packaged.method, packaged.mass) == outcome.fit.variant
-    assert outcome.fit.fmu_step > 0.0
-    assert outcome.fit.given_fmu_step > 0.0
 
 
 @pytest.mark.parametrize("name", ["large_load", "sudden_load"])
@@ -570,7 +468,7 @@ def test_scene_of_a_large_load_is_met_with_fewer_modes_and_frames(name, fitted):
     assert check_scene(name, outcome, folder) > 2.0
     assert outcome.fit.variant.method is not Method.LINEAR
     # At the levels and times that CalculiX has, not those of the search: no worse than foreseen.
-    assert outcome.calculix.share < 1.1 * outcome.fit.predicted.share
+    assert outcome.calculix.share < 1.1 * outcome.fit.measured.share
 
 
 @pytest.mark.slow
@@ -579,14 +477,6 @@ def test_scene_of_the_axle_in_torsion_is_met_with_fewer_modes_and_frames(fitted)
     assert check_scene("torsion", outcome, folder) > 2.0
     assert outcome.toe < 0.02
     assert outcome.fit.variant.method is Method.SECOND_ORDER
-
-
-def test_modes_above_the_frequencies_that_count_give_way_to_residual_flexibility(fitted):
-    outcome, _ = fitted("sudden_load")
-    assert "tip.force.y" in outcome.fit.plan.residual
-    # Of the pairs at 24.5 Hz and 152 Hz only the first lies below the 100 Hz that count.
-    assert outcome.fit.plan.numbers == (1, 2)
-    assert "Normal modes alone, the lowest 20, are too stiff" in outcome.fit.reasons["modes"]
 
 
 # --- the command
@@ -599,15 +489,14 @@ def test_the_command_writes_a_body_file_and_its_fmu(tmp_path):
     result = subprocess.run([program, *command], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     assert "lean.toml, lean.fmu" in result.stdout
-    assert "times that of an empty FMU" in result.stdout
     assert re.fullmatch(r"pass: [\d.e-]+ × the tolerance", result.stdout.splitlines()[-1])
-    written_modes = read_body_file(tmp_path / "lean.toml").reduction.numbers
-    assert read_packaged_body(tmp_path / "lean.fmu").mode_count == len(written_modes)
+    written = reduce_body(read_body_file(tmp_path / "lean.toml"), Reporter())
+    assert read_packaged_body(tmp_path / "lean.fmu").mode_count == written.mode_count
 
 
 def test_the_command_fails_by_exit_code_last_line_and_json_where_no_model_meets_the_tolerance(tmp_path):
     with_results(
-        tmp_path, FIT.replace("[8]", '[1]\nbasis = ["normal"]').replace("[10]", "[4]").replace("0.005", "1e-6")
+        tmp_path, FIT.replace("[1, 2, 4, 8]", '[1]\nbasis = ["normal"]').replace("[10]", "[4]").replace("0.005", "1e-6")
     )
     program = str(Path(sys.executable).parent / "flexfmu")
     command = [program, "fit", "body.toml", "--scene", "scene.toml", "--output", "lean.toml"]
@@ -618,7 +507,7 @@ def test_the_command_fails_by_exit_code_last_line_and_json_where_no_model_meets_
     assert (plain.returncode, data.returncode) == (3, 3), plain.stderr
     assert plain.stdout.splitlines()[-1].startswith("fail: ")
     found = json.loads(data.stdout)
-    assert found["pass"] is found["met"] is False
+    assert found["pass"] is False
     assert found["measured"]["share"] > 1.0
 
 
@@ -630,7 +519,7 @@ def test_nothing_is_left_where_the_fmu_cannot_be_written(bent_beam, tmp_path, st
     def refuse(*_):
         raise OutputError("no room")
 
-    monkeypatch.setattr(delivery, "package_fmu", refuse)
+    monkeypatch.setattr("flexfmu.study.fit.package_fmu", refuse)
     with pytest.raises(OutputError, match="no room"):
         fit(bent_beam, target, Reporter(), store, tmp_path / "lean.fmu")
     assert not list(tmp_path.glob("*lean*"))

@@ -9,8 +9,8 @@ from scipy.integrate import solve_bvp
 from bodies import Beam, body_of_everything
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
-from flexfmu.build.config import InterfaceTable
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import InterfaceTable
 from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.methods import Mass, Method
@@ -157,7 +157,24 @@ def test_modal_forces_are_those_of_the_turned_loads_and_the_tangent_is_their_der
     np.testing.assert_allclose(slope, (ends[0] - ends[1]) / (2.0 * h), rtol=1e-6, atol=1e-6 * np.abs(slope).max())
 
 
-@pytest.mark.parametrize("mass", Mass)
+@pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
+@pytest.mark.parametrize("seed", range(3))
+def test_each_component_of_a_load_follows_whichever_interface_it_acts_on(method, seed):
+    model = body_of_everything(seed, interfaces=3)
+    body, dead = FlexibleBody(following(model), method), FlexibleBody(model, method)
+    q = 0.3 * np.random.default_rng(seed).standard_normal(model.mode_count)
+    rotation, differ = body.core.nodes_at(q)[1][body.core.frames :], 0
+    for alone in np.eye(6 * model.interface_count, 6 * model.interface_count + 3):
+        turned = alone.copy()
+        wrench = turned[: 6 * model.interface_count].reshape(-1, 2, 3)
+        wrench[:] = np.einsum("kij,kcj->kci", rotation[: model.interface_count], wrench)
+        found, expected = body.forces(State(q, q), alone), dead.forces(State(q, q), turned)
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
+        differ += np.linalg.norm(found - dead.forces(State(q, q), alone)) > 1e-2
+    assert differ == 6 * model.interface_count
+
+
+@pytest.mark.parametrize("mass", [Mass.CONSTANT, Mass.CONFIGURATION])
 def test_a_rocket_that_pushes_itself_flies_a_circle(bodies, mass):
     """A force on the root across a stiff body, at its centre of mass by a moment: it turns at the rate that it gains.
 

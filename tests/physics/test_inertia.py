@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 from bodies import beam_body
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.build import reduce as build
-from flexfmu.build.config import Basis, BodyFile, InputTable, InterfaceTable, MeshTable
+from flexfmu.build.config import BodyFile
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import InputTable, InterfaceTable, MeshTable
 from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import ModalFileError, OptionError
 from flexfmu.model.inertia import without_frames
@@ -21,6 +22,7 @@ from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.rotations import exponential
 from flexfmu.reduction import inertia as lumping
 from flexfmu.reduction import piece
+from flexfmu.reduction.options import Basis
 from reference import Reference
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 
@@ -75,7 +77,8 @@ def whole(bodies):
         original = piece.lumped_mass
 
         def watched(mesh, volumes, shapes, lumps, frames, carried):
-            known.update(mesh=mesh, volumes=volumes, shapes=shapes, lumps=lumps)
+            # The first lumps are the body's own, those of the fine tree follow.
+            known.update({} if known else {"mesh": mesh, "volumes": volumes, "shapes": shapes, "lumps": lumps})
             return original(mesh, volumes, shapes, lumps, frames, carried)
 
         config = bodies.config(L_FRAME)
@@ -166,7 +169,8 @@ def test_lumps_in_another_basis_are_those_of_the_turned_modes(whole, random):
         inertia=without_frames(model.inertia, turn, 0),
         whole=None,
         surface=None,
-        missed_inertia=None,
+        polynomial=None,
+        shadow=None,
         **{
             name: getattr(model, name) @ turn
             for name in (
@@ -175,6 +179,8 @@ def test_lumps_in_another_basis_are_those_of_the_turned_modes(whole, random):
                 "joint_displacement",
                 "joint_rotation",
                 "frame_rotation",
+                "watched_rotation",
+                "watched_strain",
             )
         },
     )
@@ -249,7 +255,7 @@ def momenta(body, state):
 
 
 @pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 15), marks=pytest.mark.slow)])
-@pytest.mark.parametrize("mass", Mass)
+@pytest.mark.parametrize("mass", [Mass.CONSTANT, HEAVY])
 def test_a_free_body_that_bends_while_it_spins_keeps_its_momenta_and_energy_to_round_off(floating, mass, seeds):
     """About all axes and for any turn: 0.5 s at 34 rad/s are 2.7 turns.
 
@@ -323,11 +329,11 @@ def test_the_step_is_of_second_order_and_reversible(beam):
 def test_the_step_is_divided_until_the_tolerance_holds(beam):
     loads, end = {"tip": [0.0, 10e3, 0.0]}, 8e-3
     fine = beam(2, modes=5, limits=StepLimits(0.0, 1e-8))
-    rough = beam(2, modes=5)
+    rough = beam(2, modes=5, limits=StepLimits(0.0, 1e-4))
     exact = fine.step(fine.rest(), loads, end)
     found, work = rough.step_with_work(rough.rest(), loads, end)
     assert work.error <= 1e-4
-    assert work.substeps > 4
+    assert work.substeps > 2
     omega = fine.model.angular_frequency
     difference = np.concatenate([omega * (found.q - exact.q), found.v - exact.v])
     assert np.linalg.norm(difference) < 1e-4 * work.substeps * np.linalg.norm([*(omega * exact.q), *exact.v])

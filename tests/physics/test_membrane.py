@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
-from flexfmu.build.config import OutputTable
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import OutputTable
 from flexfmu.files.errors import ModelError
 from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import EquilibriumError
@@ -272,7 +272,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_begun(bodies, mon
 
 
 def test_limits_lie_between_bodies_that_need_it_and_those_that_do_not(reduced):
-    assert _NOTHING == 0.2
+    assert _NOTHING == 0.02
     assert _FLAT == 0.09
     assert _LARGE == 3.3
     assert not np.any(reduced(PLATE).membrane.linear)

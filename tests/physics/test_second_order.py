@@ -8,10 +8,11 @@ import pytest
 from bodies import source_of_judgement
 from elastica import MASS, STIFFNESS, heavy_elastica
 from flexfmu.body.flexible_body import FlexibleBody, State
-from flexfmu.build.config import Basis, InputTable, InterfaceTable
+from flexfmu.build.tables import InputTable, InterfaceTable
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.rotations import exponential, rotation_vector
+from flexfmu.reduction.options import Basis
 from references import BEAM, L_FRAME, calculix, displacement, relative, rotation
 
 SECOND, BY_LOAD = Method.SECOND_ORDER, Method.STIFFNESS_BY_LOAD

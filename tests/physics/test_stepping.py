@@ -73,10 +73,10 @@ def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(step):
 
 
 @pytest.mark.slow
-def test_energy_is_kept_over_a_million_steps():
-    drift = energy_drift(10**6, 1e-3, every=100)
+def test_energy_is_kept_over_two_hundred_thousand_steps():
+    drift = energy_drift(200_000, 1e-3, every=100)
     print(f"drift {drift:.1e} of the largest energy")
-    assert drift < 1e-9
+    assert drift < 2e-10
 
 
 def test_energy_is_kept_where_the_branches_of_a_tree_turn_by_a_radian():
@@ -141,19 +141,35 @@ def test_large_communication_steps_are_divided_until_the_tolerance_holds(step, f
     state, loads, substeps = flexible.rest(), flexible.loads({"tip": HEAVY}), 0
     for _ in range(count):
         state, work = flexible.step_with_work(state, loads, step)
-        assert work.error <= 1e-4
+        assert work.error <= 1e-3
         substeps += work.substeps
-    # The tolerance bounds an internal step's error; they add up at worst.
-    assert distance(flexible, state, fine) < 1e-4 * substeps
-    assert distance(flexible, state, fine) < 5e-3
+    # The tolerance bounds an internal step's error, of modes by how far a step resolves them; they add up at worst.
+    resolved = np.minimum(1.0, work.substeps / (flexible.model.angular_frequency * step))
+    off = np.concatenate([resolved, resolved]) * (phase(flexible, state) - phase(flexible, fine))
+    assert np.linalg.norm(off) < 1e-3 * substeps * np.linalg.norm(phase(flexible, fine))
+    assert distance(flexible, state, fine) < 0.02
 
 
 def test_a_tighter_tolerance_gives_a_smaller_error(fine):
     errors = [
         distance(flexible, run(flexible, {"tip": HEAVY}, 0.004, 16), fine)
-        for flexible in (swinging_beam(StepLimits(0.0, tolerance)) for tolerance in (1e-2, 1e-4, 1e-6))
+        for flexible in (swinging_beam(StepLimits(0.0, tolerance)) for tolerance in (1e-3, 1e-5, 1e-7))
     ]
     assert errors[0] > 5.0 * errors[1] > 25.0 * errors[2]
+
+
+def test_the_error_of_a_mode_that_a_step_does_not_resolve_counts_the_less_for_it_follows_its_force():
+    """By 1/ωh; what a growing force does beyond its mean is (h − sin(ωh)/ω)/(ω²h) − (1 − cos ωh)/2ω² of its growth."""
+    flexible, step = swinging_beam(ONE_STEP), 1e-3
+    omega, loads = flexible.model.angular_frequency, flexible.loads({"tip": HEAVY})
+    start, x = run(flexible, {"tip": HEAVY}, step, 8), omega * step
+    end, work = flexible.step_with_work(start, loads, step)
+    grown = np.subtract(*(flexible.forces(at, loads.packed(False)) for at in (end, start)))
+    lost = omega * grown * ((1.0 - np.sin(x) / x) / omega**2 - 0.5 * (1.0 - np.cos(x)) / omega**2)
+    expected = np.linalg.norm(lost / np.maximum(x, 1.0)) / np.linalg.norm(phase(flexible, end))
+    assert (x.max() > 2.0, work.substeps) == (True, 1)
+    assert abs(lost[-1]) > 0.2 * np.linalg.norm(lost)
+    assert work.error == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_step_of_modal_superposition_is_exact_whatever_its_length():

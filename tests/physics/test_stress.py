@@ -7,7 +7,7 @@ import pytest
 
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import StressTable
+from flexfmu.build.tables import StressTable
 from flexfmu.fe.stress import point_stress
 from flexfmu.files.units import UnitSystem
 from flexfmu.fmu.description import Runtime

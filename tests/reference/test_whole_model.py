@@ -8,25 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from demo import calculix_scene as calculix
 
-from flexfmu.build.config import SupportTable
+from flexfmu.build.tables import SupportTable
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.progress import Reporter
-from flexfmu.files.store import Store
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.model import assemble_model
-from flexfmu.study.scene import calculix
-from flexfmu.study.scene.config import SceneError, Solver
-from flexfmu.study.scene.reference import references
-from flexfmu.study.scene.whole_model import WholeModel
+from flexfmu.study.scene.config import SceneError
 from meshes import EVERY_TYPE, STEEL, body_file, box, with_sets
-from scene_tools import BEND, Listening, scene_of
+from scene_tools import Listening
 
 KEPT = Path(__file__).parent / "calculix"
 FACTORS = (0.4, 1.0)
-IN_CALCULIX = '\n[reference]\nstatic = "calculix"\n'
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
 
 
@@ -92,13 +88,6 @@ def test_a_deck_holds_the_mesh_its_materials_and_its_supports(tmp_path, kind):
         assert [stiff[0][k] for k in order] == stiff[1]
 
 
-def test_without_calculix_its_results_are_refused_and_its_time_left_out(tmp_path, monkeypatch):
-    monkeypatch.setattr(calculix, "PROGRAM", "no-such-program")
-    scene = scene_of(tmp_path, BEND + IN_CALCULIX)
-    with pytest.raises(SceneError, match=r"bend: CalculiX is asked for.*install it.*static = \"flexfmu\""):
-        references(scene, Reporter())
-
-
 def test_a_run_that_fails_is_told_with_its_last_words(tmp_path, monkeypatch):
     script = tmp_path / "ccx"
     script.write_text("#!/bin/sh\necho ' *ERROR: too many cutbacks'\nexit 201\n", encoding="ascii")
@@ -132,19 +121,6 @@ def test_calculix_and_our_own_solve_agree_for_every_element(tmp_path, kind):
     expected = our_equilibria(model, load).reshape(2, -1, 3)[:, tip]
     found = done.displacement.reshape(2, -1, 3)[:, tip]
     np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
-
-
-@needs_ccx
-def test_a_scene_takes_calculix_as_its_reference_and_keeps_it(tmp_path):
-    scene = scene_of(tmp_path, BEND + IN_CALCULIX)
-    store, listening = Store(tmp_path / "kept"), Listening()
-    found = references(scene, listening, store)["bend"]
-    assert "CalculiX" in found.origin
-    own = WholeModel(scene, Reporter(), Store()).equilibria(scene.static[0], Solver.FLEXFMU)
-    np.testing.assert_allclose(found.motion, own.motion, atol=4e-7)
-    assert found.whole.seconds > 0.0
-    references(scene, listening, store)
-    assert any("CalculiX under bend: taken from an earlier build" in note for note in listening.notes)
 
 
 @needs_ccx

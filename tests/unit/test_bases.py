@@ -5,8 +5,14 @@ import pytest
 from scipy.linalg import null_space
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.config import Basis, InterfaceTable
+from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import InterfaceTable
+from flexfmu.files.progress import Reporter
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Method
+from flexfmu.reduction.options import Basis
+from meshes import bars, body_file, box, with_sets
 from references import BEAM, calculix, displacement, relative
 
 
@@ -117,3 +123,49 @@ def test_a_free_body_s_constraint_modes_hold_the_response_to_every_load_in_balan
     first, second = (balanced.T @ rows @ rows.T @ balanced for _, rows in found)
     np.testing.assert_allclose(first, second, atol=1e-6 * np.abs(first).max())
     assert np.linalg.matrix_rank(first / np.sqrt(np.outer(np.diag(first), np.diag(first)))) == 6
+
+
+def compliance(body):
+    """Displacements (i, 6) of interfaces along their own unit loads, in the basis."""
+    motion = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1)
+    elastic = body.angular_frequency > 0.0
+    return ((motion[:, :, elastic] / body.angular_frequency[elastic]) ** 2).sum(axis=2)
+
+
+def test_by_default_every_load_misses_little_with_few_static_shapes(tmp_path):
+    mesh = bars(
+        ElementType.C3D20,
+        [((0, 0, 0), (9, 0, 0)), ((0, 5, 0), (9, 5, 0)), ((4, 0, 0), (4, 5, 0)), ((9, 0, 0), (9, 5, 0))],
+    )
+    faces = {"A": lambda p: p[:, 0] - 10.0, "B": lambda p: p[:, 1] - 6.0}
+    config = body_file(with_sets(mesh, ROOT=lambda p: p[:, 0], **faces), tmp_path, interface=list(faces), frames=1)
+    plain = config.model_copy(update={"output": config.output.model_copy(update={"surface": False})})
+
+    def made(**reduction):
+        table = config.reduction.model_copy(update={"second_order": False, **reduction})
+        return reduce_body(plain.model_copy(update={"reduction": table}), Reporter())
+
+    few, every, none = made(), made(residual_flexibility=True), made(residual_flexibility=False)
+    missed = 1.0 - compliance(few) / compliance(every)
+    assert 1e-4 < missed.max() < 5e-3
+    assert (1.0 - compliance(none) / compliance(every)).max() > 0.1
+    assert none.mode_count < few.mode_count < every.mode_count - 2
+
+
+def test_steel_between_blocks_that_are_ten_thousand_times_stiffer_has_orthonormal_modes(tmp_path):
+    stiff = Material("BLOCK", 2.0e15, 0.3, 7850.0)
+    steel = Material("STEEL", 2.0e11, 0.3, 7850.0)
+    mesh = box(
+        ElementType.C3D20, (12, 1, 1), (1.0, 0.02, 0.03), materials=(steel, stiff),
+        material=lambda c: ((c[:, 0] > 9) | (np.abs(c[:, 0] - 5) < 1.1)).astype(int),
+    )  # fmt: skip
+    notes = []
+    report = Reporter()
+    report.note = notes.append
+    config = body_file(mesh, tmp_path, interface=["TIP"], reduction={"residual_flexibility": True})
+    body = reduce_body(config, report)
+    said = next(note for note in notes if "|ΦᵀMΦ − I|" in note)
+    assert float(said.split("I| = ")[1].split(",")[0]) < 3e-15
+    normal = config.reduction.model_copy(update={"residual_flexibility": False})
+    expected = reduce_body(config.model_copy(update={"reduction": normal}), Reporter()).angular_frequency
+    np.testing.assert_allclose(body.angular_frequency[:8], expected, rtol=2e-5)

@@ -4,10 +4,11 @@ import re
 
 import pytest
 
-from flexfmu.build.config import Basis, read_body_file
+from flexfmu.build.config import read_body_file
 from flexfmu.files.errors import BodyFileError
 from flexfmu.files.units import UnitSystem
 from flexfmu.model.methods import Data, Mass, Method, Variant, needs
+from flexfmu.reduction.options import Basis
 
 LEAST = """
 name = "body"
@@ -52,7 +53,7 @@ def test_defaults_are_those_of_the_documentation(tmp_path):
     assert (body.reduction.basis, body.reduction.modes) == (Basis.NORMAL, 8)
     assert (body.options.levels, body.residual) == (4, True)
     assert body.damping.ratio == 0.0
-    assert body.variant == Variant(Method.SECOND_ORDER, Mass.CONSTANT)
+    assert body.variant == Variant(Method.SECOND_ORDER, Mass.POLYNOMIAL)
     assert body.stored == {Data.SECOND_ORDER}
     assert (body.output.velocities, body.output.surface, body.input.acceleration) == (False, True, False)
 
@@ -64,6 +65,20 @@ def test_the_method_is_frames_where_second_order_is_ruled_out(tmp_path):
 def test_the_method_is_second_order_with_the_deformed_body_s_mass_too(tmp_path):
     found = read(tmp_path, content(rest='[formulation]\nmass = "configuration"')).variant
     assert found == Variant(Method.SECOND_ORDER, Mass.CONFIGURATION)
+
+
+def test_the_mass_is_the_polynomial_of_held_bodies_to_second_order(tmp_path):
+    def mass(**parts):
+        return read(tmp_path, content(**parts)).variant.mass
+
+    assert mass(rest='[formulation]\nmass = "constant"') is Mass.CONSTANT
+    assert mass(rest='[formulation]\nmethod = "second_order"') is Mass.POLYNOMIAL
+    assert mass(rest='[formulation]\nmethod = "frames"') is Mass.CONSTANT
+    assert mass(top="free = true") is Mass.CONSTANT
+    assert mass(top='cut = "auto"') is Mass.CONSTANT
+    for top, reason in (("free = true", "for bodies that are held"), ('cut = "auto"', 'mass "constant" only')):
+        assert reason in message(tmp_path, content(top=top, rest='[formulation]\nmass = "polynomial"'))
+    assert "second_order" in message(tmp_path, content(rest='[formulation]\nmethod = "frames"\nmass = "polynomial"'))
 
 
 def test_everything_given_is_taken(tmp_path):
@@ -86,6 +101,11 @@ def test_everything_given_is_taken(tmp_path):
     assert body.variant == Variant(Method.LINEAR)
     assert (body.interface[0].point, body.interface[0].weights) == ([1.0, 2.5, 3.0], "node")
     assert body.output.velocities
+
+
+def test_where_nothing_says_how_many_modes_there_are_as_many_as_listed_damping_ratios(tmp_path):
+    basis = read(tmp_path, content(rest="[damping]\nratio = [0.1, 0.2, 0.3]")).options.basis
+    assert (basis.numbers, basis.exact, basis.residual) == ((1, 2, 3), True, False)
 
 
 WRONG = {
@@ -294,7 +314,7 @@ def test_an_absolute_path_of_a_mesh_stays_as_it_is(tmp_path):
 @pytest.mark.parametrize("method", Method)
 def test_a_build_stores_what_the_method_needs_and_what_is_asked_for(tmp_path, method):
     config = read(tmp_path, content(rest=f'[formulation]\nmethod = "{method.value}"'))
-    assert config.variant == Variant(method)
+    assert config.variant.method is method
     assert config.stored == needs(method)
     more = read(tmp_path, content(rest=f'[reduction]\ninertia = true\n[formulation]\nmethod = "{method.value}"'))
     assert more.stored == needs(method) | {Data.INERTIA}

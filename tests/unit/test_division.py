@@ -14,7 +14,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND
-from flexfmu.reduction.division import Branch, distance_along, divide, divide_branches
+from flexfmu.reduction.division import Joints, distance_along, divide, divide_branches
 from meshes import EVERY_TYPE, arc, bars, body_file, box, lattice, renumbered, with_sets
 from references import relative
 
@@ -221,7 +221,7 @@ def test_division_does_not_depend_on_the_numbering_of_nodes_and_elements(kind, n
 
 
 def branched(mesh, *branches):
-    found = [Branch(name, mesh.node_sets[name], joints) for name, joints in branches]
+    found = [Joints(name, mesh.node_sets[name], joints) for name, joints in branches]
     return divide_branches(mesh, mesh.volume_matrices, mesh.faces, mesh.node_sets["ROOT"], found)
 
 
@@ -285,19 +285,21 @@ class Study:
     size: float
 
 
-def convergence(mesh, loads, length, folder):
-    """Relative errors with 1, 2, 4 and 8 levels against 24, of one mesh and one modal basis."""
+def by_levels(mesh, interfaces, folder):
+    """Reduce a mesh with 1, 2, 4, 8 and 24 levels of one modal basis."""
+
+    def reduced(levels):
+        tables = {"reduction": {"modes": 30}, "formulation": {"method": "frames"}}
+        return reduce_body(body_file(mesh, folder, interface=interfaces, frames=levels, **tables), Reporter())
+
+    return {levels: reduced(levels) for levels in (1, 2, 4, 8, 24)}
+
+
+def convergence(bodies, loads, length):
+    """Relative errors with 1, 2, 4 and 8 levels against 24."""
 
     def solution(levels, method=None):
-        config = body_file(
-            mesh,
-            folder,
-            interface=list(loads),
-            frames=levels,
-            reduction={"modes": 30},
-            formulation={"method": "frames"},
-        )
-        body = FlexibleBody(reduce_body(config, Reporter()), method)
+        body = FlexibleBody(bodies[levels], method)
         state = body.static({name.lower(): load for name, load in loads.items()})
         return body.response(state).displacement
 
@@ -322,9 +324,19 @@ def slender_fork():
     return mesh
 
 
+@pytest.fixture(scope="module")
+def arcs(tmp_path_factory):
+    return by_levels(arc(BRICK, (48, 2, 2), 1.0, 0.04), ["TIP"], tmp_path_factory.mktemp("arc"))
+
+
+@pytest.fixture(scope="module")
+def forks(tmp_path_factory):
+    return by_levels(slender_fork(), ["LEFT", "RIGHT"], tmp_path_factory.mktemp("fork"))
+
+
 @pytest.mark.parametrize("force", [(0.0, 8000.0, 0.0), (0.0, 8000.0, 4000.0)], ids=["in plane", "out of plane"])
-def test_an_arc_converges_with_the_square_of_the_number_of_frames(force, tmp_path):
-    study = convergence(arc(BRICK, (48, 2, 2), 1.0, 0.04), {"TIP": force}, 0.5 * np.pi, tmp_path)
+def test_an_arc_converges_with_the_square_of_the_number_of_frames(force, arcs):
+    study = convergence(arcs, {"TIP": force}, 0.5 * np.pi)
     assert study.size > 0.1
     assert study.linear > 0.1
     assert study.errors[0] < 0.04
@@ -341,8 +353,8 @@ def test_an_arc_converges_with_the_square_of_the_number_of_frames(force, tmp_pat
     ],
     ids=["twisting", "in plane", "all ways"],
 )
-def test_a_branched_body_with_two_loaded_tips_converges_with_the_square_of_the_number_of_frames(loads, tmp_path):
-    study = convergence(slender_fork(), loads, 1.0, tmp_path)
+def test_a_branched_body_with_two_loaded_tips_converges_with_the_square_of_the_number_of_frames(loads, forks):
+    study = convergence(forks, loads, 1.0)
     assert study.size > 0.1
     assert study.linear > 0.06
     assert study.errors[0] < 0.02

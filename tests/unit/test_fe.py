@@ -10,11 +10,10 @@ import scipy.sparse as sp
 from benchmarks import large
 from scipy.sparse.linalg import splu
 
-from flexfmu.fe import factorisation, memory
+from flexfmu.fe import factorisation
 from flexfmu.fe import unknowns as fe_unknowns
 from flexfmu.fe.assembly import mass, stiffness, summed
-from flexfmu.fe.factorisation import Factorisation
-from flexfmu.fe.memory import factor_entries
+from flexfmu.fe.factorisation import Factorisation, factor_entries
 from flexfmu.files.errors import ModelError
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
@@ -366,7 +365,7 @@ def test_what_does_not_fit_into_memory_is_refused_with_its_size_before_it_is_beg
     monkeypatch.setattr(factorisation, "_LARGE", 100)
     told = []
     Factorisation(k, free // 3, tell=told.append)
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e5)
+    monkeypatch.setattr(factorisation, "free_memory", lambda: 1e5)
     with pytest.raises(
         ModelError, match=rf"factors of {free.size} unknowns and what follows take 0.0 GB of memory, 0.0 GB are"
     ):

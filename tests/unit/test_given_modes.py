@@ -162,6 +162,14 @@ def test_loads_that_follow_an_interface_do_so_on_given_modes(clamped, reference)
     assert abs(motion(packed)[0] - motion(reference[4])[0]) > 0.02 * abs(motion(reference[4])[0])
 
 
+def test_damping_ratios_are_listed_one_for_each_given_mode(clamped):
+    few, ratios = changed(clamped, modes=clamped.modes[:5], frequency=clamped.frequency[:5]), np.linspace(0.01, 0.1, 5)
+    packed = flexfmu.pack(few, {"tip": "TIP"}, frames=1, damping=ratios)
+    np.testing.assert_array_equal(packed.model.damping_ratio, ratios)
+    with pytest.raises(BodyFileError, match="lists 2 values, and the basis has 5"):
+        flexfmu.pack(few, {"tip": "TIP"}, frames=1, damping=[0.1, 0.2])
+
+
 def test_springs_need_a_place_where_frames_hang(clamped):
     loose = changed(clamped, modes=clamped.modes + 1e-6 * np.abs(clamped.modes).max(axis=(1, 2), keepdims=True))
     with pytest.raises(BodyFileError, match="no node is held by all modes"):

@@ -16,7 +16,7 @@ from flexfmu.model.arrays import BODY, STRESS
 from flexfmu.model.errors import ModalFileError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
-from flexfmu.model.reduced_body import GROUND, PARTS, ReducedBody, SecondOrder, StressSet, Surface
+from flexfmu.model.reduced_body import GROUND, GROUPS, ReducedBody, SecondOrder, StressSet, Surface
 from flexfmu.program.compile import compile_program
 
 
@@ -314,7 +314,7 @@ def with_parts():
         "k": 3,
         "Q": 5,
     }
-    sizes |= {"n": 5, "g": 2, "f": 2, "r": 4, "R": 3}
+    sizes |= {"w": 3, "v": 2, "n": 5, "g": 2, "f": 2, "r": 4, "R": 3}
 
     def made(entry):
         shape = [int(token) if token.isdigit() else sizes[token] for token in entry.shape.split()]
@@ -322,7 +322,7 @@ def with_parts():
             return tuple(f"name_{k}" for k in range(shape[0]))
         return rng.integers(0, s, shape) if entry.kind is int else np.abs(rng.standard_normal(shape))
 
-    parts = {part.attribute: part.kind(**{e.name: made(e) for e in part.entries}) for part in PARTS}
+    parts = {part.attribute: part.kind(**{e.name: made(e) for e in part.entries}) for part in GROUPS}
     optional = {entry.name: made(entry) for entry in BODY if entry.optional}
     stresses = tuple(StressSet(name, *(made(entry) for entry in STRESS)) for name in ("a", "b"))
     return replace(body, stress_sets=stresses, method=Method.FRAMES, mass=Mass.CONFIGURATION, **parts, **optional)
@@ -333,7 +333,7 @@ def test_every_part_comes_back_bit_by_bit_and_cannot_be_written_to(tmp_path):
     write_modal_file(body, tmp_path / "body.h5")
     again = read_modal_file(tmp_path / "body.h5")
     assert (again.method, again.mass) == (Method.FRAMES, Mass.CONFIGURATION)
-    for part in PARTS:
+    for part in GROUPS:
         for entry in part.entries:
             before, after = (getattr(getattr(one, part.attribute), entry.name) for one in (body, again))
             np.testing.assert_array_equal(before, after, err_msg=entry.path)
@@ -343,11 +343,11 @@ def test_every_part_comes_back_bit_by_bit_and_cannot_be_written_to(tmp_path):
         assert before.name == after.name
         np.testing.assert_array_equal(before.stress, after.stress)
     found = datasets(tmp_path / "body.h5")
-    listed = [entry.path for entry in BODY] + [entry.path for part in PARTS for entry in part.entries]
+    listed = [entry.path for entry in BODY] + [entry.path for part in GROUPS for entry in part.entries]
     assert set(found) == {*listed, *(f"stress/00{k}_{'ab'[k]}/{e.path}" for k in range(2) for e in STRESS)}
 
 
-@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.attribute)
+@pytest.mark.parametrize("part", GROUPS, ids=lambda part: part.attribute)
 def test_a_part_of_another_body_is_refused_by_its_array(part):
     body = with_parts()
     refused = 0
@@ -363,7 +363,7 @@ def test_a_part_of_another_body_is_refused_by_its_array(part):
     assert refused > 0
 
 
-@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.attribute)
+@pytest.mark.parametrize("part", GROUPS, ids=lambda part: part.attribute)
 def test_numbers_that_are_not_finite_are_refused_in_every_part(part):
     body = with_parts()
     for entry in part.entries:

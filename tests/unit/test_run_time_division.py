@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexfmu.body.flexible_body import FlexibleBody, State
-from flexfmu.build.config import InterfaceTable
+from flexfmu.build.tables import InterfaceTable
 from flexfmu.model.methods import Method
 from references import BEAM, calculix, displacement, relative
 

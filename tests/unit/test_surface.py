@@ -6,7 +6,7 @@ import pytest
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.body.recovery import surface_places, surface_von_mises
 from flexfmu.build.reduce import reduce_body
-from flexfmu.fe.initial_strain import strain_forces
+from flexfmu.fe.gradients import quadratic_strain
 from flexfmu.fe.stress import nodal_stress
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
@@ -157,11 +157,11 @@ def test_pairs_of_modes_are_answered_a_few_at_a_time_with_the_same_surface(tmp_p
     arguments = modes.shapes, np.arange(8), modes.angular_frequency**2, modes.shapes[:, :0], mesh.node_sets["TIP"]
     counts = []
 
-    def counted(mesh, fields, first, second):
-        counts.append(first.size)
-        return strain_forces(mesh, fields, first, second)
+    def counted(mesh, fields, pairs, tell):
+        counts.append(len(pairs))
+        return quadratic_strain(mesh, fields, pairs, tell)
 
-    monkeypatch.setattr(surface, "strain_forces", counted)
+    monkeypatch.setattr(surface, "quadratic_strain", counted)
     fields, forms = surface.second_order_fields(mesh, matrices.supported, *arguments)
     # All nodes' responses to all 36 pairs at once would take more than the factorisation of a large mesh.
     assert sum(counts) == 36

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ..core import Core, StepLimits
+from ..core.library import Core, StepLimits
 from ..files.array_types import FloatArray
 from ..model.errors import EquilibriumError, LoadError, OptionError, StepError
 from ..model.fixing import with_fixed_interfaces
@@ -14,11 +15,11 @@ from ..model.frame_layout import with_frame_layout
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
-from ..program.compile import compile_program
+from ..program.compile import compile_program, shadow_draft
 from .loads import Loads, loads_from_mapping
 from .recovery import surface_places
 
-__all__ = ["FlexibleBody", "Response", "State", "StepLimits", "Work"]
+__all__ = ["Errors", "FlexibleBody", "Response", "State", "StepLimits", "Work"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -74,6 +75,26 @@ class Response:
 
     displacement: FloatArray
     rotation: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """How far the motion of the I interfaces is off, as the body estimates it of itself.
+
+    Attributes
+    ----------
+    displacement : (I,) float
+        m.
+    rotation : (I,) float
+        rad.
+    relative : float
+        The largest error of a displacement over the largest deflection of the interfaces; 0 at rest. Beyond 0.1 it
+        says that the motion is wrong, not by how much.
+    """
+
+    displacement: FloatArray
+    rotation: FloatArray
+    relative: float
 
 
 class FlexibleBody:
@@ -364,6 +385,37 @@ class FlexibleBody:
     def stiffness_missed(self, inputs: FloatArray) -> float:
         """Upper bound of the deflection error from geometric stiffness that the method omits; 1 at the most."""
         return self.core.missed(inputs)
+
+    @cached_property
+    def _shadow(self) -> Core:
+        return Core(shadow_draft(self.model).image())
+
+    def error(self, state: State, loads: Loads | Mapping[str, Sequence[float]]) -> Errors:
+        """Error of the interfaces' motion, estimated by a finer reduction of the same body.
+
+        Parameters
+        ----------
+        state : State
+            In equilibrium under the loads, or at a step's end.
+        loads : Loads or mapping as for `loads`
+
+        Returns
+        -------
+        Errors
+
+        Raises
+        ------
+        OptionError
+            The body was built without what tells its error.
+
+        Examples
+        --------
+        >>> loads = {"tip": [0.0, 20e3, 0.0]}
+        >>> arm.error(arm.static(loads), loads).relative < 0.001
+        True
+        """
+        found, share = self.core.error(self._shadow, self._packed(loads), state.q)
+        return Errors(found[:, 0], found[:, 1], share)
 
     def compliance(self, state: State, inputs: FloatArray, step: float, interfaces: Sequence[int]) -> FloatArray:
         """Derivative of interfaces' motion at a step's end with respect to loads on them held over the step.

@@ -6,7 +6,7 @@ of (6), with the second-order part (19) where the method has one.
 
 import numpy as np
 
-from ..core import Core
+from ..core.library import Core
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..model.errors import OptionError
 from ..model.methods import Kinematics, Method, recipe_of
@@ -70,8 +70,7 @@ def surface_places(model: ReducedBody, method: Method, core: Core, q: FloatArray
 
 
 def _applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
-    result: FloatArray = (matrices @ vectors[:, :, None])[:, :, 0]
-    return result
+    return (matrices @ vectors[:, :, None])[:, :, 0]
 
 
 def _from_ground(model: ReducedBody, q: FloatArray) -> FloatArray:
@@ -108,8 +107,7 @@ def _second_order(
     if model.floating:
         turn = turn - model.frame_rotation[0] @ q
     own = _from_ground(model, q)[on]
-    result: FloatArray = own - parent[s] - cross(turned[s], arm) - cross(turn, change + 0.5 * cross(turn, arm))
-    return result
+    return own - parent[s] - cross(turned[s], arm) - cross(turn, change + 0.5 * cross(turn, arm))
 
 
 def surface_von_mises(model: ReducedBody, q: FloatArray) -> FloatArray:
@@ -125,5 +123,4 @@ def surface_von_mises(model: ReducedBody, q: FloatArray) -> FloatArray:
         raise OptionError("the body was built without the stress of its surface: set stress = true in [output]")
     xx, yy, zz, xy, yz, zx = np.moveaxis(surface.stress @ q, 1, 0)
     shear = xy**2 + yz**2 + zx**2
-    result: FloatArray = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * shear)
-    return result
+    return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * shear)

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..core import StepLimits
 from ..core.interface import word_of
+from ..core.library import StepLimits
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from ..model.errors import StepError
@@ -92,8 +92,7 @@ def communication_points(times: FloatArray, step: float, stop: float) -> FloatAr
     jumps = times[1:][np.diff(times) == 0.0]
     every = np.concatenate([start + step * np.arange(count + 1), [stop], jumps[(jumps > start) & (jumps < stop)]])
     every.sort()
-    result: FloatArray = every[np.append(True, np.diff(every) > _SAME * max(step, abs(stop)))]
-    return result
+    return every[np.append(True, np.diff(every) > _SAME * max(step, abs(stop)))]
 
 
 def loads_at(table: FloatArray, time: float) -> FloatArray:
@@ -101,11 +100,9 @@ def loads_at(table: FloatArray, time: float) -> FloatArray:
     times = table[:, 0]
     after = int(np.searchsorted(times, time + _SAME * abs(time), side="right"))
     if after == 0 or after == len(times):
-        row: FloatArray = table[min(after, len(times)) - 1 if after else 0, 1:]
-        return row
+        return table[min(after, len(times)) - 1 if after else 0, 1:]
     share = max(time - times[after - 1], 0.0) / (times[after] - times[after - 1])
-    result: FloatArray = table[after - 1, 1:] + share * (table[after, 1:] - table[after - 1, 1:])
-    return result
+    return table[after - 1, 1:] + share * (table[after, 1:] - table[after - 1, 1:])
 
 
 def replay(

@@ -47,6 +47,8 @@ class Interface:
         Reference point, m; default: the nodes' weighted centre.
     weights : str
         "area", "node" or "auto".
+    rigid : bool, optional
+        Whether its nodes move as one rigid body; default: as the mesh says.
     compliance : bool
         Whether the FMU offers the interface's compliance over a step.
     follows : bool
@@ -56,6 +58,7 @@ class Interface:
     nodes: Nodes
     point: Sequence[float] | None = None
     weights: str = "auto"
+    rigid: bool | None = None
     compliance: bool = False
     follows: bool = False
 
@@ -117,6 +120,7 @@ def interface_table(sets: NodeChoices, name: str, given: Interface | Nodes) -> d
         "weights": interface.weights,
         "compliance": interface.compliance,
         "follows": interface.follows,
+        **({} if interface.rigid is None else {"rigid": interface.rigid}),
         **({} if interface.point is None else {"point": plain(interface.point)}),
     }
 

@@ -8,63 +8,10 @@ from pydantic import Field, field_validator, model_validator
 from ..files.errors import BodyFileError
 from ..files.inputs import Kind
 from ..files.limits import MOST_FRAMES
-from ..files.toml_files import Name, Table, read_toml, validated
-from ..model.methods import ASKED_BY, Data, Method, Variant, conflict, has_frames, needs
-from ..reduction.options import (
-    DEFAULT_FRAMES,
-    Basis,
-    BasisOptions,
-    BodyOptions,
-    BodyUse,
-    BranchJoints,
-    FrameNodes,
-    InterfaceNodes,
-    MaterialConstants,
-    StressElements,
-    SupportNodes,
-)
-from ..reduction.options import Nodes as PlainNodes
-from .tables import (
-    BranchTable,
-    CutTable,
-    DampingTable,
-    FormulationTable,
-    FrameTable,
-    InputTable,
-    InterfaceTable,
-    MaterialTable,
-    MeshTable,
-    MeshUnits,
-    Nodes,
-    OutputTable,
-    Place,
-    ReductionTable,
-    StressTable,
-    SupportTable,
-)
-
-__all__ = [
-    "Basis",
-    "BodyFile",
-    "BodySpec",
-    "BranchTable",
-    "CutTable",
-    "DampingTable",
-    "FormulationTable",
-    "FrameTable",
-    "InputTable",
-    "InterfaceTable",
-    "MaterialTable",
-    "MeshTable",
-    "MeshUnits",
-    "Nodes",
-    "OutputTable",
-    "Place",
-    "ReductionTable",
-    "StressTable",
-    "SupportTable",
-    "read_body_file",
-]
+from ..files.toml_files import Name, Table, different, read_toml, validated
+from ..model.methods import ASKED_BY, Data, Mass, Method, Variant, conflict, has_frames, needs
+from ..reduction import options as plain
+from . import tables
 
 _C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -81,7 +28,7 @@ class BodySpec(Table):
         Name of the body and the FMU.
     frames
         Number of frames along the body, counted from the supports (at most one per element layer). 0: linear.
-        Default: 4, shared by the parts of a cut body; 1 where several would open a loop
+        Default: 4, shared by the parts of a cut body; 1 where stretch stops a loop
     free
         Nothing holds the body, or only a hinge.
     root
@@ -92,22 +39,22 @@ class BodySpec(Table):
     """
 
     name: Name = Field(examples=["arm"])
-    mesh: MeshUnits = MeshUnits()
-    material: MaterialTable | list[MaterialTable] | None = None
+    mesh: tables.MeshUnits = tables.MeshUnits()
+    material: tables.MaterialTable | list[tables.MaterialTable] | None = None
     free: bool = False
     root: Name | None = None
-    support: list[SupportTable] = []
-    interface: list[InterfaceTable] = Field(min_length=1)
+    support: list[tables.SupportTable] = []
+    interface: list[tables.InterfaceTable] = Field(min_length=1)
     frames: int | None = Field(default=None, ge=0, le=MOST_FRAMES)
-    frame: list[FrameTable] = []
-    branch: list[BranchTable] = []
-    cut: list[CutTable] | Literal["auto"] | None = None
-    stress: list[StressTable] = []
-    reduction: ReductionTable = ReductionTable()
-    damping: DampingTable = DampingTable()
-    formulation: FormulationTable = FormulationTable()
-    input: InputTable = InputTable()
-    output: OutputTable = OutputTable()
+    frame: list[tables.FrameTable] = []
+    branch: list[tables.BranchTable] = []
+    cut: list[tables.CutTable] | Literal["auto"] | None = None
+    stress: list[tables.StressTable] = []
+    reduction: tables.ReductionTable = tables.ReductionTable()
+    damping: tables.DampingTable = tables.DampingTable()
+    formulation: tables.FormulationTable = tables.FormulationTable()
+    input: tables.InputTable = tables.InputTable()
+    output: tables.OutputTable = tables.OutputTable()
 
     @field_validator("name")
     @classmethod
@@ -125,14 +72,8 @@ class BodySpec(Table):
             )
         self._check_branches()
         self.residual_columns()
-        for kind, names in (
-            ("interface", [i.name for i in self.interface]),
-            ("frame", [f.name for f in self.frame]),
-            ("stress", [s.name for s in self.stress]),
-        ):
-            for name in names:
-                if names.count(name) > 1:
-                    raise ValueError(f"two [[{kind}]] tables have the name {name!r}, expected different names")
+        for kind, given in (("interface", self.interface), ("frame", self.frame), ("stress", self.stress)):
+            different([one.name for one in given], f"[[{kind}]] tables have the name")
         named = [None if table.name is None else table.name.upper() for table in self.materials]
         if len(set(named)) < len(named):
             raise ValueError("two [[material]] tables have the same name, or none, expected different names")
@@ -156,14 +97,13 @@ class BodySpec(Table):
                 raise ValueError(f"frame {f.name!r} has the parent {f.parent!r}, which is no [[frame]]")
         self._check_data()
         ratio = self.damping.ratio
-        plain = self.reduction.basis is Basis.NORMAL and not self.residual
-        count = len(self.reduction.numbers)
-        if plain and isinstance(ratio, list) and len(ratio) != count:
+        count = len(self._modes.numbers)
+        if self._plain and isinstance(ratio, list) and len(ratio) != count:
             raise ValueError(f"damping.ratio lists {len(ratio)} values for {count} modes")
         return self
 
     @property
-    def cuts(self) -> list[CutTable]:
+    def cuts(self) -> list[tables.CutTable]:
         """The `[[cut]]` tables; none where the build finds the sections."""
         return self.cut if isinstance(self.cut, list) else []
 
@@ -171,7 +111,8 @@ class BodySpec(Table):
     def open_to_cuts(self) -> bool:
         """Whether the build decides if loops are cut: nothing is said of cuts or frames, or goes without cuts."""
         divided = self.frames is not None or self.frame or self.branch
-        if self.cut is not None or divided or self._listed or self.variant != Variant(Method.SECOND_ORDER):
+        heavy = self.formulation.mass not in (None, Mass.CONSTANT)
+        if self.cut is not None or divided or self._listed or heavy or self.variant.method is not Method.SECOND_ORDER:
             return False
         try:
             self._check_cut()
@@ -187,7 +128,7 @@ class BodySpec(Table):
         """
         said = self.reduction.residual_flexibility
         if said is None:
-            return self.reduction.basis is Basis.NORMAL and not self._listed
+            return self.reduction.basis is plain.Basis.NORMAL and not self._listed
         return said
 
     @property
@@ -195,14 +136,28 @@ class BodySpec(Table):
         return isinstance(self.reduction.modes, list) or isinstance(self.damping.ratio, list)
 
     @property
-    def without_pictures(self) -> Self:
-        """The same body without what only pictures of it need."""
-        return self.model_copy(update={"output": self.output.model_copy(update={"surface": False, "stress": False})})
+    def _plain(self) -> bool:
+        """Whether the basis is normal modes alone."""
+        return self.reduction.basis is plain.Basis.NORMAL and not self.residual
 
     @property
-    def use(self) -> BodyUse:
+    def _modes(self) -> tables.ReductionTable:
+        """`[reduction]` with its number of modes: where it does not say, as many as damping ratios are listed."""
+        table, ratio = self.reduction, self.damping.ratio
+        if not isinstance(ratio, list) or not self._plain or table.counted:
+            return table
+        return table.model_copy(update={"modes": len(ratio)})
+
+    @property
+    def without_pictures(self) -> Self:
+        """The same body without what its motion does not need."""
+        plain = {"surface": False, "stress": False, "error": False}
+        return self.model_copy(update={"output": self.output.model_copy(update=plain)})
+
+    @property
+    def use(self) -> plain.BodyUse:
         """How the body will be used."""
-        return BodyUse(
+        return plain.BodyUse(
             self.name,
             self.damping.ratio,
             self.variant,
@@ -212,48 +167,32 @@ class BodySpec(Table):
         )
 
     @property
-    def options(self) -> BodyOptions:
+    def options(self) -> plain.BodyOptions:
         """The same as plain data."""
         residual = self.residual
-        return BodyOptions(
+        return plain.BodyOptions(
             name=self.name,
-            interfaces=tuple(
-                InterfaceNodes(one.name, plain_nodes(one.nodes), _tuple(one.point), one.weights)
-                for one in self.interface
-            ),
-            supports=tuple(
-                SupportNodes(plain_nodes(one.nodes), tuple(one.fix), _tuple(one.stiffness)) for one in self.support
-            ),
-            materials=tuple(
-                MaterialConstants(one.name, one.youngs_modulus, one.poissons_ratio, one.density)
-                for one in self.materials
-            ),
+            interfaces=tables.plain_tables(plain.InterfaceNodes, self.interface),
+            supports=tables.plain_tables(plain.SupportNodes, self.support),
+            materials=tables.plain_tables(plain.MaterialConstants, self.materials),
             units=self.mesh.units,
             boundary=self.mesh.boundary,
             free=self.free,
             root=self.root,
-            levels=DEFAULT_FRAMES if self.frames is None else self.frames,
+            levels=plain.DEFAULT_FRAMES if self.frames is None else self.frames,
             levels_asked=self.frames is not None,
-            frames=tuple(
-                FrameNodes(
-                    one.name,
-                    plain_nodes(one.nodes),
-                    one.joint if isinstance(one.joint, str) else _tuple(one.joint),
-                    one.parent,
-                    tuple(one.rotation_points or ()),
-                )
-                for one in self.frame
-            ),
-            branches=tuple(BranchJoints(one.toward, tuple(one.joints)) for one in self.branch),
+            frames=tables.plain_tables(plain.FrameNodes, self.frame),
+            branches=tables.plain_tables(plain.BranchJoints, self.branch),
             cuts=tuple(one.nodes for one in self.cuts),
             find_cuts=self.cut == "auto",
             may_cut=self.open_to_cuts,
-            stress=tuple(StressElements(one.name, one.elements) for one in self.stress),
-            basis=BasisOptions(
+            stress=tables.plain_tables(plain.StressElements, self.stress),
+            basis=plain.BasisOptions(
                 self.reduction.basis,
-                self.reduction.numbers,
-                self.reduction.counted,
+                self._modes.numbers,
+                self._modes.counted,
                 tuple(self.residual_columns()) if isinstance(residual, list) else residual,
+                by_need=residual is True and self.reduction.residual_flexibility is None,
             ),
             membrane=self.reduction.membrane,
             variant=self.variant,
@@ -261,10 +200,11 @@ class BodySpec(Table):
             acceleration=self.input.acceleration,
             surface=self.output.surface,
             surface_stress=self.output.stress,
+            certificate=self.output.error,
         )
 
     @property
-    def materials(self) -> list[MaterialTable]:
+    def materials(self) -> list[tables.MaterialTable]:
         """The tables `[material]` or `[[material]]`."""
         return self.material if isinstance(self.material, list) else [] if self.material is None else [self.material]
 
@@ -276,12 +216,13 @@ class BodySpec(Table):
         `reduction.second_order` is false.
         """
         table = self.formulation
-        if table.method is not None:
-            return table.variant
-        if self.frames == 0 and not self.free:
-            return Variant(Method.LINEAR)
         possible = self.frames != 0 and self.reduction.second_order is not False
-        return Variant(Method.SECOND_ORDER, table.mass) if possible else table.variant
+        if table.method is None and self.frames == 0 and not self.free:
+            return Variant(Method.LINEAR)
+        if table.method is not Method.SECOND_ORDER and (table.method is not None or not possible):
+            return table.variant
+        usual = Mass.CONSTANT if self.free or self.cut else Mass.POLYNOMIAL
+        return Variant(Method.SECOND_ORDER, table.mass or usual)
 
     @property
     def stored(self) -> frozenset[Data]:
@@ -300,8 +241,9 @@ class BodySpec(Table):
         """Refuse a method whose data `[reduction]` leaves out, and frames that are not there."""
         variant = self.variant
         for data in sorted(needs(variant.method, variant.mass) - self.stored, key=lambda one: one.value):
+            words = variant.words if data is Data.INERTIA else variant.method.value
             raise ValueError(
-                f'method "{variant.words}" needs {ASKED_BY[data]}, and [reduction] says otherwise: take that key out'
+                f'method "{words}" needs {ASKED_BY[data]}, and [reduction] says otherwise: take that key out'
             )
         if has_frames(variant.method) and self.frames == 0 and not self.free:
             raise ValueError(
@@ -340,10 +282,7 @@ class BodySpec(Table):
 
     def _check_cut(self) -> None:
         """Refuse what is made for bodies in one piece."""
-        names = [c.nodes for c in self.cuts]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"two [[cut]] tables have the nodes {name!r}, expected different sections")
+        different([c.nodes for c in self.cuts], "[[cut]] tables have the nodes", "different sections")
         if isinstance(self.residual, list):
             raise ValueError("[[cut]] needs residual_flexibility of all loads: the list does not go with it")
         if self.frames == 0:
@@ -356,23 +295,10 @@ class BodySpec(Table):
             raise ValueError('[[cut]] goes with mass "constant" only, without reduction.inertia')
 
 
-def plain_nodes(nodes: Nodes) -> PlainNodes:
-    """Nodes of a body file as plain data."""
-    if isinstance(nodes, str):
-        return nodes
-    if isinstance(nodes, list):
-        return tuple(one if isinstance(one, str) else one.plain for one in nodes)
-    return nodes.plain
-
-
-def _tuple(values: list[float] | None) -> tuple[float, ...] | None:
-    return None if values is None else tuple(values)
-
-
 class BodyFile(BodySpec):
     """A whole body file."""
 
-    mesh: MeshTable
+    mesh: tables.MeshTable
 
 
 def read_body_file(path: Path) -> BodyFile:

@@ -10,12 +10,12 @@ from ..fmu.package import cores_for, package_fmu
 from ..fmu.runtime import Runtime
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import ReducedBody
-from .config import read_body_file
+from .config import BodyFile, read_body_file
 from .reduce import reduce_body
 
 
 def build_fmu(
-    body_file: Path,
+    body_file: Path | BodyFile,
     output: Path,
     modal_file: Path | None = None,
     report: Reporter | None = None,
@@ -27,8 +27,8 @@ def build_fmu(
 
     Parameters
     ----------
-    body_file : Path
-        TOML.
+    body_file : Path or BodyFile
+        TOML, or what it says.
     output : Path
         The FMU.
     modal_file : Path, optional
@@ -57,7 +57,8 @@ def build_fmu(
         check_target(modal_file, (".h5",))
     # What cannot be compiled is told before anything long begins.
     cores_for(runtime, platforms, report)
-    body = reduce_body(read_body_file(body_file), report, store)
+    config = read_body_file(body_file) if isinstance(body_file, Path) else body_file
+    body = reduce_body(config, report, store)
     with report.stage(f"Write {output}"):
         if modal_file is None:
             package_fmu(body, output, runtime, platforms)

@@ -12,14 +12,16 @@ from ..files.version import __version__
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
 from ..mesh.plausibility import implausible
+from ..model.methods import Mass, Variant
 from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, summary
-from ..program.missed_inertia import missed_inertia
+from ..program.mass_polynomial import mass_polynomial
 from ..reduction.cut.loop_choice import chosen_cuts
 from ..reduction.cut.parts import reduced_parts
 from ..reduction.making import used_body
 from ..reduction.masses import body_properties
 from ..reduction.piece import reduced_piece
+from ..reduction.rigid_nodes import stretch_free
 from .body_model import body_model
 from .config import BodyFile, BodySpec
 
@@ -29,7 +31,9 @@ _HEAVY_DAMPING = 0.3
 _FAR = 3.0
 
 
-def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) -> ReducedBody:
+def reduce_body(
+    config: BodyFile, report: Reporter, store: Store | None = None, levels: int | None = None
+) -> ReducedBody:
     """Read the mesh of a body file and reduce it; see `reduce_mesh`.
 
     Parameters
@@ -38,6 +42,7 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
         With the mesh's path resolved.
     report : Reporter
     store : Store, optional
+    levels : int, optional
 
     Returns
     -------
@@ -46,11 +51,16 @@ def reduce_body(config: BodyFile, report: Reporter, store: Store | None = None) 
     file = config.mesh.file
     with report.stage(f"Read {file.name}"):
         mesh = read_mesh(file, config.mesh.units)
-    return reduce_mesh(mesh, config, file_origin(file), report, store)
+    return reduce_mesh(mesh, config, file_origin(file), report, store, levels)
 
 
 def reduce_mesh(
-    mesh: Mesh, config: BodySpec, origin: Mapping[str, str], report: Reporter, store: Store | None = None
+    mesh: Mesh,
+    config: BodySpec,
+    origin: Mapping[str, str],
+    report: Reporter,
+    store: Store | None = None,
+    levels: int | None = None,
 ) -> ReducedBody:
     """Reduce a finite element body.
 
@@ -63,6 +73,8 @@ def reduce_mesh(
     report : Reporter
     store : Store, optional
         Where modes and the like are kept from build to build; default: nowhere.
+    levels : int, optional
+        Frames of a body whose file does not tell their number.
 
     Returns
     -------
@@ -75,13 +87,13 @@ def reduce_mesh(
     """
     with report.stage("Check the mesh"):
         prepared = body_model(mesh, config)
-        options, model = prepared.options, prepared.model
+        options, model = replace(prepared.options, levels=levels or prepared.options.levels), prepared.model
         mesh = model.mesh
         properties = body_properties(mesh, mesh.volume_matrices)
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)
-    for text in (*implausible(mesh, config.mesh.units), *_distant_points(config, properties)):
+    for text in (*implausible(mesh, config.mesh.units), *_distant_points(config, properties), *stretch_free(mesh)):
         report.warning(text)
     if prepared.unused_material:
         report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
@@ -92,9 +104,19 @@ def reduce_mesh(
     else:
         piece = reduced_piece(options, model, report, store)
         body = piece.body
-        if piece.watched_mass is not None:
-            body = replace(body, missed_inertia=missed_inertia(replace(body, inertia=piece.watched_mass)))
-    body = used_body(body, replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties))
+        if piece.fine is not None:
+            with report.stage("Find how mass changes as the body bends"):
+                body = replace(body, polynomial=mass_polynomial(piece.fine))
+    use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
+    if use.variant.mass is Mass.POLYNOMIAL and body.polynomial is None:
+        use = replace(use, variant=Variant(use.variant.method))
+    body = used_body(body, use)
+    _tell(body, report)
+    return body
+
+
+def _tell(body: ReducedBody, report: Reporter) -> None:
+    """Say how the body swings, and what pictures of it take."""
     first = float(body.damping_ratio[body.rigid_count])
     if first > _HEAVY_DAMPING:
         report.warning(
@@ -104,7 +126,6 @@ def reduce_mesh(
     report.note(f"first frequency {first_frequency(body.angular_frequency)}")
     if body.surface is not None:
         report.note(_surface_words(body.surface))
-    return body
 
 
 def _surface_words(surface: Surface) -> str:
@@ -122,7 +143,7 @@ def _distant_points(config: BodySpec, properties: Properties) -> list[str]:
     points = [(f"interface {table.name!r}", table.point) for table in config.interface if table.point is not None]
     return [
         f"{name}: point = {point} lies {away:.4g} m outside the body, which measures {size:.4g} m; points of the body "
-        f"file are in m (the mesh: {config.mesh.units.factors.length_name})"
+        f"file are in m (the mesh: {config.mesh.units.length_name})"
         for name, point in points
         if (away := float(np.linalg.norm(np.clip(point, low, high) - point))) > _FAR * size
     ]

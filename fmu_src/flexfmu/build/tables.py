@@ -1,5 +1,7 @@
 """Tables of the body file (TOML), each with its keys, checked. The page of keys is made from what stands here."""
 
+from collections.abc import Sequence
+from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,8 +13,7 @@ from ..files.toml_files import Name, Table, Vector
 from ..files.units import UnitSystem
 from ..model.errors import OptionError
 from ..model.methods import DEFAULT, Mass, Method, Variant
-from ..reduction.options import Basis
-from ..reduction.options import Place as PlainPlace
+from ..reduction.options import Basis, Place
 
 ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
 
@@ -67,7 +68,7 @@ class MaterialTable(Table):
         return self
 
 
-class Place(Table):
+class PlaceTable(Table):
     """`nodes = { … }`: nodes by place, in m. They meet every condition that is given.
 
     Attributes
@@ -102,7 +103,7 @@ class Place(Table):
     tolerance: float | None = Field(default=None, gt=0.0)
 
     @model_validator(mode="after")
-    def _complete(self) -> "Place":
+    def _complete(self) -> "PlaceTable":
         chosen = (self.set, self.numbers, self.plane, self.box, self.cylinder, self.patch, self.nearest)
         if all(one is None for one in chosen):
             raise ValueError("names no place: give set, numbers, plane, box, cylinder, patch or nearest")
@@ -114,18 +115,22 @@ class Place(Table):
             raise ValueError("cylinder is given by two equal points of its axis, expected both its ends")
         return self
 
-    @property
-    def plain(self) -> PlainPlace:
-        """The same as plain data."""
-        values = self.model_dump(exclude_none=True)
-        return PlainPlace(**{key: _as_tuple(value) for key, value in values.items()})
+
+def plain_tables(kind: type[Any], given: Sequence[Table]) -> tuple[Any, ...]:
+    """The same as plain data, whose fields have the keys' names; what is not given has their defaults."""
+    return tuple(
+        kind(**{field.name: _plain(value) for field in fields(kind) if (value := getattr(one, field.name)) is not None})
+        for one in given
+    )
 
 
-def _as_tuple(value: Any) -> Any:
-    return tuple(_as_tuple(one) for one in value) if isinstance(value, list) else value
+def _plain(value: Any) -> Any:
+    if isinstance(value, PlaceTable):
+        return plain_tables(Place, [value])[0]
+    return tuple(map(_plain, value)) if isinstance(value, list) else value
 
 
-Nodes = str | Place | list[str | Place]
+Nodes = str | PlaceTable | list[str | PlaceTable]
 
 
 class SupportTable(Table):
@@ -177,6 +182,8 @@ class InterfaceTable(Table):
         Reference point, m. Default: weighted centre
     weights
         `"area"` weighs nodes by element faces, also inside the body; `"node"` equally; `"auto"` by area where possible.
+    rigid
+        Its nodes move as one rigid body. Default: as the mesh file says of a coupling
     compliance
         Offer the compliance over a step to masters that iterate.
     follows
@@ -187,6 +194,7 @@ class InterfaceTable(Table):
     nodes: Nodes = Field(examples=["FLANGE"])
     point: Vector | None = Field(default=None, examples=[[0.0, 0.0, 0.0]])
     weights: Literal["auto", "area", "node"] = "auto"
+    rigid: bool | None = Field(default=None, examples=[True])
     compliance: bool = False
     follows: bool = False
 
@@ -283,10 +291,12 @@ class ReductionTable(Table):
         `"normal"`: eigenmodes; `"craig_bampton"`: fixed-interface modes and six constraint modes an interface.
     modes
         Number of normal modes, or a list of their numbers. Of a cut body: in each part.
-        Default: 8, fewer of a coarse mesh, and the ninth where it is one of a pair with the eighth
+        Default: 8, fewer of a coarse mesh, and the ninth where it is one of a pair with the eighth; as many as damping
+        ratios are listed
     residual_flexibility
         Add static shapes of interface loads: `true` (up to six an interface), or a list such as `["tip.force.y"]`.
-        Default: `true`; `false` where modes or damping ratios are listed one by one
+        Default: as many as bring every load within 0.5 %, and up to six of second and third order;
+        none where modes or damping ratios are listed one by one
     geometric_stiffness
         Store `"by_load"`, `"by_mode"`, or both. Default: as the method needs
     inertia
@@ -357,11 +367,12 @@ class FormulationTable(Table):
         [Method](../methods.md).
         Default: `"second_order"`; where that is impossible `"frames"`; with `frames = 0` `"linear"`
     mass
-        `"constant"`: of the undeformed body; `"configuration"`: of the deformed one.
+        `"constant"`: of the undeformed body; `"configuration"`: of the deformed one; `"polynomial"`: to second order.
+        Default: `"polynomial"` with `"second_order"`, held and in one piece; else `"constant"`
     """
 
     method: Method | None = Field(default=None, strict=False)
-    mass: Mass = Field(default=Mass.CONSTANT, strict=False)
+    mass: Mass | None = Field(default=None, strict=False)
 
     @model_validator(mode="after")
     def _meaningful(self) -> "FormulationTable":
@@ -374,7 +385,8 @@ class FormulationTable(Table):
     @property
     def variant(self) -> Variant:
         """Method and mass of a body that has frames; a mass that the method does not know raises OptionError."""
-        return Variant(self.method or DEFAULT, self.mass)
+        usual = Method.SECOND_ORDER if self.mass is Mass.POLYNOMIAL else DEFAULT
+        return Variant(self.method or usual, self.mass or Mass.CONSTANT)
 
 
 class InputTable(Table):
@@ -400,11 +412,14 @@ class OutputTable(Table):
         Store the surface's mode shapes for [pictures](../view.md). They grow with the mesh.
     stress
         Store the stress of the surface's points as well.
+    error
+        Tell the error of the motion: the body is reduced once more, finer.
     """
 
     velocities: bool = False
     surface: bool = True
     stress: bool = False
+    error: bool = True
 
     @model_validator(mode="after")
     def _stress_on_the_surface(self) -> "OutputTable":

@@ -1,10 +1,13 @@
 """`flexfmu build`: a body file becomes an FMU."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from ..files.counts import plural
+from ..files.errors import NOT_MET
 from ..fmu.runtime import Runtime
 from .common import reporter, show_written
 
@@ -20,6 +23,12 @@ def build(
     platforms: Annotated[
         str, typer.Option(help="Where it runs: all, or some of linux64,win64,darwin64,aarch64-linux; default: here.")
     ] = "",
+    tolerance: Annotated[
+        str, typer.Option(help="Build the plainest model whose error is below this, such as 0.5%.")
+    ] = "",
+    scene: Annotated[
+        Path | None, typer.Option("--scene", "-s", help="Loads at which --tolerance counts; default: reference loads.")
+    ] = None,
 ) -> None:
     """Reduce a finite element body and write its FMU; modes are kept for the next build of the same mesh."""
     from ..build.config import read_body_file
@@ -29,5 +38,29 @@ def build(
     target = output or Path(f"{read_body_file(body).name}.fmu")
     store = Store(None if fresh else default_folder())
     names = [name.strip() for name in platforms.split(",") if name.strip()]
-    build_fmu(body, target, modal_file, reporter(), store, runtime, names)
+    if not tolerance:
+        build_fmu(body, target, modal_file, reporter(), store, runtime, names)
+        show_written(target)
+        return
+    from ..study.candidates import times
+    from ..study.smallest import smallest
+
+    config, share = smallest(body, _share(tolerance), scene, reporter(), store)
+    built = build_fmu(config, target, modal_file, reporter(), store, runtime, names)
     show_written(target)
+    typer.echo(
+        f"{plural(built.frame_count, 'frame')}, {plural(built.mode_count, 'mode')}: {times(share)} × the tolerance"
+    )
+    if share > 1.0:
+        raise typer.Exit(NOT_MET)
+
+
+def _share(text: str) -> float:
+    """A share from its words: 0.5% or 0.005."""
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1.0:
+        raise typer.BadParameter(f"--tolerance is {text!r}, expected a share of the motion such as 0.5% or 0.005")
+    return value

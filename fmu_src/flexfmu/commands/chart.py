@@ -107,17 +107,19 @@ def _show(shown: "Drawn", several: bool, as_json: bool) -> None:
 
 
 def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None, jobs: str) -> None:
-    """Run and draw the maps of stability; without a body the records are drawn as they are."""
+    """Run and draw a map of stability; without a body the records are drawn as they are."""
     from ..files.store import Store, default_folder
     from ..study.jobs import Crew
-    from ..study.pictures import draw_maps
-    from ..study.stability.maps import chart_stability
+    from ..study.scene.scene import read_scene
+    from ..study.stability import draw_map, map_stability
 
     if body is not None and scene is not None:
         with Crew(jobs) as crew:
-            lines = chart_stability(body, scene, records, picture, reporter(), Store(default_folder()), crew)
+            found = read_scene(scene, body)
+            typer.echo(map_stability(found, records, picture, reporter(), Store(default_folder()), crew))
     elif picture is not None:
-        lines = [str(path) for path in draw_maps(records, picture)]
+        draw_map(records, picture)
     else:
         raise typer.BadParameter("--stability draws records where no body is given: name a --picture")
-    typer.echo("\n".join(lines))
+    if picture is not None:
+        typer.echo(str(picture))

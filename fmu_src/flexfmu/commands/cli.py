@@ -1,6 +1,8 @@
 """The `flexfmu` command: its options, and the modules of this folder that are its commands."""
 
+import sys
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
@@ -63,6 +65,10 @@ def _options(
 
 def main() -> None:
     """Entry point of the console command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            # Of terminals that lack a letter.
+            stream.reconfigure(errors="replace")
     app(prog_name="flexfmu")
 
 

@@ -14,6 +14,9 @@ def fit(
     scene: Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
     fmu: Annotated[Path | None, typer.Option(help="FMU to write; default: beside the body file.")] = None,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Compare what was found with the whole finite element model.")
+    ] = False,
     jobs: Jobs = "1",
     as_json: Json = False,
 ) -> None:
@@ -23,13 +26,13 @@ def fit(
     """
     from ..files.plain_data import fields_of, json_text
     from ..files.store import Store, default_folder
-    from ..study.fit.search import fit as find
+    from ..study.fit import fit as find
     from ..study.jobs import Crew
     from ..study.scene.scene import read_scene
 
     target = fmu or output.with_suffix(".fmu")
     with Crew(jobs) as crew:
-        found = find(read_scene(scene, body), output, reporter(), Store(default_folder()), target, crew)
+        found = find(read_scene(scene, body), output, reporter(), Store(default_folder()), target, crew, verify)
     if as_json:
         typer.echo(json_text({"pass": found.met, "verdict": found.verdict, **fields_of(found)}))
     else:

@@ -3,6 +3,14 @@
 #include <math.h>
 #include <string.h>
 
+/* Newer versions of the C library have others of these functions, with the same digits: by the old ones the library loads
+ * with glibc 2.17, too. */
+#if defined(__GLIBC__) && defined(__x86_64__)
+__asm__(".symver hypot, hypot@GLIBC_2.2.5");
+#elif defined(__GLIBC__) && defined(__aarch64__)
+__asm__(".symver hypot, hypot@GLIBC_2.17");
+#endif
+
 #define EPSILON 2.220446049250313e-16
 
 double norm(const double *x, int64_t n) { return sqrt(dot(x, x, n)); }
@@ -72,6 +80,14 @@ int cholesky(double *a, int64_t n) {
             }
         }
     return 1;
+}
+
+void cholesky_solve(const double *lower, double *b, int64_t n) {
+    for (int64_t i = 0; i < n; i++) b[i] = (b[i] - dot(lower + i * n, b, i)) / lower[i * n + i];
+    for (int64_t i = n - 1; i >= 0; i--) {
+        b[i] /= lower[i * n + i];
+        for (int64_t k = 0; k < i; k++) b[k] -= lower[i * n + k] * b[i];
+    }
 }
 
 void congruent(const double *lower, double *a, int64_t n) {

@@ -19,6 +19,8 @@ int lu_factor(double *a, int64_t *pivot, int64_t n);
 void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns);
 /* Lower Cholesky factor in place; 0 where a (its lower half) is not positive definite. */
 int cholesky(double *a, int64_t n);
+/* b (n) becomes the solution for such a factor. */
+void cholesky_solve(const double *lower, double *b, int64_t n);
 /* L⁻¹ A L⁻ᵀ in place for a symmetric a (n, n). */
 void congruent(const double *lower, double *a, int64_t n);
 /* Eigenvalues of a symmetric a (n, n), ascending, which is destroyed; vectors in the columns of v unless null. */

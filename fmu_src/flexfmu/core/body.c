@@ -11,7 +11,7 @@
 /* What each call takes of the workspace. */
 static void (*const demands[])(const Body *body, Arena *arena) = {
     step_demand, internal_demand, statics_demand, motion_demand, pushes_demand,
-    stability_demand, judgement_demand, pairs_demand, compliance_demand,
+    stability_demand, judgement_demand, inertia_demand, compliance_demand, certificate_demand,
 };
 
 /* Constant numbers of a body, then its workspace; the sum of all where `arena` counts only. */
@@ -29,6 +29,7 @@ static void lay_out(Body *body, Arena *arena) {
     body->four = take(arena, LANES * m);
     take_configuration(body, arena, &body->memo);
     take_rules(body, arena);
+    take_deformed(body, arena, &body->deformed);
     body->end_q = take(arena, m);
     body->end_v = take(arena, m);
     body->work_size = 0;
@@ -124,7 +125,8 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     for (int64_t i = 0; i < 6 * p->nodes; i++)
         for (int64_t j = 0; j < p->modes; j++) body->operator_t[j * 6 * p->nodes + i] = p->operator_[i * p->modes + j];
     pack_bends(body);
-    const StepLimits usual = {0.0, 1e-4, 4096.0};
+    find_reach(body);
+    const StepLimits usual = {0.0, 1e-3, 4096.0};
     body_options(body, 1.0, &usual);
     *why = "";
     return body;

@@ -4,8 +4,10 @@
 #ifndef FLEX_BODY_H
 #define FLEX_BODY_H
 
+#include "certificate.h"
 #include "compliance.h"
 #include "data.h"
+#include "deformation.h"
 #include "motion.h"
 #include "statics.h"
 #include "stepping.h"

@@ -6,6 +6,7 @@ Nothing is imported from the package: setup.py runs this file before there is on
 import hashlib
 import os
 import platform
+import re
 import shutil
 import struct
 import subprocess
@@ -18,6 +19,9 @@ from typing import NamedTuple
 FOLDER = Path(__file__).parent
 # Nobody reads errno or floating-point exceptions. Fused operations would make results hang on the processor.
 FLAGS = ("-std=c99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-fvisibility=hidden")
+
+# What other files see: functions and constants that headers declare, and those of FMI.
+_GLOBAL = re.compile(r"^(?:(?!static|typedef|#)[A-Za-z_][\w *]*[ *]|FMI2_EXPORT .*?)(\w+)(?:\(|\[\w*\];)", re.MULTILINE)
 
 # Of Mach-O: a file of several architectures, where each begins, and where a library says what it is for.
 _FAT_MAGIC, _FAT_ALIGNMENT, _MACH_HEAD = 0xCAFEBABE, 14, struct.Struct("<III")
@@ -55,6 +59,16 @@ def sources() -> list[Path]:
 def source_files() -> list[Path]:
     """All that is compiled: C files, what they include, and the table of fields."""
     return sorted([*sources(), *FOLDER.glob("*.h"), *FOLDER.glob("*.def")])
+
+
+def prefix_header() -> str:
+    """C that puts FMI2_FUNCTION_PREFIX before all names of the core that a linker sees, where it is defined."""
+    found = {"body_prog", "body_prog_len"}
+    for path in (*FOLDER.glob("*.h"), *FOLDER.glob("fmi2*.c")):
+        found |= set(_GLOBAL.findall(path.read_text("utf-8")))
+    lines = [f"#define {name} FLEX_JOIN(FMI2_FUNCTION_PREFIX, {name})" for name in sorted(found)]
+    paste = ["#define FLEX_PASTE(a, b) a##b", "#define FLEX_JOIN(a, b) FLEX_PASTE(a, b)"]
+    return "\n".join(["#ifdef FMI2_FUNCTION_PREFIX", *paste, *lines, "#endif", ""])
 
 
 def source_hash() -> str:

@@ -31,6 +31,9 @@ typedef struct {
     char *name;
     Phase phase;
     int logging, logged[CATEGORIES];
+    int set_up; /* whether fmi2SetupExperiment was called */
+    double stop; /* s: steps end here at the latest */
+    int talkative; /* whether the master asked for the log: else it gets refusals and the first warning of a kind */
     char text[TEXT_SIZE], line[2 * TEXT_SIZE], room[TEXT_SIZE / 4];
     /* Names handed out by fmi2GetString stay until the next call. */
     char *strings;

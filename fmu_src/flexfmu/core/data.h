@@ -65,6 +65,12 @@ typedef struct {
     double error;
 } Work;
 
+/* Where deformation was last looked at: the undeformed body at first. Memory of a body, which no result depends on. */
+typedef struct {
+    double *q; /* (m) */
+    double rotation, strain, rotation_reach, strain_reach;
+} Deformed;
+
 typedef struct Body {
     Program p;
     double damping_scale;
@@ -88,6 +94,7 @@ typedef struct Body {
     double *rate;         /* (m): damping of each mode, 1/s */
     Rule rules[RULES];
     int rule_count, rule_next, rule_limit;
+    Deformed deformed;
     double *end_q, *end_v; /* (m): where a step that is not accepted yet ends */
     double *work;         /* arrays of one call */
     int64_t *pivot;       /* (2m) */

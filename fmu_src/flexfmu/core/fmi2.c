@@ -35,7 +35,7 @@ FMI2_EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component handle, fmi2Boolean on,
         }
     }
     for (int k = 0; k < CATEGORIES; k++) c->logged[k] = count ? chosen[k] : 1;
-    c->logging = on != 0;
+    c->logging = c->talkative = on != 0;
     return fmi2OK;
 }
 
@@ -75,8 +75,7 @@ FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
         fmi2FreeInstance(c);
         return 0;
     }
-    /* What refuses a call is told in any case; warnings where logging is on. */
-    c->logged[0] = logging != 0;
+    c->talkative = logging != 0;
     instance_tell(c->body, tell, c);
     return c;
 }
@@ -92,12 +91,15 @@ FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component handle, fmi2Boolean tol
         return fail(c, c->text);
     }
     instance_begin_at(c->body, start);
+    c->set_up = 1;
+    c->stop = stop_given ? stop : HUGE_VAL;
     return fmi2OK;
 }
 
 FMI2_EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component handle) {
     Component *c = allowed(handle, INSTANTIATED, "fmi2EnterInitializationMode");
     if (!c) return fmi2Error;
+    if (!c->set_up) return fail(c, "fmi2EnterInitializationMode is not allowed yet; expected: after fmi2SetupExperiment");
     c->phase = INITIALIZING;
     return fmi2OK;
 }
@@ -124,8 +126,14 @@ FMI2_EXPORT fmi2Status fmi2Reset(fmi2Component handle) {
     Component *c = allowed(handle, ANY, "fmi2Reset");
     if (!c) return fmi2Error;
     instance_reset(c->body);
+    c->set_up = 0;
     c->phase = INSTANTIATED;
     return fmi2OK;
+}
+
+/* Whether two times are the same but for round-off: that of single precision within a step, and that of long sums. */
+static int same_time(double a, double b, double step) {
+    return fabs(a - b) <= 1e-6 * step + 1e-12 * fmax(fabs(a), fabs(b));
 }
 
 FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state) {
@@ -133,6 +141,18 @@ FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real 
     /* After a refused step the state is as it was: another step, shorter or with other inputs, may be tried. */
     Component *c = allowed(handle, STEPPING | STEP_FAILED, "fmi2DoStep");
     if (!c) return fmi2Error;
+    const double reached = instance_time(c->body);
+    if (isfinite(time) && isfinite(step) && step >= 0.0) {
+        if (!same_time(time, reached, step)) {
+            snprintf(c->text, TEXT_SIZE, "fmi2DoStep: a step from %.16g s, expected one from %.16g s, where the last step ended", time, reached);
+            return fail(c, c->text);
+        }
+        if (time + step > c->stop && !same_time(time + step, c->stop, step)) {
+            snprintf(c->text, TEXT_SIZE, "fmi2DoStep: a step from %.16g s by %.16g s goes beyond the stop time of fmi2SetupExperiment, %.16g s",
+                     time, step, c->stop);
+            return fail(c, c->text);
+        }
+    }
     switch (instance_step(c->body, time, step, c->text)) {
     case ANSWER_OK: c->phase = STEPPING; return fmi2OK;
     case ANSWER_REFUSED:

@@ -85,7 +85,7 @@ static fmi2Status put_parameter(Component *c, fmi2ValueReference reference, doub
         return fmi2OK;
     }
     snprintf(c->text, TEXT_SIZE, "%s is fixed once initialisation has ended; it keeps its value", variable_text(c->body, (int64_t)reference, 0, c->room));
-    tell(c, fmi2Warning, c->text);
+    if (c->talkative) tell(c, fmi2Warning, c->text);
     return fmi2Warning;
 }
 

@@ -7,6 +7,10 @@
 void take_flow(const Body *body, Arena *arena, Flow *flow) {
     const Program *p = &body->p;
     const int64_t n = p->nodes, size = 3 * p->inertial_modes;
+    if (!p->lumped) {
+        take_polynomial(body, arena, &flow->polynomial);
+        return;
+    }
     take_rates(body, arena, &flow->rates);
     flow->force = take(arena, 3 * n);
     flow->moment = take(arena, 3 * n);
@@ -52,6 +56,10 @@ static void momenta(const Body *body, const Configuration *at, const double *v, 
 void excess_momentum(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes, r = p->inertial_modes;
+    if (!p->lumped) {
+        polynomial_momentum(body, at->q, v, &flow->polynomial, out);
+        return;
+    }
     lump_rates(body, at, v, flow);
     momenta(body, at, v, flow);
     memset(out, 0, (size_t)m * sizeof(double));
@@ -68,6 +76,10 @@ void excess_momentum(const Body *body, const Configuration *at, const double *v,
 /* With V = J v, dT/dq is the change of Jᵀ along v, times the momenta: J is itself a derivative. For spins, whose derivatives
  * do not commute, what that leaves out cancels against the turn of the inertia with its frame. */
 void kinetic_gradient(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out) {
+    if (!body->p.lumped) {
+        polynomial_gradient(body, at->q, v, &flow->polynomial, out);
+        return;
+    }
     lump_rates(body, at, v, flow);
     turn_rates(body, body->lumped, &flow->rates);
     momenta(body, at, v, flow);
@@ -78,6 +90,10 @@ void kinetic_gradient(const Body *body, const Configuration *at, const double *v
 void convective_force(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes, r = p->inertial_modes, first = first_lump(p);
+    if (!p->lumped) {
+        polynomial_convective(body, at->q, v, &flow->polynomial, out);
+        return;
+    }
     lump_rates(body, at, v, flow);
     turn_rates(body, body->lumped, &flow->rates);
     node_accelerations(body, body->lumped, at, &flow->rates, flow->acceleration, flow->whirl);
@@ -114,6 +130,10 @@ void excess_mass(const Body *body, const Configuration *at, Flow *flow, double *
     const Program *p = &body->p;
     const int64_t r = p->inertial_modes, n = p->nodes, size = 3 * r, first = first_lump(p);
     double *moved = flow->moved, *turned = flow->turned, *rows = flow->one[0], *place = flow->one[1], *half = flow->one[2];
+    if (!p->lumped) {
+        polynomial_mass(body, at->q, &flow->polynomial, out);
+        return;
+    }
     memcpy(out, p->inertial_rest, (size_t)(r * r) * sizeof(double));
     for (int64_t k = 0; k < first + p->lumps; k++) {
         if (!body->lumped[k].offset) continue;

@@ -1,4 +1,4 @@
-/* Mass of the deformed body, M(q), from lumps that the frames carry (docs/theory.md section 9).
+/* Mass of the deformed body, M(q) (docs/theory.md section 9): of lumps that the frames carry, or a polynomial of them.
  *
  * A lump moves as the point that its centre of mass is; what its matter turns about that point, and is bent within it, goes
  * by its frame. T - |v|²/2 is then
@@ -12,9 +12,11 @@
 #define FLEX_INERTIA_H
 
 #include "pass_back.h"
+#include "polynomial.h"
 #include "rates.h"
 
 typedef struct {
+    Polynomial polynomial;
     Rates rates;
     Back back;
     BackRate back_rate;

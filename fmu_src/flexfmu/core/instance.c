@@ -10,6 +10,8 @@
 
 /* The program of the method that the FMU starts with describes its variables, too. */
 static const char DESCRIPTION[] = "body.prog";
+/* What begins the name of the program that tells the error. */
+static const char SHADOW[] = "shadow";
 
 enum { FIXED, TUNABLE };
 /* Of parameters, but for those that fix interfaces. */
@@ -97,6 +99,7 @@ static void lay_out(Instance *x, Arena *arena) {
     x->rates = take(arena, 6 * p->interfaces);
     x->stress = take(arena, p->stress_sets);
     x->compliance = take(arena, 36 * p->compliances * p->compliances);
+    x->errors = take(arena, 2 * p->interfaces);
     x->start_inputs = take(arena, x->loads);
     x->end_inputs = take(arena, x->loads);
     x->q1 = take(arena, x->modes);
@@ -106,10 +109,15 @@ static void lay_out(Instance *x, Arena *arena) {
     x->kept = take(arena, x->number_count);
 }
 
+void instance_forget_body(Instance *x) {
+    if (x->body != x->described) body_close(x->body);
+    body_close(x->shadow);
+    x->body = x->shadow = 0;
+}
+
 void instance_reset(Instance *x) {
     const Program *p = description(x);
-    if (x->body != x->described) body_close(x->body);
-    x->body = 0;
+    instance_forget_body(x);
     memset(x->numbers, 0, (size_t)x->number_count * sizeof(double));
     for (int64_t i = 0; i < p->variables; i++)
         if (p->variable_role[i] == ROLE_PARAMETER) x->parameter[p->variable_index[i]] = p->variable_start[i];
@@ -160,7 +168,7 @@ Instance *instance_open(const char *location, const char *guid, char *why) {
 
 void instance_close(Instance *x) {
     if (!x) return;
-    if (x->body != x->described) body_close(x->body);
+    instance_forget_body(x);
     body_close(x->described);
     free(x->folder);
     free(x->arena);
@@ -178,17 +186,12 @@ void instance_begin_at(Instance *x, double time) { x->single[S_TIME] = time; }
 
 void set_parameter(Instance *x, int64_t index, double value) {
     x->parameter[index] = value;
-    if (parameter_is_tunable(index) && runs(x)) return;
-    if (x->body != x->described) body_close(x->body);
-    x->body = 0;
+    if (!parameter_is_tunable(index) || !runs(x)) instance_forget_body(x);
 }
 
 int parameter_is_tunable(int64_t index) { return index < P_FIXED && PARAMETERS[index].variability == TUNABLE; }
 
-void set_input(Instance *x, int64_t index, double value) {
-    x->input[index] = value;
-    x->input_rate[index] = 0.0;
-}
+void set_input(Instance *x, int64_t index, double value) { x->input[index] = value; }
 
 void set_input_rate(Instance *x, int64_t index, double value) { x->input_rate[index] = value; }
 
@@ -198,21 +201,25 @@ void start_changed(Instance *x) {
     x->cached = 0;
 }
 
-/* The file of the method chosen, with the interfaces that are fixed. */
-static void program_name(const Instance *x, char *name, size_t size) {
+/* A program's file: of the method that the FMU starts with, or `word`, with the interfaces that are fixed. */
+static void program_name(const Instance *x, const char *word, char *name, size_t size) {
+    size_t n = (size_t)snprintf(name, size, "%s", word);
+    for (int64_t i = 0; i < x->fixable && n < size; i++)
+        if (x->parameter[P_FIXED + i] != 0.0) n += (size_t)snprintf(name + n, size - n, "-%lld", (long long)i);
+    if (n < size) snprintf(name + n, size - n, ".prog");
+}
+
+/* That of the method chosen. */
+static void chosen_name(const Instance *x, char *name, size_t size) {
     char room[TEXT_SIZE / 4];
     const int64_t variable = parameter_variable(x, P_METHOD);
     const int64_t chosen = (int64_t)x->parameter[P_METHOD];
     int fixed = 0;
     for (int64_t i = 0; i < x->fixable; i++) fixed |= x->parameter[P_FIXED + i] != 0.0;
-    if (!fixed && (variable < 0 || chosen == (int64_t)description(x)->variable_start[variable])) {
+    if (!fixed && (variable < 0 || chosen == (int64_t)description(x)->variable_start[variable]))
         snprintf(name, size, "%s", DESCRIPTION);
-        return;
-    }
-    size_t n = (size_t)snprintf(name, size, "%s", variable < 0 ? "body" : variable_text(x, variable, 1 + chosen, room));
-    for (int64_t i = 0; i < x->fixable && n < size; i++)
-        if (x->parameter[P_FIXED + i] != 0.0) n += (size_t)snprintf(name + n, size - n, "-%lld", (long long)i);
-    if (n < size) snprintf(name + n, size - n, ".prog");
+    else
+        program_name(x, variable < 0 ? "body" : variable_text(x, variable, 1 + chosen, room), name, size);
 }
 
 /* Whether every number among the parameters can be used; else what is wrong with it. */
@@ -243,12 +250,29 @@ static Body *open_chosen(Instance *x, const char *name, char *why) {
     return 0;
 }
 
+/* Open what tells the error of the body chosen. Fixed at other interfaces than frames hang on it has nothing of the kind. */
+static Answer open_shadow(Instance *x, char *why) {
+    const Program *p = description(x);
+    char name[TEXT_SIZE / 2];
+    int told = 0, fixed = 0;
+    for (int64_t i = 0; i < p->variables; i++) told |= p->variable_role[i] == ROLE_ERROR;
+    for (int64_t i = 0; i < x->fixable; i++) fixed |= x->parameter[P_FIXED + i] != 0.0;
+    if (!told) return ANSWER_OK;
+    program_name(x, SHADOW, name, sizeof name);
+    x->shadow = open_named(x, name, why);
+    if (x->shadow && is_shadow(x->shadow, x->body)) return ANSWER_OK;
+    if (!x->shadow && fixed) return ANSWER_OK;
+    if (x->shadow) snprintf(why, TEXT_SIZE, "%s is of another body; build the FMU again", name);
+    instance_forget_body(x);
+    return ANSWER_FAILED;
+}
+
 /* Body of the parameters chosen. */
 static Answer choose(Instance *x, char *why) {
     if (x->body) return ANSWER_OK;
     if (check_parameters(x, why) != ANSWER_OK) return ANSWER_FAILED;
     char name[TEXT_SIZE / 2];
-    program_name(x, name, sizeof name);
+    chosen_name(x, name, sizeof name);
     Body *body = open_chosen(x, name, why);
     if (!body) return ANSWER_FAILED;
     const Program *p = &body->p, *d = description(x);
@@ -266,7 +290,7 @@ static Answer choose(Instance *x, char *why) {
         return ANSWER_FAILED;
     }
     x->body = body;
-    return ANSWER_OK;
+    return open_shadow(x, why);
 }
 
 /* Tell of an input that is not finite. */
@@ -309,31 +333,42 @@ Answer instance_begin(Instance *x, char *why) {
     return ANSWER_OK;
 }
 
-/* Limits and what happens beyond them, which follow each other in turn. */
-static void watches(const Instance *x, Watch *watch) {
+/* What is looked for; limits and what happens beyond them follow each other in turn. */
+static Monitor monitor_of(const Instance *x) {
+    Monitor monitor = {x->body, x->shadow, {{0}}, x->parameter[P_ERROR_INTERVAL], x->room, x->shape, x->errors};
     const double *limit = x->parameter + P_ROTATION_LIMIT;
-    for (int i = 0; i < WATCHES; i++, limit += 2) watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
+    for (int i = 0; i < WATCHES; i++, limit += 2) monitor.watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
+    return monitor;
 }
 
-/* Look at a place under loads; ANSWER_OK where only warnings were found, which are told. */
-static Answer inspect(Instance *x, const double *q, const double *v, int stepped, const double *inputs, char *why) {
-    Watch watch[WATCHES];
+/* What a refused step means to the run. */
+static Answer step_refused(const Instance *x) {
+    return x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED;
+}
+
+/* Look at where a step ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
+static Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, char *why) {
+    const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
+    const StepEnd end = {q, v, x->motion, inputs, step};
+    const Monitor monitor = monitor_of(x);
     Findings found;
     Answer answer = ANSWER_OK;
-    watches(x, watch);
+    x->cached = 0;
+    if (body_motion(x->body, q, v, x->motion, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
+    if (!within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
     double *kept = x->room + x->loads;
     memcpy(kept, x->single, S_COUNT * sizeof(double));
     memcpy(x->kept, x->seen, (size_t)x->loads * sizeof(double));
     x->memory.largest = x->single[S_LARGEST];
     memcpy(x->memory.warned, x->single + S_WARNED, sizeof x->memory.warned);
     memcpy(&x->memory.momentum, x->single + S_MOMENTUM, sizeof x->memory.momentum);
-    x->memory.inertia.kinetic = x->single[S_KINETIC];
-    x->memory.inertia.missed = x->single[S_INERTIA];
-    look(x->body, watch, q, v, stepped, inputs, &x->memory, x->room, x->shape, &found);
+    memcpy(&x->memory.inertia, x->single + S_INERTIA, sizeof x->memory.inertia);
+    memcpy(&x->memory.error, x->single + S_SEEN, sizeof x->memory.error);
+    look(&monitor, &end, &x->memory, &found);
+    memcpy(x->single + S_SEEN, &x->memory.error, sizeof x->memory.error);
     x->single[S_LARGEST] = x->memory.largest;
     memcpy(x->single + S_MOMENTUM, &x->memory.momentum, sizeof x->memory.momentum);
-    x->single[S_KINETIC] = x->memory.inertia.kinetic;
-    x->single[S_INERTIA] = x->memory.inertia.missed;
+    memcpy(x->single + S_INERTIA, &x->memory.inertia, sizeof x->memory.inertia);
     memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);
     for (int i = 0; i < found.count; i++) {
         if (found.action[i] == ON_WARN) continue;
@@ -366,7 +401,7 @@ Answer instance_lacks_room(Instance *x, char *why) {
 Answer instance_start(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
-    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0, x->previous, why) != ANSWER_OK) {
+    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->previous, why) != ANSWER_OK) {
         char text[TEXT_SIZE];
         memcpy(text, why, TEXT_SIZE);
         snprintf(why, TEXT_SIZE, "static initialisation: %.900s", text);
@@ -430,15 +465,16 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     const int answer = body_step(x->body, x->start_inputs, ramps ? x->end_inputs : 0, step, x->q1, x->v1, &hint, &work);
     if (answer != FLEX_OK) {
         body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
-        return instance_failed(x, x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED);
+        return instance_failed(x, step_refused(x));
     }
-    const Answer verdict = inspect(x, x->q1, x->v1, 1, ramps ? x->end_inputs : x->start_inputs, why);
+    const Answer verdict = inspect(x, x->q1, x->v1, step, ramps ? x->end_inputs : x->start_inputs, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     memcpy(x->q, x->q1, (size_t)m * sizeof(double));
     memcpy(x->v, x->v1, (size_t)m * sizeof(double));
-    /* An input with a derivative goes on growing until it is set again. */
+    /* A derivative holds for one step, at whose end the input stays where it has grown to. */
     for (int64_t i = 0; i < x->loads; i++) {
         if (x->input_rate[i] != 0.0) x->input[i] = x->end_inputs[i];
+        x->input_rate[i] = 0.0;
         x->previous[i] = x->input[i];
     }
     x->single[S_LAST_STEP] = step;
@@ -447,6 +483,6 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     x->single[S_SUBSTEPS] = (double)work.substeps;
     x->single[S_ITERATIONS] = (double)work.iterations;
     x->single[S_ERROR] = work.error;
-    x->cached = 0;
+    x->cached = CACHED_MOTION;
     return ANSWER_OK;
 }

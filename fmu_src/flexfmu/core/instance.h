@@ -10,6 +10,8 @@ Instance *instance_open(const char *folder, const char *guid, char *why);
 void instance_close(Instance *instance);
 /* Whom warnings are told. */
 void instance_tell(Instance *instance, Teller teller, void *to);
+/* Take the body and its shadow away: which they are is open again. */
+void instance_forget_body(Instance *instance);
 /* As after instance_open. */
 void instance_reset(Instance *instance);
 

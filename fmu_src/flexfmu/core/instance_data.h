@@ -48,12 +48,13 @@ typedef enum { ANSWER_OK, ANSWER_REFUSED, ANSWER_FAILED } Answer;
 /* What a call has to say: `status` is an FMI status. */
 typedef void (*Teller)(void *to, int status, const char *text);
 
-enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4 };
+enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8 };
 
 typedef struct {
     char *folder;
     Body *described; /* of the method at the start */
     Body *body;      /* of the method chosen, once it is known */
+    Body *shadow;    /* what tells its error; null where there is none */
     uint64_t owner;  /* what states are known by */
     Teller teller;
     void *told;
@@ -66,13 +67,15 @@ typedef struct {
     Memory memory;
     /* What is found when it is asked for. */
     int cached;
-    double *motion, *rates, *stress, *compliance, *start_inputs, *end_inputs, *q1, *v1, *room, *shape, *kept;
+    double *motion, *rates, *stress, *compliance, *errors, *start_inputs, *end_inputs, *q1, *v1, *room, *shape, *kept;
+    double error; /* over the deflection */
 } Instance;
 
 /* Single numbers of the state. */
 enum {
     S_LAST_STEP, S_TIME, S_KNOWN, S_RUNNING, S_STATUS, S_HINT, S_MODES, S_SUBSTEPS, S_ITERATIONS, S_ERROR, S_LARGEST,
-    S_WARNED, S_MOMENTUM = S_WARNED + WATCHES, S_KINETIC = S_MOMENTUM + sizeof(Momentum) / sizeof(double), S_INERTIA, S_COUNT
+    S_WARNED, S_MOMENTUM = S_WARNED + WATCHES, S_INERTIA = S_MOMENTUM + sizeof(Momentum) / sizeof(double),
+    S_SEEN = S_INERTIA + sizeof(MissedInertia) / sizeof(double), S_COUNT = S_SEEN + sizeof(ErrorMemory) / sizeof(double)
 };
 
 static inline const Program *description(const Instance *x) { return &x->described->p; }

@@ -61,10 +61,7 @@ const char *instance_restore(Instance *x, const void *block, int64_t size) {
     for (int64_t i = 0; i < x->parameters; i++)
         same &= (running && parameter_is_tunable(i)) || x->kept[i] == x->parameter[i];
     memcpy(x->numbers, x->kept, (size_t)x->number_count * sizeof(double));
-    if (!same) {
-        if (x->body != x->described) body_close(x->body);
-        x->body = 0;
-    }
+    if (!same) instance_forget_body(x);
     x->cached = 0;
     return 0;
 }

@@ -11,17 +11,32 @@ static double usual_step(const Instance *x) {
 /* Diagnostics: `diagnose_symbol` of each in interface.def. Of the state alone. */
 static double diagnose_rotation(Instance *x) { return body_rotations(x->body, x->q, 0); }
 
+static double diagnose_strain(Instance *x) { return body_strain(x->body, x->q); }
+
 /* Inputs set since the last step have not acted yet, and need not be finite. */
 static double diagnose_stability(Instance *x) { return body_stability(x->body, x->previous, x->q, 0); }
 static double diagnose_missed(Instance *x) { return body_missed(x->body, x->previous, 0); }
+
+/* Errors by the shadow, found when one of them is first asked for; -1 where there is none. */
+static void find_errors(Instance *x) {
+    double deflection = x->single[S_SEEN];
+    if (x->cached & CACHED_ERROR) return;
+    x->cached |= CACHED_ERROR;
+    x->error = -1.0;
+    for (int64_t i = 0; i < 2 * description(x)->interfaces; i++) x->errors[i] = -1.0;
+    if (x->shadow) body_error(x->body, x->shadow, x->previous, x->q, x->errors, &deflection, &x->error);
+}
+
+static double diagnose_error(Instance *x) {
+    find_errors(x);
+    return x->error;
+}
 
 static double diagnose_spin(Instance *x) { return body_spin(x->body, x->q, x->v); }
 
 static double diagnose_momentum(Instance *x) { return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1]; }
 
-static double diagnose_inertia(Instance *x) {
-    return x->single[S_KINETIC] > 0.0 ? x->single[S_INERTIA] / x->single[S_KINETIC] : 0.0;
-}
+static double diagnose_inertia(Instance *x) { return x->single[S_INERTIA + sizeof(MissedInertia) / sizeof(double) - 1]; }
 
 static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }
 
@@ -109,6 +124,13 @@ static Answer read_compliance(Instance *x, int64_t index, double *value, char *w
 static Answer read_diagnostic(Instance *x, int64_t index, double *value, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     *value = DIAGNOSE[index](x);
+    return ANSWER_OK;
+}
+
+static Answer read_error(Instance *x, int64_t index, double *value, char *why) {
+    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    find_errors(x);
+    *value = x->errors[index];
     return ANSWER_OK;
 }
 

@@ -113,11 +113,13 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_forces": (_done, (_Numbers,) * 4),
     "body_mass": (_done, (_Numbers,) * 2),
     "body_rotations": (_NUMBER, (_Numbers,) * 2),
+    "body_strain": (_NUMBER, (_Numbers,)),
     "body_stability": (_NUMBER, (_Numbers,) * 3),
     "body_is_stable": (_ANSWER, (_Numbers, _Numbers, _NUMBER)),
     "body_may_miss": (_ANSWER, (_Numbers, _NUMBER)),
     "body_missed": (_NUMBER, (_Numbers,) * 2),
     "body_bytes": (_WHOLE, ()),
+    "body_error": (_done, (_PLACE, *(_Numbers,) * 5)),
     "body_compliance": (_done, (_Numbers, _NUMBER, _Numbers, _Wholes, _WHOLE, _Numbers)),
 }
 
@@ -338,6 +340,10 @@ class Core:
         self._ask("rotations", q, result)
         return result
 
+    def strain(self, q: FloatArray) -> float:
+        """Largest mean strain of a material in a frame."""
+        return float(self._ask("strain", q))
+
     def stability(self, inputs: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
         """Smallest eigenvalue of the tangent over the unloaded one, and its shape (m,)."""
         shape = np.empty(self.modes)
@@ -367,6 +373,12 @@ class Core:
         result = np.empty((6 * count, 6 * count))
         self._ask("compliance", inputs, step, q, interfaces, count, result)
         return result
+
+    def error(self, shadow: "Core", inputs: FloatArray, q: FloatArray) -> tuple[FloatArray, float]:
+        """Errors (I, 2) of displacements (m) and rotations (rad) by a shadow; the largest over the deflection."""
+        result, deflection, share = np.empty((self.interfaces, 2)), np.zeros(1), np.empty(1)
+        self._ask("error", shadow._body, inputs, q, result, deflection, share)
+        return result, float(share[0])
 
     def _ask(self, name: str, *arguments: object) -> Any:
         """What a function of the core answers."""

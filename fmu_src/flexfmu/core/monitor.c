@@ -12,41 +12,96 @@
 static const double CHANGED = 0.05;
 static const double DEGREES = 57.29577951308232;
 
-enum { ADVICE_ROTATION, ADVICE_MISSED, SOURCE_MISSED, ADVICE_SPIN };
+enum { ADVICE_ROTATION, ADVICE_MISSED, SOURCE_MISSED, ADVICE_SPIN, ADVICE_ERROR };
 
 static const char *name_of(const Program *p, int64_t index) { return text_at(p->names, p->name_bytes, index); }
 static const char *input_name(const Program *p, int64_t input) { return name_of(p, p->interfaces + p->frames + input); }
 
+/* What was warned of is not said again. */
+static int silenced(const Watch *watch, double warned) { return watch->action == ON_WARN && warned != 0.0; }
+
 static char *add_finding(Findings *found, OnLimit action, double *warned) {
-    /* What was warned of is not said again. */
     if (action == ON_WARN && *warned != 0.0) return 0;
     *warned = 1.0;
     found->action[found->count] = action;
     return found->text[found->count++];
 }
 
-static void rotation(Body *body, const Watch *watch, const double *q, Memory *memory, Findings *found) {
+/* Where the largest rotation is, in words: the frame's name, between what goes before and after it. */
+typedef struct {
+    const char *before, *name, *after;
+} Where;
+
+static Where most_turned(const Body *body, const double *q) {
     const Program *p = &body->p;
-    const double limit = watch->limit * (double)p->turning_limit / 100.0;
-    if (!(limit > 0.0) || body_rotations(body, q, 0) <= limit) return;
     int64_t worst = 0;
     double most = -1.0;
     for (int64_t i = 0; i < p->turnings; i++) {
         double turned[3];
         rows_times(p->turning + 3 * i * p->modes, q, turned, 3, p->modes);
-        const double angle = norm(turned, 3);
-        if (!(angle <= most)) {
-            most = angle;
+        const double square = dot(turned, turned, 3);
+        if (!(square <= most)) {
+            most = square;
             worst = i;
         }
     }
+    if (!p->frames) return (Where){"the body as one piece", "", ""};
+    return (Where){"frame '", name_of(p, p->interfaces + p->turning_frame[worst]), "'"};
+}
+
+static void rotation(Body *body, const Watch *watch, const double *q, Memory *memory, Findings *found) {
+    const Program *p = &body->p;
+    const double limit = watch->limit * (double)p->turning_limit / 100.0;
+    if (!(limit > 0.0) || silenced(watch, memory->warned[WATCH_ROTATION]) || deforms_within(body, q, limit, HUGE_VAL)) return;
+    const double most = body_rotations(body, q, 0);
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_ROTATION]);
     if (!text) return;
-    const int framed = p->frames > 0;
-    snprintf(text, FINDING_TEXT, SAY_ROTATION,
-             DEGREES * most, framed ? "frame '" : "the body as one piece",
-             framed ? name_of(p, p->interfaces + p->turning_frame[worst]) : "", framed ? "'" : "", DEGREES * limit,
+    const Where at = most_turned(body, q);
+    snprintf(text, FINDING_TEXT, SAY_ROTATION, DEGREES * most, at.before, at.name, at.after, DEGREES * limit,
              text_at(p->advice, p->advice_bytes, ADVICE_ROTATION));
+}
+
+static void strain(Body *body, const Watch *watch, const double *q, Memory *memory, Findings *found) {
+    if (!(watch->limit > 0.0) || silenced(watch, memory->warned[WATCH_STRAIN]) || deforms_within(body, q, HUGE_VAL, watch->limit)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_STRAIN]);
+    if (text) snprintf(text, FINDING_TEXT, SAY_STRAIN, 100.0 * body_strain(body, q), 100.0 * watch->limit);
+}
+
+/* The interface that has moved farthest, and how far: of a body that can move freely, against the first one. */
+static double farthest(const Program *p, const double *motion, int64_t *interface) {
+    double most = 0.0;
+    for (int64_t k = 0; k < p->interfaces; k++) {
+        const double *moved = motion + 6 * k, *first = motion;
+        double far = norm(moved, 3);
+        if (p->rigid) {
+            const double *x = p->point + 3 * (p->frames + k), *x0 = p->point + 3 * p->frames;
+            double before[3], after[3];
+            for (int i = 0; i < 3; i++) {
+                before[i] = x[i] - x0[i];
+                after[i] = before[i] + moved[i] - first[i];
+            }
+            far = fabs(norm(after, 3) - norm(before, 3));
+        }
+        if (far <= most) continue;
+        most = far;
+        *interface = k;
+    }
+    return most;
+}
+
+int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size) {
+    const Program *p = &body->p;
+    int64_t interface = 0;
+    if (bounds->rotation > 0.0 && !deforms_within(body, end->q, bounds->rotation, HUGE_VAL)) {
+        const Where at = most_turned(body, end->q);
+        snprintf(why, size, SAY_BOUND_ROTATION, DEGREES * body_rotations(body, end->q, 0), at.before, at.name, at.after,
+                 DEGREES * bounds->rotation);
+        return 0;
+    }
+    const double far = farthest(p, end->motion, &interface), length = p->body_size[0];
+    if (!(bounds->displacement > 0.0) || !(length > 0.0) || far <= bounds->displacement * length) return 1;
+    snprintf(why, size, SAY_BOUND_DISPLACEMENT, name_of(p, interface), far, far / length, bounds->displacement);
+    return 0;
 }
 
 static void stability(Body *body, const Watch *watch, const double *q, const double *inputs, Memory *memory, double *alone,
@@ -117,34 +172,67 @@ static void momentum(Body *body, const Watch *watch, const double *q, const doub
              100.0 * memory->momentum.drift, 100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
 }
 
-static void inertia(Body *body, const Watch *watch, const double *q, const double *v, Memory *memory, Findings *found) {
-    body_missed_inertia(body, q, v, &memory->inertia);
-    const double share = memory->inertia.kinetic > 0.0 ? memory->inertia.missed / memory->inertia.kinetic : 0.0;
-    if (!(watch->limit > 0.0) || !(share > watch->limit)) return;
+static void inertia(Body *body, const Watch *watch, const StepEnd *end, Memory *memory, Findings *found) {
+    body_missed_inertia(body, end->q, end->v, end->step, &memory->inertia);
+    if (!(watch->limit > 0.0) || !(memory->inertia.error > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_INERTIA]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT, SAY_INERTIA,
-             100.0 * share, 100.0 * watch->limit);
+    snprintf(text, FINDING_TEXT, SAY_INERTIA, 100.0 * memory->inertia.error, 100.0 * watch->limit);
 }
 
-void look(Body *body, const Watch *watch, const double *q, const double *v, int stepped, const double *inputs, Memory *memory, double *inputs_room,
-          double *shape_room, Findings *found) {
+/* Strain energy over the largest so far by which it has grown, or changed, when the error is looked at again. */
+static const double GROWN = 1.1, MOVED = 0.05;
+/* Share of the deflection beyond which one step of Newton's method tells no more than that the motion is wrong. */
+static const double WRONG = 0.1;
+
+static void error(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
+    Body *body = monitor->body;
+    const double *q = end->q;
+    const Program *p = &body->p;
+    const Watch *watch = monitor->watch + WATCH_ERROR;
+    ErrorMemory *seen = &memory->error;
+    if (!monitor->shadow || !(watch->limit > 0.0)) return;
+    double energy = 0.0;
+    for (int64_t j = 0; j < p->modes; j++) energy += body->stiffness[j] * q[j] * q[j];
+    seen->steps += 1.0;
+    const int waited = seen->steps >= monitor->interval && fabs(energy - seen->energy) > MOVED * seen->largest;
+    if (!waited && !(energy > GROWN * seen->largest)) return;
+    seen->energy = energy;
+    seen->largest = fmax(seen->largest, fmin(energy, DBL_MAX));
+    seen->steps = 0.0;
+    if (memory->warned[WATCH_ERROR] != 0.0 && watch->action == ON_WARN) return;
+    double share;
+    if (body_error(body, monitor->shadow, end->inputs, q, monitor->errors, &seen->deflection, &share) != FLEX_OK || !(share > watch->limit)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_ERROR]);
+    if (!text) return;
+    int64_t worst = 0;
+    for (int64_t i = 1; i < p->interfaces; i++)
+        if (monitor->errors[2 * i] > monitor->errors[2 * worst]) worst = i;
+    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), share > WRONG ? "more than " : "about ", 100.0 * fmin(share, WRONG),
+             100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
+}
+
+void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
+    Body *body = monitor->body;
+    const Watch *watch = monitor->watch;
     const int64_t loads = body->p.loads;
-    const double square = dot(inputs, inputs, loads);
+    const double *q = end->q, *v = end->v, *inputs = end->inputs, square = dot(inputs, inputs, loads);
     found->count = 0;
     /* Of loads beyond 1e154 the square is no number any more. */
     if (square > memory->largest) memory->largest = square < DBL_MAX ? square : DBL_MAX;
     rotation(body, watch + WATCH_ROTATION, q, memory, found);
-    if (stepped && body->p.spins) {
+    strain(body, watch + WATCH_STRAIN, q, memory, found);
+    error(monitor, end, memory, found);
+    if (end->step > 0.0 && body->p.spins) {
         spinning(body, watch + WATCH_SPIN, q, v, memory, found);
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
-    if (stepped && body->p.missed_modes) inertia(body, watch + WATCH_INERTIA, q, v, memory, found);
+    if (end->step > 0.0 && body->p.mass_forms && !body->p.inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
     if (!(watch[WATCH_STABILITY].limit > 0.0 || watch[WATCH_MISSED].limit > 0.0)) return;
     double change = 0.0;
     for (int64_t i = 0; i < loads; i++) change += (inputs[i] - memory->inputs[i]) * (inputs[i] - memory->inputs[i]);
     if (!(change > CHANGED * CHANGED * memory->largest)) return;
-    stability(body, watch + WATCH_STABILITY, q, inputs, memory, inputs_room, shape_room, found);
+    stability(body, watch + WATCH_STABILITY, q, inputs, memory, monitor->inputs, monitor->shape, found);
     if (!(memory->warned[WATCH_MISSED] != 0.0 && watch[WATCH_MISSED].action == ON_WARN))
         missed(body, watch + WATCH_MISSED, inputs, memory, found);
     memcpy(memory->inputs, inputs, (size_t)loads * sizeof(double));

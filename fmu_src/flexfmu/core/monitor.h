@@ -2,6 +2,8 @@
 #ifndef FLEX_MONITOR_H
 #define FLEX_MONITOR_H
 
+#include <stddef.h>
+
 #include "body.h"
 
 typedef enum {
@@ -19,12 +21,30 @@ typedef struct {
     OnLimit action;
 } Watch;
 
+/* Where a step, s, ends; of 0 s where none was taken yet. */
+typedef struct {
+    const double *q, *v, *motion, *inputs; /* (m), (m), (6I) and (L) */
+    double step;
+} StepEnd;
+
+/* Beyond these no method means anything; 0 for no bound. */
+typedef struct {
+    double rotation, displacement; /* rad; over the size of the body */
+} Bounds;
+
+/* Of the error: the largest deflection of the interfaces so far, m; strain energy when it was last looked at, and the largest
+ * then; steps since. */
+typedef struct {
+    double deflection, energy, largest, steps;
+} ErrorMemory;
+
 /* What the monitor remembers: all of it is state. */
 typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
     double largest;          /* square of the largest loads so far */
     Momentum momentum;
     MissedInertia inertia;
+    ErrorMemory error;
     double warned[WATCHES];  /* once a run, since a body that swings would be told of twice a period */
 } Memory;
 
@@ -35,9 +55,17 @@ typedef struct {
     char text[WATCHES][FINDING_TEXT];
 } Findings;
 
-/* Look at the end of a step, or where none was `stepped` yet, under loads (L); `memory` is changed, as it counts if the step is accepted.
- * `inputs_room` and `shape_room` are workspaces of L and m numbers. */
-void look(Body *body, const Watch *watch, const double *q, const double *v, int stepped, const double *inputs, Memory *memory, double *inputs_room,
-          double *shape_room, Findings *found);
+/* Whether a step's end is within the bounds; else why not, in `why` (size). */
+int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size);
+/* A body with its shadow, or null, and what is looked for; `interval` of steps between looks at the error. `inputs`, `shape`
+ * and `errors` are workspaces of L, m and 2I numbers. */
+typedef struct {
+    Body *body, *shadow;
+    Watch watch[WATCHES];
+    double interval, *inputs, *shape, *errors;
+} Monitor;
+
+/* Look at a step's end; `memory` is changed, as it counts if the step is accepted. */
+void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found);
 
 #endif

@@ -123,16 +123,18 @@ static const char *inconsistent(const Program *p) {
     if (p->stress_start[0] != 0 || p->stress_start[p->stress_sets] != p->stress_points) return "stress points are out of range";
     for (int64_t i = 0; i < p->stress_sets; i++)
         if (p->stress_start[i + 1] < p->stress_start[i]) return "stress points are out of order";
-    if (p->inertial ? !p->lumps || !s || p->tied || p->inertial_modes < 1 || p->inertial_modes > m : p->lumps || p->inertial_modes)
-        return "the deformed body's mass has no lumps";
-    if (p->missed_modes > m || 2 * p->missed_pairs != p->missed_modes * (p->missed_modes + 1)) return "pairs of coordinates are missing";
+    if (p->inertial_modes > m || (p->inertial_modes > 0) != (p->lumps > 0 || p->mass_forms > 0) || p->lumped != (p->lumps > 0) || (p->lumped && p->mass_forms) ||
+        2 * p->mass_pairs != (p->mass_forms ? p->inertial_modes * (p->inertial_modes + 1) : 0) ||
+        (p->inertial ? !p->inertial_modes || !s || p->tied : p->lumps) || (p->inertial && p->mass_forms && p->rigid))
+        return "the deformed body's mass is neither that of lumps nor a polynomial";
     if (!positive(p->lump_mass, p->lumps, 1)) return "a lump's mass is negative";
+    if (p->body_size[0] < 0.0) return "the body's size is negative";
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";
     if (!within(p->follower, p->followers, 0, p->interfaces - 1) || (p->followers && p->placement != PLACE_DEFORMED))
         return "a load follows no interface";
     if (p->compliances > p->interfaces || !within(p->compliance_interface, p->compliances, 0, p->interfaces - 1))
         return "a compliance is of no interface";
-    if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < 4)
+    if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < 5)
         return "names are missing";
     if (texts_in(p->variable_texts, p->variable_bytes) != p->variables || texts_in(p->guid, p->guid_bytes) != 1)
         return "variables have no names";

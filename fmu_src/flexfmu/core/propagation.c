@@ -4,12 +4,20 @@
 
 #include "algebra.h"
 
+/* Newer versions of the C library have others of these functions, with the same digits: by the old ones the library loads
+ * with glibc 2.17, too. */
+#if defined(__GLIBC__) && defined(__x86_64__)
+__asm__(".symver exp, exp@GLIBC_2.2.5");
+#elif defined(__GLIBC__) && defined(__aarch64__)
+__asm__(".symver exp, exp@GLIBC_2.17");
+#endif
+
 /* Angle by which a mode that the step resolves turns in it at the most, of a body with ties, rad. */
 static const double RESOLVED = 1.5;
 /* Below this h omega the response to a ramp is taken from its series, where the closed form would cancel. */
 static const double SMALL_ANGLE = 1e-2;
 
-static void propagate(const Rule *r, int64_t j, double w, double z) {
+void propagate(const Rule *r, int64_t j, double w, double z) {
     const double h = r->step, x = w * h, root = sqrt(fabs(1.0 - z * z)) * x;
     const double decay = exp(-z * x);
     double cosine, sinc, lack;
@@ -72,14 +80,17 @@ static void tie_rule(Body *body, Rule *r) {
         for (int64_t i = 0; i < m * m; i++) r->response[i] = NAN;
 }
 
+void take_rule(const Body *body, Arena *arena, Rule *r) {
+    double **each[9] = {&r->p11, &r->p12, &r->p21, &r->p22, &r->gq, &r->gv, &r->ramp, &r->ramp_rate, &r->lag};
+    for (int k = 0; k < 9; k++) *each[k] = take(arena, body->p.modes);
+}
+
 void take_rules(Body *body, Arena *arena) {
     const int64_t m = body->p.modes;
     body->rule_limit = body->p.tied ? TIED_RULES : RULES;
     for (int i = 0; i < body->rule_limit; i++) {
-        Rule *r = body->rules + i;
-        double **each[9] = {&r->p11, &r->p12, &r->p21, &r->p22, &r->gq, &r->gv, &r->ramp, &r->ramp_rate, &r->lag};
-        for (int k = 0; k < 9; k++) *each[k] = take(arena, m);
-        r->response = take(arena, body->p.tied * m * m);
+        take_rule(body, arena, body->rules + i);
+        body->rules[i].response = take(arena, body->p.tied * m * m);
     }
     body->rule_count = body->rule_next = 0;
 }

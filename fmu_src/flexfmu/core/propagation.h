@@ -6,6 +6,9 @@
 #include "data.h"
 
 void take_rules(Body *body, Arena *arena);
+void take_rule(const Body *body, Arena *arena, Rule *rule);
+/* The rule of one mode of frequency w and damping ratio z. */
+void propagate(const Rule *rule, int64_t mode, double w, double z);
 /* The rule of a length of step; the last few are kept, since a master hardly ever changes its step. */
 const Rule *rule_of(Body *body, double step);
 

@@ -14,6 +14,7 @@ void body_refusal(const Body *body, int answer, double step, const Work *work, c
     case FLEX_BAD_STEP: snprintf(text, room, SAY_BAD_STEP, step); return;
     case FLEX_NOT_FINITE: snprintf(text, room, SAY_NOT_FINITE); return;
     case FLEX_NO_ROOM: snprintf(text, room, SAY_NO_ROOM); return;
+    case FLEX_BEYOND_MASS: snprintf(text, room, SAY_BEYOND_MASS, step); return;
     case FLEX_TOO_MANY_STEPS:
         snprintf(text, room, SAY_TOO_MANY_STEPS, step, (long long)work->substeps,
                  body->limits.longest > 0.0 ? "internal_step.limit" : "the slowest vibration", most);

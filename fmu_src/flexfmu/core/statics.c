@@ -54,9 +54,8 @@ void statics_demand(const Body *body, Arena *arena) {
     take_room(body, arena, &room);
 }
 
-/* Whether a tangent gives way in no direction: no eigenvalue has lost its positive real part. Without a potential it is not
- * symmetric, and its symmetric part may be indefinite where the body is stable. */
-static int stable(const double *tangent, double *factor, int64_t m) {
+/* Without a potential it is not symmetric, and its symmetric part may be indefinite where the body is stable. */
+int stable_tangent(const double *tangent, double *factor, int64_t m) {
     double off = 0.0, most = 0.0;
     for (int64_t i = 0; i < m; i++)
         for (int64_t j = 0; j < m; j++) {
@@ -95,7 +94,7 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
             room->change[i] = (body->stiffness[i] * room->trial[i] - force) / p->omega[i];
             for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= p->omega[i] * p->omega[j];
         }
-        if (!stable(room->tangent, room->factor, m)) return 0;
+        if (!stable_tangent(room->tangent, room->factor, m)) return 0;
         if (!lu_factor(room->tangent, body->pivot, m)) return 0;
         lu_solve(room->tangent, body->pivot, room->change, m, 1);
         const double size = norm(room->change, m);
@@ -135,7 +134,7 @@ static int follows(Body *body, Room *room, const double *q, double earlier) {
         tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
         for (int64_t i = 0; i < m; i++)
             for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= body->p.omega[i] * body->p.omega[j];
-        if (!stable(room->tangent, room->factor, m)) return 0;
+        if (!stable_tangent(room->tangent, room->factor, m)) return 0;
     }
     return 1;
 }

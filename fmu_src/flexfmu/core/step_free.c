@@ -307,7 +307,7 @@ static int accept(Step *s, double *found) {
         const double unit = i < t ? sqrt(end->mass.whole[i * n + i]) : 1.0, rate = unit * end->z[i];
         const double lost = unit * (i < t ? fmin(p->weight[0], 1.0 / h) : p->weight[mode]) * ramp[mode] * (x->after[i] - x->before[i]);
         const double strained = p->omega[mode] * s->q1[mode];
-        error += lost * lost;
+        error += (i < t ? 1.0 : felt(p->omega[mode] * h)) * lost * lost;
         energy += strained * strained + rate * rate;
     }
     *found = energy > 0.0 ? sqrt(error / energy) : 0.0;

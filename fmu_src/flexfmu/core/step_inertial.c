@@ -6,18 +6,25 @@
 #include "algebra.h"
 #include "inertia.h"
 #include "learning.h"
+#include "propagation.h"
 
 /* What may be left of the error of Omega q and its rate, relative to their size. */
 static const double TOLERANCE = 1e-12;
 /* Change below which what acts in the middle is left as it is: energy does not depend on it, and the rest far below the
  * error. */
 static const double SETTLED_ENOUGH = 1e-6;
+/* Mass of any motion, over that of the undeformed body, below which the polynomial is out of its range. */
+static const double LEAST_MASS = 0.1;
 
 typedef struct {
     Step step;
     Flow flow;
     Learning learning;
+    Rule own;             /* of the internal step at hand, with the modes' masses in it */
     double *v1, *free_q, *free_v, *first, *last, *force, *mean, *growth, *pushed, *bare, *momentum, *impulse, *gradient, *half, *off;
+    double *before, *after; /* (m): accelerations at both ends */
+    double *trend;        /* (m): change of the force over the internal step before */
+    double *excess;       /* (m): what the modes' masses have beyond one, m_j - 1 */
     double *size;         /* (m): what a change of the mean counts */
     double *mass, *chord; /* (r, r) */
     double start_work, start_energy, load_reach, start_size;
@@ -26,46 +33,86 @@ typedef struct {
 static void take_inertial(const Body *body, Arena *arena, Inertial *x) {
     const int64_t m = body->p.modes, r = body->p.inertial_modes;
     double **each[] = {&x->v1, &x->free_q, &x->free_v, &x->first, &x->last, &x->force, &x->mean, &x->growth, &x->pushed, &x->bare,
-                       &x->momentum, &x->impulse, &x->gradient, &x->half, &x->off, &x->size};
+                       &x->momentum, &x->impulse, &x->gradient, &x->half, &x->off, &x->before, &x->after, &x->trend, &x->excess,
+                       &x->size};
     take_step(body, arena, &x->step);
     take_flow(body, arena, &x->flow);
     take_learning(m, MOST_ROUNDS, arena, &x->learning);
+    take_rule(body, arena, &x->own);
     for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, m);
     x->mass = take(arena, r * r);
     x->chord = take(arena, r * r);
 }
 
-/* All that acts on the modes at one end, inertia included: q'' + 2 Z Omega q' + Lambda q. It starts the iteration and tells the
- * error: the mass may be that of a place nearby. */
-static void end_force(Inertial *x, const Configuration *at, const double *v, double *force) {
+static double resisted(const Body *body, const double *q, const double *v, int64_t j) {
+    return body->stiffness[j] * q[j] + body->rate[j] * v[j];
+}
+
+/* Accelerations at one end. They start the iteration and tell the error: the mass may be that of a place nearby. 0 where it
+ * is none. */
+static int accelerate(Inertial *x, const Configuration *at, const double *v, double *out) {
     Step *s = &x->step;
     Body *body = s->body;
     const int64_t m = body->p.modes, r = body->p.inertial_modes;
-    double *pulled = x->bare, *convective = x->off;
-    modal_force(body, &s->loads, 1, at, 0, &s->scratch, force);
+    double *convective = x->off;
+    modal_force(body, &s->loads, 1, at, 0, &s->scratch, out);
     stretch_at(body, at->q, s->to);
-    subtract_stretch_force(body, s->to, s->to, force);
+    subtract_stretch_force(body, s->to, s->to, out);
     convective_force(body, at, v, &x->flow, convective);
-    for (int64_t j = 0; j < m; j++) {
-        pulled[j] = body->stiffness[j] * at->q[j] + body->rate[j] * v[j];
-        force[j] -= pulled[j] + convective[j];
-    }
+    for (int64_t j = 0; j < m; j++) out[j] -= resisted(body, at->q, v, j) + convective[j];
     memcpy(x->chord, x->mass, (size_t)(r * r) * sizeof(double));
     for (int64_t j = 0; j < r; j++) x->chord[j * r + j] += 1.0;
-    if (lu_factor(x->chord, body->pivot, r)) lu_solve(x->chord, body->pivot, force, r, 1);
-    for (int64_t j = 0; j < m; j++) force[j] += pulled[j];
+    s->all->massless = !cholesky(x->chord, r);
+    /* The square of a pivot is the mass of some motion. */
+    for (int64_t j = 0; !body->p.lumped && j < r; j++) s->all->massless |= !(x->chord[j * r + j] * x->chord[j * r + j] > LEAST_MASS);
+    if (s->all->massless) return 0;
+    cholesky_solve(x->chord, out, r);
+    return 1;
+}
+
+/* All that acts on the modes at one end, inertia included, as their own masses see it: m q'' + 2 Z Omega q' + Lambda q. */
+static void end_force(const Inertial *x, const double *q, const double *v, const double *acceleration, double *out) {
+    const Body *body = x->step.body;
+    for (int64_t j = 0; j < body->p.modes; j++) out[j] = (1.0 + x->excess[j]) * acceleration[j] + resisted(body, q, v, j);
+}
+
+/* Each mode goes exactly with the mass that it has, coupled to no other, about where the internal step is half over; 0 where
+ * that is none. Lumps leave it at one. */
+static int own_rule(Inertial *x) {
+    Step *s = &x->step;
+    const Body *body = s->body;
+    const Program *p = &body->p;
+    const Rule *usual = rule_of(s->body, s->all->step), *own = &x->own;
+    if (p->lumped) return 1;
+    for (int64_t j = 0; j < p->inertial_modes; j++) x->half[j] = s->here->q[j] + 0.5 * usual->p12[j] * s->v0[j];
+    polynomial_diagonal(body, x->half, &x->flow.polynomial, x->excess);
+    for (int64_t j = 0; j < p->inertial_modes; j++) {
+        const double mass = 1.0 + x->excess[j], root = sqrt(fmax(mass, 0.0));
+        s->all->massless = !(mass > LEAST_MASS);
+        if (s->all->massless) return 0;
+        propagate(own, j, p->omega[j] / root, body->zeta[j] / root);
+        own->gq[j] /= mass;
+        own->gv[j] /= mass;
+        own->ramp[j] /= mass;
+        own->ramp_rate[j] /= mass;
+    }
+    return 1;
 }
 
 static void enter(Step *s, const double *q, const double *v) {
     Inertial *x = (Inertial *)s;
+    const int64_t m = s->body->p.modes;
+    const Rule *usual = s->rule;
+    const double *from[] = {usual->p11, usual->p12, usual->p21, usual->p22, usual->gq, usual->gv, usual->ramp, usual->ramp_rate};
+    double *to[] = {x->own.p11, x->own.p12, x->own.p21, x->own.p22, x->own.gq, x->own.gv, x->own.ramp, x->own.ramp_rate};
+    for (size_t i = 0; i < sizeof to / sizeof *to; i++) memcpy(to[i], from[i], (size_t)m * sizeof(double));
+    x->own.step = usual->step;
+    s->rule = &x->own;
     spread_growth(s, x->growth);
     enter_state(s, q, v);
     excess_mass(s->body, s->here, &x->flow, x->mass);
     excess_momentum(s->body, s->here, s->v0, &x->flow, x->momentum);
-    for (int64_t j = 0; j < s->body->p.modes; j++) {
-        const double reached = s->body->p.weight[j] * s->rule->gq[j];
-        x->size[j] = reached * reached + s->rule->gv[j] * s->rule->gv[j];
-    }
+    for (int64_t j = 0; j < m; j++) x->excess[j] = x->trend[j] = 0.0;
 }
 
 /* Places and rates at the end that follow from the mean. */
@@ -80,8 +127,11 @@ static int begin(Step *s) {
     const Program *p = &s->body->p;
     const Rule *rule = s->rule;
     const double *q = s->here->q, *v = s->v0;
+    if (!own_rule(x)) return 0;
     if (s->all->inputs_end) spread_at(s, (double)s->number + 0.5);
-    if (s->all->inputs_end || s->number == 0) end_force(x, s->here, v, x->first);
+    if ((s->all->inputs_end || s->number == 0) && !accelerate(x, s->here, v, x->before)) return 0;
+    end_force(x, q, v, x->before, x->first);
+    for (int64_t j = 0; j < p->inertial_modes; j++) x->momentum[j] -= x->excess[j] * v[j];
     x->start_work = force_work(s->body, &s->loads, s->here);
     x->start_energy = dot(v, x->momentum, p->inertial_modes);
     x->load_reach = work_reach(s->body, s->loads.force, p->nodes) + fabs(x->start_work);
@@ -91,8 +141,10 @@ static int begin(Step *s) {
         x->free_q[j] = rule->p11[j] * q[j] + rule->p12[j] * v[j] + rule->ramp[j] * x->growth[j];
         x->free_v[j] = rule->p21[j] * q[j] + rule->p22[j] * v[j] + rule->ramp_rate[j] * x->growth[j];
         /* Where the force goes on as it did in the step before, its mean is halfway to the end. */
-        x->mean[j] = x->first[j] + (s->number > 0 && !s->all->inputs_end ? 0.5 * (x->first[j] - x->last[j]) : 0.0);
+        x->mean[j] = x->first[j] + (s->all->inputs_end ? 0.0 : 0.5 * x->trend[j]);
         follow(x, j);
+        const double reached = p->weight[j] * rule->gq[j];
+        x->size[j] = reached * reached + rule->gv[j] * rule->gv[j];
     }
     memset(x->gradient, 0, (size_t)p->modes * sizeof(double));
     return 1;
@@ -132,7 +184,7 @@ static int residual(Step *s) {
         if (has_potential(body) && s->loads.has_moments) modal_force(body, &s->loads, 0, &s->middle, 0, &s->scratch, x->bare);
     }
     excess_momentum(body, s->there, x->v1, &x->flow, x->impulse);
-    for (int64_t j = 0; j < m; j++) x->impulse[j] -= x->momentum[j];
+    for (int64_t j = 0; j < m; j++) x->impulse[j] -= x->excess[j] * x->v1[j] + x->momentum[j];
     find_factor(x);
     for (int64_t j = 0; j < m; j++) x->force[j] = x->pushed[j] + x->gradient[j] + s->factor * s->way[j] - x->impulse[j] / h;
     stretch_at(body, s->q1, s->to);
@@ -143,7 +195,7 @@ static int residual(Step *s) {
     excess_mass(body, s->there, &x->flow, x->mass);
     for (int64_t i = 0; i < r; i++)
         for (int64_t j = 0; j < r; j++)
-            x->chord[i * r + j] = (i == j ? 1.0 : 0.0) + x->mass[i * r + j] * s->rule->gv[j] / h;
+            x->chord[i * r + j] = (i == j ? 1.0 : 0.0) + (x->mass[i * r + j] - (i == j ? x->excess[j] : 0.0)) * s->rule->gv[j] / h;
     return lu_factor(x->chord, body->pivot, r);
 }
 
@@ -171,16 +223,18 @@ static int accept(Step *s, double *error) {
     configure_linear(body, body->need, s->q1, s->there);
     configure_places(body, body->need, s->there);
     excess_momentum(body, s->there, x->v1, &x->flow, x->momentum);
-    end_force(x, s->there, x->v1, x->last);
+    if (!accelerate(x, s->there, x->v1, x->after)) return 0;
+    end_force(x, s->there->q, x->v1, x->after, x->last);
     *error = leading_error(s, x->first, x->last, x->v1);
     return 1;
 }
 
 static void pass(Step *s) {
     Inertial *x = (Inertial *)s;
-    double *kept = x->first, *rates = s->v0;
-    x->first = x->last;
-    x->last = kept;
+    double *kept = x->before, *rates = s->v0;
+    for (int64_t j = 0; j < s->body->p.modes; j++) x->trend[j] = x->last[j] - x->first[j];
+    x->before = x->after;
+    x->after = kept;
     s->v0 = x->v1;
     x->v1 = rates;
     pass_on(s);

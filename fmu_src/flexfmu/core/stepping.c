@@ -10,8 +10,10 @@
 #include "step_plain.h"
 #include "step_tied.h"
 
-/* Rounds of the iteration in an internal step of ordinary cost. */
-static const double ORDINARY_ROUNDS = 5.0;
+/* Rounds of the iteration in an internal step of ordinary cost, and multiply-adds of such a round. */
+static const double ORDINARY_ROUNDS = 5.0, ORDINARY_ROUND = 5e4;
+/* What a round takes beside the work on its arrays, in multiply-adds. */
+static const double OVERHEAD = 2000.0;
 /* Angle by which the slowest mode of a body with ties turns in an internal step at the most, rad: a step that resolves no
  * mode at all has no estimate of its error. */
 static const double RESOLVED = 1.5;
@@ -130,6 +132,18 @@ static int beyond_reach(Body *body, const double *inputs, const double *inputs_e
     return 0;
 }
 
+/* Multiply-adds of a round: places and their derivatives, curvature, membrane energy, mass or joints. */
+static double round_cost(const Program *p) {
+    const double m = (double)p->modes, places = 18.0 * (double)p->nodes * m, bends = 2.0 * (double)p->bends;
+    const double stretches = 2.0 * (double)p->stretches * m * m, square = p->inertial || p->tied ? 4.0 * m * m : 0.0;
+    return OVERHEAD + (p->inertial || p->turns ? 3.0 : 1.0) * (places + bends) + stretches + square;
+}
+
+/* Rounds that a call may take: those of ordinary steps, and more where they cost less. */
+static double most_rounds(const Body *body) {
+    return fmin(UNCOUNTED, ORDINARY_ROUNDS * body->limits.most * fmax(1.0, ORDINARY_ROUND / round_cost(&body->p)));
+}
+
 /* Internal steps that a step has at least. */
 static double fewest_steps(const Body *body, double step) {
     const double longest = body->limits.longest;
@@ -143,12 +157,13 @@ static double fewest_steps(const Body *body, double step) {
 static int divided_step(Body *body, const double *inputs, const double *inputs_end, double step, const double *q, const double *v,
                         int64_t *hint, Work *work) {
     const size_t size = (size_t)body->p.modes * sizeof(double);
-    const double most = body->limits.most, least = fewest_steps(body, step);
+    /* An internal step takes two rounds at least. */
+    const double rounds = most_rounds(body), most = fmax(1.0, floor(0.5 * rounds)), least = fewest_steps(body, step);
     work->substeps = (int64_t)least;
     work->iterations = 0;
     if (least > most) return FLEX_TOO_MANY_STEPS;
     const int64_t fewest = (int64_t)least;
-    Substeps all = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)fmin(ORDINARY_ROUNDS * most, UNCOUNTED), 0.0};
+    Substeps all = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)rounds, 0.0, 0};
     all.count = larger(fewest, *hint);
     if ((double)all.count > most) all.count = (int64_t)most;
     int answer = UNSETTLED;
@@ -163,9 +178,10 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
         work->error = answer == INACCURATE ? all.worst : HUGE_VAL;
         if (answer == DONE) break;
         all.count *= 2;
+        if (all.count >= SUSPECT && all.massless) return FLEX_BEYOND_MASS;
         if (all.count >= SUSPECT && beyond_reach(body, inputs, inputs_end, step, q, v)) return FLEX_NOT_CONVERGED;
     }
-    if (answer != DONE) return FLEX_TOO_MUCH_WORK;
+    if (answer != DONE) return all.massless ? FLEX_BEYOND_MASS : FLEX_TOO_MUCH_WORK;
     work->error = all.worst;
     /* The error falls with the cube of the internal step: half as many are tried next time only if that would do. */
     *hint = larger(1, 16.0 * all.worst < all.tolerance && all.count > fewest ? all.count / 2 : all.count);

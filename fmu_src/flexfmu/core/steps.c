@@ -33,6 +33,7 @@ int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all
     step->from = &step->stretches[0];
     step->to = &step->stretches[1];
     all->worst = 0.0;
+    all->massless = 0;
     stepper->enter(step, q, v);
     for (step->number = 0; step->number < all->count; step->number++) {
         if (all->rounds >= all->most_rounds) return EXHAUSTED;
@@ -117,12 +118,14 @@ Progress progress_of(Step *s, double moved, double scale, double blurred, double
     return size * rate * scale <= fmax(tolerance * scale, sqrt(blurred)) ? SETTLED : GOING_ON;
 }
 
+double felt(double turn) { return turn > 1.0 ? 1.0 / (turn * turn) : 1.0; }
+
 double leading_error(const Step *s, const double *first, const double *last, const double *v) {
     const Program *p = &s->body->p;
     double error = 0.0, energy = 0.0;
     for (int64_t j = 0; j < p->modes; j++) {
         const double lost = p->weight[j] * s->rule->ramp[j] * (last[j] - first[j]), strained = p->omega[j] * s->q1[j];
-        error += lost * lost;
+        error += felt(p->omega[j] * s->all->step) * lost * lost;
         energy += strained * strained + v[j] * v[j];
     }
     return energy > 0.0 ? sqrt(error / energy) : 0.0;

@@ -15,6 +15,7 @@ typedef struct {
     double tolerance;
     int64_t rounds, most_rounds;
     double worst;
+    int massless; /* 1 where the deformed body's mass was not positive */
 } Substeps;
 
 /* The discrete gradient's bracket is skipped below this part of what it is a difference of: it is round-off there, cubic in
@@ -85,6 +86,9 @@ void close_bracket(Step *step, double bracket, double reach, double square);
 /* Whether an iteration has settled whose last change has a square `moved`, of a motion of size `scale`, where a square of
  * `blurred` is uncertain. */
 Progress progress_of(Step *step, double moved, double scale, double blurred, double tolerance);
+/* Square of the weight that a mode's error has which turns by an angle, rad, in an internal step: one that the step does not
+ * resolve follows its force. */
+double felt(double turn);
 /* What the force's change over the step would do beyond its mean is the leading error. */
 double leading_error(const Step *step, const double *first, const double *last, const double *v);
 

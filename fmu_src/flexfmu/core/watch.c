@@ -5,6 +5,7 @@
 
 #include "algebra.h"
 #include "forces.h"
+#include "polynomial.h"
 #include "tree.h"
 
 /* Growth of vibrations over the lowest frequency that is none but round-off. */
@@ -42,19 +43,6 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
 void stability_demand(const Body *body, Arena *arena) {
     Room room;
     take_room(body, arena, &room);
-}
-
-double body_rotations(Body *body, const double *q, double *angles) {
-    const Program *p = &body->p;
-    double largest = 0.0;
-    for (int64_t i = 0; i < p->turnings; i++) {
-        double turned[3];
-        rows_times(p->turning + 3 * i * p->modes, q, turned, 3, p->modes);
-        const double square = dot(turned, turned, 3);
-        if (angles) angles[i] = sqrt(square);
-        if (!(square <= largest)) largest = square;
-    }
-    return sqrt(largest);
 }
 
 /* The scaled tangent (e, e) in room->scaled, e is returned. */
@@ -312,45 +300,43 @@ double body_spin(Body *body, const double *q, const double *v) {
     return norm(spin, 3) / body->p.omega[body->p.rigid];
 }
 
-/* Products of two rates, coordinates with products of two, and what is missed by these. */
+/* Place and momentum of the mass beyond one. */
 typedef struct {
-    double *rates, *places, *sum;
-} Pairs;
+    Polynomial polynomial;
+    double *momentum;
+} MissedRoom;
 
-static void take_pairs(const Body *body, Arena *arena, Pairs *room) {
-    const int64_t pairs = body->p.missed_pairs, columns = body->p.missed_modes + pairs;
-    room->rates = take(arena, pairs);
-    room->places = take(arena, columns);
-    room->sum = take(arena, columns);
+static void take_missed(const Body *body, Arena *arena, MissedRoom *room) {
+    take_polynomial(body, arena, &room->polynomial);
+    room->momentum = take(arena, body->p.modes);
 }
 
-void pairs_demand(const Body *body, Arena *arena) {
-    Pairs room;
-    take_pairs(body, arena, &room);
+void inertia_demand(const Body *body, Arena *arena) {
+    MissedRoom room;
+    take_missed(body, arena, &room);
 }
 
-void body_missed_inertia(Body *body, const double *q, const double *v, MissedInertia *so_far) {
+void body_missed_inertia(Body *body, const double *q, const double *v, double step, MissedInertia *so_far) {
     const Program *p = &body->p;
-    const int64_t r = p->missed_modes, columns = r + p->missed_pairs;
-    if (!r) return;
     Arena arena = work_arena(body);
-    Pairs room;
-    take_pairs(body, &arena, &room);
+    MissedRoom room;
+    if (!p->mass_forms || p->inertial) return;
+    take_missed(body, &arena, &room);
     if (arena.refused) return;
-    double *rates = room.rates, *places = room.places, *sum = room.sum;
-    double *rate = rates, *place = places + r;
-    memcpy(places, q, (size_t)r * sizeof(double));
-    for (int64_t a = 0; a < r; a++)
-        for (int64_t b = a; b < r; b++) {
-            *rate++ = v[a] * v[b];
-            *place++ = q[a] * q[b];
-        }
-    /* One pass over the coefficients, whose rows are short. */
-    memset(sum, 0, (size_t)columns * sizeof(double));
-    add_rows(rates, p->missed_inertia, sum, p->missed_pairs, columns);
-    const double missed = dot(sum, places, columns);
-    so_far->kinetic = fmax(so_far->kinetic, dot(v, v, p->modes));
-    so_far->missed = fmax(so_far->missed, fabs(missed));
+    polynomial_momentum(body, q, v, &room.polynomial, room.momentum);
+    const double missed = dot(v, room.momentum, p->inertial_modes), moved = dot(v, v, p->modes);
+    double energy = moved;
+    for (int64_t j = 0; j < p->modes; j++) energy += body->stiffness[j] * q[j] * q[j];
+    so_far->time += step;
+    so_far->missed += step * missed;
+    so_far->moved += step * moved;
+    so_far->most_missed = fmax(so_far->most_missed, fabs(missed));
+    so_far->most_moved = fmax(so_far->most_moved, moved);
+    so_far->energy = fmax(so_far->energy, energy);
+    if (!(so_far->moved > 0.0 && so_far->energy > 0.0)) return;
+    /* The phase of the slowest mode runs off; what is off at once is a part of the energy. */
+    const double phase = 0.5 * p->omega[0] * so_far->time * fabs(so_far->missed) / so_far->moved;
+    so_far->error = sqrt(so_far->most_moved / so_far->energy / 3.0) * phase + so_far->most_missed / so_far->energy;
 }
 
 /* Share of a moment below which the model hardly feels it, near full turns: what it is cannot be told from the motion. */

@@ -1,5 +1,5 @@
-/* What tells how far a body is to be trusted: rotation within its frames, stability, stiffness and inertia that its method
- * misses. docs/theory.md sections 7 and 9. */
+/* What tells how far a body is to be trusted: stability, stiffness and inertia that its method misses. docs/theory.md
+ * sections 7 and 9. */
 #ifndef FLEX_WATCH_H
 #define FLEX_WATCH_H
 
@@ -7,10 +7,8 @@
 
 void stability_demand(const Body *body, Arena *arena);
 void judgement_demand(const Body *body, Arena *arena);
-void pairs_demand(const Body *body, Arena *arena);
+void inertia_demand(const Body *body, Arena *arena);
 
-/* Angle of each watched rotation within a frame, (turnings), rad; the largest. */
-FLEX_EXPORT double body_rotations(Body *body, const double *q, double *angles);
 /* Smallest eigenvalue of the tangent over the unloaded one; its shape (m) unless null. */
 FLEX_EXPORT double body_stability(Body *body, const double *inputs, const double *q, double *shape);
 FLEX_EXPORT int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
@@ -27,10 +25,11 @@ typedef struct {
     double impulse[3], angle[3], rate[3], largest, drift;
 } Momentum;
 FLEX_EXPORT void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
-/* The largest of twice the kinetic energy so far, and of what constant mass leaves out of it. */
+/* What constant mass leaves out of a motion so far: seconds that were looked at, integrals of v (M - 1) v and of v², the largest
+ * of both and of twice the energy, and the error of the motion that follows. */
 typedef struct {
-    double kinetic, missed;
+    double time, missed, moved, most_missed, most_moved, energy, error;
 } MissedInertia;
-FLEX_EXPORT void body_missed_inertia(Body *body, const double *q, const double *v, MissedInertia *so_far);
+FLEX_EXPORT void body_missed_inertia(Body *body, const double *q, const double *v, double step, MissedInertia *so_far);
 
 #endif

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import ElementBlock, jacobians
 from ..mesh.model import Mesh
-from .cells import cells
+from .elastic import elastic_cells
 
 # Elements at a time: the strain operators of this many take some 200 MB.
 CHUNK = 2048
@@ -25,22 +25,27 @@ def stiffness(mesh: Mesh) -> sp.csr_array:
     Returns
     -------
     (3n, 3n) sparse
-        N/m; degree of freedom 3 i + j is node i in direction j.
+        N/m; degree of freedom 3 i + j is node i in direction j; of shells in means and differences (`fe.unknowns`).
     """
     size = 3 * len(mesh.points)
     total = summed(
         assembled(some.nodes, some.eliminated(some.stiffness())[0], size)
-        for block in mesh.blocks
-        for _, some in cells(mesh, block, CHUNK)
+        for some in elastic_cells(mesh, CHUNK, means=True)
     )
-    return _without_forces_of_translations(sp.csr_array(0.5 * (total + total.T)))
+    moved = np.ones(len(mesh.points))
+    moved[mesh.lines] = np.sqrt(2.0), 0.0
+    return _without_forces_of_translations(sp.csr_array(0.5 * (total + total.T)), moved)
 
 
-def _without_forces_of_translations(matrix: sp.csr_array) -> sp.csr_array:
-    """The matrix less the forces that it has under translations, by round-off: of thin bodies these hide soft modes."""
-    count = matrix.shape[0] // 3
-    forces = (matrix @ np.tile(np.eye(3), (count, 1))).reshape(count, 3, 3)
-    blocks = 0.5 * (forces + forces.swapaxes(1, 2))
+def _without_forces_of_translations(matrix: sp.csr_array, moved: FloatArray) -> sp.csr_array:
+    """The matrix less the forces that it has under translations, by round-off: of thin bodies these hide soft modes.
+
+    A translation by one is `moved` (n,) at each node, zero for differences.
+    """
+    count = len(moved)
+    forces = (matrix @ np.kron(moved[:, None], np.eye(3))).reshape(count, 3, 3)
+    over = np.divide(0.5, moved, out=np.zeros(count), where=moved > 0.0)[:, None, None]
+    blocks = over * (forces + forces.swapaxes(1, 2))
     ends = np.arange(count + 1, dtype=np.int32)
     return sp.csr_array(matrix - sp.bsr_array((blocks, ends[:-1], ends), shape=matrix.shape))
 

@@ -72,8 +72,7 @@ class Cells:
             _, own = self.eliminated(self.stiffness())
             amplitude = own @ local.reshape(len(local), -1, local.shape[3])
             local = np.concatenate([local, amplitude.reshape(len(local), -1, 3, local.shape[3])], axis=1)
-        result: FloatArray = np.einsum("eaik,eqaJ->eqiJk", local, self.gradient, optimize=True)
-        return result
+        return np.einsum("eaik,eqaJ->eqiJk", local, self.gradient, optimize=True)
 
     def relaxed(self, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Nodal forces of initial stresses (e, q, 3, 3, k) that the elements' own shape functions have relaxed.
@@ -85,25 +84,35 @@ class Cells:
         energies : (k, k) float
             What relaxing takes away of twice the strain energy, J.
         """
+        nodal, amplitude = self._own_response(stress)
+        outer = nodal[:, : self.nodes.shape[1]]
+        if not amplitude.size:
+            return outer, np.zeros((stress.shape[4], stress.shape[4]))
+        inner = nodal[:, self.nodes.shape[1] :].reshape(amplitude.shape)
+        back = self.stiffness()[:, : self.own.start, self.own] @ amplitude
+        energies: FloatArray = np.einsum("eik,eil->kl", inner, amplitude, optimize=True)
+        return outer - back.reshape(outer.shape), energies
+
+    def relaxation(self, stress: FloatArray) -> FloatArray:
+        """∂u_i/∂X_J (e, q, 3, 3, k) by which the elements' own shape functions relax initial stresses of that shape."""
+        amplitude = self._own_response(stress)[1].reshape(len(stress), -1, 3, stress.shape[4])
+        own = self.gradient[:, :, self.nodes.shape[1] :]
+        result: FloatArray = -np.einsum("ebik,eqbJ->eqiJk", amplitude, own, optimize=True)
+        return result
+
+    def _own_response(self, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Forces (e, a + b, 3, k) of initial stresses, and what they do to the elements' own unknowns (e, 3b, k)."""
         weighted = stress * self.volume[:, :, None, None, None]
         nodal = np.einsum("eqaJ,eqiJk->eaik", self.gradient, weighted, optimize=True)
-        count = self.nodes.shape[1]
-        if self.gradient.shape[2] == count:
-            return nodal, np.zeros((stress.shape[4], stress.shape[4]))
-        stiff = self.stiffness()
-        inner = nodal[:, count:].reshape(len(nodal), -1, stress.shape[4])
-        amplitude = np.linalg.solve(stiff[:, self.own, self.own], inner)
-        back = stiff[:, : self.own.start, self.own] @ amplitude
-        energies: FloatArray = np.einsum("eik,eil->kl", inner, amplitude, optimize=True)
-        return nodal[:, :count] - back.reshape(nodal[:, :count].shape), energies
+        inner = nodal[:, self.nodes.shape[1] :].reshape(len(nodal), -1, stress.shape[4])
+        return nodal, np.linalg.solve(self.stiffness()[:, self.own, self.own], inner) if inner.size else inner
 
     def stiffness(self, deformation: FloatArray | None = None) -> FloatArray:
         """∫ Bᵀ C B dV (e, 3(a + b), 3(a + b)), by default of the undeformed elements."""
         b = strain_operator(self.gradient, deformation)
         e, q, _, unknowns = b.shape
         weighted = (self.elasticity[:, None] @ b) * self.volume[:, :, None, None]
-        result: FloatArray = b.reshape(e, 6 * q, unknowns).swapaxes(1, 2) @ weighted.reshape(e, 6 * q, unknowns)
-        return result
+        return b.reshape(e, 6 * q, unknowns).swapaxes(1, 2) @ weighted.reshape(e, 6 * q, unknowns)
 
     def stress(self, strain: FloatArray) -> FloatArray:
         """Stress (e, q, 3, 3, ...) of symmetric strains of the same shape."""
@@ -197,12 +206,10 @@ def elasticity(mesh: Mesh, block: ElementBlock) -> FloatArray:
             turn[:, row, column] = block.axes[:, i, k] * block.axes[:, j, m]
             if k != m:
                 turn[:, row, column] += block.axes[:, i, m] * block.axes[:, j, k]
-    result: FloatArray = turn @ found @ turn.swapaxes(1, 2)
-    return result
+    return turn @ found @ turn.swapaxes(1, 2)
 
 
 def _incompatible(corners: FloatArray, determinant: FloatArray, kind: ElementType) -> FloatArray:
     """Gradients (e, q, 3, 3) of 1 − ξ_b² by the centre's Jacobian: −2 ξ_b (j₀/j) J₀⁻ᵀ e_b."""
     inverse, size = jacobians(corners, kind.shape.gradient(np.zeros((1, 3))))
-    result: FloatArray = -2.0 * np.einsum("qb,eq,ebJ->eqbJ", kind.stiffness.points, size / determinant, inverse[:, 0])
-    return result
+    return -2.0 * np.einsum("qb,eq,ebJ->eqbJ", kind.stiffness.points, size / determinant, inverse[:, 0])

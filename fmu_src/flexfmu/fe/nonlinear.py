@@ -17,7 +17,8 @@ from ..files.errors import AccuracyError, ModelError
 from ..files.progress import Reporter
 from ..mesh.model import Mesh
 from .assembly import CHUNK, assembled, summed
-from .cells import Cells, cells
+from .cells import Cells
+from .elastic import elastic_cells
 from .factorisation import Factorisation, dissection_order
 from .unknowns import Unknowns
 
@@ -63,17 +64,17 @@ class LoadPath:
 
 
 class _Body:
-    """Internal forces and their derivative at a displacement."""
+    """Internal forces and their derivative at a displacement; of shells in means and differences (`fe.unknowns`)."""
 
-    def __init__(self, mesh: Mesh, spring: FloatArray):
-        self._spring = spring.ravel()
-        self._parts = [some for block in mesh.blocks for _, some in cells(mesh, block, CHUNK)]
+    def __init__(self, mesh: Mesh, spring: sp.csr_array):
+        self._spring = spring
+        self._parts = list(elastic_cells(mesh, CHUNK, means=True))
         # Amplitudes of the elements' own shape functions, as last found.
         self._own = [np.zeros((len(p.nodes), p.gradient.shape[2] - p.nodes.shape[1], 3)) for p in self._parts]
 
     def forces(self, displacement: FloatArray) -> FloatArray:
         """Internal forces (3n,), N."""
-        result = (self._spring * displacement).reshape(-1, 3)
+        result = (self._spring @ displacement).reshape(-1, 3)
         for number, part in enumerate(self._parts):
             deformation, stress = self._state(number, displacement)
             np.add.at(result, part.nodes, _nodal(part, deformation, stress)[:, : part.nodes.shape[1]])
@@ -81,7 +82,7 @@ class _Body:
 
     def tangent(self, displacement: FloatArray) -> sp.csr_array:
         """Their derivative (3n, 3n), N/m."""
-        parts = [sp.csr_array(sp.diags_array(self._spring))]
+        parts = [self._spring]
         for number, part in enumerate(self._parts):
             matrices = _tangent(part, *self._state(number, displacement))
             parts.append(assembled(part.nodes, part.eliminated(matrices)[0], displacement.size))
@@ -114,8 +115,7 @@ class _Body:
 def _nodal(part: Cells, deformation: FloatArray, stress: FloatArray) -> FloatArray:
     """∫ F S ∂N/∂X dV (e, a + b, 3)."""
     first = (deformation @ stress) * part.volume[:, :, None, None]
-    result: FloatArray = np.einsum("eqiJ,eqaJ->eai", first, part.gradient, optimize=True)
-    return result
+    return np.einsum("eqiJ,eqaJ->eai", first, part.gradient, optimize=True)
 
 
 def _tangent(part: Cells, deformation: FloatArray, stress: FloatArray) -> FloatArray:
@@ -157,7 +157,9 @@ def load_path(
     AccuracyError
         No equilibrium is found beyond some part of the load.
     """
-    body = _Body(mesh, spring)
+    body = _Body(mesh, unknowns.in_means(sp.csr_array(sp.diags_array(spring.ravel()))))
+    means, unknowns = unknowns.means, unknowns.of_means
+    load = load if means is None else means.T @ load
     size = float(np.linalg.norm(unknowns.forces(load)))
     u = np.zeros(load.size)
     order = dissection_order(unknowns.matrix(body.tangent(u)), unknowns.free // 3)
@@ -182,7 +184,7 @@ def load_path(
             report.note(f"{100.0 * reached:.4g} % of the load after {used} iterations")
             if used < _EASY:
                 increment *= 2.0
-        found.append(u.copy())
+        found.append(u.copy() if means is None else means @ u)
     return LoadPath(np.asarray(factors, dtype=np.float64), np.array(found), increments, iterations)
 
 

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
+from ..files.errors import ModelError
 from ..mesh.elements import ElementType
 from ..mesh.model import Mesh
 from ..mesh.shapes import LINEAR
@@ -34,6 +35,8 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
     u = fields.reshape(len(mesh.points), 3, -1)
     places, stresses = [], []
     for block, inside in mesh.by_block(elements):
+        if block.type.shell:
+            raise ModelError("stress of shells is not offered: leave the stress of these elements out of the body file")
         for _, some in cells(mesh, block.part(inside), CHUNK):
             gradient = some.displacement_gradient(u)
             found = some.stress(0.5 * (gradient + gradient.swapaxes(2, 3)))

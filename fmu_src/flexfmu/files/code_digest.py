@@ -37,7 +37,7 @@ def code_digest(module: str) -> str:
     digest = hashlib.sha256()
     for name in sorted(imported_modules(module)):
         if name == _UNITS or not name.startswith(f"{_ROOM}."):
-            digest.update(f"{name}\0{_statements(_source(name).read_bytes())}\0".encode())
+            digest.update(f"{name}\0{_read(name)[0]}\0".encode())
         # What is compiled belongs to the module that calls it.
         compiled = (
             [path for path in _source(name).parent.iterdir() if path.suffix in _COMPILED] if name == _CORE else []
@@ -46,17 +46,6 @@ def code_digest(module: str) -> str:
             digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
     digest.update(repr([_version(name) for name in _LIBRARIES]).encode())
     return digest.hexdigest()[:12]
-
-
-def _statements(source: bytes) -> str:
-    """What a module computes."""
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Raise):
-            node.exc = node.cause = None
-        elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
-            node.body = node.body[1:]
-    return ast.dump(tree)
 
 
 def imported_modules(module: str) -> set[str]:
@@ -77,16 +66,23 @@ def imported_modules(module: str) -> set[str]:
         name = left.pop()
         if name not in found and name != _PACKAGE:
             found.add(name)
-            left += _imports(name)
+            left += _read(name)[1]
     return found
 
 
 @cache
-def _imports(module: str) -> tuple[str, ...]:
-    """Modules of this package that a module imports, wherever in its text."""
+def _read(module: str) -> tuple[str, tuple[str, ...]]:
+    """Hash of what a module computes, and the modules of this package that it imports, wherever in its text."""
     path = _source(module)
     package = module if path.stem == "__init__" else module.rpartition(".")[0]
-    return tuple(name for node in ast.walk(ast.parse(path.read_bytes())) for name in _named(node, package))
+    tree = ast.parse(path.read_bytes())
+    imports = tuple(name for node in ast.walk(tree) for name in _named(node, package))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise):
+            node.exc = node.cause = None
+        elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imports
 
 
 def _named(node: ast.AST, package: str) -> Iterator[str]:

@@ -62,9 +62,20 @@ class ConsoleReporter(Reporter):
     @contextmanager
     def counted(self, title: str, total: float, unit: str = "") -> Iterator[Tell]:
         """Show `title` with a bar, how much of `total` is done and the time left, then with the time it took."""
-        start = self._clock()
+        start = said = self._clock()
+        pause = _REFRESH if self._console.is_terminal else _PAUSE
+
+        def tell(done: float) -> None:
+            """Show how far it is, unless something was shown a moment ago."""
+            nonlocal said
+            end_if_interrupted()
+            now = self._clock()
+            if now - said >= pause:
+                said = now
+                self._show(line, done, progress_words(done, total, unit, now - start))
+
         with self._line(title, total) as line:
-            yield _Count(self, line, total, unit, start).tell
+            yield tell
         self._done(title, start)
 
     def note(self, text: str) -> None:
@@ -106,31 +117,3 @@ class _Bar(BarColumn):
 
     def render(self, task):  # type: ignore[no-untyped-def]
         return "" if task.total is None else super().render(task)
-
-
-class _Count:
-    """How far one stage is.
-
-    Parameters
-    ----------
-    reporter : ConsoleReporter
-    line : rich.progress.TaskID
-    total : float
-    unit : str
-    start : float
-        s.
-    """
-
-    def __init__(self, reporter: ConsoleReporter, line: TaskID, total: float, unit: str, start: float):
-        self._reporter, self._line, self._total, self._unit, self._start = reporter, line, total, unit, start
-        self._pause = _REFRESH if reporter._console.is_terminal else _PAUSE
-        self._said = start
-
-    def tell(self, done: float) -> None:
-        """Show it, unless something was shown a moment ago."""
-        end_if_interrupted()
-        now = self._reporter._clock()
-        if now - self._said >= self._pause:
-            self._said = now
-            words = progress_words(done, self._total, self._unit, now - self._start)
-            self._reporter._show(self._line, done, words)

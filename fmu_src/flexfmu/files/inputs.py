@@ -66,7 +66,7 @@ def kind_of(path: Path) -> Kind | None:
     if suffix == ".toml":
         try:
             return toml_kind(tomllib.loads(path.read_text(encoding="utf-8")))
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        except (OSError, ValueError):
             return None
     if zipfile.is_zipfile(path):
         try:

@@ -31,6 +31,13 @@ File = TypeVar("File", bound=Table)
 _OF_SIZE = " than "
 
 
+def different(names: Sequence[str], said: str, expected: str = "different names") -> None:
+    """Raise ValueError where two names are the same; `said` is what two of something have."""
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"two {said} {name!r}, expected {expected}")
+
+
 def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[str, Any]:
     """Contents of a TOML file.
 
@@ -50,7 +57,7 @@ def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise error_type(f"{path}: cannot be read ({error})") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # wrong TOML, or numbers of thousands of digits
         raise error_type(
             f"{path}: not valid TOML: {error}; texts stand in quotes, a [table] stands once, and several of a kind are "
             "[[tables]]"

@@ -2,7 +2,7 @@
 
 import math
 from enum import Enum
-from typing import NamedTuple
+from typing import Any
 
 # Exact by definition: the inch, and the pound-force.
 _DEGREE, _INCH, _POUND = math.pi / 180.0, 0.0254, 4.4482216152605
@@ -39,8 +39,19 @@ QUANTITIES = {
 """SI unit of variables by the last word of their names but the axis."""
 
 
-class Factors(NamedTuple):
-    """A system's units in SI, and what they are called.
+# Of length, stress and density.
+_NAMES = {
+    "m-kg-s": ("m", "N/m²", "kg/m³"),
+    "mm-t-s": ("mm", "MPa", "t/mm³"),
+    "in-lbf-s": ("in", "psi", "lbf s²/in⁴"),
+}
+
+
+class UnitSystem(Enum):
+    """Consistent units that a mesh file may be written in.
+
+    `SI` is metre, kilogram, second, newton and pascal; `MM_T_S` is millimetre, tonne, second, newton and
+    megapascal; `IN_LBF_S` is inch, pound-force, second and psi, densities in lbf s²/in⁴.
 
     Attributes
     ----------
@@ -49,51 +60,11 @@ class Factors(NamedTuple):
     length_name, stress_name, density_name : str
     """
 
-    length: float
-    stress: float
-    density: float
-    length_name: str
-    stress_name: str
-    density_name: str
-
-
-class UnitSystem(Enum):
-    """Consistent units that a mesh file may be written in.
-
-    `SI` is metre, kilogram, second, newton and pascal; `MM_T_S` is millimetre, tonne, second, newton and
-    megapascal; `IN_LBF_S` is inch, pound-force, second and psi, densities in lbf s²/in⁴.
-    """
-
     SI = "m-kg-s"
     MM_T_S = "mm-t-s"
     IN_LBF_S = "in-lbf-s"
 
-    @property
-    def factors(self) -> Factors:
-        """Its units in SI."""
-        length, stress, density = _NAMES[self]
-        return Factors(
-            UNITS["m"][length], UNITS["Pa"].get(stress, 1.0), UNITS["kg/m³"][density], length, stress, density
-        )
-
-    @property
-    def length(self) -> float:
-        """Metres per unit of length."""
-        return self.factors.length
-
-    @property
-    def stress(self) -> float:
-        """Pascals per unit of stress."""
-        return self.factors.stress
-
-    @property
-    def density(self) -> float:
-        """Kilograms per cubic metre, per unit of density."""
-        return self.factors.density
-
-
-_NAMES = {
-    UnitSystem.SI: ("m", "N/m²", "kg/m³"),
-    UnitSystem.MM_T_S: ("mm", "MPa", "t/mm³"),
-    UnitSystem.IN_LBF_S: ("in", "psi", "lbf s²/in⁴"),
-}
+    def __init__(self, name: Any):
+        self.length_name, self.stress_name, self.density_name = _NAMES[name]
+        self.length, self.stress = UNITS["m"][self.length_name], UNITS["Pa"].get(self.stress_name, 1.0)
+        self.density = UNITS["kg/m³"][self.density_name]

@@ -186,8 +186,7 @@ class SimulationResult:
             return self.time
         if output not in self.outputs:
             raise KeyError(f"{output!r}: the outputs are {', '.join(self.outputs)}")
-        column: FloatArray = self.values[:, self.outputs.index(output)]
-        return column
+        return self.values[:, self.outputs.index(output)]
 
     def to_dataframe(self) -> Any:
         """A pandas.DataFrame of the outputs, with time as its index."""

@@ -16,7 +16,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..core.binaries import core_binaries
-from ..core.building import FLAGS, PLATFORMS, source_files
+from ..core.building import FLAGS, PLATFORMS, prefix_header, source_files
+from ..core.building import sources as core_sources
 from ..files.errors import PackagingError
 from ..files.inputs import Kind, check_input
 from ..files.progress import Reporter
@@ -59,7 +60,9 @@ modelDescription.xml lists the C files. In this folder, for Linux:
 
 macOS: {name}.dylib, without -Wl,-Bsymbolic. Windows (MinGW or clang): {name}.dll, without -fPIC and -Wl,-Bsymbolic.
 The library goes to binaries/PLATFORM (linux64, darwin64, win64); the model description stays as it is.
-The functions have no prefix: these sources are for libraries, not for linking into a program.
+To link several FMUs into one program, give each a prefix: -DFMI2_FUNCTION_PREFIX=left_ makes left_fmi2DoStep.
+Targets without files: xxd -i body.prog > body_prog.h in resources/, then -DFLEX_BODY='"body_prog.h"'. The FMU then
+has its default method alone.
 Without -ffp-contract=off results may differ in the last digits.
 """
 # The earliest date that the format knows: archives of the same contents are the same.
@@ -154,6 +157,9 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes]) -> d
         binaries = {f"binaries/{Path(name).stem}/{body.name}{Path(name).suffix}": data for name, data in cores.items()}
         code = {}
         sources = {f"sources/{path.name}": path.read_bytes() for path in source_files()}
+        for path in core_sources():
+            sources[f"sources/{path.name}"] = b'#include "prefix.h"\n' + sources[f"sources/{path.name}"]
+        sources["sources/prefix.h"] = prefix_header().encode()
         sources["sources/README.txt"] = _SOURCES_README.format(name=body.name, flags=" ".join(FLAGS)).encode()
     else:
         (modules, libraries), sources = _pythonfmu(), {}

@@ -18,7 +18,7 @@ from xml.etree.ElementTree import ParseError, iterparse
 _OK, _WARNING, _DISCARD, _ERROR = 0, 1, 2, 3
 _CO_SIMULATION = 1
 WORDS = logging.getLogger("flexfmu.fmu")
-"""Says what was refused where the master has FMI's logging off, and pythonfmu's library says nothing of it."""
+"""Warns where the master has FMI's logging off, and pythonfmu's library says nothing."""
 _LOGGER = ctypes.CFUNCTYPE(
     None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p, use_errno=False
 )
@@ -219,7 +219,7 @@ class BodySlave:
     def _logged(self, _environment: object, _name: bytes, status: int, category: bytes, text: bytes) -> None:
         words = text.decode(errors="replace")
         self._log.append(LogMessage(status, category.decode(), words))
-        if status >= _DISCARD:
+        if status >= _WARNING:
             WORDS.warning("%s: %s", self.instance_name, words.replace("%%", "%"))
 
     def _call(self, name: str, *arguments: object) -> int:

@@ -17,7 +17,7 @@ from ..files.progress import Reporter, ends_on_interrupt
 from ..files.tables import number, read_table, write_table
 from ..files.targets import check_target
 from ..program.variables import STEP_TOLERANCE
-from .python_slave import WORDS
+from .runtime import own_log
 
 # FMI 2.0 statuses from here on mean that a call was not honoured.
 _FMI_DISCARD = 2
@@ -115,8 +115,6 @@ def simulate(
         A step that the FMU refuses, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
-    # The run's own log tells it.
-    WORDS.disabled = True
     check_input(fmu, SimulationError, Kind.FMU)
     try:
         description = fmpy.read_model_description(str(fmu))
@@ -155,7 +153,7 @@ class _Run:
         """What fmpy makes of a run over a span of time."""
         start, interval = span["start_time"], span["output_interval"]
         title = f"Simulate {self._fmu.name} from {start:g} s to {self._end:g} s in steps of {interval:g} s"
-        with report.counted(title, self._end - start, "s") as tell, ends_on_interrupt(report) as pressed:
+        with report.counted(title, self._end - start, "s") as tell, ends_on_interrupt(report) as pressed, own_log():
 
             def step_finished(time: float, recorder: fmpy.simulation.Recorder) -> bool:
                 self.recorder = recorder

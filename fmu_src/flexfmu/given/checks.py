@@ -31,8 +31,7 @@ def rigid_motions(given: GivenModes) -> FloatArray:
     values, vectors = np.linalg.eigh(flat.T @ given.momentum(flat))
     if values[0] <= 1e-12 * values[-1]:
         raise GivenModesError("the masses lie on a line or in a point: they tell no rotation, expected a body in space")
-    result: FloatArray = flat @ (vectors / np.sqrt(values))
-    return result
+    return flat @ (vectors / np.sqrt(values))
 
 
 def checked_modes(given: GivenModes) -> tuple[GivenModes, tuple[str, ...], tuple[str, ...]]:

@@ -226,15 +226,13 @@ class GivenModes:
             return np.asarray(self.mass)
         directions = self.mass.shape[0] // len(self.nodes)
         diagonal = self.mass.diagonal().reshape(-1, directions).mean(axis=1)
-        result: FloatArray = diagonal * (self.mass.sum() / directions / diagonal.sum())
-        return result
+        return diagonal * (self.mass.sum() / directions / diagonal.sum())
 
     @property
     def held(self) -> IntArray:
         """Nodes (k,) that no mode moves."""
         size = np.abs(self.modes).max(axis=(1, 2), keepdims=True)
-        found: IntArray = np.flatnonzero(np.all(np.abs(self.modes) <= _HELD * size, axis=(0, 2)))
-        return found
+        return np.flatnonzero(np.all(np.abs(self.modes) <= _HELD * size, axis=(0, 2)))
 
     def momentum(self, shapes: FloatArray) -> FloatArray:
         """Mass times shapes (3n, k), (3n, k)."""

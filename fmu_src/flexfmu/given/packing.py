@@ -9,8 +9,7 @@ import h5py
 import meshio
 import numpy as np
 
-from ..build.choices import Interface as Choice
-from ..build.choices import NodeChoices, Nodes, checked_spec, interface_table, support_table
+from ..build.choices import Interface, NodeChoices, Nodes, checked_spec, interface_table, support_table
 from ..build.choices import plain as plain_value
 from ..build.config import BodySpec
 from ..files.array_types import FloatArray, IntArray
@@ -25,11 +24,11 @@ from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents
 from ..mesh.model import Material, Mesh
 from ..model.errors import OptionError
-from ..model.methods import Method, Variant, needs
+from ..model.methods import Mass, Method, Variant, needs
 from ..model.reduced_body import GROUND, Masses, ReducedBody, Surface
 from ..model.summary import first_frequency
 from ..reduction.frames import body_subdomains, frame_requests, several, whole_frame
-from ..reduction.interfaces import Interface, fit_interface
+from ..reduction.interfaces import InterfaceFit, fit_interface
 from ..reduction.making import Motion, Parts, made_body
 from ..reduction.model import Model
 from ..reduction.options import BodyOptions
@@ -45,7 +44,7 @@ from .sid import read_sid
 
 def pack(
     modes: GivenModes | str | Path,
-    interfaces: Mapping[str, Choice | Nodes],
+    interfaces: Mapping[str, Interface | Nodes],
     supports: Sequence[Nodes] = (),
     *,
     method: Method | str | None = None,
@@ -225,7 +224,10 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
 def _variant(spec: BodySpec) -> Variant:
     """Method and mass to start with: frames, unless another is asked for that needs nothing but modes."""
     if spec.formulation.method is None:
-        return Variant(Method.LINEAR if spec.frames == 0 and not spec.free else Method.FRAMES, spec.formulation.mass)
+        return Variant(
+            Method.LINEAR if spec.frames == 0 and not spec.free else Method.FRAMES,
+            spec.formulation.mass or Mass.CONSTANT,
+        )
     variant = spec.formulation.variant
     if needs(variant.method, variant.mass):
         raise OptionError(
@@ -326,7 +328,7 @@ def _surface(
     shapes: FloatArray,
     faces: tuple[FaceBlock, ...],
     subdomains: list[Subdomain],
-    interfaces: list[Interface],
+    interfaces: list[InterfaceFit],
     model: Model,
 ) -> Surface | None:
     """Outer faces for viewing; None without cells."""

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from ..files.errors import SimulationError
 from ..files.inputs import Kind
 from ..files.limits import MOST_COUPLED_STEPS
-from ..files.toml_files import Name, NotNegative, Table, read_toml, validated
+from ..files.toml_files import Name, NotNegative, Table, different, read_toml, validated
 
 # FMU instances; a dot parts them from their variables.
 Six = Annotated[list[NotNegative], Field(min_length=6, max_length=6)]
@@ -157,7 +157,7 @@ class SpringTable(Table):
         return self
 
 
-class OutputTable(Table):
+class CouplingOutputTable(Table):
     """`[output]`: what goes into the results.
 
     Attributes
@@ -179,14 +179,11 @@ class CouplingFile(Table):
     fmu: list[FmuTable] = Field(min_length=1)
     connection: list[ConnectionTable] = []
     spring: list[SpringTable] = []
-    output: OutputTable = OutputTable()
+    output: CouplingOutputTable = CouplingOutputTable()
 
     @model_validator(mode="after")
     def _different_names(self) -> "CouplingFile":
-        names = [fmu.name for fmu in self.fmu]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"two [[fmu]] tables have the name {name!r}, expected different names")
+        different([fmu.name for fmu in self.fmu], "[[fmu]] tables have the name")
         return self
 
 

@@ -11,6 +11,7 @@ from ..files.array_types import FloatArray
 from ..files.errors import INTERRUPTED, SimulationError
 from ..files.progress import Reporter, Tell, ends_on_interrupt
 from ..files.targets import check_target
+from ..fmu.runtime import own_log
 from ..fmu.simulation import MOST_VALUES
 from .config import CouplingFile, Scheme, read_coupling_file
 from .exchange import EnergyCount, counted
@@ -97,6 +98,7 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
     names = ", ".join(role.description.name for role in wiring.roles)
     title = f"Couple {names} to {settings.stop:g} s in steps of {settings.step:g} s, {settings.scheme.value}"
     with report.counted(title, settings.stop, "s") as tell, ends_on_interrupt(report) as pressed, ExitStack() as stack:
+        stack.enter_context(own_log())
         participants = []
         for role in wiring.roles:
             participants.append(Participant(role))

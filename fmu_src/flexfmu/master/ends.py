@@ -9,7 +9,7 @@ from ..files.errors import SimulationError
 from ..files.units import QUANTITIES
 from .config import SpringTable
 from .descriptions import Description, split
-from .layout import Ends, Response
+from .layout import EndResponse, Ends
 from .springs import Springs
 
 AXES = ("x", "y", "z")
@@ -151,7 +151,7 @@ def lay_responses(
     descriptions: Mapping[str, Description],
     fed_place: Mapping[tuple[str, str], int],
     signal_place: Mapping[tuple[str, str], int],
-) -> tuple[Response, ...]:
+) -> tuple[EndResponse, ...]:
     """Compliance that FMUs offer of interfaces whose motion the coupling reads to those that it loads.
 
     Parameters
@@ -162,7 +162,7 @@ def lay_responses(
 
     Returns
     -------
-    tuple of Response
+    tuple of EndResponse
     """
     order, found = list(descriptions), []
     for a in _interfaces(signal_place, (*_MOTION, *_RATES)):
@@ -176,7 +176,7 @@ def lay_responses(
                 references = tuple(int(there[name].valueReference) for name in names)
                 motion, rates = _places(signal_place, a, _MOTION), _places(signal_place, a, _RATES)
                 loads = _places(fed_place, b, _LOADS)
-                found.append(Response(a, b, order.index(fmu), references, motion, rates, loads))
+                found.append(EndResponse(a, b, order.index(fmu), references, motion, rates, loads))
     return tuple(found)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..files.array_types import BoolArray, FloatArray
 from .acceleration import KnownResponse
-from .layout import Response, Wiring
+from .layout import EndResponse, Wiring
 from .springs import Springs, backward_rates, energy, loads, losses, tangent
 
 # Of a step: on which side of a jump in a table its ends lie does not hang on round-off.
@@ -149,7 +149,7 @@ def interface_response(
     return KnownResponse(share * slope, known, bool(np.all(complete)))
 
 
-def _known_springs(wiring: Wiring, responses: Sequence[Response]) -> Springs:
+def _known_springs(wiring: Wiring, responses: Sequence[EndResponse]) -> Springs:
     """Springs both of whose ends offer their compliance."""
     springs = wiring.springs
     offered = {response.moved for response in responses if response.moved == response.loaded}
@@ -160,7 +160,7 @@ def _known_springs(wiring: Wiring, responses: Sequence[Response]) -> Springs:
 
 
 def _signals_by_inputs(
-    wiring: Wiring, step: float, responses: Sequence[tuple[Response, FloatArray]]
+    wiring: Wiring, step: float, responses: Sequence[tuple[EndResponse, FloatArray]]
 ) -> tuple[FloatArray, BoolArray]:
     """Derivatives (m + 1, n) of the signals by the driven inputs, and which are told; the last signal is none."""
     shape = wiring.matrix.shape[1] + 1, wiring.matrix.shape[0]

@@ -16,7 +16,7 @@ from .springs import Springs
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class SignalTable:
     """Inputs over time: linear between rows, of rows at one time the last counts from then on.
 
     Attributes
@@ -89,7 +89,7 @@ class Ends:
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class EndResponse:
     """Compliance that an FMU offers between two of its interfaces; −1 stands for what the coupling does not use.
 
     Attributes
@@ -154,10 +154,10 @@ class Wiring:
         Inputs that connections or springs feed.
     matrix : (n, signals) float
         Of the connections.
-    tables : tuple of Table
+    tables : tuple of SignalTable
     springs : Springs
     ends : Ends
-    responses : tuple of Response
+    responses : tuple of EndResponse
         Of interfaces whose motion the coupling reads to those that it loads.
     recorded : tuple of Recorded
     nominal : (m,) float
@@ -170,10 +170,10 @@ class Wiring:
     base: FloatArray
     coupled: BoolArray
     matrix: FloatArray
-    tables: tuple[Table, ...]
+    tables: tuple[SignalTable, ...]
     springs: Springs
     ends: Ends
-    responses: tuple[Response, ...]
+    responses: tuple[EndResponse, ...]
     recorded: tuple[Recorded, ...]
     nominal: FloatArray
 

@@ -1,6 +1,5 @@
 """What FMUs write to their logs: refusals, to be quoted where a run stops, and warnings, to be handed on."""
 
-import logging
 from collections import deque
 from collections.abc import Mapping
 
@@ -22,8 +21,6 @@ def open_log(name: str) -> None:
     name : str
         Of the instance.
     """
-    # The slave of the Python export says its refusals to Python's logging, too.
-    logging.getLogger("flexfmu.fmu").disabled = True
     _refusals[name] = deque(maxlen=_QUOTED)
     _warnings[name] = {}
 

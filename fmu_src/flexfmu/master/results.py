@@ -44,8 +44,7 @@ class Result:
 
     def __getitem__(self, name: str) -> FloatArray:
         """Values (T,) of a column by its name."""
-        result: FloatArray = self.values[:, self.names.index(name)]
-        return result
+        return self.values[:, self.names.index(name)]
 
 
 def write_result(path: Path, result: Result) -> None:

@@ -229,8 +229,7 @@ class Iterated:
         """What the inputs held over the step should be: of springs at its ends, of dampers by the motion over it."""
         springs = self._stage.requested(signals, point.signals, Dampers.NONE)
         both = self._stage.requested(signals, point.signals, Dampers.MEAN)
-        result: FloatArray = (1.0 - self._share) * first + self._share * springs + (both - springs)
-        return result
+        return (1.0 - self._share) * first + self._share * springs + (both - springs)
 
     def _predicted(self, first: FloatArray) -> FloatArray:
         """Inputs to begin with: on the line through the last two steps."""
@@ -275,8 +274,7 @@ class Iterated:
         kind = self._stage.wiring.kind
         largest = self._largest.copy()
         np.maximum.at(largest, kind, np.abs(values))
-        scale: FloatArray = np.where(largest > 0.0, largest, 1.0)[kind]
-        return scale
+        return np.where(largest > 0.0, largest, 1.0)[kind]
 
     def _settled(
         self, held: FloatArray, error: FloatArray, residual: FloatArray, signals: FloatArray, stalled: bool

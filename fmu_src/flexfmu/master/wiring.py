@@ -12,7 +12,7 @@ from ..files.tables import read_table
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, StartValue
 from .descriptions import Description, read_description, split, units_differ
 from .ends import Shares, end_names, lay_ends, lay_responses, lay_springs
-from .layout import Ends, Recorded, Role, Table, Wiring
+from .layout import Ends, Recorded, Role, SignalTable, Wiring
 
 _SETTABLE = ("input", "parameter")
 
@@ -65,7 +65,7 @@ def wire(coupling: CouplingFile) -> Wiring:
         coupled=coupled,
         matrix=matrix,
         tables=tuple(
-            Table(rows[:, 0], rows[:, 1:], np.array([input_place[fmu, name] for name in names], dtype=np.int64))
+            SignalTable(rows[:, 0], rows[:, 1:], np.array([input_place[fmu, name] for name in names], dtype=np.int64))
             for fmu, (names, rows) in tables.items()
         ),
         springs=lay_springs(coupling.spring, ends),

@@ -10,6 +10,7 @@ from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.equations import coupled_nodes, without
+from flexfmu.mesh.links import RigidLink, merged
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Mesh
 
@@ -102,16 +103,14 @@ def jacobian_determinants(points: FloatArray, block: ElementBlock) -> FloatArray
     places = np.concatenate([shape.polytope.corners, block.type.stiffness.points])
     # Relative to the first node, so that a body far from the origin loses no digits.
     coordinates = points[block.connectivity] - points[block.connectivity[:, :1]]
-    determinants: FloatArray = np.linalg.det(np.einsum("ena,pnb->epab", coordinates, shape.gradient(places)))
-    return determinants
+    return np.linalg.det(np.einsum("ena,pnb->epab", coordinates, shape.gradient(places)))
 
 
 def _unsound(points: FloatArray, block: ElementBlock) -> BoolArray:
     corners = points[block.connectivity]
     extent = np.linalg.norm(corners.max(axis=1) - corners.min(axis=1), axis=1)
     smallest: FloatArray = jacobian_determinants(points, block).min(axis=1)
-    unsound: BoolArray = smallest <= DEGENERATE * extent**3
-    return unsound
+    return smallest <= DEGENERATE * extent**3
 
 
 def _without_unused_nodes(mesh: Mesh) -> Mesh:
@@ -141,6 +140,12 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
         notes=(*mesh.notes, *notes),
         equations=equations,
         masses=tuple(replace(one, nodes=rows[one.nodes[used[one.nodes]]]) for one in mesh.masses),
+        # A reference point that several have makes one of them.
+        links=tuple(
+            RigidLink(one.name, rows[one.nodes[used[one.nodes]]])
+            for one in merged(mesh.links, ~used)
+            if used[one.nodes].any()
+        ),
     )
 
 

@@ -3,15 +3,18 @@
 from enum import Enum
 
 from flexfmu.mesh.shapes import (
+    BRICK,
     BRICK_8,
     BRICK_20,
     TETRAHEDRON_4,
     TETRAHEDRON_10,
+    WEDGE,
     WEDGE_6,
     WEDGE_15,
     Quadrature,
     Shape,
     brick_rule,
+    shell_rule,
     tetrahedron_rule,
     wedge_rule,
 )
@@ -33,6 +36,8 @@ class ElementType(Enum):
         integration.
     incompatible : bool
         Whether three shape functions 1 − ξ² of the element's own are added, docs/theory.md section 2.
+    shell : bool
+        Whether a brick or wedge of one layer is a shell: its nodes are on both faces, bottom first.
     """
 
     C3D4 = "C3D4", TETRAHEDRON_4, tetrahedron_rule(1), tetrahedron_rule(2)
@@ -43,6 +48,8 @@ class ElementType(Enum):
     C3D15 = "C3D15", WEDGE_15, wedge_rule(2, 3), wedge_rule(5, 3)
     C3D20 = "C3D20", BRICK_20, brick_rule(3), brick_rule(3), False
     C3D20R = "C3D20R", BRICK_20, brick_rule(2), brick_rule(2)
+    S3 = "S3", WEDGE_6, shell_rule(WEDGE), wedge_rule(2, 2), False, False, True
+    S4 = "S4", BRICK_8, shell_rule(BRICK), brick_rule(2), False, False, True
 
     def __new__(cls, name: str, *_: object) -> "ElementType":
         """Let the name be the value."""
@@ -58,12 +65,14 @@ class ElementType(Enum):
         mass: Quadrature,
         assumed: bool = True,
         incompatible: bool = False,
+        shell: bool = False,
     ):
         self.shape = shape
         self.stiffness = stiffness
         self.mass = mass
         self.assumed = assumed
         self.incompatible = incompatible
+        self.shell = shell
 
     @property
     def node_count(self) -> int:

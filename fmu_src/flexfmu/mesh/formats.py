@@ -1,6 +1,8 @@
 """Mesh files of any kind: which reader takes which."""
 
 import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,9 @@ _SHARED_SUFFIXES = (".dat", ".inp")
 _LINES = 2000
 
 
-def read_mesh(path: Path | str, units: UnitSystem | str = UnitSystem.SI) -> Mesh:
+def read_mesh(
+    path: Path | str, units: UnitSystem | str = UnitSystem.SI, shells: Mapping[str, float] | None = None
+) -> Mesh:
     """Read a body's mesh: an Abaqus or CalculiX deck, or any other file of docs/file-formats.md.
 
     What files other than decks give is told of in `from_contents`.
@@ -38,6 +42,9 @@ def read_mesh(path: Path | str, units: UnitSystem | str = UnitSystem.SI) -> Mesh
     path : path
     units : UnitSystem or str
         What the file's numbers are in.
+    shells : mapping of str to float, optional
+        Thickness of the shells that triangles and quads of cell sets are, about their nodes, in these units; decks and
+        bulk data have sections for that.
 
     Returns
     -------
@@ -62,6 +69,8 @@ def read_mesh(path: Path | str, units: UnitSystem | str = UnitSystem.SI) -> Mesh
     suffix = path.suffix.lower()
     if suffix in _SHARED_SUFFIXES:
         suffix = _told_apart(path)
+    if shells and suffix in (DECK_SUFFIX, *NASTRAN_SUFFIXES):
+        raise MeshError(f"{path}: shells have their thickness by *SHELL SECTION or PSHELL; write it into the file")
     if suffix == DECK_SUFFIX:
         return read_deck(path, units)
     if suffix in NASTRAN_SUFFIXES:
@@ -77,6 +86,8 @@ def read_mesh(path: Path | str, units: UnitSystem | str = UnitSystem.SI) -> Mesh
         )
     else:
         contents = Contents(_read_with_meshio(path))
+    if shells:
+        contents = replace(contents, shells={name: (-0.5 * thick, 0.5 * thick) for name, thick in shells.items()})
     return from_contents(contents, str(path), units)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import meshio
 import numpy as np
@@ -12,11 +12,16 @@ from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.blocks import ElementBlock
-from flexfmu.mesh.elements import ASSUMED
+from flexfmu.mesh.elements import ASSUMED, ElementType
 from flexfmu.mesh.equations import matrix_of
+from flexfmu.mesh.links import RigidLink
+from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass
-from flexfmu.mesh.other.file_sets import cell_groups, node_sets_of
+from flexfmu.mesh.other.file_sets import Group, cell_groups, node_sets_of
+from flexfmu.mesh.shells import expanded
 
+_SHELLS = {"triangle": ElementType.S3, "quad": ElementType.S4}
+_NO_ELEMENT = -1
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.
 topological_dimension.setdefault("wedge15", 3)
 
@@ -45,6 +50,9 @@ class Contents:
         Between displacements, by unknown: 3 i + j is node i in direction j.
     masses : tuple of PointMass
         SI units.
+    links : tuple of RigidLink
+    shells : mapping of str to (2,) float
+        Cell sets whose triangles and quads are shells: heights of both faces over their nodes, in the file's units.
     """
 
     mesh: Any
@@ -56,6 +64,47 @@ class Contents:
     references: Mapping[str, FloatArray] = field(default_factory=dict)
     equations: Sequence[Mapping[int, float]] = ()
     masses: tuple[PointMass, ...] = ()
+    links: tuple[RigidLink, ...] = ()
+    shells: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+class Member(NamedTuple):
+    """An element of a file: its number, its nodes' numbers in meshio's order, and the number of what it is made of."""
+
+    number: int
+    nodes: list[int]
+    material: int
+
+
+def cells_of(
+    kinds: Mapping[str, Sequence[Member]], row: Mapping[int, int], materials: Mapping[int, int], missing: str
+) -> tuple[list[tuple[str, IntArray]], list[IntArray], list[IntArray]]:
+    """Cells, their numbers and materials for `Contents`, of elements by meshio's names.
+
+    Parameters
+    ----------
+    kinds : mapping of str to sequence of Member
+    row : mapping of int to int
+        Rows of the points by the file's node numbers.
+    materials : mapping of int to int
+        Rows of the materials by the file's numbers.
+    missing : str
+        How the message on a node that is not there begins.
+
+    Returns
+    -------
+    cells : list of (str, (k, n) int)
+    labels, material : list of (k,) int
+    """
+    cells, labels, material = [], [], []
+    for name, members in kinds.items():
+        try:
+            cells.append((name, np.array([[row[node] for node in one.nodes] for one in members])))
+        except KeyError as error:
+            raise MeshError(f"{missing} {error}, which is not there; write the file again") from error
+        labels.append(np.array([one.number for one in members], dtype=np.int64))
+        material.append(np.array([materials.get(one.material, NO_MATERIAL) for one in members], dtype=np.int64))
+    return cells, labels, material
 
 
 def from_meshio(found: Any, title: str, units: UnitSystem) -> Mesh:
@@ -91,21 +140,24 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
     """
     found = contents.mesh
     points = _points(found, title)
-    places = _volume_blocks(found, title)
+    places = _volume_blocks(found, title, bool(contents.shells))
     notes = [*contents.notes, *_turned(found, points, places)]
     blocks, positions = _element_blocks(contents, places)
     groups = cell_groups(found)
+    solids = sum(len(block.labels) for block in blocks)
+    shells, heights, on_shells = _shell_blocks(contents, groups, solids, title)
+    positions |= on_shells
     node_sets, more = node_sets_of(found, groups)
     element_sets = {}
     for name, group in groups.items():
-        members = [positions[place][group[place]] for place in places if place in group]
-        if members and len(joined := np.unique(np.concatenate(members))):
+        members = [positions[place][group[place]] for place in positions if place in group]
+        if members and len(joined := np.setdiff1d(np.concatenate(members), [_NO_ELEMENT])):
             element_sets[name] = joined
     labels = np.arange(1, len(points) + 1) if contents.node_labels is None else contents.node_labels
-    return Mesh(
+    mesh = Mesh(
         points=points * units.length,
         labels=labels,
-        blocks=blocks,
+        blocks=(*blocks, *shells),
         node_sets=node_sets,
         element_sets=element_sets,
         materials=contents.materials,
@@ -113,8 +165,13 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
         notes=(*notes, *more),
         references={name: units.length * point for name, point in contents.references.items()},
         masses=contents.masses,
+        links=contents.links,
         equations=matrix_of(contents.equations, 3 * len(points)) if contents.equations else None,
     )
+    if not shells:
+        return mesh
+    heights = np.concatenate([np.full((solids, 2), np.nan), heights])
+    return expanded(mesh, units.length * heights, np.zeros_like(mesh.fixed))
 
 
 def _turned(found: Any, points: FloatArray, places: Sequence[int]) -> list[str]:
@@ -206,8 +263,8 @@ def _from_skfem(given: Any) -> meshio.Mesh:
     return found
 
 
-def _volume_blocks(found: Any, title: str) -> list[int]:
-    """Return the places of the volume cells among the file's cell blocks."""
+def _volume_blocks(found: Any, title: str, shells: bool) -> list[int]:
+    """Return the places of the volume cells among the file's cell blocks; none is right only where there are shells."""
     places = [place for place, block in enumerate(found.cells) if block.dim == 3 and len(block.data)]
     refused = sorted({found.cells[place].type for place in places} - set(ASSUMED))
     supported = ", ".join(f"{name} ({kind.name})" for name, kind in ASSUMED.items())
@@ -216,7 +273,7 @@ def _volume_blocks(found: Any, title: str) -> list[int]:
             f"{title} holds cells of the kind {', '.join(refused)}, supported are {supported}; "
             f"mesh the body with these kinds alone"
         )
-    if not places:
+    if not places and not shells:
         kinds = ", ".join(sorted({block.type for block in found.cells})) or "none"
         raise MeshError(
             f"{title} holds no volume cells (found: {kinds}), expected {supported}; export the volume mesh too"
@@ -255,3 +312,39 @@ def _element_blocks(contents: Contents, places: list[int]) -> tuple[tuple[Elemen
         connectivity = np.concatenate([cells[place].data for place in chosen]).astype(np.int64)
         blocks.append(ElementBlock(kind, np.concatenate(labels), connectivity, np.concatenate(material)))
     return tuple(blocks), positions
+
+
+def _shell_blocks(
+    contents: Contents, groups: Mapping[str, Group], first: int, title: str
+) -> tuple[list[ElementBlock], FloatArray, dict[int, IntArray]]:
+    """Blocks of shells, heights (k, 2) of their faces, and the positions of all cells of their blocks in the file.
+
+    Positions go on from `first`; those of cells that are no shells are `_NO_ELEMENT`.
+    """
+    cells = contents.mesh.cells
+    heights: dict[int, FloatArray] = {}
+    for name, faces in contents.shells.items():
+        if name not in groups or not faces[1] > faces[0]:
+            raise MeshError(
+                f"{title}: shells are asked for in set {name!r} with the thickness {faces[1] - faces[0]:g}, expected a "
+                f"positive thickness and one of the cell sets {listed(groups)}"
+            )
+        for place, rows in groups[name].items():
+            if cells[place].type not in _SHELLS:
+                raise MeshError(
+                    f"{title}: set {name!r} holds cells of the kind {cells[place].type}, shells are made of "
+                    f"{', '.join(_SHELLS)}; mesh this part with these"
+                )
+            heights.setdefault(place, np.full((len(cells[place].data), 2), np.nan))[rows] = faces
+    blocks, found, positions = [], [np.zeros((0, 2))], {}
+    for place in sorted(heights):
+        rows = np.flatnonzero(np.isfinite(heights[place][:, 0]))
+        positions[place] = np.full(len(cells[place].data), _NO_ELEMENT)
+        positions[place][rows] = np.arange(first, first + rows.size)
+        first += rows.size
+        labels = positions[place] + 1 if contents.cell_labels is None else contents.cell_labels[place]
+        material = np.full(len(labels), NO_MATERIAL) if contents.material is None else contents.material[place]
+        data = np.asarray(cells[place].data, dtype=np.int64)
+        blocks.append(ElementBlock(_SHELLS[cells[place].type], labels[rows], data[rows], material[rows]))
+        found.append(heights[place][rows])
+    return blocks, np.concatenate(found), positions

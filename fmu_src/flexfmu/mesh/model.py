@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.blocks import ElementBlock, FaceBlock, by_block, faces_of, volume_matrices
+from flexfmu.mesh.links import RigidLink, Simplices
 from flexfmu.mesh.listing import listed
 
 NO_MATERIAL = -1
@@ -106,6 +107,12 @@ class Mesh:
     equations : (r, 3n) sparse, optional
         Linear equations between displacements, E u = 0; column 3 i + j is node i in direction j.
     masses : tuple of PointMass
+    links : tuple of RigidLink
+        Nodes that the file makes rigid.
+    simplices : tuple of Simplices
+        What keeps rigid nodes in shape; from `links.with_links`.
+    supports : (r, 3n) sparse, optional
+        Equations by which the file itself holds rotations, as `equations`; of the model where `fixed` counts.
     """
 
     points: FloatArray
@@ -119,6 +126,9 @@ class Mesh:
     references: Mapping[str, FloatArray] = field(default_factory=dict)
     equations: sp.csr_array | None = None
     masses: tuple[PointMass, ...] = ()
+    links: tuple[RigidLink, ...] = ()
+    simplices: tuple[Simplices, ...] = ()
+    supports: sp.csr_array | None = None
 
     def __repr__(self) -> str:
         """Size, kinds of elements, sets."""
@@ -135,6 +145,13 @@ class Mesh:
     def starts(self) -> IntArray:
         """Number of each block's first element, counted over all blocks, and how many there are, (b + 1,)."""
         return np.cumsum([0, *(len(block.labels) for block in self.blocks)])
+
+    @cached_property
+    def lines(self) -> IntArray:
+        """Rows (l, 2) of points on both faces of shells that face each other, ascending."""
+        shells = [b.connectivity.reshape(len(b.labels), 2, -1) for b in self.blocks if b.type.shell]
+        pairs = [np.sort(ends.swapaxes(1, 2).reshape(-1, 2), axis=1) for ends in shells]
+        return np.unique(np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs]), axis=0)
 
     @cached_property
     def faces(self) -> tuple[FaceBlock, ...]:

@@ -101,7 +101,7 @@ def _material_doubt(material: Material, units: UnitSystem) -> tuple[str, str] | 
     modulus, density = material.youngs_modulus, material.density
     if _solid(modulus, density):
         return None
-    stress_name, density_name = units.factors.stress_name, units.factors.density_name
+    stress_name, density_name = units.stress_name, units.density_name
     fault = (
         f"material {material.name!r} has Young's modulus {modulus / units.stress:.6g} {stress_name} and "
         f"density {density / units.density:.6g} {density_name}"

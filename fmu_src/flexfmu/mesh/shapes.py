@@ -109,8 +109,7 @@ class Shape:
 
 
 def _monomials(points: FloatArray, powers: IntArray) -> FloatArray:
-    result: FloatArray = np.prod(points[:, None, :] ** powers, axis=2)
-    return result
+    return np.prod(points[:, None, :] ** powers, axis=2)
 
 
 def _powers(dimension: int, wanted: Callable[..., bool]) -> IntArray:
@@ -238,6 +237,24 @@ def wedge_rule(degree: int, count: int) -> Quadrature:
     heights, lengths = np.polynomial.legendre.leggauss(count)
     points = np.array([(*point, height) for height in heights for point in flat.points])
     return Quadrature(points, np.outer(lengths, flat.weights).ravel())
+
+
+def shell_rule(polytope: Polytope) -> Quadrature:
+    """Places at which shells of one layer take their strains, of equal weight.
+
+    Strains in the plane at Gauss points of both heights, shear at the middle of edges, stretch across at the corners.
+    """
+    heights, _ = np.polynomial.legendre.leggauss(2)
+    flat = polytope.corners[: len(polytope.corners) // 2, :2]
+    if polytope is BRICK:
+        inside, edges = brick_rule(2).points, np.array([(0.0, -1.0), (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0)])
+    else:
+        inside = np.array([(1.0 / 3.0, 1.0 / 3.0, height) for height in heights])
+        edges = np.array([(0.5, 0.0), (0.5, 0.5), (0.0, 0.5)])
+    middle = np.concatenate([edges, flat])
+    points = np.concatenate([inside, np.column_stack([middle, np.zeros(len(middle))])])
+    whole = 8.0 if polytope is BRICK else 1.0
+    return Quadrature(points, np.full(len(points), whole / len(points)))
 
 
 FACE_RULES = {3: triangle_rule(2), 6: triangle_rule(5), 4: rectangle_rule(), 8: rectangle_rule()}

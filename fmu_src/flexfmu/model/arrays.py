@@ -73,9 +73,14 @@ BODY = (
         "stiffness_by_load", "stiffness/by_load", "L m m", "s^-2/N",
         "per unit load: forces, moments (/(N m)), accelerations (/(m/s^2))", optional=True,
     ),
+    Entry("watched_frame", "watched/frame", "w", "1", "frame of each watched element, -1 for none", int, optional=True),
     Entry(
-        "missed_inertia", "missed_inertia", "p t", "kg^-0.5 m^-1, kg^-1 m^-2",
-        "coefficients of v (M(q) - 1) v: pairs of slow rates by slow coordinates, then by pairs of them", optional=True,
+        "watched_rotation", "watched/rotation", "w 3 m", "rad/(kg^0.5 m)", "mean rotation of watched elements",
+        optional=True,
+    ),
+    Entry(
+        "watched_strain", "watched/strain", "v 6 m", "1/(kg^0.5 m)",
+        "mean strain of each material in each frame: xx, yy, zz, then sqrt 2 times xy, yz, zx", optional=True,
     ),
     Entry(
         "stiffness_by_mode", "stiffness/by_mode", "m m m", "s^-2/(kg^0.5 m)", "per unit modal coordinate", optional=True
@@ -103,6 +108,11 @@ INERTIA = (
     Entry(
         "curvature", "inertia/curvature", "P 3 m m", "kg^-1 m^-1", "second derivative of displacements", optional=True
     ),
+)
+POLYNOMIAL = (
+    Entry("form", "polynomial/form", "R m m", "1", "symmetric U_k of M(q) = 1 + sum of (l_k q + q V_k q) U_k"),
+    Entry("linear", "polynomial/linear", "R m", "kg^-0.5 m^-1", "l_k"),
+    Entry("square", "polynomial/square", "R m m", "kg^-1 m^-2", "symmetric V_k"),
 )
 TIES = (
     Entry("frame", "ties/frame", "T 2", "1", "frames that carry the ends, -1 for the ground", int),
@@ -147,6 +157,8 @@ PROPERTIES = (
     Entry("density", "properties/density", "k", "kg/m^3", "of each material"),
     Entry("point_mass", "properties/point_mass", "P", "kg", "masses at points", optional=True),
 )
+# The shadow's own arrays are those of a body, in the same group.
+SHADOW = (Entry("embedding", "shadow/embedding", "M m", "1", "coordinates of the shadow per coordinate of the body"),)
 # In a group of each stress set's name.
 STRESS = (
     Entry("point", "point", "Q 3", "m", "undeformed places"),

@@ -17,7 +17,7 @@ from .curvature import from_ground
 from .errors import OptionError
 from .inertia import without_frames
 from .methods import Method, has_frames
-from .reduced_body import GROUND, ReducedBody, SecondOrder, Surface, WholeFrame
+from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface, WholeFrame
 from .rotations import skew
 
 # Relative size of a singular value below which a motion is not held.
@@ -48,18 +48,15 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     if not names:
         return body
     _check_names(body, names, method)
-    held = [body.interface_names.index(name) for name in names]
-    rows = np.concatenate([body.interface_displacement[held], body.interface_rotation[held]]).reshape(6 * len(held), -1)
-    turn = _remaining_modes(rows, body.angular_frequency)
-    square = turn.T @ (body.angular_frequency[:, None] ** 2 * turn)
-    squares, small = np.linalg.eigh(square)
-    turn = turn @ small
-    if squares[0] <= 0.0:
-        raise OptionError("the body can still move freely with these interfaces fixed; fix one more")
+    rows = _motions(body, names)
+    turn, squares = _remaining_modes(rows, body.angular_frequency)
     # Each ratio by its share of the strain energy: one ratio for all modes stays what it is.
     share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
     gone = int(body.floating)
-    shapes = {entry.name: getattr(body, entry.name) @ turn for entry in BODY if entry.shape.endswith("3 m")}
+    linear = [
+        entry.name for entry in BODY if entry.shape.endswith(("3 m", "6 m")) and getattr(body, entry.name) is not None
+    ]
+    shapes = {name: getattr(body, name) @ turn for name in linear}
     of_frames = {entry.name: getattr(body, entry.name) for entry in BODY if entry.shape.split()[0] == "S"}
     kept = {name: shapes.get(name, value)[gone:] for name, value in of_frames.items()}
     kept["frame_parent"] = np.maximum(kept["frame_parent"] - gone, GROUND)
@@ -68,11 +65,30 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
         angular_frequency=np.sqrt(squares),
         damping_ratio=share.T @ body.damping_ratio,
         interface_frame=np.maximum(body.interface_frame - gone, GROUND),
+        watched_frame=None if body.watched_frame is None else np.maximum(body.watched_frame - gone, GROUND),
         stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
         root_interface=GROUND,
         floating=False,
+        shadow=_shadow_fixed(body, names, turn),
         **(shapes | kept | _parts_fixed(body, turn, squares)),
     )
+
+
+def _motions(body: ReducedBody, names: Collection[str]) -> FloatArray:
+    """Displacements and rotations (6k, m) of interfaces."""
+    held = [body.interface_names.index(name) for name in names]
+    result: FloatArray = np.concatenate([body.interface_displacement[held], body.interface_rotation[held]])
+    return result.reshape(6 * len(held), -1)
+
+
+def _shadow_fixed(body: ReducedBody, names: Collection[str], turn: FloatArray) -> Shadow | None:
+    """The shadow with its root interface fixed; frames hang on no other one."""
+    shadow = body.shadow
+    if shadow is None or set(names) != {body.interface_names[body.root_interface]}:
+        return None
+    finer = shadow.body
+    own, _ = _remaining_modes(_motions(finer, names), finer.angular_frequency)
+    return Shadow(with_fixed_interfaces(finer, names, Method.SECOND_ORDER), own.T @ shadow.embedding @ turn)
 
 
 def _check_names(body: ReducedBody, names: Collection[str], method: Method) -> None:
@@ -167,8 +183,8 @@ def _surface_fixed(body: ReducedBody, surface: Surface, turn: FloatArray, gone: 
     )
 
 
-def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> FloatArray:
-    """Orthonormal combinations (m, m - h) of modes that leave the rows (h, m) at zero."""
+def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Modes (m, m - h) that leave the rows (h, m) at zero, orthonormal, and their squared frequencies."""
     count = held.shape[0]
     if count >= angular_frequency.size:
         raise OptionError(f"fixing {count} coordinates leaves none of the body's {angular_frequency.size} modes")
@@ -176,5 +192,8 @@ def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> FloatAr
     _, values, turn = np.linalg.svd(held / np.where(size > 0.0, size, 1.0))
     if values[-1] < _FREE * values[0]:
         raise OptionError("the interfaces to be fixed depend on each other; fix fewer of them")
-    result: FloatArray = turn[count:].T
-    return result
+    turn = turn[count:].T
+    squares, small = np.linalg.eigh(turn.T @ (angular_frequency[:, None] ** 2 * turn))
+    if squares[0] <= 0.0:
+        raise OptionError("the body can still move freely with these interfaces fixed; fix one more")
+    return turn @ small, squares

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from .arrays import INERTIA, settle
+from .arrays import INERTIA, POLYNOMIAL, settle
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +63,36 @@ class LumpedMass:
         half += np.einsum(
             "sia,sib->ab", frame_rotation, 0.5 * self.turning @ frame_rotation + self.sweep, optimize=True
         )
-        result: FloatArray = half + half.T
-        return result
+        return half + half.T
+
+
+@dataclass(frozen=True, slots=True)
+class MassPolynomial:
+    """Mass of the deformed body to second order, (13a): M(q) = 1 + Σ_k (l_k·q + qᵀV_k q) U_k.
+
+    Attributes
+    ----------
+    form : (R, m, m) float
+        U_k, symmetric.
+    linear : (R, m) float
+        l_k, kg^-1/2 m^-1.
+    square : (R, m, m) float
+        V_k, symmetric, kg^-1 m^-2.
+    """
+
+    form: FloatArray
+    linear: FloatArray
+    square: FloatArray
+
+    def __post_init__(self) -> None:
+        """Bring the arrays into their types and check their shapes.
+
+        Raises
+        ------
+        ModalFileError
+            Naming the array that is wrong, and how.
+        """
+        settle(self, POLYNOMIAL, {"m": self.linear.shape[-1]}, "polynomial")
 
 
 def without_frames(inertia: LumpedMass, turn: FloatArray, gone: int) -> LumpedMass:

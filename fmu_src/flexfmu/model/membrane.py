@@ -46,13 +46,11 @@ class Membrane:
             Λ, 1/s².
         """
         shapes = np.divide(self.linear, stiffness, out=np.zeros_like(self.linear), where=stiffness > 0.0)
-        result: FloatArray = 4.0 * np.einsum("rc,rab->cab", shapes, self.quadratic)
-        return result
+        return 4.0 * np.einsum("rc,rab->cab", shapes, self.quadratic)
 
     def taken(self, stiffness: FloatArray, q: FloatArray) -> FloatArray:
         """Modal coordinates (m,) by which q, the shapes being in it, falls short of a motion at second order."""
-        result: FloatArray = 0.5 * self.shift(stiffness) @ q @ q
-        return result
+        return 0.5 * self.shift(stiffness) @ q @ q
 
     def turned(self, turn: FloatArray, stiffness: FloatArray) -> "Membrane":
         """The same in coordinates z with q = turn @ z.

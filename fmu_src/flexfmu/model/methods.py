@@ -43,6 +43,8 @@ class Mass(Enum):
     """That of the undeformed body: ΦᵀMΦ = I."""
     CONFIGURATION = "configuration"
     """That of the deformed body, M(q) = JᵀMJ with J the kinematics' derivative; of "frames" and "second_order"."""
+    POLYNOMIAL = "polynomial"
+    """The same to second order in the coordinates; of "second_order", for held bodies in one piece."""
 
 
 DEFAULT = Method.FRAMES
@@ -189,7 +191,9 @@ def recipe_of(method: Method) -> Recipe:
 
 def masses_of(method: Method) -> tuple[Mass, ...]:
     """Masses that a method can have, the usual one first."""
-    return tuple(Mass) if method in (Method.FRAMES, Method.SECOND_ORDER) else (Mass.CONSTANT,)
+    if method is Method.SECOND_ORDER:
+        return tuple(Mass)
+    return (Mass.CONSTANT, Mass.CONFIGURATION) if method is Method.FRAMES else (Mass.CONSTANT,)
 
 
 def named(kind: type[_Choice], value: _Choice | str) -> _Choice:
@@ -267,8 +271,10 @@ def conflict(variant: Variant, free: bool, cut: bool) -> str | None:
         )
     if cut and needed & {Data.BY_LOAD, Data.BY_MODE}:
         return f'[[cut]] goes without geometric stiffness, which method "{name}" needs: it knows bodies in one piece'
-    if cut and Data.INERTIA in needed:
+    if cut and variant.mass is not Mass.CONSTANT:
         return '[[cut]] goes with mass "constant" only'
+    if free and variant.mass is Mass.POLYNOMIAL:
+        return 'mass "polynomial" is for bodies that are held: take "configuration" for one that is free'
     if cut and _RECIPES[variant.method].layout is FrameLayout.ONE:
         return f'[[cut]] gives each part frames of its own: it does not go with method "{name}"'
     return None

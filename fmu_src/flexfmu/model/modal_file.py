@@ -3,19 +3,20 @@
 import hashlib
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
 
-from .arrays import BODY, STRESS, Entry
+from .arrays import BODY, SHADOW, STRESS, Entry
 from .errors import ModalFileError
 from .methods import Mass, Method
-from .reduced_body import PARTS, ReducedBody, StressSet
+from .reduced_body import GROUPS, ReducedBody, Shadow, StressSet
 
 FORMAT = "flexfmu modal file"
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 # In front of HDF5's own bytes, which its library may read for ever once they are damaged.
 _BLOCK = 512
 _SEAL = b"flexfmu modal file, SHA-256 of all behind these 512 bytes: "
@@ -24,11 +25,15 @@ FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation
 
 def _datasets(body: ReducedBody) -> Iterator[tuple[str, Entry, Any]]:
     """Path, table's row and value of everything that a body holds, in a fixed order."""
-    for holder, entries in [(body, BODY), *((getattr(body, part.attribute), part.entries) for part in PARTS)]:
+    for holder, entries in [(body, BODY), *((getattr(body, part.attribute), part.entries) for part in GROUPS)]:
         for entry in entries if holder is not None else ():
             value = getattr(holder, entry.name)
             if value is not None:
                 yield entry.path, entry, value
+    if body.shadow is not None:
+        for entry in SHADOW:
+            yield entry.path, entry, getattr(body.shadow, entry.name)
+        yield from ((f"shadow/{path}", entry, value) for path, entry, value in _datasets(body.shadow.body))
     for number, stresses in enumerate(body.stress_sets):
         for entry in STRESS:
             yield f"stress/{number:03d}_{stresses.name}/{entry.path}", entry, getattr(stresses, entry.name)
@@ -168,20 +173,13 @@ def _read(file: Any, name: str) -> ReducedBody:
         raise ModalFileError(
             f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
         )
-    contents = _read_entries(file, BODY)
-    contents |= {
-        part.attribute: part.kind(**_read_entries(file, part.entries)) for part in PARTS if part.attribute in file
-    }
-    body = ReducedBody(
-        **contents,
-        name=str(file.attrs["name"]),
+    body = replace(
+        _read_body(file, file.attrs),
         method=Method(file.attrs["method"]),
         mass=Mass(file.attrs["mass"]),
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),
         following_interfaces=tuple(filter(None, str(file.attrs.get("following_interfaces", "")).split(","))),
-        root_interface=int(file.attrs["root_interface"]),
-        floating=bool(file.attrs["floating"]),
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         stress_sets=tuple(
             StressSet(key.partition("_")[2], **_read_entries(group, STRESS))
@@ -191,6 +189,22 @@ def _read(file: Any, name: str) -> ReducedBody:
     if _checksum(body) != file.attrs["sha256"]:
         raise ModalFileError(f"{name}: contents do not match their checksum: the file was altered; build it again")
     return body
+
+
+def _read_body(group: Any, attributes: Any) -> ReducedBody:
+    """The arrays of a body, and of the shadow in its group, which is used as the body is."""
+    contents = _read_entries(group, BODY)
+    contents |= {
+        part.attribute: part.kind(**_read_entries(group, part.entries)) for part in GROUPS if part.attribute in group
+    }
+    if "shadow" in group:
+        contents["shadow"] = Shadow(_read_body(group["shadow"], attributes), **_read_entries(group, SHADOW))
+    return ReducedBody(
+        **contents,
+        name=str(attributes["name"]),
+        root_interface=int(attributes["root_interface"]),
+        floating=bool(attributes["floating"]),
+    )
 
 
 def _read_entries(group: Any, entries: tuple[Entry, ...]) -> dict[str, Any]:

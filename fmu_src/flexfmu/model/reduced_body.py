@@ -6,9 +6,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from .arrays import BODY, INERTIA, MASSES, MEMBRANE, PROPERTIES, SECOND, STRESS, SURFACE, TIES, WHOLE, Entry, settle
+from .arrays import (
+    BODY,
+    INERTIA,
+    MASSES,
+    MEMBRANE,
+    POLYNOMIAL,
+    PROPERTIES,
+    SECOND,
+    SHADOW,
+    STRESS,
+    SURFACE,
+    TIES,
+    WHOLE,
+    Entry,
+    settle,
+)
 from .errors import ModalFileError
-from .inertia import LumpedMass
+from .inertia import LumpedMass, MassPolynomial
 from .membrane import Membrane
 from .methods import DEFAULT, Mass, Method, masses_of
 
@@ -255,8 +270,8 @@ class ReducedBody:
         masses, accelerations of the supports; 1/(s² N), 1/(s² N m), 1/m.
     stiffness_by_mode : (m, m, m) float or None
         Reduced geometric stiffness of each unit modal coordinate, 1/(s² kg^1/2 m).
-    missed_inertia : (p, r + p) float or None
-        From `program.missed_inertia`: what constant mass leaves out, for the watch.
+    watched_frame, watched_rotation, watched_strain : (w,) int, (w, 3, m) float and (v, 6, m) float, or None
+        Frames and mean rotations of elements that are watched; mean strain of each material in each frame.
     method : Method
         The one that the body file asks for; another may be chosen when the body is used.
     mass : Mass
@@ -275,16 +290,14 @@ class ReducedBody:
     provenance : dict of str to str
         Where the body comes from: input hashes and versions.
     surface : Surface or None
-    inertia : LumpedMass or None
-        What the mass of the deformed body is made of.
-    ties : Ties or None
-        What joins the parts of a body that was cut.
-    second : SecondOrder or None
-        What method "second_order" needs.
-    membrane : Membrane or None
-        What it has beside it of bodies that stretch when they bend.
+    inertia, polynomial, ties : LumpedMass, MassPolynomial and Ties, or None
+        What the mass of the deformed body is made of, that to second order, and what joins the parts of a cut body.
+    second, membrane : SecondOrder and Membrane, or None
+        What method "second_order" needs, and has beside it of bodies that stretch when they bend.
     properties : Properties or None
         Mass, size and materials, for people; files from before it was kept do not have it.
+    shadow : Shadow or None
+        What tells the error of the body's motion.
     """
 
     name: str
@@ -306,7 +319,9 @@ class ReducedBody:
     stress_sets: tuple[StressSet, ...] = ()
     stiffness_by_load: FloatArray | None = None
     stiffness_by_mode: FloatArray | None = None
-    missed_inertia: FloatArray | None = None
+    watched_frame: IntArray | None = None
+    watched_rotation: FloatArray | None = None
+    watched_strain: FloatArray | None = None
     method: Method = DEFAULT
     mass: Mass = Mass.CONSTANT
     velocity_outputs: bool = False
@@ -317,10 +332,12 @@ class ReducedBody:
     provenance: dict[str, str] = field(default_factory=dict)
     surface: Surface | None = None
     inertia: LumpedMass | None = None
+    polynomial: MassPolynomial | None = None
     ties: Ties | None = None
     second: SecondOrder | None = None
     membrane: Membrane | None = None
     properties: Properties | None = None
+    shadow: "Shadow | None" = None
 
     def __post_init__(self) -> None:
         """Bring the arrays into their types and check shapes and physics.
@@ -335,12 +352,14 @@ class ReducedBody:
         sizes["K"] = sizes["S"] + sizes["I"] + (0 if self.masses is None else np.size(self.masses.mass))
         sizes["K"] += 0 if self.ties is None else 2 * len(self.ties.stiffness)
         settle(self, BODY, sizes)
-        for part in PARTS:
+        for part in GROUPS:
             value = getattr(self, part.attribute)
             if value is not None:
                 settle(value, part.entries, sizes, part.attribute)
         for stresses in self.stress_sets:
             settle(stresses, STRESS, sizes, f"stress set {stresses.name!r}")
+        if self.shadow is not None:
+            settle(self.shadow, SHADOW, {"m": sizes["m"], "M": self.shadow.body.mode_count}, "shadow")
         self._check_physics()
 
     def _check_physics(self) -> None:
@@ -367,11 +386,8 @@ class ReducedBody:
             )
         if self.mass not in masses_of(self.method):
             raise ModalFileError(f'mass is "{self.mass.value}", which method "{self.method.value}" does not know')
-        if self.missed_inertia is not None:
-            pairs, columns = self.missed_inertia.shape
-            slow = columns - pairs
-            if not 1 <= slow <= self.mode_count or 2 * pairs != slow * (slow + 1) or self.rigid_count:
-                raise ModalFileError("missed_inertia is not that of a held body's pairs of coordinates")
+        if self.polynomial is not None and self.rigid_count:
+            raise ModalFileError("polynomial: the mass of a body that is free to move is none")
         if not set(self.compliance_interfaces) <= set(self.interface_names):
             raise ModalFileError(
                 f"compliance_interfaces are {self.compliance_interfaces}, expected names of interfaces"
@@ -380,6 +396,12 @@ class ReducedBody:
             raise ModalFileError(f"following_interfaces are {self.following_interfaces}, expected names of interfaces")
         if not GROUND <= self.root_interface < self.interface_count:
             raise ModalFileError("root_interface must name an interface, or be -1")
+        if self.shadow is not None and (
+            self.shadow.body.interface_names != self.interface_names
+            or self.shadow.body.rigid_count != self.rigid_count
+            or (self.shadow.body.masses is None) != (self.masses is None)
+        ):
+            raise ModalFileError("the shadow must have the interfaces, rigid motions and accelerations of the body")
         if self.floating and not self.frame_count:
             raise ModalFileError("a floating body must have its floating frame")
         if np.any(self.damping_ratio < 0.0):
@@ -427,8 +449,24 @@ class ReducedBody:
         return len(self.interface_names)
 
 
+@dataclass(frozen=True, slots=True, repr=False)
+class Shadow:
+    """The same body reduced finer, for method "second_order"; docs/theory.md, section 7a.
+
+    Attributes
+    ----------
+    body : ReducedBody
+        Of the same interfaces.
+    embedding : (m_S, m) float
+        Its coordinates at unit coordinates of the body; columns are orthonormal.
+    """
+
+    body: ReducedBody
+    embedding: FloatArray
+
+
 @dataclass(frozen=True, slots=True)
-class Part:
+class Group:
     """What a body may hold besides its own arrays.
 
     Attributes
@@ -444,14 +482,15 @@ class Part:
     entries: tuple[Entry, ...]
 
 
-PARTS = (
-    Part("whole", WholeFrame, WHOLE),
-    Part("masses", Masses, MASSES),
-    Part("inertia", LumpedMass, INERTIA),
-    Part("ties", Ties, TIES),
-    Part("second", SecondOrder, SECOND),
-    Part("membrane", Membrane, MEMBRANE),
-    Part("properties", Properties, PROPERTIES),
-    Part("surface", Surface, SURFACE),
+GROUPS = (
+    Group("whole", WholeFrame, WHOLE),
+    Group("masses", Masses, MASSES),
+    Group("inertia", LumpedMass, INERTIA),
+    Group("polynomial", MassPolynomial, POLYNOMIAL),
+    Group("ties", Ties, TIES),
+    Group("second", SecondOrder, SECOND),
+    Group("membrane", Membrane, MEMBRANE),
+    Group("properties", Properties, PROPERTIES),
+    Group("surface", Surface, SURFACE),
 )
-"""Parts that are there only where a body was built with them; stress sets have a group each."""
+"""Those that are there only where a body was built with them; stress sets have a group each."""

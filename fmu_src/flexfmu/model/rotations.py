@@ -136,5 +136,4 @@ def rotation_vector(rotation: FloatArray) -> FloatArray:
     sine = np.sqrt(np.einsum("...i,...i->...", vector, vector))
     angle = 2.0 * np.arctan2(sine, quaternion[..., 3])
     scale = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)
-    result: FloatArray = scale[..., None] * vector
-    return result
+    return scale[..., None] * vector

@@ -1,5 +1,7 @@
 """A reduced body under one method as a program: all that does not depend on inputs, found once."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..files.array_types import FloatArray
@@ -39,6 +41,27 @@ def compile_draft(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT)
             f"body '{body.name}': its numbers go beyond the arithmetic in method '{method.value}' ({error}); "
             "build it again"
         ) from error
+
+
+def shadow_draft(body: ReducedBody) -> Draft:
+    """Program of a body's shadow.
+
+    Parameters
+    ----------
+    body : ReducedBody
+        With a shadow.
+
+    Returns
+    -------
+    Draft
+    """
+    shadow = body.shadow
+    if shadow is None:
+        raise OptionError("the body was built without what tells its error: build it with error = true in [output]")
+    draft = compile_draft(replace(shadow.body, following_interfaces=body.following_interfaces), Method.SECOND_ORDER)
+    draft.sizes["embedded"] = body.mode_count
+    draft.arrays["embedding"] = shadow.embedding
+    return draft
 
 
 def _draft(body: ReducedBody, recipe: Recipe, mass: Mass) -> Draft:

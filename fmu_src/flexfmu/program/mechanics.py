@@ -63,7 +63,7 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
         draft.arrays["stretch_sign"] = body.membrane.sign
     if body.ties is not None and tree.frames:
         _put_ties(draft, body, tree)
-    _put_inertia(draft, body, recipe, tree, lumped)
+    _put_inertia(draft, body, recipe, mass, tree, lumped)
     if body.floating and placement is LoadPlacement.DEFORMED and recipe.stiffness is Stiffness.CONSTANT:
         _put_turns(draft, body)
     return draft
@@ -90,7 +90,17 @@ def _put_modes(draft: Draft, body: ReducedBody) -> None:
         "zeta": body.damping_ratio,
         "weight": np.where(omega > 0.0, omega, omega[rigid]),
         "suggested_step": np.array([body.suggested_step]),
+        "body_size": np.array([_size(body)]),
     }
+
+
+def _size(body: ReducedBody) -> float:
+    """Diagonal of the box round the undeformed body, m; of what is known of it."""
+    points = [body.interface_point, body.joint_point]
+    points += [] if body.properties is None else [body.properties.box]
+    points += [] if body.masses is None else [body.masses.point]
+    points += [] if body.surface is None else [body.surface.points]
+    return float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
 
 
 def _put_nodes(draft: Draft, body: ReducedBody, tree: Tree) -> None:
@@ -131,21 +141,25 @@ def _put_watched(draft: Draft, body: ReducedBody, recipe: Recipe, tree: Tree) ->
         "turning_limit": _FIRST_ORDER if recipe.kinematics in _WRONG_AT_FIRST_ORDER else 100,
         "stress_sets": len(points),
         "stress_points": sum(len(part) for part in points),
+        "strains": 0 if body.watched_strain is None else len(body.watched_strain),
     }
     draft.arrays |= {
         "turning": turning,
+        "strain": np.zeros(0) if body.watched_strain is None else body.watched_strain,
         "turning_frame": turning_frame,
         "stress_start": np.cumsum([0, *(len(part) for part in points)]),
         "stress": np.concatenate(points) if points else np.zeros(0),
-        "advice": texts(against_rotation(body, recipe), "", "", against_spin(body, recipe)),
+        "advice": advice(body, recipe),
     }
 
 
-def _put_inertia(draft: Draft, body: ReducedBody, recipe: Recipe, tree: Tree, lumped: LumpedMass | None) -> None:
+def _put_inertia(
+    draft: Draft, body: ReducedBody, recipe: Recipe, mass: Mass, tree: Tree, lumped: LumpedMass | None
+) -> None:
     """Mass of the deformed body, or what constant mass leaves out of it."""
+    kept, polynomial = inertial_modes(body), body.polynomial
     if lumped is not None:
-        kept = inertial_modes(body)
-        draft.sizes |= {"inertial": 1, "inertial_modes": kept}
+        draft.sizes |= {"inertial": 1, "inertial_modes": kept, "lumped": 1}
         draft.arrays |= {
             "lump_mass": lumped.mass,
             "turning_inertia": lumped.turning,
@@ -154,26 +168,32 @@ def _put_inertia(draft: Draft, body: ReducedBody, recipe: Recipe, tree: Tree, lu
         }
     elif body.rigid_count and tree.frames:
         _put_spin(draft, body)
-    elif body.missed_inertia is not None and recipe.kinematics in _TREES:
-        pairs, columns = body.missed_inertia.shape
-        draft.sizes |= {"missed_modes": columns - pairs, "missed_pairs": pairs}
-        draft.arrays["missed_inertia"] = body.missed_inertia
+    elif polynomial is not None and recipe.kinematics in _TREES:
+        # With constant mass it is there for the watch.
+        draft.sizes |= {"inertial": int(mass is Mass.POLYNOMIAL), "inertial_modes": kept}
+        first, second = np.triu_indices(kept)
+        # What belongs to a pair off the diagonal stands for both halves of its matrix.
+        both = np.where(first == second, 1.0, 2.0)
+        form, square = (part[:, first, second] * both for part in (polynomial.form, polynomial.square))
+        draft.sizes |= {"mass_forms": len(form), "mass_pairs": first.size}
+        draft.arrays |= {"mass_form": form, "mass_value": np.hstack([polynomial.linear[:, :kept], square])}
 
 
 def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, IntArray]:
-    """Rotations (n, 3, m) of material against its frame, and that frame (n,): joints and interfaces."""
+    """Rotations (n, 3, m) of material against its frame, and that frame (n,): elements, joints and interfaces."""
+    material, on = body.watched_rotation, body.watched_frame
+    if material is None or on is None:
+        material, on = np.zeros((0, 3, body.mode_count)), np.zeros(0, dtype=np.int64)
     if frames == 0:
-        return body.interface_rotation, np.zeros(body.interface_count, dtype=np.int64)
+        rotation = np.concatenate([body.interface_rotation, material])
+        return rotation, np.zeros(len(rotation), dtype=np.int64)
+    on = np.minimum(on, frames - 1)
     carried = np.flatnonzero(body.frame_parent >= 0)
-    parent = body.frame_parent[carried]
     held = np.flatnonzero(body.interface_frame >= 0)
-    on = body.interface_frame[held]
-    rotations = [
-        body.joint_rotation - body.frame_rotation,
-        body.joint_rotation[carried] - body.frame_rotation[parent],
-        body.interface_rotation[held] - body.frame_rotation[on],
-    ]
-    return np.concatenate(rotations), np.concatenate([np.arange(frames), parent, on])
+    moved = np.concatenate([body.joint_rotation, body.joint_rotation[carried], body.interface_rotation[held], material])
+    frame = np.concatenate([np.arange(frames), body.frame_parent[carried], body.interface_frame[held], on])
+    own = np.where(frame[:, None, None] >= 0, body.frame_rotation[frame], 0.0)
+    return moved - own, np.maximum(frame, 0)
 
 
 def _put_ties(draft: Draft, body: ReducedBody, tree: Tree) -> None:
@@ -209,7 +229,7 @@ def _put_ties(draft: Draft, body: ReducedBody, tree: Tree) -> None:
 
 def _lumped(body: ReducedBody, mass: Mass) -> LumpedMass | None:
     """The lumps that go along; none where nothing of the body hangs on a frame."""
-    if mass is Mass.CONSTANT:
+    if mass is not Mass.CONFIGURATION:
         return None
     if body.inertia is None:
         raise OptionError(
@@ -265,6 +285,22 @@ def _put_turns(draft: Draft, body: ReducedBody) -> None:
     operator = np.array(draft.arrays["operator_"])
     operator[:, 0, :, rigid:] = 0.0
     draft.arrays["operator_"] = operator
+
+
+def advice(body: ReducedBody, recipe: Recipe, missed: str = "", source: str = "") -> bytes:
+    """What to do about all that is watched, in the core's order; of missed stiffness also by which source."""
+    return texts(
+        against_rotation(body, recipe), missed, source, against_spin(body, recipe), against_error(body, recipe)
+    )
+
+
+def against_error(body: ReducedBody, recipe: Recipe) -> str:
+    """What to do about the error that a body tells of itself."""
+    if recipe.kinematics is not Kinematics.SECOND_ORDER and body.second is not None and body.frame_count:
+        return 'take method = "second_order"'
+    if recipe.kinematics is not Kinematics.SECOND_ORDER:
+        return 'build with frames and method = "second_order"'
+    return "build with more frames, more modes, or residual_flexibility = true"
 
 
 def against_rotation(body: ReducedBody, recipe: Recipe) -> str:

@@ -14,13 +14,15 @@ from ..model.frame_layout import with_frame_layout
 from ..model.methods import Mass, Method, has_frames, masses_of
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered
-from .compile import compile_draft
+from .compile import compile_draft, shadow_draft
 from .draft import Draft, texts
 from .variable_table import variable_table
 from .variables import Variable
 
 DESCRIPTION = "body.prog"
 """The program of the method that the FMU starts with; it describes the variables, too."""
+# What begins the name of the program that tells the error.
+_SHADOW = "shadow"
 # Sets of interfaces that a linear body may be fixed at: all of them as long as there are few.
 _MOST_FIXED = 5
 _TYPES = ("Real", "Integer", "Boolean", "String")
@@ -56,6 +58,12 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
             )
             draft = compile_draft(held, method, mass)
             result[name] = Draft(draft.sizes | fields.sizes, draft.arrays | fields.arrays)
+    if body.shadow is not None:
+        # Frames hang on the root: of other interfaces fixed nothing is known.
+        for fixed in _fixed_sets(body, Method.SECOND_ORDER):
+            names = tuple(body.interface_names[number] for number in fixed)
+            held = with_fixed_interfaces(body, names, Method.SECOND_ORDER)
+            result[f"{'-'.join([_SHADOW, *map(str, fixed)])}.prog"] = shadow_draft(held)
     return result
 
 

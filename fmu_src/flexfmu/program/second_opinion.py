@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core import Core
+from ..core.library import Core
 from ..files.array_types import FloatArray
 from ..model.methods import Kinematics, LoadPlacement, Method, Recipe, Stiffness, recipe_of
 from ..model.reduced_body import GROUND, ReducedBody
-from .draft import Draft, texts
-from .mechanics import against_rotation, against_spin, mechanics
+from .draft import Draft
+from .mechanics import advice, mechanics
 
 # Times 1/n²: what n frames in a chain overestimate a cantilever's critical load by (section 4b: 0.223, 0.056, 0.016 for
 # 1, 2, 4).
@@ -23,8 +23,7 @@ def in_load_order(by_load: FloatArray, interfaces: int) -> FloatArray:
     """Matrices (L, m, m) of forces of all interfaces, then moments, as force and moment of each interface in turn."""
     wrenches = by_load[: 6 * interfaces].reshape(2, interfaces, 3, *by_load.shape[1:])
     ordered = np.moveaxis(wrenches, 0, 1).reshape(6 * interfaces, *by_load.shape[1:])
-    result: FloatArray = np.concatenate([ordered, by_load[6 * interfaces :]])
-    return result
+    return np.concatenate([ordered, by_load[6 * interfaces :]])
 
 
 def unit_load_tangents(draft: Draft, body: ReducedBody) -> FloatArray:
@@ -95,8 +94,7 @@ def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
 
     def scaled(tangents: FloatArray) -> FloatArray:
         part = tangents[:, elastic, elastic]
-        result: FloatArray = 0.5 * (part + part.swapaxes(1, 2)) / (omega[:, None] * omega)
-        return result
+        return 0.5 * (part + part.swapaxes(1, 2)) / (omega[:, None] * omega)
 
     judged, missed = scaled(change), scaled(own - change)
     draft.sizes["judged"] = 1
@@ -108,8 +106,7 @@ def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
     }
     force, motion, size = _interface_loads(draft, body, elastic)
     draft.arrays |= {"judge_force": force, "judge_motion": motion, "judge_size": size}
-    advice = [against_rotation(body, recipe), _against_missed(body, recipe, source), source]
-    draft.arrays["advice"] = texts(*advice, against_spin(body, recipe))
+    draft.arrays["advice"] = advice(body, recipe, _against_missed(body, recipe, source), source)
 
 
 def _by_mode(draft: Draft, body: ReducedBody) -> FloatArray:

@@ -13,6 +13,7 @@ STEP_LIMIT = parameter("STEP_LIMIT").name
 STEP_TOLERANCE = parameter("STEP_TOLERANCE").name
 STEP_MOST = parameter("STEP_MOST").name
 STATUS_CODE = rows_of("STATUS")[0].name
+ERROR = next(row.name for row in rows_of("DIAGNOSTIC") if row.symbol == "error")
 ACCELERATION = rows_of("INPUT")[-1].name.removesuffix(".AXIS")
 FIXED = ".fixed"
 """Ends the name of the parameter that fixes an interface of a free body."""

@@ -1,6 +1,6 @@
 """The basis that a body file asks for and its geometric stiffness, found once and kept by content."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from ..fe.assembly import stiffness
 from ..fe.factorisation import solver_name
-from ..fe.geometric import geometric_stiffness
+from ..fe.gradients import geometric_stiffness
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
@@ -17,6 +17,9 @@ from .modes import Modes, chosen_modes, craig_bampton, normal_modes, with_residu
 from .options import Basis, BasisOptions
 from .point_masses import model_mass
 from .supported import Supported, eliminated, supported
+
+MISSED = 5e-3
+"""Share of its own displacement that a load may miss where shapes are taken by need."""
 
 
 class Matrices:
@@ -43,9 +46,10 @@ class Matrices:
         materials = [(*m.elasticity.ravel().tolist(), m.density) for m in mesh.materials]
         found = mesh.equations
         tied = () if found is None else (found.data, found.indices, found.indptr)
+        stiff = [part for one in mesh.simplices for part in (one.nodes, one.stiffness)]
         hung = [part for one in mesh.masses for part in (one.mass, one.inertia, one.point, one.nodes)]
         supports = model.fixed, model.spring, model.rigid.shape
-        return content_key(__name__, mesh.points, *blocks, *materials, *supports, *tied, *hung)
+        return content_key(__name__, mesh.points, *blocks, *materials, *supports, *tied, *stiff, *hung)
 
     @cached_property
     def supported(self) -> Supported:
@@ -54,7 +58,7 @@ class Matrices:
         with self._report.stage("Assemble stiffness and mass"):
             # Without names for those of all degrees of freedom, which are not kept beside the factors.
             matrices = eliminated(
-                stiffness(model.mesh) + sp.diags_array(model.spring.ravel()),
+                stiffness(model.mesh) + model.unknowns.in_means(sp.diags_array(model.spring.ravel())),
                 model_mass(model.mesh, self._volumes),
                 model.unknowns,
             )
@@ -63,12 +67,7 @@ class Matrices:
 
 
 def modal_basis(
-    table: BasisOptions,
-    matrices: Matrices,
-    loads: FloatArray,
-    residual: FloatArray,
-    store: Store,
-    report: Reporter,
+    table: BasisOptions, matrices: Matrices, loads: FloatArray, residual: FloatArray, store: Store, report: Reporter
 ) -> tuple[Modes, str]:
     """Modes of the basis that the body file asks for.
 
@@ -119,37 +118,51 @@ def _numbered_basis(
     few = len(numbers) < count
     chosen = np.array(numbers) - 1
 
-    def constrained() -> Modes:
-        words = f"Find {loads.shape[1]} constraint modes and {count} fixed-interface normal modes"
-        model = matrices.supported
-        with report.stage(words):
-            return craig_bampton(model, chosen, loads)
+    def kept(key: str, title: str, words: str, find: Callable[[Supported], Modes]) -> Modes:
+        def make() -> dict[str, FloatArray]:
+            model = matrices.supported
+            with report.stage(words):
+                return _arrays(find(model))
 
-    def normal() -> Modes:
-        model = matrices.supported
-        with report.stage(f"Find {count} normal modes"):
-            return normal_modes(model, count)
-
-    def completed() -> Modes:
-        model = matrices.supported
-        with report.stage(f"Add the static response to {residual.shape[1]} unit loads"):
-            return with_residual_flexibility(model, modes, residual)
+        return _modes(store.arrays(key, title, report, make))
 
     if table.kind is Basis.CRAIG_BAMPTON:
         key = content_key(__name__, "craig-bampton", matrices.key, numbers if few else count, loads)
-        modes = _modes(store.arrays(key, "modes", report, lambda: _arrays(constrained())))
+        words = f"Find {loads.shape[1]} constraint modes and {count} fixed-interface normal modes"
+        modes = kept(key, "modes", words, lambda model: craig_bampton(model, chosen, loads))
         if table.residual:
             report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
         return modes, key
     key = content_key(__name__, "normal", matrices.key, count)
-    modes = _modes(store.arrays(key, "normal modes", report, lambda: _arrays(normal())))
+    modes = kept(key, "normal modes", f"Find {count} normal modes", lambda model: normal_modes(model, count))
     if few:
         report.note(f"kept of {count} normal modes: {', '.join(map(str, numbers))}")
         modes, key = chosen_modes(modes, chosen), content_key(__name__, "chosen", key, numbers)
-    if residual.shape[1]:
-        key = content_key(__name__, "residual", key, residual)
-        modes = _modes(store.arrays(key, "static response", report, lambda: _arrays(completed())))
-    return modes, key
+    return completed_basis(matrices, modes, key, residual, store, report, MISSED if table.by_need else 0.0)
+
+
+def completed_basis(
+    matrices: Matrices,
+    modes: Modes,
+    key: str,
+    residual: FloatArray,
+    store: Store,
+    report: Reporter,
+    missed: float = 0.0,
+) -> tuple[Modes, str]:
+    """Modes, and what they lack of the static response to nodal forces (3n, j); see `modal_basis`.
+
+    Of its own displacement every load may miss the part `missed`.
+    """
+    if not residual.shape[1]:
+        return modes, key
+
+    def completed() -> Modes:
+        with report.stage(f"Add the static response to {residual.shape[1]} unit loads"):
+            return with_residual_flexibility(matrices.supported, modes, residual, missed)
+
+    key = content_key(__name__, "residual", key, residual, missed)
+    return _modes(store.arrays(key, "static response", report, lambda: _arrays(completed()))), key
 
 
 def _arrays(modes: Modes) -> dict[str, FloatArray]:

@@ -50,7 +50,7 @@ class Division:
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
+class Joints:
     """Joints on the way from the supports to somewhere.
 
     Attributes
@@ -98,16 +98,11 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
             (np.maximum(gap, _TOUCHING * np.ptp(mesh.points)), (joined.row, joined.col)), graph.shape
         )
         graph = graph.maximum(sp.csr_array(between))
-    result: FloatArray = dijkstra(graph, directed=False, indices=sources, min_only=True)
-    return result
+    return dijkstra(graph, directed=False, indices=sources, min_only=True)
 
 
 def divide(
-    mesh: Mesh,
-    volumes: tuple[FloatArray, ...],
-    faces: tuple[FaceBlock, ...],
-    supported: IntArray,
-    levels: int,
+    mesh: Mesh, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], supported: IntArray, levels: int
 ) -> Division:
     """Divide a body into sub-domains by levels of the distance from its supports.
 
@@ -145,7 +140,7 @@ def divide_branches(
     volumes: tuple[FloatArray, ...],
     faces: tuple[FaceBlock, ...],
     supported: IntArray,
-    branches: Sequence[Branch],
+    branches: Sequence[Joints],
 ) -> Division:
     """Divide a body at given distances from its supports, of each branch by itself.
 
@@ -158,7 +153,7 @@ def divide_branches(
     faces : tuple of FaceBlock
     supported : (k,) int
         Nodes from which the distance counts.
-    branches : sequence of Branch
+    branches : sequence of Joints
 
     Returns
     -------
@@ -251,8 +246,7 @@ def neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) 
 def _corner_areas(at: FloatArray) -> FloatArray:
     """Areas (f,) between corners (f, 3 or 4, 3): of a triangle by two edges, of a quadrilateral by its diagonals."""
     edges = np.cross(at[:, 2] - at[:, 0], at[:, -1] - at[:, 1] if at.shape[1] == 4 else at[:, 1] - at[:, 0])
-    area: FloatArray = 0.5 * np.linalg.norm(edges, axis=1)
-    return area
+    return 0.5 * np.linalg.norm(edges, axis=1)
 
 
 def linked(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> sp.csr_array:
@@ -407,6 +401,9 @@ def _open_loops(mesh: Mesh, subdomains: Sequence[Subdomain], shared: FloatArray)
         if first.parent == q or second.parent == p:
             continue
         common = np.intersect1d(first.body.nodes, second.body.nodes)
-        x, y, z = mesh.points[common].mean(axis=0)
-        found.append(f"closed loop cut between frames {first.name} and {second.name} at ({x:.4g}, {y:.4g}, {z:.4g}) m")
+        where = "where equations or rigid links join them"
+        if common.size:
+            x, y, z = mesh.points[common].mean(axis=0)
+            where = f"at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+        found.append(f"closed loop cut between frames {first.name} and {second.name} {where}")
     return tuple(found)

@@ -68,8 +68,7 @@ def _across(mesh: Mesh, link: sp.csr_array, distance: FloatArray, way: float) ->
     matrix = sp.csr_array(sp.diags_array(volume) + _EVEN * volume.sum() / way * spread)
     # Factors of large meshes would take gigabytes. What the iteration leaves when it ends is round-off.
     scale = sp.diags_array(1.0 / matrix.diagonal())
-    result: FloatArray = spla.cg(matrix, volume * distance, x0=distance, rtol=_SETTLED, M=scale, maxiter=_ROUNDS)[0]
-    return result
+    return spla.cg(matrix, volume * distance, x0=distance, rtol=_SETTLED, M=scale, maxiter=_ROUNDS)[0]
 
 
 def without_resultants(points: FloatArray, forces: FloatArray, sliced: list[IntArray]) -> FloatArray:

@@ -5,8 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..fe.quadratic_strain import mean_spin, quadratic_strain
-from ..fe.turned_stress import turned_stress
+from ..fe.gradients import mean_spin, quadratic_strain, turned_stress
 from ..files.array_types import FloatArray, IntArray
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
@@ -20,36 +19,6 @@ _STIFF = 1e-2
 _NONE = 1e-12
 # Right-hand sides at a time.
 _COLUMNS = 16
-
-
-@dataclass(frozen=True, slots=True)
-class Shares:
-    """Energies of fourth order over that of second, where the material turns by one radian (rms).
-
-    Attributes
-    ----------
-    stretching, flattening : float
-        The largest of all motions looked at.
-    """
-
-    stretching: float
-    flattening: float
-
-
-@dataclass(frozen=True, slots=True)
-class Responses:
-    """Motions that turn the material by one radian (rms).
-
-    Attributes
-    ----------
-    fields : (3n, k) float
-        m.
-    energy : (k,) float
-        Linear strain energy, J.
-    """
-
-    fields: FloatArray
-    energy: FloatArray
 
 
 @dataclass(frozen=True)
@@ -136,26 +105,34 @@ class FourthOrder:
             result[part] = np.sqrt(np.diag(mean_spin(self._mesh, fields)))
         return result
 
-    def responses(self, forces: FloatArray) -> Responses:
-        """Static responses to nodal forces (3n, l) and accelerations along the axes that are no mere stretch."""
+    def responses(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Static responses to nodal forces (3n, l) and accelerations along the axes that are no mere stretch.
+
+        Returns
+        -------
+        fields : (3n, k) float
+            Turn the material by one radian (rms), m.
+        energies : (k,) float
+            Of linear strain, J.
+        """
         model = self.matrices.supported
         found = model.static(model.forces(np.hstack([forces, model.inertia])))
         fields = model.whole(found)
         energy = 0.5 * np.einsum("ij,ij->j", found, model.stiffness @ found)
         scale = turning_scale(energy, np.diag(mean_spin(self._mesh, fields)))
         chosen = scale > 0.0
-        return Responses(fields[:, chosen] * scale[chosen], (energy * scale**2)[chosen])
+        return fields[:, chosen] * scale[chosen], (energy * scale**2)[chosen]
 
-    def shares(self, forces: FloatArray) -> Shares:
-        """Shares in the responses to nodal forces (3n, l)."""
-        found = self.responses(forces)
-        if not found.energy.size:
-            return Shares(0.0, 0.0)
-        pairs = np.repeat(np.arange(found.energy.size)[:, None], 2, axis=1)
-        held = self.stretching(found.fields, pairs)[0]
-        flat = self.flattening_forces(found.fields, pairs)
-        freed = 0.5 * self.released(flat, f"Static response to {found.energy.size} flattenings")
-        return Shares(*(float(np.max(np.diag(part) / found.energy)) for part in (held, freed)))
+    def shares(self, forces: FloatArray) -> FloatArray:
+        """The largest shares (2,) of stretching and flattening in the responses to nodal forces (3n, l)."""
+        fields, linear = self.responses(forces)
+        if not linear.size:
+            return np.zeros(2)
+        pairs = np.repeat(np.arange(linear.size)[:, None], 2, axis=1)
+        held = self.stretching(fields, pairs)[0]
+        flat = self.flattening_forces(fields, pairs)
+        freed = 0.5 * self.released(flat, f"Static response to {linear.size} flattenings")
+        return np.array([np.max(np.diag(part) / linear) for part in (held, freed)])
 
 
 def turning_scale(energy: FloatArray, turned: FloatArray) -> FloatArray:
@@ -175,10 +152,11 @@ def turning_scale(energy: FloatArray, turned: FloatArray) -> FloatArray:
     real = energy > _NONE * energy.max()
     ease = np.divide(turned, energy, out=np.zeros_like(energy), where=real)
     soft = ease > _STIFF * ease.max()
-    return np.divide(1.0, np.sqrt(turned), out=np.zeros_like(energy), where=soft)
+    # What does not turn at all may be less than nothing by round-off.
+    return np.divide(1.0, np.sqrt(np.maximum(turned, 0.0)), out=np.zeros_like(energy), where=soft)
 
 
-def energy_shares(matrices: Matrices, forces: FloatArray, store: Store, report: Reporter) -> Shares:
+def energy_shares(matrices: Matrices, forces: FloatArray, store: Store, report: Reporter) -> FloatArray:
     """Shares of a body's energies of fourth order, whatever modes are taken; found once and kept by content.
 
     Moments are left out: on an interface between supports they bend slices that are not quite straight across.
@@ -193,13 +171,12 @@ def energy_shares(matrices: Matrices, forces: FloatArray, store: Store, report: 
 
     Returns
     -------
-    Shares
+    (2,) float
+        Energy of stretching and of flattening over the linear one, where the material turns by one radian (rms).
     """
 
     def make() -> dict[str, FloatArray]:
-        found = FourthOrder(matrices, report).shares(forces)
-        return {"shares": np.array([found.stretching, found.flattening])}
+        return {"shares": FourthOrder(matrices, report).shares(forces)}
 
     key = content_key(__name__, "shares", matrices.key, forces)
-    held, freed = store.arrays(key, "shares of membrane energy", report, make)["shares"]
-    return Shares(float(held), float(freed))
+    return store.arrays(key, "shares of membrane energy", report, make)["shares"]

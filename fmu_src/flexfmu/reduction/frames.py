@@ -9,7 +9,7 @@ from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from ..model.methods import Data
 from ..model.reduced_body import GROUND, WholeFrame
-from .division import Branch, Division, divide, divide_branches, open_loops
+from .division import Division, Joints, divide, divide_branches, open_loops
 from .model import Model
 from .options import Basis, BodyOptions, BranchJoints, Nodes
 from .places import node_set
@@ -61,7 +61,7 @@ def body_subdomains(
     top = [] if config.cuts else root_frame(model, volumes)
     if config.branches:
         branches = [
-            Branch(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), b.joints)
+            Joints(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), b.joints)
             for b in config.branches
         ]
         division = divide_branches(mesh, volumes, faces, anchored, branches)
@@ -70,19 +70,19 @@ def body_subdomains(
         if config.levels == 0:
             return top, ()
         division = divide(mesh, volumes, faces, anchored, config.levels)
-        if not config.levels_asked and _better_whole(config, mesh, division):
+        if not config.levels_asked and _spoiled(config, mesh, division):
             division = divide(mesh, volumes, faces, anchored, 1)
-        return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
+        advice = _advised(division.cuts) if config.levels_asked else ()
+        return top + on_floating_frame(division.subdomains, len(top)), advice
     requests = frame_requests(config, mesh)
     subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
     warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
     return top + on_floating_frame(subdomains, len(top)), warnings
 
 
-def _better_whole(config: BodyOptions, mesh: Mesh, division: Division) -> bool:
-    """Whether one frame does better: it keeps a loop closed, and has no joint on a single element's face."""
-    spoiled = Data.SECOND_ORDER in config.stored and hourglass_warnings(mesh, division.subdomains)
-    return bool(division.cuts or spoiled)
+def _spoiled(config: BodyOptions, mesh: Mesh, division: Division) -> bool:
+    """Whether one frame does better: several would have a joint on a single element's face."""
+    return Data.SECOND_ORDER in config.stored and bool(hourglass_warnings(mesh, division.subdomains))
 
 
 def frame_requests(config: BodyOptions, mesh: Mesh) -> list[FrameRequest]:

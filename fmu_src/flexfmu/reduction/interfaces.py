@@ -17,7 +17,7 @@ from .subdomains import Subdomain, carrying_frame, elements_within
 
 
 @dataclass(frozen=True, slots=True)
-class Interface:
+class InterfaceFit:
     """An interface fitted to its node set.
 
     Attributes
@@ -44,8 +44,7 @@ class Interface:
     def motion(self, shapes: FloatArray) -> FloatArray:
         """Displacement and rotation (6, m) per unit modal coordinate, from mode shapes (3n, m)."""
         local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(self.operator.shape[1], -1)
-        result: FloatArray = self.operator @ local
-        return result
+        return self.operator @ local
 
     def nodal_loads(self, node_count: int) -> FloatArray:
         """Nodal forces (3n, 6) of unit forces and moments at the reference point."""
@@ -56,7 +55,7 @@ class Interface:
 
 def fit_interface(
     table: InterfaceNodes, mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: Sequence[Subdomain]
-) -> Interface:
+) -> InterfaceFit:
     """Fit an interface of the body file.
 
     Parameters
@@ -68,7 +67,7 @@ def fit_interface(
 
     Returns
     -------
-    Interface
+    InterfaceFit
 
     Raises
     ------
@@ -88,7 +87,7 @@ def fit_interface(
             "and takes no moment; give the interface at least three nodes off a line"
         )
     by_area = weighted.weight.nnz > nodes.size
-    return Interface(table.name, point, nodes, operator, by_area, carrying_frame(subdomains, nodes))
+    return InterfaceFit(table.name, point, nodes, operator, by_area, carrying_frame(subdomains, nodes))
 
 
 def _weighted(table: InterfaceNodes, mesh: Mesh, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:

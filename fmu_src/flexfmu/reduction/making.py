@@ -10,17 +10,8 @@ from ..files.errors import BodyFileError
 from ..model.inertia import LumpedMass
 from ..model.membrane import Membrane
 from ..model.methods import Method, Variant
-from ..model.reduced_body import (
-    GROUND,
-    Masses,
-    ReducedBody,
-    SecondOrder,
-    StressSet,
-    Surface,
-    Ties,
-    WholeFrame,
-)
-from .interfaces import Interface
+from ..model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties, WholeFrame
+from .interfaces import InterfaceFit
 from .options import BodyUse
 from .subdomains import FrameOperators, Subdomain
 
@@ -48,7 +39,7 @@ class Motion:
         cls,
         angular_frequency: FloatArray,
         shapes: FloatArray,
-        interfaces: Sequence[Interface],
+        interfaces: Sequence[InterfaceFit],
         subdomains: Sequence[Subdomain],
         frames: FrameOperators,
     ) -> "Motion":
@@ -89,6 +80,9 @@ class Motion:
 class Parts:
     """What a reduced body may hold beside its motion; as of `ReducedBody`."""
 
+    watched_frame: IntArray | None = None
+    watched_rotation: FloatArray | None = None
+    watched_strain: FloatArray | None = None
     root_interface: int = GROUND
     whole: WholeFrame | None = None
     masses: Masses | None = None

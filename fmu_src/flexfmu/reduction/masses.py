@@ -39,8 +39,7 @@ class Centre:
     def moved(self, shapes: FloatArray) -> FloatArray:
         """Displacement (3, m) of mode shapes (3n, m)."""
         local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes]
-        result: FloatArray = self.operator @ local.reshape(self.operator.shape[1], -1)
-        return result
+        return self.operator @ local.reshape(self.operator.shape[1], -1)
 
 
 def hung_centre(points: FloatArray, one: PointMass) -> Centre:

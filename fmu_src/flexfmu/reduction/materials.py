@@ -121,4 +121,4 @@ def _with(material: Material, table: MaterialConstants, keys: Sequence[str], uni
 
 
 def _units(units: UnitSystem) -> str:
-    return f"{units.factors.stress_name}, –, {units.factors.density_name}"
+    return f"{units.stress_name}, –, {units.density_name}"

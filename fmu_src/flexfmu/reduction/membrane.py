@@ -15,9 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..fe.memory import GIGA, free_memory
-from ..fe.quadratic_strain import mean_spin
-from ..files.array_types import BoolArray, FloatArray, IntArray
+from ..fe.factorisation import GIGA, free_memory
+from ..fe.gradients import mean_spin
+from ..files.array_types import FloatArray, IntArray
 from ..files.errors import ModelError
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
@@ -26,10 +26,15 @@ from .basis import Matrices
 from .fourth_order import FourthOrder, energy_shares, turning_scale
 from .modes import Modes
 
+# Directions in the coordinates whose pairs are looked at: 666 static responses.
+_DIRECTIONS = 36
 # Energy of fourth order over that of second in a static response that turns the material by one radian (rms), up to
-# which it is left out. Cantilevers and curved bars have 1e-4 to 1e-3, portal frames and rings 0.04 to 0.11, where it
-# changes a sway by 10° by 0.005 %; plates have 2, a twist-beam axle 0.4, its halves 4, arches 9, clamped beams 85.
-_NOTHING = 0.2
+# which there is none: cantilevers and curved bars have 1e-4 to 1e-3, portal frames and rings 0.04 to 0.11, a cross
+# pivot 0.09, plates 2, a twist-beam axle 0.4, its halves 4, arches 9, clamped beams 85.
+_NOTHING = 0.02
+# Rotation of the material (rms, rad) at which stretches are compared, the part of the softest motion's linear energy
+# there up to which a stretch is left out, and the amplitude that every coordinate has at least, over that motion's.
+_TURN, _LEAST, _AMPLITUDE = 0.5, 1e-3, 0.1
 # The same of flattening: 0.001 to 0.07 in solid bars, frames, arches and plates, 0.12 in tubes with a wall of a tenth
 # of their diameter.
 _FLAT = 0.09
@@ -44,7 +49,7 @@ _SHOWN = 0.5
 # with forty modes, 0.09 % with twenty.
 _SAME = 2e-3
 # Part of the largest energy of pairs of coordinates, each of unit energy, up to which a combination of them is nothing.
-TOLERANCE = 1e-2
+TOLERANCE = 3e-3
 
 
 @dataclass(frozen=True)
@@ -99,11 +104,36 @@ class Stretching:
         result: FloatArray = found[scale > 0.0] * scale[scale > 0.0, None]
         return result
 
+    @cached_property
+    def _directions(self) -> FloatArray:
+        """Orthonormal directions (e, r) of coordinates of unit energy whose pairs are looked at."""
+        if self._omega.size <= _DIRECTIONS:
+            return np.eye(self._omega.size)
+        # After what motions consist of, the coordinates that turn the material most.
+        turns = np.sqrt(np.diag(self._spin) / np.diag(self._spin).max())
+        rest = np.diag(_AMPLITUDE * np.linalg.norm(self.motions, axis=1).min() * turns)
+        result: FloatArray = np.linalg.svd(np.concatenate([self.motions, rest]), full_matrices=False)[2][:_DIRECTIONS].T
+        return result
+
+    def _forms(self, energies: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
+        """Forms (r, p) whose squares add up to an energy (p, p) of pairs of coordinates, but for what is nothing."""
+        norms, motions = np.linalg.norm(self.motions, axis=1), self.motions @ self._directions
+        # How large coordinates of unit energy get in motions that turn by `_TURN`.
+        size = _TURN * np.maximum(np.abs(motions).max(axis=0), _AMPLITUDE * norms.min())
+        # Pairs of two coordinates stand for two.
+        root = np.where(first == second, 1.0, np.sqrt(2.0)) * size[first] * size[second]
+        values, vectors = np.linalg.eigh(energies * np.outer(root, root))
+        kept = values > max(TOLERANCE * values[-1], _LEAST * 0.5 * (_TURN * norms.min()) ** 2)
+        result: FloatArray = (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
+        return result
+
     def _flattening(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
         """Energy (p, p) that stress which turns with its material sets free outside the basis."""
         fourth = self._fourth
         forces = fourth.flattening_forces(fields, pairs)
-        held = self.modes.shapes[:, self._elastic][self.matrices.supported.free].T @ forces / self._omega[:, None]
+        held = (
+            self.matrices.supported.unknowns.of(self.modes.shapes[:, self._elastic]).T @ forces / self._omega[:, None]
+        )
         return 0.5 * (fourth.released(forces, f"Static response to {len(pairs)} flattenings") - held.T @ held)
 
     def membrane(self, stretching: bool, flattening: bool, keep_shapes: bool) -> Membrane:
@@ -120,33 +150,33 @@ class Stretching:
         -------
         Membrane
         """
-        count = self._omega.size
-        first, second = np.triu_indices(count)
+        count, directions = self._omega.size, self._directions
+        first, second = np.triu_indices(directions.shape[1])
         self._refuse_what_does_not_fit(len(first))
-        fields, pairs = self.modes.shapes[:, self._elastic] / self._omega, np.stack([first, second], axis=1)
+        unit = self.modes.shapes[:, self._elastic] / self._omega
+        fields, pairs = unit @ directions, np.stack([first, second], axis=1)
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
         if stretching:
             energies, forces = self._fourth.stretching(fields, pairs)
-            forms.append(_forms(energies, first == second))
+            forms.append(self._forms(energies, first, second))
             if keep_shapes:
                 # w = −C(q, q).
-                against = fields.T @ forces
+                against = unit.T @ forces
                 shapes = self._turning_shapes(against, forces, first, second)
                 forms.append(shapes.T @ against / np.sqrt(2.0))
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
         if flattening:
-            forms.append(_forms(self._flattening(fields, pairs), first == second))
+            forms.append(self._forms(self._flattening(fields, pairs), first, second))
             signs.append(-np.ones(len(forms[-1])))
         linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
-        found, wide = np.concatenate(forms), np.concatenate(linear) * self._omega
-        scaled = found * self._omega[first] * self._omega[second]
-        modes, elastic = self.modes.angular_frequency.size, self._elastic
+        found = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))
+        found[:, first, second] = found[:, second, first] = np.concatenate(forms)
+        wide, modes, every = directions * self._omega[:, None], self.modes.angular_frequency.size, self._elastic
         result = Membrane(np.zeros((len(found), modes, modes)), np.zeros((len(found), modes)), np.concatenate(signs))
-        result.quadratic[:, elastic[first], elastic[second]] = scaled
-        result.quadratic[:, elastic[second], elastic[first]] = scaled
-        result.linear[:, elastic] = wide
+        result.quadratic[:, every[:, None], every] = wide @ found @ wide.T
+        result.linear[:, every] = np.concatenate(linear) * self._omega
         return result
 
     def _refuse_what_does_not_fit(self, pairs: int) -> None:
@@ -165,7 +195,7 @@ class Stretching:
 
         The basis may know a mere shortening by shapes that bend as well: in the finite element model w turns, too.
         """
-        motions, large, pairs = self.motions, [], []
+        motions, large, pairs = self.motions @ self._directions, [], []
         for i, one in enumerate(motions):
             for other in motions[: i + 1]:
                 pair = one[first] * other[second] + np.where(first == second, 0.0, one[second] * other[first])
@@ -183,18 +213,8 @@ class Stretching:
         return result
 
 
-def _forms(energies: FloatArray, alike: BoolArray) -> FloatArray:
-    """Forms (r, p) whose squares add up to an energy (p, p) of pairs; `alike` where a pair is one motion twice."""
-    # All others stand for two.
-    root = np.where(alike, 1.0, np.sqrt(2.0))
-    values, vectors = np.linalg.eigh(energies * np.outer(root, root))
-    kept = values > TOLERANCE * values[-1]
-    result: FloatArray = (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
-    return result
-
-
 def membrane_energy(
-    stretching: Stretching, modes_key: str, asked: bool, keep_shapes: bool, store: Store
+    stretching: Stretching, modes_key: str, asked: tuple[bool, bool] | None, keep_shapes: bool, store: Store
 ) -> Membrane | None:
     """Stretches of a body, where it stretches when it bends or the body file asks for them.
 
@@ -203,8 +223,8 @@ def membrane_energy(
     stretching : Stretching
     modes_key : str
         As of `basis.modal_basis`.
-    asked : bool
-        Whether it is to be there whatever it holds.
+    asked : tuple of bool, or None
+        Whether energy of stretching, and of flattening, is to be there whatever it holds; None: where it holds enough.
     keep_shapes : bool
         As of `Stretching.membrane`.
     store : Store
@@ -215,15 +235,15 @@ def membrane_energy(
     """
     report = stretching.report
     key = content_key(__name__, modes_key, stretching.loads, keep_shapes)
-    stretched = flattened = asked
-    if not asked:
+    if asked is not None:
+        stretched, flattened = asked
+    else:
         forces = stretching.loads[:, : stretching.loads.shape[1] // 2]
-        held = energy_shares(stretching.matrices, forces, store, report)
-        stretched, flattened = held.stretching > _NOTHING, held.flattening > _FLAT
+        held, freed = energy_shares(stretching.matrices, forces, store, report).tolist()
+        stretched, flattened = held > _NOTHING, freed > _FLAT
         report.note(
             "membrane energy over that of bending at a turn of 1 rad (rms): "
-            f"{held.stretching:.2g} of stretching, {_taken(stretched)}; "
-            f"{held.flattening:.2g} of flattening, {_taken(flattened)}"
+            f"{held:.2g} of stretching, {_taken(stretched)}; {freed:.2g} of flattening, {_taken(flattened)}"
         )
         if not stretched and not flattened:
             return None

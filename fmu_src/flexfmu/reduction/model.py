@@ -13,6 +13,7 @@ from ..mesh.model import Mesh
 from .materials import completed
 from .options import BodyOptions
 from .places import node_set
+from .rigid_nodes import with_rigid_nodes
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 # Relative size of a singular value below which a rigid motion is not held.
@@ -44,7 +45,7 @@ class Model:
 
     def __post_init__(self) -> None:
         """Solve the equations."""
-        object.__setattr__(self, "unknowns", unknowns(self.fixed, self.mesh.equations))
+        object.__setattr__(self, "unknowns", unknowns(self.fixed, self.mesh.equations, self.mesh.lines))
 
     @property
     def free(self) -> IntArray:
@@ -58,7 +59,12 @@ class Model:
         for chosen in (self.fixed.all(axis=1), self.fixed.any(axis=1), held.all(axis=1)):
             if np.any(chosen):
                 return np.flatnonzero(chosen)
-        return np.flatnonzero(held.any(axis=1))
+        equations = self.mesh.equations
+        if held.any() or equations is None:
+            return np.flatnonzero(held.any(axis=1))
+        # Hinges of shells are equations: those that translations do not fulfil.
+        moved = np.abs(equations @ np.tile(np.eye(3), (len(held), 1))).max(axis=1)
+        return np.unique(equations[np.flatnonzero(moved > _FREE)].indices // 3)
 
     @property
     def held(self) -> IntArray:
@@ -89,6 +95,9 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     """
     mesh, notes = completed(mesh, config)
     mesh = replace(mesh, notes=(*mesh.notes, *notes))
+    mesh = with_rigid_nodes(mesh, config)
+    rows = [part for part in (mesh.equations, mesh.supports if config.boundary else None) if part is not None]
+    mesh = replace(mesh, equations=sp.csr_array(sp.vstack(rows)) if rows else None, supports=None)
     fixed = mesh.fixed.copy()
     if not config.boundary:
         fixed[:] = False
@@ -126,6 +135,18 @@ def free_motions(points: FloatArray, held: BoolArray) -> FloatArray:
     return found
 
 
+def _link_strains(mesh: Mesh, motions: FloatArray) -> list[FloatArray]:
+    """By how much motions (3n, k) stretch rigid links over their size, (r, k) of each kind of link."""
+    found = []
+    for one in mesh.simplices:
+        local = motions.reshape(len(mesh.points), 3, -1)[one.nodes]
+        size = 1.0 / np.linalg.norm(one.gradient, axis=(1, 2))
+        slope = np.einsum("eaik,eaJ,e->eiJk", local, one.gradient, size, optimize=True)
+        inside = np.einsum("eij,ejJk->eiJk", one.span, slope)
+        found.append((0.5 * (inside + inside.swapaxes(1, 2))).reshape(-1, motions.shape[1]))
+    return found
+
+
 def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: BoolArray) -> FloatArray:
     """Rigid motions (3k, r) of nodes (k,) that equations join; refused where pieces can move against each other."""
     count = len(mesh.points)
@@ -139,11 +160,13 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
         rows = np.flatnonzero(piece == number)
         blocks[nodes[rows], :, 6 * number : 6 * number + 6] = whole.reshape(-1, 3, 6)[rows]
     own: FloatArray = blocks.reshape(3 * count, -1)
-    resisted = np.concatenate([own[held.ravel()], equations @ own])
+    resisted = np.concatenate([own[held.ravel()], equations @ own, *_link_strains(mesh, own)])
     # The triangle alone: there may be far more rows than motions.
     triangle = np.linalg.qr(np.concatenate([resisted, np.zeros((own.shape[1], own.shape[1]))]), mode="r")
     _, values, turn = np.linalg.svd(triangle)
-    found = own @ turn[values <= _FREE * values.max()].T
+    # Equations that resist nothing within a single piece are round-off of their terms.
+    size = max(float(values.max()), float(np.abs(equations.data).max(initial=0.0)))
+    found = own @ turn[values <= _FREE * size].T
     found[held.ravel()] = 0.0
     inside: FloatArray = found.reshape(count, 3, -1)[nodes].reshape(whole.shape[0], -1)
     if found.shape[1] and np.linalg.matrix_rank(np.hstack([inside, whole])) > whole.shape[1]:

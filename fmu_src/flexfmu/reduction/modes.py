@@ -17,6 +17,8 @@ from .supported import Supported
 
 # The small eigenproblem reaches round-off; this leaves three decades for matrices of bad condition.
 _ORTHONORMALITY_LIMIT = 1e-9
+# Kinetic energy of a shape's entries' sizes over its own, beyond which its mass is mere round-off.
+_MASSLESS = 1e6
 # Far below what a mesh leaves open of a frequency.
 _FREQUENCY_LIMIT = 1e-3
 _ILL_CONDITIONED = (
@@ -34,6 +36,8 @@ _HELD_ALREADY = 1e-10
 _OF_ROUND_OFF = 30.0
 # Smallest eigenvalue of the interfaces' scaled compliance below which they depend on each other.
 _DEPENDENT = 1e-10
+# After the small eigenproblem.
+_ORTHONORMALISATIONS = 2
 # A component this close to the largest may serve to fix a sign: the first such one is taken.
 _NEARLY_LARGEST = 0.9
 
@@ -143,7 +147,9 @@ def craig_bampton(model: Supported, chosen: IntArray, interface_loads: FloatArra
     return _joined(model, fixed, _statics(model, loads @ _balanced(model, loads)))
 
 
-def with_residual_flexibility(model: Supported, modes: Modes, interface_loads: FloatArray) -> Modes:
+def with_residual_flexibility(
+    model: Supported, modes: Modes, interface_loads: FloatArray, missed: float = 0.0
+) -> Modes:
     """Modes and what they lack of the static response to interface loads, orthonormalised by the small eigenproblem.
 
     Static displacements of the interfaces are then those of the whole finite element model. The additional modes are
@@ -155,13 +161,15 @@ def with_residual_flexibility(model: Supported, modes: Modes, interface_loads: F
     modes : Modes
     interface_loads : (3n, 6I) float
         Nodal forces of the interfaces' unit forces and moments.
+    missed : float
+        Share of its own displacement (2d) that every load may miss, so that few shapes will do.
 
     Returns
     -------
     Modes
         At most 6I more.
     """
-    return _joined(model, modes, _statics(model, model.forces(interface_loads)))
+    return _joined(model, modes, _statics(model, model.forces(interface_loads)), missed)
 
 
 def _statics(model: Supported, loads: FloatArray) -> FloatArray:
@@ -198,7 +206,7 @@ def _with_rigid(model: Supported, modes: Modes) -> Modes:
     """Put the rigid motions before elastic modes."""
     if not model.rigid.shape[1]:
         return modes
-    shapes = np.hstack([model.rigid, modes.shapes[model.free]])
+    shapes = np.hstack([model.rigid, model.unknowns.of(modes.shapes)])
     orthonormality = _checked_orthonormality(model.mass, shapes)
     frequency = np.concatenate([np.zeros(model.rigid.shape[1]), modes.angular_frequency])
     return Modes(frequency, model.whole(shapes), orthonormality, modes.frequency_error, modes.splits_pair)
@@ -285,14 +293,20 @@ def _checked_compliance(compliance: FloatArray) -> FloatArray:
 
 def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Squared frequencies and modes of the small eigenproblem that vectors (k, j) span."""
+    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, m @ vectors))
     try:
         squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
+        modes = vectors @ small
+        # Shapes of stiff pieces leave more than round-off. In this order soft modes stay clear of them.
+        for _ in range(_ORTHONORMALISATIONS):
+            lower = np.linalg.cholesky(modes.T @ (m @ modes))
+            modes = scipy.linalg.solve_triangular(lower, modes.T, lower=True).T
     except np.linalg.LinAlgError as error:
         raise AccuracyError(
             f"the modes are not independent of each other ({error}); look for parts that hang on the rest by a single "
             "edge or corner, or ask for fewer modes"
         ) from error
-    softest = np.abs(vectors @ small[:, 0])
+    softest = np.abs(modes[:, 0])
     # Its indices are no copies.
     sizes = sp.csr_array((np.abs(k.data), k.indices, k.indptr), shape=k.shape)
     size = float(softest @ (sizes @ softest))
@@ -300,26 +314,37 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
         raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
     if squares[0] <= _DOUBTFUL * size:
         raise AccuracyError(f"modes are not good enough: the lowest frequency may be off by 100 %; {_ILL_CONDITIONED}")
-    return squares, vectors @ small
+    return squares, modes
 
 
-def _joined(model: Supported, modes: Modes, statics: FloatArray) -> Modes:
-    """Span of modes and static shapes (k, j), orthonormalised; shapes that the modes hold already add nothing."""
+def _joined(model: Supported, modes: Modes, statics: FloatArray, missed: float = 0.0) -> Modes:
+    """Span of modes and static shapes (k, j), orthonormalised; shapes that the modes hold already add nothing.
+
+    Of each static shape a share of its energy may be missed.
+    """
     k, m = model.stiffness, model.mass
     # Rigid motions stand for themselves; what is elastic about the rest follows.
-    phi = model.elastic(modes.shapes[model.free][:, modes.angular_frequency > 0.0])
+    phi = model.elastic(model.unknowns.of(modes.shapes[:, modes.angular_frequency > 0.0]))
     energy = np.einsum("ij,ij->j", statics, k @ statics)
     # Loads on a support do nothing.
     statics = statics[:, energy > 0.0] / np.sqrt(energy[energy > 0.0])
-    if not statics.shape[1]:
+    # Modes with fixed interfaces are none of a free body: without static shapes, too, they take the rigid motions in.
+    if not statics.shape[1] and np.count_nonzero(modes.angular_frequency == 0.0) == model.rigid.shape[1]:
         return modes
     statics = model.elastic(statics)
     # What is left over in strain energy once the modes have taken their part.
     rest = statics - phi @ np.linalg.solve(phi.T @ (k @ phi), phi.T @ (k @ statics))
     energies, turn = np.linalg.eigh(rest.T @ (k @ rest))
-    kept = energies > max(_HELD_ALREADY, -_OF_ROUND_OFF * energies[0])
+    kept = energies > max(_HELD_ALREADY, -_OF_ROUND_OFF * energies.min(initial=0.0))
+    # What each load misses without this one and all that hold less.
+    kept &= np.cumsum(turn**2 * energies, axis=1).max(axis=0, initial=0.0) > missed
     rest = rest @ (turn[:, kept] / np.sqrt(energies[kept]))
+    # Scaled up, shapes that the modes hold nearly have again some of the modes, by round-off.
+    rest -= phi @ np.linalg.solve(phi.T @ (k @ phi), phi.T @ (k @ rest))
     squares, vectors = _rayleigh_ritz(k, m, np.hstack([phi, rest]))
+    # Elements that are integrated at few points have motions of hardly any mass: those are the last modes.
+    massive = np.einsum("ij,ij->j", np.abs(vectors), abs(m) @ np.abs(vectors)) < _MASSLESS
+    squares, vectors = squares[massive], vectors[:, massive]
     # Shapes that the modes hold nearly come scaled up, and with them what they have of the rigid motions by round-off.
     vectors = model.elastic(_fixed_axes(squares, vectors))
     orthonormality = _checked_orthonormality(m, vectors)

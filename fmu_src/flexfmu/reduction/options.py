@@ -68,12 +68,13 @@ class SupportNodes:
 
 @dataclass(frozen=True, slots=True)
 class InterfaceNodes:
-    """Nodes of an interface, its reference point (m), and how they weigh: "auto", "area" or "node"."""
+    """Nodes of an interface, its reference point (m), how they weigh: "auto", "area" or "node", and whether rigid."""
 
     name: str
     nodes: Nodes
     point: tuple[float, ...] | None = None
     weights: str = "auto"
+    rigid: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,12 +118,15 @@ class BasisOptions:
     residual : bool or tuple of int
         Whether static shapes of all interface loads are added; or places of some, among forces of all interfaces, then
         moments.
+    by_need : bool
+        Whether static shapes are those alone that the loads need, and shapes of second and third order join them.
     """
 
     kind: Basis = Basis.NORMAL
     numbers: tuple[int, ...] = tuple(range(1, 9))
     exact: bool = False
     residual: bool | tuple[int, ...] = True
+    by_need: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +150,7 @@ class BodyOptions:
     levels : int
         Of automatic division.
     levels_asked : bool
-        Whether just so many: else one frame where several would open a loop.
+        Whether just so many: else one frame where stretch stops a loop before it turns far.
     frames : tuple of FrameNodes
     branches : tuple of BranchJoints
         In place of levels.
@@ -158,13 +162,17 @@ class BodyOptions:
         Whether loops are cut if it pays.
     stress : tuple of StressElements
     basis : BasisOptions
-    membrane : bool or "auto"
+    membrane : bool, "auto" or "stretching"
     variant : Variant
         That the body starts with.
     stored : frozenset of Data
         Of methods.
     acceleration, surface, surface_stress : bool
         Whether masses, the surface and its stress are stored.
+    certificate : bool
+        Whether the body is reduced once more, finer, to tell its error.
+    watched : bool
+        Whether rotation and strain of its material are watched.
     """
 
     name: str
@@ -184,12 +192,14 @@ class BodyOptions:
     may_cut: bool = False
     stress: tuple[StressElements, ...] = ()
     basis: BasisOptions = BasisOptions()
-    membrane: bool | Literal["auto"] = "auto"
+    membrane: bool | Literal["auto", "stretching"] = "auto"
     variant: Variant = _DEFAULT
     stored: frozenset[Data] = frozenset()
     acceleration: bool = False
     surface: bool = False
     surface_stress: bool = False
+    certificate: bool = False
+    watched: bool = True
 
     @property
     def root_place(self) -> int:

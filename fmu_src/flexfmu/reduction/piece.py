@@ -14,13 +14,14 @@ from ..mesh.blocks import FaceBlock
 from ..model.inertia import LumpedMass
 from ..model.membrane import Membrane
 from ..model.methods import Data, Mass, has_frames
-from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, StressSet, Surface, Ties
-from .basis import Matrices, modal_basis, stiffness_by_load, stiffness_by_mode
+from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, StressSet, Surface, Ties
+from .basis import Matrices, completed_basis, modal_basis, stiffness_by_load, stiffness_by_mode
+from .buckling import buckling_loads
 from .cut.cut import Spring
 from .frames import body_subdomains, fixable_root, several, whole_frame
 from .inertia import element_lumps, lumped_mass
-from .interfaces import Interface, fit_interface
-from .making import Motion, Parts, made_body
+from .interfaces import InterfaceFit, fit_interface
+from .making import NO_PARTS, Motion, Parts, made_body
 from .masses import Centre, mass_centres, sub_masses
 from .membrane import Stretching, membrane_energy
 from .model import Model
@@ -29,11 +30,16 @@ from .options import BodyOptions, BodyUse
 from .rigid_fit import by_node, modal_fit
 from .second_order import hourglass_warnings, node_readings, second_order
 from .sets import element_set
+from .shadow import THIRD_LEAST, THIRD_MOST, embedding, shadow_options
 from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operators
 from .surface import body_surface, second_order_fields, surface_nodes
+from .third_order import third_order_loads, with_third_order
+from .watched import watched_material
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
+# Frames of the tree that the mass of the turned body is taken from.
+_FINE = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,15 +50,16 @@ class Reduced:
     ----------
     body : ReducedBody
         Without damping, names and properties.
-    warping_work : (w, m) float
-        Work of the nodal forces `warping` on the basis.
-    watched_mass : LumpedMass or None
-        The mass of the turned body, where constant mass is to be watched for what it leaves out.
+    warping_work, shadow_work : (w, m) float
+        Work of the nodal forces `warping` on the basis, and on that of the shadow.
+    fine : ReducedBody or None
+        Of held bodies in one piece: the same modes on a finer tree, with the mass of the turned body.
     """
 
     body: ReducedBody
     warping_work: FloatArray
-    watched_mass: LumpedMass | None
+    shadow_work: FloatArray
+    fine: ReducedBody | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +70,7 @@ class _Divided:
     volumes: tuple[FloatArray, ...]
     faces: tuple[FaceBlock, ...]
     subdomains: list[Subdomain]
-    interfaces: list[Interface]
+    interfaces: list[InterfaceFit]
     open_loops: bool
 
     def unit_loads(self) -> FloatArray:
@@ -108,13 +115,55 @@ def reduced_piece(
     -------
     Reduced
     """
-    mesh, cut = model.mesh, warping is not None
     divided = _divided(config, model, report)
-    volumes, subdomains = divided.volumes, divided.subdomains
-    loads = divided.unit_loads()
+    matrices = Matrices(model, divided.volumes, report)
+    loads, cut = divided.unit_loads(), warping is not None
     warping = np.zeros((len(loads), 0)) if warping is None else warping
-    basis = _with_modes(config, divided, loads, warping, report, store)
-    modes = basis.modes
+    every = np.hstack([loads, warping])
+    basis = _with_modes(config, divided, matrices, every, report, store)
+    body = _reduced(config, divided, basis, springs, report, store, cut=cut)
+    fine = None if cut else _fine_tree(config, divided, basis, body.membrane)
+    work = finer_work = warping.T @ basis.modes.shapes
+    if config.certificate:
+        with report.stage("Reduce the body once more, finer, to know its error"):
+            finer, finer_basis = _shadow(config, divided, basis, every, springs, store, cut=cut)
+        span = embedding(matrices.supported, finer_basis.modes, basis.modes)
+        body, finer_work = replace(body, shadow=Shadow(finer, span)), warping.T @ finer_basis.modes.shapes
+    return Reduced(body, work, finer_work, fine)
+
+
+def _shadow(
+    config: BodyOptions,
+    divided: _Divided,
+    basis: _Basis,
+    every: FloatArray,
+    springs: Sequence[Spring],
+    store: Store,
+    cut: bool,
+) -> tuple[ReducedBody, _Basis]:
+    """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
+    quiet, model = Reporter(), divided.model
+    finer = shadow_options(config, divided.subdomains)
+    third = third_order_loads(basis.matrices, basis.modes, divided.unit_loads(), THIRD_LEAST, THIRD_MOST, quiet)
+    lacking = np.hstack([every, third, buckling_loads(basis.matrices, divided.unit_loads(), quiet)])
+    modes, key = completed_basis(basis.matrices, basis.modes, basis.key, lacking, store, quiet)
+    again = _divided(finer, model, quiet)
+    own = _Basis(basis.matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))
+    return _reduced(finer, again, own, springs, quiet, store, cut=cut), own
+
+
+def _reduced(
+    config: BodyOptions,
+    divided: _Divided,
+    basis: _Basis,
+    springs: Sequence[Spring],
+    report: Reporter,
+    store: Store,
+    cut: bool,
+) -> ReducedBody:
+    """The body of a divided model in a basis."""
+    mesh, volumes, subdomains, modes = divided.model.mesh, divided.volumes, divided.subdomains, basis.modes
+    loads = divided.unit_loads()
     # Parts of a cut body have constant mass.
     lumps = element_lumps(mesh, volumes, subdomains) if subdomains and not cut else []
     carried = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
@@ -135,22 +184,44 @@ def reduced_piece(
         membrane=membrane,
     )
     motion = Motion.of_tree(modes.angular_frequency, modes.shapes, divided.interfaces, subdomains, basis.frames)
-    body = made_body(motion, BodyUse(config.name), parts)
-    watched = None
-    if lumps and not body.rigid_count and config.variant.mass is Mass.CONSTANT and has_frames(config.variant.method):
-        watched = inertia or lumped_mass(mesh, volumes, modes.shapes, lumps, basis.frames, carried)[0]
-    return Reduced(body, warping.T @ modes.shapes, watched)
+    return made_body(motion, BodyUse(config.name), parts)
+
+
+def _fine_tree(config: BodyOptions, divided: _Divided, basis: _Basis, membrane: Membrane | None) -> ReducedBody | None:
+    """The modes on a tree of `_FINE` frames to second order, with its lumps, whatever the body's own frames are."""
+    quiet, model, modes = Reporter(), divided.model, basis.modes
+    unheard = config.variant.mass is Mass.CONFIGURATION or not has_frames(config.variant.method)
+    if unheard or not divided.subdomains or modes.angular_frequency[0] == 0.0:
+        return None
+    alone = replace(
+        config, levels=_FINE, levels_asked=False, frames=(), branches=(), acceleration=False,
+        interfaces=config.interfaces[:1], stored=config.stored | {Data.SECOND_ORDER},
+    )  # fmt: skip
+    found = _divided(alone, model, quiet)
+    frames = frame_operators(model.mesh.points, modes.shapes, found.subdomains)
+    lumps = element_lumps(model.mesh, found.volumes, found.subdomains)
+    carried = [carrying_frame(found.subdomains, one.nodes) for one in model.mesh.masses]
+    inertia, centres = lumped_mass(model.mesh, found.volumes, modes.shapes, lumps, frames, carried)
+    second, curvature = _second_order(alone, found, replace(basis, frames=frames), (), centres, quiet)
+    motion = Motion.of_tree(modes.angular_frequency, modes.shapes, found.interfaces, found.subdomains, frames)
+    parts = Parts(second=second, membrane=membrane, inertia=replace(inertia, curvature=curvature))
+    return made_body(motion, BodyUse(config.name), parts)
 
 
 def _with_modes(
-    config: BodyOptions, divided: _Divided, loads: FloatArray, warping: FloatArray, report: Reporter, store: Store
+    config: BodyOptions,
+    divided: _Divided,
+    matrices: Matrices,
+    every: FloatArray,
+    report: Reporter,
+    store: Store,
 ) -> _Basis:
-    """The modes of a divided model, with room for unit loads and for the warping of a part's sections."""
-    matrices = Matrices(divided.model, divided.volumes, report)
-    every = np.hstack([loads, warping])
+    """The modes of a divided model, with room for loads (3n, l): of units on interfaces, and warping of sections."""
     chosen = config.basis.residual
-    residual = every if chosen is True else loads[:, list(chosen or ())]
+    residual = every if chosen is True else every[:, list(chosen or ())]
     modes, key = modal_basis(config.basis, matrices, every, residual, store, report)
+    if config.basis.by_need and Data.SECOND_ORDER in config.stored:
+        modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), store, report)
     _tell(modes, report)
     return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
 
@@ -170,7 +241,12 @@ def _parts(
     by_load, by_mode = Data.BY_LOAD in stored, Data.BY_MODE in stored
     surface = _surface(config, divided, basis, loads, second, report, store) if config.surface else None
     loaded = stiffness_by_load(matrices, modes, key, loads, config.acceleration, store, report) if by_load else None
-    return Parts(
+    parts = NO_PARTS
+    if config.watched:
+        turned = basis.frames.frame_rotation
+        parts = Parts(*watched_material(model.mesh, modes.shapes, modes.angular_frequency, loads, subdomains, turned))
+    return replace(
+        parts,
         root_interface=fixable_root(config, model),
         whole=whole_frame(model, volumes, divided.faces, modes.shapes, config) if several(subdomains) else None,
         masses=sub_masses(model.mesh, volumes, modes.shapes, subdomains) if config.acceleration else None,
@@ -202,7 +278,7 @@ def _divided(config: BodyOptions, model: Model, report: Reporter) -> _Divided:
     return _Divided(model, volumes, faces, subdomains, interfaces, open_loops=bool(cuts))
 
 
-def _tell_interface(interface: Interface, model: Model, subdomains: Sequence[Subdomain], report: Reporter) -> None:
+def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[Subdomain], report: Reporter) -> None:
     """Say what an interface is, and warn of what is hardly meant."""
     carrier = f"frame {subdomains[interface.frame].name}" if interface.frame >= 0 else "no frame"
     spread = "by area" if interface.by_area else "by node"
@@ -213,7 +289,8 @@ def _tell_interface(interface: Interface, model: Model, subdomains: Sequence[Sub
         report.warning(f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing")
     if interface.frame >= 0 and not subdomains[interface.frame].floating:
         beyond = np.setdiff1d(interface.nodes, subdomains[interface.frame].body.nodes).size
-        if beyond > _SPREAD * interface.nodes.size:
+        rigid = any(np.isin(interface.nodes, link.nodes).all() for link in model.mesh.links)
+        if beyond > _SPREAD * interface.nodes.size and not rigid:
             report.warning(
                 f"interface {interface.name!r}: {beyond} of its {interface.nodes.size} nodes lie outside frame "
                 f"{subdomains[interface.frame].name}, which carries all of it; take a smaller set"
@@ -270,15 +347,12 @@ def _second_order(
 def _membrane(
     config: BodyOptions, divided: _Divided, basis: _Basis, loads: FloatArray, report: Reporter, store: Store, cut: bool
 ) -> Membrane | None:
-    """The energy of fourth order, where it is wanted and the body holds any.
-
-    Parts of a cut body hold little, and their steps would take six times as long with it: only where it is asked for.
-    """
-    wanted = config.membrane
-    if wanted is False or (cut and wanted is not True):
+    """The energy of fourth order, where it is wanted and the body holds any; parts of a cut one keep no shapes."""
+    if config.membrane is False:
         return None
     stretching = Stretching(basis.matrices, basis.modes, loads, report)
-    membrane = membrane_energy(stretching, basis.key, wanted is True, not cut, store)
+    asked = None if config.membrane == "auto" else (True, config.membrane is True)
+    membrane = membrane_energy(stretching, basis.key, asked, not cut, store)
     if membrane is not None and divided.open_loops:
         report.warning(
             f"{len(divided.subdomains)} frames open a loop that stretches, one frame keeps it closed: take "
@@ -333,11 +407,7 @@ def _surface_fields(
     return kept["fields"], kept["forms"]
 
 
-def _springs(
-    springs: Sequence[Spring],
-    divided: _Divided,
-    basis: _Basis,
-) -> Ties | None:
+def _springs(springs: Sequence[Spring], divided: _Divided, basis: _Basis) -> Ties | None:
     """Springs to the ground of a part of a cut body: they pull along the axes wherever the part turns."""
     mesh, shapes = divided.model.mesh, basis.modes.shapes
     found = []
@@ -353,17 +423,8 @@ def _springs(
         arm = mesh.points[nodes] - centre
         values, axes = np.linalg.eigh(arm.T @ arm / nodes.size)
         lever = axes * np.sqrt(np.maximum(values, 0.0))
-        zero = np.zeros_like(displacement)
-        found.append(
-            (
-                np.array([frame, GROUND]),
-                np.array([centre, centre]),
-                np.array([displacement, zero]),
-                np.array([rotation, zero]),
-                spring.stiffness,
-                lever,
-            )
-        )
+        ends = (np.array([one, np.zeros_like(one)]) for one in (displacement, rotation))
+        found.append((np.array([frame, GROUND]), np.array([centre, centre]), *ends, spring.stiffness, lever))
     return Ties(*(np.array(values) for values in zip(*found, strict=True))) if found else None
 
 

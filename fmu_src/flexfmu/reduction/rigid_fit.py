@@ -34,19 +34,15 @@ class Weighted:
             middle = points[self.nodes].mean(axis=0)
             motions = _rigid_motions(points[self.nodes] - middle)
             momenta = motions.reshape(-1, 6).T @ self.times(motions)
-            centre: FloatArray = middle + np.array([momenta[1, 5], momenta[2, 3], momenta[0, 4]]) / momenta[0, 0]
-            return centre
+            return middle + np.array([momenta[1, 5], momenta[2, 3], momenta[0, 4]]) / momenta[0, 0]
         share = np.asarray(self.weight.sum(axis=0)).ravel()
-        result: FloatArray = share @ points[self.nodes] / share.sum()
-        return result
+        return share @ points[self.nodes] / share.sum()
 
     def times(self, motions: FloatArray) -> FloatArray:
         """The weight times motions (k, 3, j) of its nodes, (3k, j)."""
         if self.weight.shape[0] > self.nodes.size:
-            larger: FloatArray = self.weight @ motions.reshape(-1, motions.shape[2])
-            return larger
-        result: FloatArray = (self.weight @ motions.reshape(len(motions), -1)).reshape(-1, motions.shape[2])
-        return result
+            return self.weight @ motions.reshape(-1, motions.shape[2])
+        return (self.weight @ motions.reshape(len(motions), -1)).reshape(-1, motions.shape[2])
 
 
 def _rigid_motions(arm: FloatArray) -> FloatArray:

@@ -17,14 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..fe.geometric import geometric_stiffness
+from ..fe.gradients import geometric_stiffness
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.elements import ElementType
 from ..mesh.model import Mesh
 from ..model.curvature import from_ground, product
 from ..model.reduced_body import GROUND, SecondOrder
 from ..model.rotations import skew
-from .interfaces import Interface
+from .interfaces import InterfaceFit
 from .masses import Centre
 from .rigid_fit import Weighted, rigid_fit
 from .subdomains import Subdomain, Turn, carrying_frame
@@ -36,7 +36,7 @@ _SINGLE_FACE = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class NodeReading:
     """How the motion of a node of the tree is read off displacements.
 
     Attributes
@@ -70,8 +70,7 @@ class Reading:
     def moved(self, shapes: FloatArray) -> FloatArray:
         """Displacement (3, m) of mode shapes (3n, m)."""
         local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(-1, shapes.shape[1])
-        result: FloatArray = self.displacement @ local
-        return result
+        return self.displacement @ local
 
     def turned_back(self, points: FloatArray, shapes: FloatArray, angle: FloatArray) -> FloatArray:
         """Second-order part (3, m, m) of the rotation that is read off the displacements once `angle` is undone.
@@ -84,8 +83,7 @@ class Reading:
         rigid = -skew(arm) @ angle
         mixed = np.einsum("inl,nsb->ilsb", self.turn.operator.reshape(3, -1, 3), 0.5 * rigid - local, optimize=True)
         half = np.einsum("ilsb,als->iab", mixed, skew(angle.T), optimize=True)
-        result: FloatArray = half + half.swapaxes(1, 2)
-        return result
+        return half + half.swapaxes(1, 2)
 
 
 def _still(modes: int) -> tuple[Turn, FloatArray]:
@@ -123,10 +121,10 @@ def node_readings(
     shapes: FloatArray,
     subdomains: Sequence[Subdomain],
     frame_rotation: FloatArray,
-    interfaces: Sequence[Interface],
+    interfaces: Sequence[InterfaceFit],
     centres: Sequence[Centre],
     springs: Sequence[Weighted],
-) -> list[Reading]:
+) -> list[NodeReading]:
     """How the nodes of the tree are read, in its order.
 
     Parameters
@@ -136,7 +134,7 @@ def node_readings(
     subdomains : sequence of Subdomain
     frame_rotation : (S, 3, m) float
         Averaged rotations.
-    interfaces : sequence of Interface
+    interfaces : sequence of InterfaceFit
     centres : sequence of Centre
         Of masses that the tree carries.
     springs : sequence of Weighted
@@ -144,7 +142,7 @@ def node_readings(
 
     Returns
     -------
-    list of Reading
+    list of NodeReading
     """
     modes = shapes.shape[1]
     readings = []
@@ -154,13 +152,13 @@ def node_readings(
         if rank == _RANK and not domain.floating:
             turn = Turn(domain.joint.nodes, operator[3:])
             inside = turn.of(shapes) - angle
-        readings.append(Reading(domain.joint_point, domain.joint.nodes, operator[:3], turn, angle, inside))
+        readings.append(NodeReading(domain.joint_point, domain.joint.nodes, operator[:3], turn, angle, inside))
     for interface in interfaces:
         turn = Turn(interface.nodes, interface.operator[3:])
         readings.append(
-            Reading(interface.point, interface.nodes, interface.operator[:3], turn, interface.motion(shapes)[3:])
+            NodeReading(interface.point, interface.nodes, interface.operator[:3], turn, interface.motion(shapes)[3:])
         )
-    readings += [Reading(c.point, c.nodes, c.operator, *_still(modes)) for c in centres]
+    readings += [NodeReading(c.point, c.nodes, c.operator, *_still(modes)) for c in centres]
     for spring in springs:
         centre = spring.centre(points)
         operator, rank = rigid_fit(points, spring, centre)
@@ -170,18 +168,13 @@ def node_readings(
             turn, angle = subdomains[frame].rotation, frame_rotation[frame]
         else:
             angle = turn.of(shapes)
-        readings.append(Reading(centre, spring.nodes, operator[:3], turn, angle))
+        readings.append(NodeReading(centre, spring.nodes, operator[:3], turn, angle))
     none = np.zeros(0, dtype=np.int64)
-    return readings + [Reading(np.zeros(3), none, np.zeros((3, 0)), *_still(modes)) for _ in springs]
+    return readings + [NodeReading(np.zeros(3), none, np.zeros((3, 0)), *_still(modes)) for _ in springs]
 
 
 def second_order(
-    mesh: Mesh,
-    model: Supported,
-    shapes: FloatArray,
-    rigid: IntArray,
-    floating: bool,
-    readings: Sequence[Reading],
+    mesh: Mesh, model: Supported, shapes: FloatArray, rigid: IntArray, floating: bool, readings: Sequence[NodeReading]
 ) -> SecondOrder:
     """Second derivatives (18) of the motions of the tree's nodes.
 
@@ -195,7 +188,7 @@ def second_order(
         Modes that are rigid motions.
     floating : bool
         Whether motions are to be seen from the floating frame, which makes these motions.
-    readings : sequence of Reading
+    readings : sequence of NodeReading
         One for each node of the tree, in its order; the first of a frame.
 
     Returns

@@ -46,8 +46,7 @@ class Turn:
     def of(self, shapes: FloatArray) -> FloatArray:
         """Rotation (3, m) of mode shapes (3n, m)."""
         local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(self.operator.shape[1], -1)
-        result: FloatArray = self.operator @ local
-        return result
+        return self.operator @ local
 
 
 def mean_rotation(mesh: Mesh, elements: IntArray) -> Turn:
@@ -449,8 +448,7 @@ def rotation_by_points(points: FloatArray, shapes: FloatArray, domain: Subdomain
     if len(edges) == 1:
         if size <= 0.0:
             raise BodyFileError(f"frame {domain.name!r}: its rotation point lies in the joint; take the far end")
-        chord: FloatArray = skew(edges[0]) @ moved[0] / size**2
-        return chord
+        return skew(edges[0]) @ moved[0] / size**2
     if abs(np.linalg.det(edges / max(size, 1e-300))) < _FLAT_TETRAHEDRON:
         raise BodyFileError(
             f"frame {domain.name!r}: its three rotation points lie in a plane with the joint, which tells no rotation; "

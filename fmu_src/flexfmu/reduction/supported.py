@@ -31,7 +31,7 @@ class Eliminated:
     inertia : (3n, 3) float
         Nodal forces that accelerate the mass by one along each axis, kg.
     whole_stiffness : (3n, 3n) sparse or None
-        Where there are equations, which exert forces of their own.
+        Where there are equations, which exert forces of their own, or shells; in means and differences.
     """
 
     stiffness: sp.csr_array
@@ -75,8 +75,7 @@ class Supported(Eliminated):
 
     def elastic(self, displacement: FloatArray) -> FloatArray:
         """What displacements (k, j) hold besides rigid motions."""
-        result: FloatArray = displacement - self.rigid @ (self.rigid.T @ (self.mass @ displacement))
-        return result
+        return displacement - self.rigid @ (self.rigid.T @ (self.mass @ displacement))
 
     def whole(self, vectors: FloatArray) -> FloatArray:
         """Displacements (3n, j) of all nodes, zero at supports, of those of the free degrees of freedom (k, j)."""
@@ -90,15 +89,14 @@ class Supported(Eliminated):
         """Nodal forces (3n, j) that hold displacements (3n, j), those of supports left out."""
         if self.whole_stiffness is None:
             return self.whole(self.stiffness @ shapes[self.free])
-        result: FloatArray = self.whole_stiffness @ shapes
-        return result
+        return self.unknowns.nodal(self.whole_stiffness, shapes)
 
 
 def eliminated(stiffness: sp.csr_array, mass: sp.csr_array, unknowns: Unknowns) -> Eliminated:
-    """Take supports and equations out of stiffness and mass (3n, 3n)."""
+    """Take supports and equations out of stiffness (3n, 3n), in means and differences, and mass (3n, 3n)."""
     inertia = mass @ np.tile(np.eye(3), (mass.shape[0] // 3, 1))
     whole = None if unknowns.transform is None else stiffness
-    return Eliminated(unknowns.matrix(stiffness), unknowns.matrix(mass), unknowns, inertia, whole)
+    return Eliminated(unknowns.matrix(stiffness), unknowns.matrix(unknowns.in_means(mass)), unknowns, inertia, whole)
 
 
 def supported(matrices: Eliminated, motions: FloatArray, tell: Callable[[str], None] | None = None) -> Supported:
@@ -122,7 +120,7 @@ def supported(matrices: Eliminated, motions: FloatArray, tell: Callable[[str], N
         The stiffness is singular in other motions than these.
     """
     k, m, free = matrices.stiffness, matrices.mass, matrices.unknowns.free
-    rigid = motions[free]
+    rigid = matrices.unknowns.of(motions)
     # Orthonormal in the order given: rotations come out about the centre of mass, translations as they are.
     lower = np.linalg.cholesky(rigid.T @ (m @ rigid)) if rigid.shape[1] else np.zeros((0, 0))
     rigid = scipy.linalg.solve_triangular(lower, rigid.T, lower=True).T if rigid.shape[1] else rigid

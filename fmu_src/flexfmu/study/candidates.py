@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from itertools import product
 
 from ..body.flexible_body import StepLimits
-from ..build.config import Basis, BodyFile, BranchTable, FormulationTable
+from ..build.config import BodyFile
+from ..build.tables import FormulationTable
 from ..files.counts import plural
 from ..model.methods import Data, Mass, Method, Variant, conflict, has_frames, masses_of, needs
+from ..reduction.options import Basis
 from .scene.config import BasisChoice
 from .scene.scene import Scene
 
@@ -23,10 +25,6 @@ SINGLE, EXACT = math.inf, 0.0
 _ANY_ERROR = 1e300
 
 
-Joints = tuple[tuple[str, tuple[float, ...]], ...]
-"""[[branch]] tables: where each leads, and the distances of its joints from the supports, m."""
-
-
 @dataclass(frozen=True, slots=True)
 class Reduction:
     """A reduction as a body file would ask for it.
@@ -34,23 +32,15 @@ class Reduction:
     Attributes
     ----------
     basis : BasisChoice
-    modes : int or tuple of int
-        The lowest so many normal modes, or their numbers, from 1; interface modes come on top.
-    frames : int or Joints
-        Equal levels, 0 for none, `GIVEN` for the body's own; or joints of branches.
-    residual : tuple of str
-        Loads by name whose residual flexibility is wanted; none: of all, where the basis has it.
+    modes : int
+        The lowest so many normal modes; interface modes come on top.
+    frames : int
+        Equal levels, 0 for none, `GIVEN` for the body's own.
     """
 
     basis: BasisChoice
-    modes: int | tuple[int, ...]
-    frames: int | Joints
-    residual: tuple[str, ...] = ()
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """Numbers of the normal modes."""
-        return tuple(range(1, self.modes + 1)) if isinstance(self.modes, int) else self.modes
+    modes: int
+    frames: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,8 +149,8 @@ def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Vari
     table = config.reduction.model_copy(
         update={
             "basis": Basis.CRAIG_BAMPTON if reduction.basis is BasisChoice.CRAIG_BAMPTON else Basis.NORMAL,
-            "modes": reduction.modes if isinstance(reduction.modes, int) else list(reduction.modes),
-            "residual_flexibility": list(reduction.residual) or reduction.basis is BasisChoice.RESIDUAL,
+            "modes": reduction.modes,
+            "residual_flexibility": reduction.basis is BasisChoice.RESIDUAL,
             "geometric_stiffness": [word for one, word in listed.items() if one in data],
             "inertia": Data.INERTIA in data,
             "second_order": Data.SECOND_ORDER in data,
@@ -169,10 +159,8 @@ def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Vari
     frames: dict[str, object] = {"frames": None, "frame": [], "branch": []}
     if reduction.frames == GIVEN:
         frames |= {"frame": config.frame, "branch": config.branch}
-    elif isinstance(reduction.frames, int):
-        frames["frames"] = reduction.frames
     else:
-        frames["branch"] = [BranchTable(toward=toward, joints=list(joints)) for toward, joints in reduction.frames]
+        frames["frames"] = reduction.frames
     start = FormulationTable(method=variants[0].method, mass=variants[0].mass)
     return config.model_copy(update={**frames, "reduction": table, "formulation": start})
 
@@ -190,23 +178,14 @@ _MODES = {"normal": "normal mode", "residual": "normal mode", "craig_bampton": "
 _STATIC_SHAPES = {"residual": " + residual", "craig_bampton": ", Craig-Bampton"}
 
 
-def basis_words(reduction: Reduction) -> str:
-    """A basis, with the loads whose residual flexibility it has if not all of them."""
-    return BASES[reduction.basis.value] + (f" of {', '.join(reduction.residual)}" if reduction.residual else "")
-
-
 def modes_words(basis: str, modes: int) -> str:
     """A number of modes of a basis."""
     return plural(modes, _MODES.get(basis, "mode")) + _STATIC_SHAPES.get(basis, "")
 
 
-def frames_words(division: int | Joints) -> str:
-    """A division."""
-    if not isinstance(division, int):
-        return "joints at " + "; ".join(
-            f"{', '.join(f'{place:g}' for place in places)} m toward {toward}" for toward, places in division
-        )
-    return "the body's own frames" if division == GIVEN else plural(division, "frame")
+def frames_words(frames: int) -> str:
+    """A number of frames."""
+    return "the body's own frames" if frames == GIVEN else plural(frames, "frame")
 
 
 def short(value: float) -> str:

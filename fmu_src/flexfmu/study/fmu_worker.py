@@ -86,6 +86,7 @@ def timed(
     start = driven.slave.getFMUState()
     # What is prepared at the first steps is there afterwards.
     driven.run(first * 2, step)
+    driven.slave.setFMUState(start)
     piece = timed_piece(rows, driven.run(first, step))
     values = [[row.get(name, 0.0) for name in driven.inputs] for row in piece]
     zeros = [[row.get(name, 0.0) for name in empty.inputs] for row in piece]

@@ -16,7 +16,6 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from ..files.code_digest import code_digest
 from ..files.counts import plural
-from ..files.errors import FlexfmuError
 from ..files.targets import whole_file
 from ..model.methods import Method, has_frames
 from .candidates import REDUCED, modes_words
@@ -24,6 +23,8 @@ from .scene.config import SceneError
 
 _ADDED = ("code", "check")
 _CHECK_DIGITS = 8
+# Significant digits of a float.
+_DIGITS = 6
 
 
 class Keyed(Protocol):
@@ -44,28 +45,13 @@ class Layout(Generic[R]):
     Attributes
     ----------
     kind : type
-        Dataclass of texts, whole numbers and floats.
-    owner : str
-        Field that tells what a record is of.
-    digits : int
-        Significant ones of a float.
+        Dataclass of texts, whole numbers and floats; its first field tells what a record is of.
     made_by : str
         Module that makes the records.
-    called : str
-        The records, in words.
-    others : str
-        Records of another owner, in words.
-    error : type
-        What is raised.
     """
 
     kind: type[R]
-    owner: str
-    digits: int
     made_by: str
-    called: str
-    others: str
-    error: type[FlexfmuError]
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -79,7 +65,7 @@ class Layout(Generic[R]):
 
     def _cell(self, value: object) -> str:
         if isinstance(value, float):
-            return "" if math.isnan(value) else f"{value:.{self.digits}g}"
+            return "" if math.isnan(value) else f"{value:.{_DIGITS}g}"
         # One record, one line.
         return " ".join(str(value).split())
 
@@ -107,25 +93,25 @@ class Layout(Generic[R]):
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise self.error(f"{path}: cannot be read ({error})") from error
+            raise SceneError(f"{path}: cannot be read ({error})") from error
         # A line counts when it was ended.
         lines = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
         if text and tuple(lines[0] if lines else ()) != self.columns:
-            raise self.error(f"{path}: not {self.called}; expected the columns {', '.join(self.columns)}")
+            raise SceneError(f"{path}: not records of this version; expected the columns {', '.join(self.columns)}")
         return [self._parsed(cells, f"{path}, line {number}") for number, cells in enumerate(lines[1:], start=2)]
 
     def _parsed(self, cells: Sequence[str], where: str) -> tuple[R, str]:
         if len(cells) != len(self.columns):
-            raise self.error(f"{where}: {len(cells)} columns, expected {len(self.columns)}")
+            raise SceneError(f"{where}: {len(cells)} columns, expected {len(self.columns)}")
         *values, code, check = cells
         if row_check([*values, code]) != check:
             fault = "it was altered, or two runs wrote at once; remove the line to have it made anew"
-            raise self.error(f"{where}: the row does not match its checksum: {fault}")
+            raise SceneError(f"{where}: the row does not match its checksum: {fault}")
         try:
             known = zip(fields(self.kind), values, strict=True)  # type: ignore[arg-type]
             return self.kind(**{field.name: _value(field, cell) for field, cell in known}), code
         except ValueError as error:
-            raise self.error(f"{where}: {error}") from error
+            raise SceneError(f"{where}: {error}") from error
 
 
 class RecordFile(Generic[R]):
@@ -149,16 +135,19 @@ class RecordFile(Generic[R]):
         kept = layout.read_with_code(path) if path.exists() else []
         self.rows = [record for record, _ in kept]
         self._known = {record.key for record in self.rows}
-        if {getattr(record, layout.owner) for record in self.rows} - {owner}:
-            raise layout.error(f"{path}: holds {layout.others}; give another file, or remove it")
+        if {getattr(record, layout.columns[0]) for record in self.rows} - {owner}:
+            raise SceneError(
+                f"{path}: holds records of another scene, or of this one before its body, cases or tolerances changed; "
+                "give another file, or remove it"
+            )
         if found := {code for _, code in kept} - {self._code}:
-            raise layout.error(
+            raise SceneError(
                 f"{path}: holds records made by other code of flexfmu or of its libraries "
                 f"({', '.join(code or 'unknown' for code in sorted(found))}, now {self._code}): results of both do not "
                 "belong together; give another file, or remove it"
             )
         if not path.parent.is_dir():
-            raise layout.error(f"{path}: the folder {path.parent} does not exist; make it first")
+            raise SceneError(f"{path}: the folder {path.parent} does not exist; make it first")
         # What an interrupted run left half-written goes.
         with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
             _write(file, [layout.columns, *(layout.cells(record, self._code) for record in self.rows)])
@@ -206,7 +195,7 @@ class Record:
     scene, body : str
         Digest of the scene; name of the body.
     solver, case : str
-        "reduced"; for finite elements "flexfmu", "calculix" or "results" (the user's own), and the case.
+        "reduced"; for finite elements "flexfmu" or "results" (the user's own), and the case.
     basis, modes, frames, method, mass, internal_step
         The combination; empty for finite elements. `frames` is -1 where the body file gives them by hand;
         `internal_step` is "single", "exact" or the tolerance.
@@ -216,7 +205,7 @@ class Record:
         "ok", or "no answer" and why; for finite elements the increments and iterations.
     static_displacement, static_rotation, static_rotation_rad, static_at, transient_displacement, transient_rotation, \
 transient_rotation_rad, transient_at, share, limited_by
-        As of `Errors`.
+        As of `SceneErrors`.
     step : float
         Communication step of the timing, s.
     step_us, step_us_median : float
@@ -288,7 +277,7 @@ transient_rotation_rad, transient_at, share, limited_by
     def label(self) -> str:
         """A few words for a chart."""
         if self.solver != REDUCED:
-            who = {"results": "your results", "calculix": "CalculiX"}.get(self.solver, self.solver)
+            who = "your results" if self.solver == "results" else self.solver
             return f"finite elements ({who}), {self.case}"
         words = [self.short_label]
         if self.mass != "constant":
@@ -322,19 +311,7 @@ transient_rotation_rad, transient_at, share, limited_by
         return plain.count(False) + 0.01 * self.mode_count
 
 
-RECORDS = Layout(
-    Record,
-    owner="scene",
-    digits=6,
-    made_by=f"{__package__}.chart.sweep",
-    called="the records of a sweep of this version",
-    others="records of another scene, or of this one before its body, cases or tolerances changed",
-    error=SceneError,
-)
-
-
-class StabilityError(FlexfmuError):
-    """A map cannot be made or drawn."""
+RECORDS = Layout(Record, made_by=f"{__package__}.chart.sweep")
 
 
 class Verdict(Enum):
@@ -343,52 +320,47 @@ class Verdict(Enum):
     RIGHT = "right"
     """Within the tolerance, and nothing said."""
     WARNED = "warned"
-    """The FMU, or the master, warned; right or wrong."""
+    """The FMU warned; right or wrong."""
     REFUSED = "refused"
-    """The FMU, or the master, stopped."""
+    """The FMU stopped."""
     SILENT = "silent"
     """Beyond the tolerance, and nothing said."""
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One row of the records of stability maps: one run.
+    """One row of the records of a map of stability.
 
     Attributes
     ----------
-    digest, body : str
-        Digest of body and scene; name of the body.
-    map, panel, x, y : str
-        "buckling", "rotation" or "coupling"; part of its picture; place in the panel.
+    scene, body : str
+        Digest of the scene, with the map's tolerance; name of the body.
+    case, factor, model : str
+        Static case of the scene, factor of its loads, frames and method.
     verdict : str
         "right", "warned", "refused" or "silent".
     error : float
-        Relative displacement of the interface, rms over time; not a number where nothing is known to compare with.
-    measure : float
-        Buckling: `diagnostics.stability`; rotation: `diagnostics.rotation_within_frame`, rad; coupling: κ.
-    taken, seconds : int, float
-        Steps until the verdict; time, s.
+        Relative displacement of the interfaces; not a number where nothing is known to compare with.
+    seconds : float
+        s.
     words : str
         First message.
     """
 
-    digest: str
+    scene: str
     body: str
-    map: str
-    panel: str
-    x: str
-    y: str
+    case: str
+    factor: str
+    model: str
     verdict: str
     error: float = math.nan
-    measure: float = math.nan
-    taken: int = 0
     seconds: float = math.nan
     words: str = ""
 
     @property
     def key(self) -> tuple[str, ...]:
         """What tells it from others."""
-        return self.map, self.panel, self.x, self.y
+        return self.case, self.factor, self.model
 
 
 def verdict(error: float, warned: bool, refused: bool, tolerance: float) -> Verdict:
@@ -412,12 +384,4 @@ def verdict(error: float, warned: bool, refused: bool, tolerance: float) -> Verd
     return Verdict.RIGHT if error <= tolerance else Verdict.SILENT
 
 
-RUNS = Layout(
-    Run,
-    owner="digest",
-    digits=4,
-    made_by=f"{__package__}.stability.maps",
-    called="the records of maps of stability",
-    others="runs of another body or scene, or of this one before it changed",
-    error=StabilityError,
-)
+RUNS = Layout(Run, made_by=f"{__package__}.stability")

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from ..files.array_types import FloatArray, IntArray
-from ..model.arrays import BODY, INERTIA, MASSES, SECOND, STRESS, TIES, WHOLE, Entry
+from ..files.array_types import FloatArray
+from ..model.arrays import BODY, INERTIA, MASSES, POLYNOMIAL, SECOND, STRESS, TIES, WHOLE, Entry
 from ..model.reduced_body import ReducedBody
 from .scene.config import BasisChoice
-from .scene.scene import load_names
 
 # As in reduction/modes.py: the share of a static shape's strain energy below which modes hold it already.
 _HELD_ALREADY = 1e-12
@@ -19,18 +18,16 @@ _HELD_ALREADY = 1e-12
 _PAIR = 1e-4
 
 
-def subset(body: ReducedBody, basis: BasisChoice, chosen: IntArray, residual: Sequence[str] = ()) -> ReducedBody:
-    """The body as a build with only some of the normal modes makes it, in the same basis.
+def subset(body: ReducedBody, basis: BasisChoice, count: int) -> ReducedBody:
+    """The body as a build with fewer normal modes makes it, in the same basis.
 
     Parameters
     ----------
     body : ReducedBody
         In one piece; with more modes, one damping ratio for all, and the interfaces of the build.
     basis : BasisChoice
-    chosen : (k,) int
-        Normal modes (of Craig-Bampton: with the interfaces held) to keep, from 0, ascending.
-    residual : sequence of str
-        Loads by name whose residual flexibility is wanted; none: of all of them.
+    count : int
+        Normal modes (of Craig-Bampton: with the interfaces held) to keep, the lowest.
 
     Returns
     -------
@@ -38,16 +35,13 @@ def subset(body: ReducedBody, basis: BasisChoice, chosen: IntArray, residual: Se
     """
     rigid = np.arange(body.rigid_count)
     if basis is BasisChoice.NORMAL:
-        kept = np.concatenate([rigid, body.rigid_count + chosen])
-        return in_subspace(body, np.eye(body.mode_count)[:, kept], body.angular_frequency[kept])
-    phi = normal_shapes(body, basis)[:, chosen]
+        kept = body.rigid_count + count
+        return in_subspace(body, np.eye(body.mode_count)[:, :kept], body.angular_frequency[:kept])
+    phi = normal_shapes(body, basis)[:, :count]
     squares = body.angular_frequency**2
     elastic = squares > 0.0
     # Work of unit loads, one column a load: what residual flexibility and constraint modes answer.
     work = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1).reshape(-1, body.mode_count).T
-    if residual:
-        names = load_names(body.interface_names)
-        work = work[:, [names.index(name) for name in residual]]
     statics = np.zeros_like(work)
     statics[elastic] = work[elastic] / squares[elastic, None]
     energy = np.einsum("ij,i,ij->j", statics, squares, statics)
@@ -111,7 +105,14 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
                 found[entry.name] = np.einsum("abc,ai,bj,ck->ijk", array, turn, turn, turn, optimize=True)
         return found
 
-    parts = {"whole": WHOLE, "masses": MASSES, "ties": TIES, "inertia": INERTIA, "second": SECOND}
+    parts = {
+        "whole": WHOLE,
+        "masses": MASSES,
+        "ties": TIES,
+        "inertia": INERTIA,
+        "polynomial": POLYNOMIAL,
+        "second": SECOND,
+    }
     known = {name: (getattr(body, name), entries) for name, entries in parts.items()}
     changes = changed(body, [entry for entry in BODY if entry.shape != "m"])
     changes |= {name: part and replace(part, **changed(part, entries)) for name, (part, entries) in known.items()}
@@ -122,28 +123,22 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
         surface=body.surface and body.surface.in_coordinates(turn),
         membrane=body.membrane and body.membrane.turned(turn, angular_frequency**2),
         stress_sets=tuple(replace(part, **changed(part, STRESS)) for part in body.stress_sets),
-        missed_inertia=None,
+        shadow=body.shadow and replace(body.shadow, embedding=body.shadow.embedding @ turn),
         **changes,
     )
 
 
-def pairs(angular_frequency: FloatArray) -> list[IntArray]:
-    """Places of modes, ascending: pairs of equal frequency together, which no choice may split.
+def pair_ends(angular_frequency: FloatArray) -> list[int]:
+    """Numbers of the lowest modes that split no pair of equal frequency.
 
     Parameters
     ----------
     angular_frequency : (m,) float
-        Ascending.
+        Ascending. The other half of the last one may be the next.
 
     Returns
     -------
-    list of (k,) int
+    list of int
     """
     ends = np.flatnonzero(np.diff(angular_frequency) > _PAIR * angular_frequency[1:]) + 1
-    return np.split(np.arange(angular_frequency.size), ends)
-
-
-def joined_numbers(groups: Sequence[IntArray]) -> IntArray:
-    """Places of several pairs and single modes, ascending."""
-    result: IntArray = np.sort(np.concatenate(list(groups)))
-    return result
+    return [int(end) for end in ends]

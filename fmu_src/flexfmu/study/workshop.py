@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
-import numpy as np
-
 from ..body.flexible_body import FlexibleBody, StepLimits
 from ..build.config import BodyFile
 from ..build.reduce import reduce_body
@@ -18,12 +16,12 @@ from ..model.errors import RuntimeBodyError
 from ..model.methods import Variant
 from ..model.reduced_body import ReducedBody
 from ..model.variants import lean
-from .candidates import Joints, Reduction, reduction_config
+from .candidates import Reduction, reduction_config
 from .cost import StepCost, time_steps
 from .jobs import Crew
 from .pace import Clock
 from .scene.config import BasisChoice
-from .scene.measure import Errors, errors, on_interfaces
+from .scene.measure import SceneErrors, errors, on_interfaces
 from .scene.reference import Reference, references
 from .scene.scene import Scene
 from .scene.whole_model import WholeModel
@@ -86,9 +84,14 @@ class Workshop:
         Where modes, and the references, are kept from run to run.
     crew : Crew, optional
         Processes that measure; default: this one.
+    solve : bool
+        Whether the finite element model is solved for static cases without results; else a fine reduced model is.
     """
 
-    def __init__(self, scene: Scene, report: Reporter, store: Store | None = None, crew: Crew | None = None):
+    def __init__(
+        self, scene: Scene, report: Reporter, store: Store | None = None, crew: Crew | None = None, solve: bool = True
+    ):
+        self.solve = solve
         self.scene = scene
         self.report = report
         self.store = store or Store()
@@ -115,15 +118,15 @@ class Workshop:
     @cached_property
     def known(self) -> dict[str, Reference]:
         """The references, found when first needed."""
-        return references(self.scene, self.report, self.store, self.whole)
+        return references(self.scene, self.report, self.store, self.whole, self.solve)
 
     @property
     def plenty(self) -> int:
         """The most modes of the sweep."""
         return max(self.scene.file.sweep.modes)
 
-    def ample(self, frames: int | Joints) -> Reduction:
-        """A division with plenty of modes and residual flexibility."""
+    def ample(self, frames: int) -> Reduction:
+        """So many frames with plenty of modes and residual flexibility."""
         return Reduction(BasisChoice.RESIDUAL, self.plenty, frames)
 
     def build(self, reduction: Reduction, variants: list[Variant]) -> Built:
@@ -145,19 +148,18 @@ class Workshop:
 
         A cut body, whose parts have modes of their own, is reduced as it is asked for.
         """
-        count = reduction.modes
-        if self.scene.config.cut or not isinstance(count, int) or count >= self.plenty:
+        if self.scene.config.cut or reduction.modes >= self.plenty:
             return self.build(reduction, variants)
         built = self.build(replace(reduction, modes=self.plenty), variants)
-        return replace(built, body=subset(built.body, reduction.basis, np.arange(count)))
+        return replace(built, body=subset(built.body, reduction.basis, reduction.modes))
 
-    def errors(self, body: ReducedBody, variant: Variant, limits: StepLimits | None = None) -> Errors:
+    def errors(self, body: ReducedBody, variant: Variant, limits: StepLimits | None = None) -> SceneErrors:
         """Error of a reduced body under a variant."""
         self.tried += 1
         try:
             return errors(self.scene, self.known, FlexibleBody(lean(body, variant), limits=limits))
         except RuntimeBodyError as error:
-            return Errors(failure=str(error))
+            return SceneErrors(failure=str(error))
 
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> Iterator[T]:
         """Share work among the crew: `work(workshop, *one)` of each of some arguments, in their order."""

@@ -91,5 +91,4 @@ def _newton(
     # The smallest z + dz with J dz = missing: the part across the null space of J goes away.
     right = missing + scaled @ z
     target = (np.linalg.pinv(scaled / weight, rcond=1e-10) @ right) / weight
-    result: FloatArray = (target - z) * scale
-    return result
+    return (target - z) * scale

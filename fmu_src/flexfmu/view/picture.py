@@ -70,8 +70,7 @@ def face_normals(points: FloatArray, faces: IntArray) -> FloatArray:
     last = np.where((faces[:, 2] == faces[:, 3])[:, None], ring[:, 0], ring[:, 3])
     normal = np.cross(ring[:, 2] - ring[:, 0], last - ring[:, 1])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
-    result: FloatArray = normal / np.where(length > 0.0, length, 1.0)
-    return result
+    return normal / np.where(length > 0.0, length, 1.0)
 
 
 def corner_edges(points: FloatArray, faces: IntArray) -> IntArray:
@@ -86,8 +85,7 @@ def corner_edges(points: FloatArray, faces: IntArray) -> IntArray:
     np.add.at(total, index.ravel(), normals[owner[real]])
     # |n₁ + n₂|² = 2 + 2 cos.
     sharp = (count != 2) | ((total**2).sum(axis=1) < 2.0 + 2.0 * _CORNER)
-    result: IntArray = edges[sharp]
-    return result
+    return edges[sharp]
 
 
 def draw_surface(

@@ -12,6 +12,8 @@ from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.mesh.listing import listed
 
 Found = TypeVar("Found")
+# Files that are included within each other; no deck of a user has as many.
+_DEEPEST = 50
 
 
 class Line(NamedTuple):
@@ -311,6 +313,8 @@ def _included_lines(path: Path, including: tuple[Path, ...]) -> Iterator[Line]:
         included = path.parent / card.required("INPUT")
         if included.resolve() in chain:
             raise line.error(f"{included} is already being read: a file cannot include itself; remove this *INCLUDE")
+        if len(chain) > _DEEPEST:
+            raise line.error(f"includes stand {len(chain)} deep within each other, expected at most {_DEEPEST}")
         if not included.is_file():
             raise line.error(
                 f"the included file {included} does not exist; INPUT is taken relative to the including file"

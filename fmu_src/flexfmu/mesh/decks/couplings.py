@@ -1,4 +1,4 @@
-"""Couplings and rigid bodies of a deck: node sets with a reference point, which serve as interfaces."""
+"""Couplings and rigid bodies of a deck: node sets with a reference point, which serve as interfaces or are rigid."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,13 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.mesh.decks.cards import Card, fields
+from flexfmu.mesh.decks.cards import Card, fields, integer
 from flexfmu.mesh.decks.geometry import Elements
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.decks.surfaces import Surface
+from flexfmu.mesh.decks.surfaces import DeckSurface
+from flexfmu.mesh.links import RigidLink
 
 # Cards that say how the coupling above them holds its nodes.
-_KINDS = {"KINEMATIC": True, "DISTRIBUTING": False}
+_KINDS = ("KINEMATIC", "DISTRIBUTING")
+COUPLINGS = ("COUPLING", "KINEMATICCOUPLING", "RIGIDBODY", *_KINDS)
+"""Keys of the cards that a `CouplingTable` takes."""
 
 
 class Coupling(NamedTuple):
@@ -26,23 +29,26 @@ class Coupling(NamedTuple):
     nodes : (k,) int
     reference : int
         Row of the reference node.
-    stiff : bool
+    rigid : bool
         Whether the deck lets the nodes move as a rigid body only.
+    partly : bool
+        Whether it holds them rigid in some directions only.
     card : Card
     """
 
     names: tuple[str, ...]
     nodes: IntArray
     reference: int
-    stiff: bool
+    rigid: bool
+    partly: bool
     card: Card
 
 
 @dataclass(slots=True)
 class CouplingTable:
-    """The coupling cards read so far, each with whether it is stiff."""
+    """The coupling cards read so far, each with that which says how it holds its nodes, itself or one below."""
 
-    cards: list[tuple[Card, bool, list[Card]]] = field(default_factory=list)
+    cards: list[tuple[Card, Card]] = field(default_factory=list)
 
     def add(self, card: Card) -> None:
         """Take a card.
@@ -57,15 +63,14 @@ class CouplingTable:
             *KINEMATIC or *DISTRIBUTING without the *COUPLING that it belongs to.
         """
         if card.key not in _KINDS:
-            self.cards.append((card, card.key != "COUPLING", []))
+            self.cards.append((card, card))
         elif self.cards and self.cards[-1][0].key == "COUPLING":
-            first, _, others = self.cards[-1]
-            self.cards[-1] = (first, _KINDS[card.key], [*others, card])
+            self.cards[-1] = (self.cards[-1][0], card)
         else:
             raise card.line.error(f"*{card.keyword} stands below no *COUPLING; put it below the one it belongs to")
 
     def resolved(
-        self, node_sets: SetTable, element_sets: SetTable, elements: Elements, surfaces: Mapping[str, Surface]
+        self, node_sets: SetTable, element_sets: SetTable, elements: Elements, surfaces: Mapping[str, DeckSurface]
     ) -> tuple[Coupling, ...]:
         """Return the couplings.
 
@@ -73,7 +78,7 @@ class CouplingTable:
         ----------
         node_sets, element_sets : SetTable
         elements : Elements
-        surfaces : mapping of str to Surface
+        surfaces : mapping of str to DeckSurface
 
         Returns
         -------
@@ -82,31 +87,33 @@ class CouplingTable:
         Raises
         ------
         DeckError
-            A set, surface or reference node is missing, or two couplings have the same reference node.
+            A set, surface or reference node is missing, or couplings that are not rigid have the same reference node.
         """
         found: list[Coupling] = []
-        for number, (card, stiff, _) in enumerate(self.cards, start=1):
+        for number, (card, holding) in enumerate(self.cards, start=1):
             entry = card.required("REFNODE")
             rows = sorted(node_sets.find(entry, card.line, card.scope))
             if len(rows) != 1:
                 raise card.line.error(f"REF NODE = {entry} names {len(rows)} nodes, expected one")
             reference = rows[0]
+            held = _axes(holding)
+            rigid = held >= {1, 2, 3}
             known = next((other for other in found if other.reference == reference), None)
-            if known is not None:
+            if known is not None and not (rigid and known.rigid):
                 raise card.line.error(
                     f"the reference node {entry} is that of *{known.card.keyword} in line {known.card.line.number} "
-                    "too, which joins their nodes rigidly: not supported; join them by elements"
+                    "too, and one of them lets its nodes deform: not supported; give them nodes of their own"
                 )
             alone = [node_sets.spelling[name] for name, members in node_sets.members.items() if members == {reference}]
             given = card.parameters.get("CONSTRAINTNAME", "")
             names = [*([card.scope.qualified(given)] if given else []), *alone] or [f"{card.keyword} {number}"]
             nodes = np.setdiff1d(_nodes(card, node_sets, element_sets, elements, surfaces), [reference])
-            found.append(Coupling(tuple(dict.fromkeys(names)), nodes, reference, stiff, card))
+            found.append(Coupling(tuple(dict.fromkeys(names)), nodes, reference, rigid, bool(held) and not rigid, card))
         return tuple(found)
 
 
 def _nodes(
-    card: Card, node_sets: SetTable, element_sets: SetTable, elements: Elements, surfaces: Mapping[str, Surface]
+    card: Card, node_sets: SetTable, element_sets: SetTable, elements: Elements, surfaces: Mapping[str, DeckSurface]
 ) -> IntArray:
     if card.key == "COUPLING":
         return card.scope.find(card.required("SURFACE"), surfaces, "surface", card.line).nodes
@@ -122,9 +129,24 @@ def _nodes(
     return np.array(sorted(rows), dtype=np.int64)
 
 
+def _axes(card: Card) -> set[int]:
+    """Directions in which a card holds nodes, counted from one; a row without any holds all."""
+    if card.key in ("COUPLING", "DISTRIBUTING"):
+        return set()
+    if card.key == "RIGIDBODY":
+        return {1, 2, 3}
+    skipped = int(card.key == "KINEMATICCOUPLING")
+    found = {1, 2, 3} if not card.data else set()
+    for line in card.data:
+        texts = [text for text in fields(line)[skipped:] if text]
+        ends = [integer(text, line, "a direction that is held") for text in texts[:2]] or [1, 6]
+        found |= set(range(ends[0], ends[-1] + 1))
+    return found
+
+
 def offered(
     couplings: Sequence[Coupling], points: FloatArray, fixed: BoolArray
-) -> tuple[dict[str, IntArray], dict[str, FloatArray], list[str]]:
+) -> tuple[dict[str, IntArray], dict[str, FloatArray], list[RigidLink], list[str]]:
     """Return what couplings mean to a body file, and hold the nodes of those whose reference node is held.
 
     Parameters
@@ -138,9 +160,12 @@ def offered(
     -------
     node_sets : dict of str to (k,) int
     references : dict of str to (3,) float
+    links : list of RigidLink
+        Each with its reference node, which joins those that share it.
     notes : list of str
     """
     sets, references, notes = {}, {}, []
+    links: list[RigidLink] = []
     for coupling in couplings:
         for name in coupling.names:
             sets[name], references[name] = coupling.nodes, points[coupling.reference]
@@ -153,7 +178,10 @@ def offered(
             note = f"{where}: its reference node is held, and so are its nodes"
         elif held.any():
             note += "; what *BOUNDARY holds of that node is left out: hold the nodes with a [[support]]"
-        if coupling.stiff and not held.all():
-            note += "; the deck keeps its nodes rigid, the interface lets them deform"
+        if coupling.rigid:
+            links.append(RigidLink(coupling.names[0], np.union1d(coupling.nodes, [coupling.reference])))
+            note += "; its nodes are rigid"
+        if coupling.partly:
+            note += "; the deck keeps its nodes rigid in some directions, the interface lets them deform"
         notes.append(note)
-    return sets, references, notes
+    return sets, references, links, notes

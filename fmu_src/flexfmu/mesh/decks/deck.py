@@ -7,25 +7,28 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.assembly import Assembly
 from flexfmu.mesh.decks.boundary import hold
 from flexfmu.mesh.decks.cards import Card, read_cards
-from flexfmu.mesh.decks.couplings import CouplingTable, offered
+from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
 from flexfmu.mesh.decks.equations import equations
 from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
 from flexfmu.mesh.decks.masses import Carriers, point_masses
-from flexfmu.mesh.decks.materials import Assigned, MaterialTable
+from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.decks.surfaces import Surface, surface
+from flexfmu.mesh.decks.shells import KEY as SHELLS
+from flexfmu.mesh.decks.shells import by_element, take_shells
+from flexfmu.mesh.decks.surfaces import DeckSurface, surface
 from flexfmu.mesh.decks.ties import TieTable
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Mesh
+from flexfmu.mesh.shells import expanded
 
 
 def read_deck(path: Path, units: UnitSystem) -> Mesh:
@@ -51,17 +54,24 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     DeckError
         A line cannot be honoured.
     """
-    content = _Content(MaterialTable(units))
+    content = _Content(DeckMaterials(units))
     content.sort(content.assembly.flat(read_cards(path)))
     elements = content.elements.resolved(content.nodes)
+    heights: dict[int, tuple[float, float]] = {}
+    if sections := [card for card in content.structures if card.key == SHELLS]:
+        _, element_sets = _resolved_sets(content, elements)
+        heights = take_shells(sections, element_sets, elements, content.elements, content.materials)
+        elements = content.elements.resolved(content.nodes)
     if not content.nodes.rows or not elements.blocks:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
         raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
     _refuse_early_end(content, elements)
-    return _mesh(content, elements, units)
+    mesh, turning = _mesh(content, elements, units)
+    return expanded(mesh, units.length * by_element(heights, elements), turning) if heights else mesh
 
 
-def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> Mesh:
+def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[Mesh, BoolArray]:
+    """The mesh, of shells the middle surface, and the rotations (n, 3) that are held."""
     blocks = elements.blocks
     node_sets, element_sets = _resolved_sets(content, elements)
     _refuse_structures(content, element_sets, elements)
@@ -74,18 +84,18 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> Mesh:
     for card in content.cards["BOUNDARY"]:
         hold(card, node_sets, fixed)
     points = content.nodes.points()
-    rows = _equations(content, surfaces, node_sets, points)
+    rows = _equations(content, elements, surfaces, node_sets, points)
     couplings = content.couplings.resolved(node_sets, element_sets, elements, own)
     used = {row for block in blocks for row in block.connectivity.ravel().tolist()}
     carriers = Carriers(points * units.length, used, couplings)
     heavy = [*content.cards["MASS"], *content.cards["ROTARYINERTIA"]]
     masses = point_masses(heavy, element_sets, elements, carriers, units, content.notes)
-    coupled, references, told = offered(couplings, points * units.length, fixed)
+    coupled, references, links, told = offered(couplings, points * units.length, fixed)
     content.notes.extend(told)
     labels = np.concatenate([block.labels for block in blocks])
     made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
     faces = _sets_of_faces(content, node_sets, element_sets, elements)
-    return Mesh(
+    mesh = Mesh(
         points=points * units.length,
         labels=content.nodes.labels(),
         blocks=_with_materials(blocks, made),
@@ -95,6 +105,7 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> Mesh:
         fixed=fixed[:, :3],
         references=references,
         masses=masses,
+        links=tuple(links),
         equations=matrix_of(rows, 3 * len(points)) if rows else None,
         notes=(
             *content.assembly.notes,
@@ -105,13 +116,14 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> Mesh:
             *made.notes,
         ),
     )
+    return mesh, fixed[:, 3:]
 
 
 @dataclass(slots=True)
 class _Content:
     """A deck's cards, sorted by what they define; sets wait until all nodes and elements are known."""
 
-    materials: MaterialTable
+    materials: DeckMaterials
     assembly: Assembly = field(default_factory=Assembly)
     nodes: NodeTable = field(default_factory=NodeTable)
     elements: ElementTable = field(default_factory=ElementTable)
@@ -143,27 +155,23 @@ class _Content:
                 raise _unsupported(card)
 
     def _take(self, card: Card) -> None:
-        match card.key:
-            case "NODE":
-                self.sets.append((card, self.nodes.add(card)))
-            case "ELEMENT":
-                self.sets.append((card, self.elements.add(card)))
-            case "NSET" | "ELSET":
-                self.sets.append((card, []))
-            case "MATERIAL":
-                self.materials.begin(card)
-            case "ELASTIC":
-                self.materials.elastic(card)
-            case "DENSITY":
-                self.materials.density(card)
-            case "SOLIDSECTION":
-                self.materials.section(card)
-            case "ORIENTATION":
-                self.materials.oriented(card)
-            case "COUPLING" | "KINEMATIC" | "DISTRIBUTING" | "KINEMATICCOUPLING" | "RIGIDBODY":
-                self.couplings.add(card)
-            case _:
-                self.cards[card.key].append(card)
+        of_material = {
+            "MATERIAL": self.materials.begin,
+            "ELASTIC": self.materials.elastic,
+            "DENSITY": self.materials.density,
+            "SOLIDSECTION": self.materials.section,
+            "ORIENTATION": self.materials.oriented,
+        }
+        if card.key in ("NODE", "ELEMENT"):
+            self.sets.append((card, (self.nodes if card.key == "NODE" else self.elements).add(card)))
+        elif card.key in ("NSET", "ELSET"):
+            self.sets.append((card, []))
+        elif card.key in of_material:
+            of_material[card.key](card)
+        elif card.key in COUPLINGS:
+            self.couplings.add(card)
+        else:
+            self.cards[card.key].append(card)
 
 
 def _refuse_early_end(content: _Content, elements: Elements) -> None:
@@ -229,10 +237,12 @@ def _resolved_sets(content: _Content, elements: Elements) -> tuple[SetTable, Set
 def _refuse_structures(content: _Content, element_sets: SetTable, elements: Elements) -> None:
     """Refuse sections that make shells, membranes or beams of what would otherwise serve sets."""
     for card in content.structures:
+        if card.key == SHELLS:
+            continue
         if "ELSET" in card.parameters and element_sets.find(card.parameters["ELSET"], card.line, card.scope):
             raise card.line.error(
-                f"*{card.keyword} makes a shell, membrane or beam of elements of set '{card.parameters['ELSET']}': "
-                "only solid elements are supported; mesh this part of the body with solids"
+                f"*{card.keyword} makes a membrane or beam of elements of set '{card.parameters['ELSET']}': only "
+                "solids and shells are supported; mesh this part of the body with these"
             )
     for section in content.materials.sections:
         members = element_sets.find(section.element_set, section.line, section.scope)
@@ -244,7 +254,9 @@ def _refuse_structures(content: _Content, element_sets: SetTable, elements: Elem
             )
 
 
-def _sets_of_surfaces(content: _Content, surfaces: Mapping[str, Surface], node_sets: SetTable) -> dict[str, Surface]:
+def _sets_of_surfaces(
+    content: _Content, surfaces: Mapping[str, DeckSurface], node_sets: SetTable
+) -> dict[str, DeckSurface]:
     """Surfaces that are node sets, too: those whose name is free."""
     for card in content.cards["SURFACE"]:
         name = card.scope.qualified(card.required("NAME"))
@@ -254,13 +266,23 @@ def _sets_of_surfaces(content: _Content, surfaces: Mapping[str, Surface], node_s
 
 
 def _equations(
-    content: _Content, surfaces: Mapping[str, Surface], node_sets: SetTable, points: FloatArray
+    content: _Content,
+    elements: Elements,
+    surfaces: Mapping[str, DeckSurface],
+    node_sets: SetTable,
+    points: FloatArray,
 ) -> list[dict[int, float]]:
     """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
     found: list[dict[int, float]] = []
     table = TieTable(points)
     for card in content.cards["TIE"]:
-        found += table.rows(card, surfaces)
+        tied = table.rows(card, surfaces)
+        shells = elements.shell_nodes_of(range(elements.solid_count))
+        if any(key // 3 in shells for row in tied for key in row):
+            raise card.line.error(
+                "*TIE joins shells, which would turn freely there: let parts share nodes, or join them by *RIGID BODY"
+            )
+        found += tied
     content.notes.extend(table.notes)
     return found + equations([*content.cards["EQUATION"], *content.cards["MPC"]], node_sets, points)
 

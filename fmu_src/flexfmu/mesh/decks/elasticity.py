@@ -128,5 +128,4 @@ def _matrix(kind: str, values: FloatArray, line: Line) -> FloatArray:
         if np.linalg.eigvalsh(compliance)[0] <= 0.0:
             raise line.error("these moduli and Poisson's ratios belong to no material; check their order")
         matrix[:] = np.linalg.inv(compliance)
-    result: FloatArray = matrix[np.ix_(_PLACES, _PLACES)]
-    return result
+    return matrix[np.ix_(_PLACES, _PLACES)]

@@ -156,6 +156,11 @@ class Elements:
         """Blocks with some of the elements, and their places in them."""
         return list(by_block(self.blocks, np.array(sorted(positions), dtype=np.int64)))
 
+    def shell_nodes_of(self, positions: Iterable[int]) -> set[int]:
+        """Rows of the nodes of those that are shells."""
+        chosen = [block.connectivity[inside] for block, inside in self.solids_of(positions) if block.type.shell]
+        return {row for rows in chosen for row in rows.ravel().tolist()}
+
     def others_of(self, positions: Iterable[int]) -> list[Element]:
         """Those of the elements that are no solids."""
         first = self.solid_count

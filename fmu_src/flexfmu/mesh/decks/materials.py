@@ -74,7 +74,7 @@ class Assigned(NamedTuple):
 
 
 @dataclass(slots=True)
-class MaterialTable:
+class DeckMaterials:
     """The materials and sections read so far.
 
     Attributes

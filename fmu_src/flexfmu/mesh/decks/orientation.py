@@ -54,8 +54,7 @@ class Orientation:
             third = np.broadcast_to(np.cross(self.first, self.second), places.shape)
             second = np.cross(third, first)
         columns = np.stack([_unit(first), _unit(second), _unit(third)], axis=2)
-        result: FloatArray = columns @ self.turn
-        return result
+        return columns @ self.turn
 
 
 def orientation(card: Card) -> Orientation:
@@ -110,5 +109,4 @@ def orientation(card: Card) -> Orientation:
 
 def _unit(vectors: FloatArray) -> FloatArray:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    result: FloatArray = vectors / np.where(length > 0.0, length, 1.0)
-    return result
+    return vectors / np.where(length > 0.0, length, 1.0)

@@ -13,7 +13,7 @@ from flexfmu.mesh.decks.sets import SetTable
 _SIDES = ("SPOS", "SNEG", "SP", "SN", "", "S1", "S2", "S3", "S4", "EDGE", "E1", "E2", "E3", "E4")
 
 
-class Surface(NamedTuple):
+class DeckSurface(NamedTuple):
     """A surface.
 
     Attributes
@@ -28,7 +28,7 @@ class Surface(NamedTuple):
     faces: tuple[IntArray, ...]
 
 
-def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: Elements) -> Surface:
+def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: Elements) -> DeckSurface:
     """Return the surface of a *SURFACE card.
 
     Parameters
@@ -40,7 +40,7 @@ def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: E
 
     Returns
     -------
-    Surface
+    DeckSurface
 
     Raises
     ------
@@ -64,13 +64,16 @@ def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: E
             rows.update(found.ravel().tolist())
         if face in _SIDES:
             rows.update(*(elements.nodes.rows_of(other) for other in elements.others_of(members)))
-    return Surface(np.array(sorted(rows), dtype=np.int64), tuple(np.concatenate(found) for found in faces.values()))
+            rows |= elements.shell_nodes_of(members)
+    return DeckSurface(np.array(sorted(rows), dtype=np.int64), tuple(np.concatenate(found) for found in faces.values()))
 
 
 def _faces(members: set[int], name: str, elements: Elements, line: Line) -> list[IntArray]:
     """Nodes (f, a) of a face of each solid element among some, by kind."""
     found: list[IntArray] = []
     for block, inside in elements.solids_of(members):
+        if block.type.shell:
+            continue
         faces = {f"S{number}": nodes for number, nodes in enumerate(block.type.shape.faces, start=1)}
         if name not in faces:
             raise line.error(

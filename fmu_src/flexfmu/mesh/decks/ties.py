@@ -10,7 +10,7 @@ from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.mesh.blocks import face_corners
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
-from flexfmu.mesh.decks.surfaces import Surface
+from flexfmu.mesh.decks.surfaces import DeckSurface
 from flexfmu.mesh.shapes import FACE_SHAPES
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
@@ -37,13 +37,13 @@ class TieTable:
     tied: set[int] = field(default_factory=set)
     notes: list[str] = field(default_factory=list)
 
-    def rows(self, card: Card, surfaces: Mapping[str, Surface]) -> list[dict[int, float]]:
+    def rows(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> list[dict[int, float]]:
         """Return the equations of a *TIE card.
 
         Parameters
         ----------
         card : Card
-        surfaces : mapping of str to Surface
+        surfaces : mapping of str to DeckSurface
 
         Returns
         -------
@@ -166,5 +166,4 @@ def _inside(place: FloatArray, corners: int) -> FloatArray:
         return np.clip(place, -1.0, 1.0)
     area = np.column_stack([1.0 - place.sum(axis=1), place])
     area = np.maximum(area, 0.0)
-    result: FloatArray = (area / area.sum(axis=1, keepdims=True))[:, 1:]
-    return result
+    return (area / area.sum(axis=1, keepdims=True))[:, 1:]

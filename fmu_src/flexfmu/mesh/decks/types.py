@@ -15,7 +15,8 @@ READ_AS: dict[str, tuple[ElementType, str]] = {
         "reduced integration with enhanced hourglass control bends alike; other hourglass control is softer or stiffer",
     ),
 }
-for _kind in ElementType:
+_SOLIDS = [kind for kind in ElementType if not kind.shell]
+for _kind in _SOLIDS:
     READ_AS[f"{_kind.name}H"] = (_kind, _HYBRID)
     READ_AS[f"{_kind.name}T"] = (_kind, _THERMAL)
 READ_AS |= {
@@ -38,7 +39,7 @@ _EDGES = {"DC1D", "T2D", "T3D", "RB3D"}
 # Beams count their order, 1 to 3, instead of their nodes.
 _BEAM = {"1": 2, "2": 3, "3": 2}
 
-SUPPORTED = ", ".join([*(kind.name for kind in ElementType), *READ_AS])
+SUPPORTED = ", ".join([*(kind.name for kind in _SOLIDS), *READ_AS])
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,7 @@ def reading(name: str) -> Reading | None:
     Reading or None
         None where it is not known, or not supported.
     """
-    if name in ElementType.__members__:
+    if name in ElementType.__members__ and not ElementType[name].shell:
         kind = ElementType[name]
         return Reading(kind, kind.node_count, 3)
     if name in READ_AS:

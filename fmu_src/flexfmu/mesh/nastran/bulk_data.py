@@ -13,11 +13,18 @@ from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ASSUMED
-from flexfmu.mesh.in_memory import Contents
+from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material
-from flexfmu.mesh.nastran.constraints import SPIDERS, multi_point_rows, single_point_sets, spiders
-from flexfmu.mesh.nastran.masses import point_masses, unit_of_mass
+from flexfmu.mesh.nastran.node_cards import (
+    SPIDERS,
+    multi_point_rows,
+    point_masses,
+    rigid_links,
+    single_point_sets,
+    spiders,
+    unit_of_mass,
+)
 from flexfmu.mesh.other.extras import imported, quiet
 from flexfmu.mesh.shapes import FACE_SHAPES
 
@@ -26,6 +33,8 @@ from flexfmu.mesh.shapes import FACE_SHAPES
 _SOLIDS = {(kind.shape.polytope.nastran, kind.node_count): kind.shape for kind in ASSUMED.values()}
 _FACES = {(f"{shape.polytope.nastran}{count}", count): shape for count, shape in FACE_SHAPES.items()}
 _CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SOLIDS.values()}
+# Shells, where their property is a PSHELL, and the faces that are like them.
+_SHELLS = {"CTRIA3": "CTRIA3", "CTRIAR": "CTRIA3", "CQUAD4": "CQUAD4", "CQUADR": "CQUAD4"}
 # They hold or load nothing.
 _DRAWN = ("PLOTEL", "PLOTEL3", "PLOTEL4")
 
@@ -34,9 +43,9 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
     """Read bulk data, with or without the sections before it.
 
     Sets of the case control and SET1 and SET3 are node sets and element sets "SET n"; each property's elements are the
-    element set "PSOLID n"; faces without a property are node sets "Faces n"; nodes of RBE2 and RBE3 are node sets
-    "RBE2 n" with their reference point; MPC are equations; single-point constraints are node sets
-    "SPC n" and hold nothing by themselves.
+    element set "PSOLID n" or "PSHELL n"; faces without a property are node sets "Faces n"; nodes of RBE2 and RBE3 are
+    node sets "RBE2 n" with their reference point; MPC are equations; single-point constraints are node sets "SPC n" and
+    hold nothing by themselves.
 
     Parameters
     ----------
@@ -51,7 +60,7 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
     Raises
     ------
     MeshError
-        pyNastran is not there or cannot read the file, or the body has parts that are no solids.
+        pyNastran is not there or cannot read the file, or the body has parts that are neither solids nor shells.
     """
     if _by_meshio(path):
         with quiet(path, "check the file"):
@@ -134,36 +143,29 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     node_sets, element_numbers = _numbered_sets(model)
     on_body, references = spiders(model, points, row, path, notes)
     node_sets |= on_body | single_point_sets(model, notes)
-    equations = multi_point_rows(model, row, path)
+    equations, links = multi_point_rows(model, row, path), rigid_links(model, row)
     used = {node for element in model.elements.values() for node in getattr(element, "nodes", ())}
     masses = point_masses(model, points, row, used, path, units, notes)
+    shells = _faces_of_shells(model, path)
     materials, of_property = _materials(model, path, units)
-    kinds: dict[tuple[str, int], list[Any]] = {}
+    kinds: dict[tuple[str, int], list[Member]] = {}
     for element in model.elements.values():
-        if _is_face(element, model):
-            kinds.setdefault((element.type, len(element.nodes)), []).append(element)
-        elif element.type not in _DRAWN:
-            kinds.setdefault((element.type, _node_count(element, path)), []).append(element)
-    cells, cell_labels, material, properties = [], [], [], []
-    for key, members in kinds.items():
-        shape = _SOLIDS[key] if key in _SOLIDS else _FACES[key]
-        try:
-            rows = [[row[element.nodes[k]] for k in shape.layered] for element in members]
-        except KeyError as error:
-            raise MeshError(
-                f"{path}: an element names GRID {error}, which is not there; export the file again"
-            ) from error
-        cells.append((shape.name, np.array(rows)))
-        cell_labels.append(np.array([element.eid for element in members], dtype=np.int64))
-        properties.append(np.array([element.pid for element in members], dtype=np.int64))
-        material.append(np.array([of_property.get(element.pid, NO_MATERIAL) for element in members], dtype=np.int64))
+        if element.type not in _DRAWN:
+            card = _SHELLS.get(element.type, element.type)
+            flat = card in _SHELLS or _is_face(element, model)
+            count = len(element.nodes) if flat else _node_count(element, path)
+            shape = (_SOLIDS | _FACES)[card, count]
+            nodes = [element.nodes[k] for k in shape.layered]
+            kinds.setdefault((card, count), []).append(Member(element.eid, nodes, element.pid))
+    named = {(_SOLIDS | _FACES)[key].name: members for key, members in kinds.items()}
+    cells, cell_labels, material = cells_of(named, row, of_property, f"{path}: an element names GRID")
+    properties = [np.array([one.material for one in members], dtype=np.int64) for members in kinds.values()]
     sets: dict[str, list[IntArray]] = {}
     for name, kept in (("PSOLID", _SOLIDS), ("Faces", _FACES)):
         inside = [key in kept for key in kinds]
         for number in np.unique(np.concatenate([np.zeros(0, dtype=int), *properties])).tolist():
-            sets[f"{name} {number}"] = [
-                np.flatnonzero((pids == number) & use) for pids, use in zip(properties, inside, strict=True)
-            ]
+            known = f"PSHELL {number}" if f"PSHELL {number}" in shells and kept is _FACES else f"{name} {number}"
+            sets[known] = [np.flatnonzero((pids == number) & use) for pids, use in zip(properties, inside, strict=True)]
     for name, numbers in element_numbers.items():
         sets[name] = [np.flatnonzero(np.isin(eids, numbers)) for eids in cell_labels]
     points_by_name = {
@@ -176,7 +178,34 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
         point_sets={name: rows for name, rows in points_by_name.items() if rows.size},
         cell_sets={name: parts for name, parts in sets.items() if any(part.size for part in parts)},
     )
-    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), references, equations, masses)
+    more = tuple(notes), references, equations, masses, links, shells
+    return Contents(mesh, labels, cell_labels, materials, material, *more)
+
+
+def _faces_of_shells(model: Any, path: Path) -> dict[str, tuple[float, float]]:
+    """Heights of both faces over the grid points, by "PSHELL n", of the properties that shells have."""
+    found: dict[str, tuple[float, float]] = {}
+    for element in model.elements.values():
+        if element.type not in _SHELLS or element.pid not in model.properties:
+            continue
+        own = model.properties[element.pid]
+        if own.type != "PSHELL":
+            raise MeshError(f"{path}: property {own.pid} is a {own.type}, expected PSHELL for shells of one material")
+        bent = own.mid2 == own.mid1 and own.mid3 in (own.mid1, None) and own.mid4 in (0, None)
+        usual = np.allclose([own.twelveIt3, own.tst, own.nsm], [1.0, 5.0 / 6.0, 0.0], atol=1e-4)
+        if not (bent and usual and own.t):
+            raise MeshError(
+                f"{path}: PSHELL {own.pid} should have a thickness, one material for stretching, bending and shear "
+                "(MID1 = MID2 = MID3), 12I/T**3 = 1, TS/T = 0.833333 and NSM = 0"
+            )
+        varied = [thick for name in ("T1", "T2", "T3", "T4") if (thick := getattr(element, name, None)) is not None]
+        if varied or element.zoffset:
+            raise MeshError(
+                f"{path}: {element.type} {element.eid} has a thickness or an offset of its own, which is not "
+                "supported: give the PSHELL the thickness, and put the grid points in the middle"
+            )
+        found[f"PSHELL {own.pid}"] = -0.5 * own.t, 0.5 * own.t
+    return found
 
 
 def _refuse_others(model: Any, path: Path) -> None:
@@ -184,7 +213,8 @@ def _refuse_others(model: Any, path: Path) -> None:
     found: dict[str, list[int]] = {}
     masses = [(number, one) for number, one in model.masses.items() if one.type != "CONM2"]
     for number, element in [*model.elements.items(), *masses]:
-        if element.type not in (*_DRAWN, *_CORNERS) and not _is_face(element, model):
+        shell = element.type in _SHELLS and element.pid in model.properties
+        if element.type not in (*_DRAWN, *_CORNERS) and not shell and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():
         if element.type not in SPIDERS:
@@ -194,8 +224,8 @@ def _refuse_others(model: Any, path: Path) -> None:
     if found:
         parts = "; ".join(f"{name} {listed(numbers)}" for name, numbers in found.items())
         raise MeshError(
-            f"{path} holds what is no solid: {parts}; supported are {', '.join(_CORNERS)} (RBE2 and RBE3 become node "
-            "sets). Model these parts by solids; what only shows results (a skin of shells) can go"
+            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS])} (RBE2 and RBE3 "
+            "become node sets). Model these parts by these; what only shows results can go"
         )
 
 
@@ -240,22 +270,23 @@ def _materials(model: Any, path: Path, units: UnitSystem) -> tuple[tuple[Materia
     materials: list[Material] = []
     rows: dict[int, int] = {}
     of_property: dict[int, int] = {}
-    for number in {element.pid for element in model.elements.values() if element.type in _CORNERS}:
+    for number in {element.pid for element in model.elements.values() if element.type in (*_CORNERS, *_SHELLS)}:
         given = model.properties.get(number)
         if given is None:
             of_property[number] = NO_MATERIAL
             continue
-        if given.type != "PSOLID":
-            raise MeshError(f"{path}: property {number} is a {given.type}, expected PSOLID for solids")
-        found = model.materials.get(given.mid)
+        if given.type not in ("PSOLID", "PSHELL"):
+            raise MeshError(f"{path}: property {number} is a {given.type}, expected PSOLID or PSHELL")
+        material = given.mid if given.type == "PSOLID" else given.mid1
+        found = model.materials.get(material)
         if found is not None and found.type != "MAT1":
-            raise MeshError(f"{path}: material {given.mid} is a {found.type}, expected MAT1 (isotropic)")
+            raise MeshError(f"{path}: material {material} is a {found.type}, expected MAT1 (isotropic)")
         if found is None or not found.rho:
             of_property[number] = NO_MATERIAL
             continue
-        if given.mid not in rows:
-            rows[given.mid] = len(materials)
+        if material not in rows:
+            rows[material] = len(materials)
             density = found.rho * weight * units.density
-            materials.append(Material(f"MAT1 {given.mid}", found.e * units.stress, found.nu, density))
-        of_property[number] = rows[given.mid]
+            materials.append(Material(f"MAT1 {material}", found.e * units.stress, found.nu, density))
+        of_property[number] = rows[material]
     return tuple(materials), of_property

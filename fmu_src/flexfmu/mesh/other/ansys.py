@@ -11,9 +11,9 @@ import numpy as np
 from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.in_memory import Contents
+from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, Material
+from flexfmu.mesh.model import Material
 from flexfmu.mesh.other.extras import imported, quiet
 
 # Solids by their numbers: corners and mid-side nodes stand as meshio has them.
@@ -84,7 +84,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
     kind_of_type = {int(number): int(kind) for number, kind in archive.ekey}
     labels = np.asarray(archive.nnum, dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}
-    kinds: dict[str, list[tuple[int, list[int], int]]] = {}
+    kinds: dict[str, list[Member]] = {}
     refused: dict[str, list[int]] = {}
     notes = []
     passed: dict[int, int] = {}
@@ -98,7 +98,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
             name = f"element type {kind}" if kind not in _BRICKS else f"pyramids of element type {kind}"
             refused.setdefault(name, []).append(number)
         else:
-            kinds.setdefault(found[0], []).append((number, found[1], values[0]))
+            kinds.setdefault(found[0], []).append(Member(number, found[1], values[0]))
     if refused:
         parts = "; ".join(f"{name}: elements {listed(numbers)}" for name, numbers in refused.items())
         raise MeshError(
@@ -110,14 +110,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         notes.append(f"{count} elements of type {kind} are left unused: they have no stiffness of their own{joins}")
     notes += _joined(text, path)
     materials, of_number = _materials(text, path, units)
-    cells, cell_labels, material = [], [], []
-    for name, members in kinds.items():
-        try:
-            cells.append((name, np.array([[row[node] for node in nodes] for _, nodes, _ in members])))
-        except KeyError as error:
-            raise MeshError(f"{path}: an element names node {error}, which is not there; write it again") from error
-        cell_labels.append(np.array([number for number, _, _ in members], dtype=np.int64))
-        material.append(np.array([of_number.get(one, NO_MATERIAL) for _, _, one in members], dtype=np.int64))
+    cells, cell_labels, material = cells_of(kinds, row, of_number, f"{path}: an element names node")
     mesh = meshio.Mesh(
         np.asarray(archive.nodes, dtype=float)[:, :3],
         cells,

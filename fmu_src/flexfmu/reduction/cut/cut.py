@@ -319,7 +319,7 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
     basis, levels = config.basis, config.levels
     if basis.kind is Basis.NORMAL:
         # Normal modes alone would leave the sections too stiff against each other.
-        basis = replace(basis, residual=True)
+        basis = replace(basis, residual=True, by_need=False)
     if not config.levels_asked:
         levels = 1 if config.frames or config.branches else max(1, levels // len(parts))
     return [
@@ -426,7 +426,7 @@ def section_tractions(part: Part, section: str, fields: FloatArray) -> FloatArra
     nodes = mesh.node_sets[section]
     own = fields.reshape(-1, 3, fields.shape[1])[part.origin].reshape(3 * part.origin.size, -1)
     rows = (3 * nodes[:, None] + np.arange(3)).ravel()
-    force = (stiffness(mesh)[rows] @ own).astype(np.float64)
+    force = (part.model.unknowns.nodal(stiffness(mesh), own)[rows]).astype(np.float64)
     # The fit of the interface that the section is.
     fitted = section_weights(mesh.points, mesh.faces, nodes)
     fit, _ = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))

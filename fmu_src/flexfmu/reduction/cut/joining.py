@@ -91,7 +91,7 @@ class _Stack:
 
 def join_parts(
     parts: Sequence[ReducedBody], welds: Sequence[Weld], loose: Sequence[BoolArray], interfaces: Sequence[str]
-) -> tuple[ReducedBody, str]:
+) -> tuple[ReducedBody, FloatArray, str]:
     """Join parts by stiff springs between their sections, and take the modes of the whole.
 
     Parameters
@@ -108,6 +108,8 @@ def join_parts(
     -------
     body : ReducedBody
         Damping and other things of the whole body file are left to be set.
+    modes : (m, k) float
+        Its coordinates, in those of the parts laid end to end.
     note : str
         How stiff the joints are.
 
@@ -144,8 +146,8 @@ def join_parts(
         second=_second_order(stack, welds, places, modes),
         membrane=_membrane(stack, modes),
     )
-    body = made_body(motion, BodyUse(parts[0].name), beside)
-    return body, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
+    body = made_body(motion, BodyUse(parts[0].name), replace(beside, **_watched(stack, modes)))
+    return body, modes, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
 
 
 def _modes_of_whole(
@@ -173,6 +175,15 @@ def _modes_of_whole(
         raise ModelError(f"the lowest eigenvalue of the joined parts is {values[0]:.3e} 1/s²: they are free to move")
     large = np.argmax(np.abs(modes) >= _NEARLY_LARGEST * np.abs(modes).max(axis=0), axis=0)
     return values, alike @ (modes * np.sign(modes[large, np.arange(len(values))])), pull, turn
+
+
+def _watched(stack: _Stack, modes: FloatArray) -> dict[str, Any]:
+    """The elements that are watched; a shadow has none."""
+    if stack.parts[0].watched_frame is None:
+        return {}
+    frames = [stack.on(p, part.watched_frame) for p, part in enumerate(stack.parts) if part.watched_frame is not None]
+    operators = {name: stack.every(name, modes) for name in ("watched_rotation", "watched_strain")}
+    return {"watched_frame": np.concatenate(frames), **operators}
 
 
 def _ties(stack: _Stack, welds: Sequence[Weld], pull: float, turn: float, modes: FloatArray) -> Ties:

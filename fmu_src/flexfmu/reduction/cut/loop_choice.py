@@ -1,11 +1,11 @@
 """Whether a body whose supports close a loop is cut, where its body file does not say (docs/theory.md, section 10)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...fe.quadratic_strain import mean_spin
+from ...fe.gradients import mean_spin
 from ...files.array_types import FloatArray, IntArray
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
@@ -36,9 +36,10 @@ _ONE_FACE = 9
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
-    """Whether to cut, and why."""
+    """Whether to cut, whether one frame keeps the loop closed better than several, and why."""
 
     cut: bool
+    whole: bool
     reason: str
 
 
@@ -73,7 +74,7 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
         choice = _decided(config, model, parts, report, store)
         report.note(choice.reason)
         if not choice.cut:
-            return config, model
+            return (replace(config, levels=1) if choice.whole else config), model
     for text in notes:
         report.note(text)
     return found, opened
@@ -106,16 +107,16 @@ def _decided(config: BodyOptions, model: Model, parts: list[Part], report: Repor
     nodal = [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
     forces = np.hstack([loads[:, :3] for loads in nodal])
     matrices = Matrices(model, mesh.volume_matrices, report)
-    gain = turning_taken(
-        mesh, FourthOrder(matrices, report).responses(forces).fields, [part.elements for part in parts]
-    )
+    fields, _ = FourthOrder(matrices, report).responses(forces)
+    gain = turning_taken(mesh, fields, [part.elements for part in parts])
     begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"
     if gain < _PAYS:
-        return _Choice(False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)')
-    share = energy_shares(matrices, forces, store, report).stretching
-    if share > _STOPS:
-        return _Choice(False, f"{begin}, but stretch stops it before it turns far: it stays in one piece")
-    return _Choice(True, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)")
+        return _Choice(False, False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)')
+    if energy_shares(matrices, forces, store, report)[0] > _STOPS:
+        return _Choice(
+            False, True, f"{begin}, but stretch stops it before it turns far: it stays in one piece, with one frame"
+        )
+    return _Choice(True, False, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)")
 
 
 def turning_taken(mesh: Mesh, fields: FloatArray, parts: Sequence[IntArray]) -> float:

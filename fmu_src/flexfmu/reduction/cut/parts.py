@@ -1,14 +1,16 @@
 """A body cut into parts: each reduced by itself, and all joined again (docs/theory.md, section 10)."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy.linalg
 
-from ...files.array_types import FloatArray
+from ...files.array_types import BoolArray, FloatArray
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
-from ...model.reduced_body import ReducedBody
+from ...model.reduced_body import ReducedBody, Shadow
 from ..basis import Matrices
 from ..interfaces import fit_interface
 from ..model import Model
@@ -60,7 +62,8 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
         forces = [on_section(part, side, warping[side]) for side in part.sections]
         piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack(forces))
         widths = np.cumsum([force.shape[1] for force in forces])[:-1]
-        for side, work in zip(part.sections, np.split(piece.warping_work, widths), strict=True):
+        works = (np.split(work, widths) for work in (piece.warping_work, piece.shadow_work))
+        for side, *work in zip(part.sections, *works, strict=True):
             place = piece.body.interface_names.index(side)
             if piece.body.interface_frame[place] < 0:
                 raise BodyFileError(f"[[cut]] {side}: no [[frame]] holds nodes of the section, expected one")
@@ -70,13 +73,33 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
             frames = tuple(f"part_{number + 1}_{name}" for name in frames)
         bodies.append(replace(piece.body, frame_names=frames))
     pairs = [[ends[side_set(name, side)] for side in SIDES] for name in names]
-    welds = [Weld(first, second, first_work, second_work) for (first, first_work), (second, second_work) in pairs]
     loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
     with report.stage(f"Join {len(parts)} parts"):
-        body, note = join_parts(bodies, welds, loose, [table.name for table in config.interfaces])
+        body, note = _joined(bodies, pairs, loose, [table.name for table in config.interfaces])
     hertz = body.angular_frequency / (2.0 * np.pi)
     report.note(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
     return body
+
+
+# A part and its interface, and how far it warps in the part's coordinates and in those of its shadow.
+_End = tuple[tuple[int, int], Sequence[FloatArray]]
+
+
+def _joined(
+    bodies: Sequence[ReducedBody], pairs: Sequence[Sequence[_End]], loose: Sequence[BoolArray], kept: Sequence[str]
+) -> tuple[ReducedBody, str]:
+    """The parts joined at pairs of sections, and so their shadows; and a note of the joints."""
+
+    def welds(which: int) -> list[Weld]:
+        return [Weld(first, second, one[which], other[which]) for (first, one), (second, other) in pairs]
+
+    body, turn, note = join_parts([replace(one, shadow=None) for one in bodies], welds(0), loose, kept)
+    shadows = [one.shadow for one in bodies if one.shadow is not None]
+    if shadows:
+        finer, finer_turn, _ = join_parts([one.body for one in shadows], welds(1), loose, kept)
+        span = scipy.linalg.block_diag(*(one.embedding for one in shadows))
+        body = replace(body, shadow=Shadow(finer, finer_turn.T @ span @ turn))
+    return body, note
 
 
 def _unit_responses(config: BodyOptions, model: Model, report: Reporter, store: Store) -> FloatArray:
@@ -98,5 +121,4 @@ def _unit_responses(config: BodyOptions, model: Model, report: Reporter, store: 
     ]
     work = np.einsum("ij,ij->j", loads, found)
     # Loads on a support do nothing.
-    fields: FloatArray = found[:, work > 0.0] / np.sqrt(work[work > 0.0])
-    return fields
+    return found[:, work > 0.0] / np.sqrt(work[work > 0.0])

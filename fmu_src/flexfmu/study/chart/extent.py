@@ -31,7 +31,7 @@ class Grid:
     @classmethod
     def of(cls, scene: Scene, models: Sequence[Candidate]) -> "Grid":
         """Grid of the models of a scene."""
-        modes = sorted({model.reduction.numbers[-1] for model in models})
+        modes = sorted({model.reduction.modes for model in models})
         return cls(tuple(models), tuple(modes), tuple(offered_frames(scene.config, scene.file.sweep.frames)))
 
     def coarse(self) -> list[Candidate]:
@@ -62,10 +62,9 @@ class Grid:
     def _place(self, model: Candidate) -> tuple[object, ...]:
         """What tells a model from its neighbours; None where that has no meaning for it."""
         reduction, variant = model.reduction, model.variant
-        assert isinstance(reduction.frames, int)
         frames = self.frames.index(reduction.frames) if _divided(model) else None
         step = None if model.internal_step == EXACT else model.internal_step
-        return self.modes.index(reduction.numbers[-1]), frames, reduction.basis, variant.method, variant.mass, step
+        return self.modes.index(reduction.modes), frames, reduction.basis, variant.method, variant.mass, step
 
 
 def _divided(model: Candidate) -> bool:

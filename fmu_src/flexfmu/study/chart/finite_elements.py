@@ -9,15 +9,14 @@ from typing import Any
 from ...files.progress import Reporter
 from ..candidates import REDUCED
 from ..records import Record, RecordFile
-from ..scene import calculix
-from ..scene.config import SceneError, Solver
+from ..scene.config import SceneError
 from ..scene.measure import equilibria_errors
 from ..scene.reference import Reference
-from ..scene.scene import Scene, StaticCase
-from ..scene.whole_model import Equilibria, WholeModel
+from ..scene.scene import Scene
+from ..scene.whole_model import WholeModel
 
-BROUGHT = "results"
-"""The solver of what the user brings."""
+BROUGHT, OWN = "results", "flexfmu"
+"""The solver of what the user brings, and the package's own."""
 
 
 def finite_element_records(
@@ -59,44 +58,35 @@ def finite_element_records(
             note = f"{motion.seconds_per_second:.3g} s per simulated second"
             own = _timed(plain, BROUGHT, motion.name, motion.seconds_per_second * plain.step, note=note)
             yield replace(own, transient_displacement=0.0, share=0.0)
-    for solver in scene.file.sweep.finite_elements if scene.static else ():
-        case = scene.static[0]
-        if (solver.value, case.name) in done:
-            continue
-        found = _solve(case, solver, known[case.name], scene, whole, report)
-        if found is not None:
-            yield _timed(
-                plain,
-                solver.value,
-                case.name,
-                found.seconds / found.increments,
-                equilibrium_ms=1e3 * found.seconds,
-                iterations=found.iterations / found.increments,
-                mode_count=whole.size,
-                note=f"{len(case.factors)} equilibria in {found.seconds:.3g} s: {found.increments} increments, "
-                f"{found.iterations} iterations",
-                **equilibria_errors(scene, case, found.motion, known[case.name]).columns,
-            )
+    if scene.static and scene.file.sweep.finite_elements and (OWN, scene.static[0].name) not in done:
+        yield from _own(plain, scene, known, whole, report)
 
 
-def _solve(
-    case: StaticCase, solver: Solver, known: Reference, scene: Scene, whole: WholeModel, report: Reporter
-) -> Equilibria | None:
-    """Equilibria of the whole model; None, and a word why, where they are not to be had."""
-    if known.whole is not None and scene.file.reference.static is solver:
-        return known.whole
-    if solver is Solver.CALCULIX and calculix.find_calculix() is None:
-        report.note("CalculiX is not installed: its time is left out")
-        return None
-    refusal = whole.refusal(case)
-    if refusal:
+def _own(
+    plain: Record, scene: Scene, known: Mapping[str, Reference], whole: WholeModel, report: Reporter
+) -> Iterator[Record]:
+    """Record of the package's own finite element model in the first static case; a word why where there is none."""
+    case = scene.static[0]
+    if refusal := whole.refusal(case):
         report.note(f"no time of the finite element model: {refusal}")
-        return None
+        return
     try:
-        return whole.equilibria(case, solver)
+        found = known[case.name].whole or whole.equilibria(case)
     except SceneError as error:
         report.warning(str(error))
-        return None
+        return
+    yield _timed(
+        plain,
+        OWN,
+        case.name,
+        found.seconds / found.increments,
+        equilibrium_ms=1e3 * found.seconds,
+        iterations=found.iterations / found.increments,
+        mode_count=whole.size,
+        note=f"{len(case.factors)} equilibria in {found.seconds:.3g} s: {found.increments} increments, "
+        f"{found.iterations} iterations",
+        **equilibria_errors(scene, case, found.motion, known[case.name]).columns,
+    )
 
 
 def _timed(plain: Record, solver: str, case: str, seconds: float, **others: Any) -> Record:

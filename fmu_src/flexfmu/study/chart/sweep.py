@@ -18,7 +18,7 @@ from ..candidates import BASES, REDUCED, Candidate, candidates, frames_words, gr
 from ..fmu_cost import FmuTimer, fmu_timer
 from ..jobs import Crew
 from ..records import KEY, RECORDS, Record, RecordFile
-from ..scene.measure import Errors
+from ..scene.measure import SceneErrors
 from ..scene.scene import Scene
 from ..workshop import Built, Workshop
 from .extent import Grid, members
@@ -128,7 +128,7 @@ class _Trial:
     def run(self, title: str, wanted: Sequence[Candidate]) -> None:
         """Measure and time those of some models that are not recorded, and record each.
 
-        Errors are measured by the crew, as many reductions at once as it has processes. While models are timed it
+        SceneErrors are measured by the crew, as many reductions at once as it has processes. While models are timed it
         rests.
         """
         left = [one for one in wanted if one.key not in self._kept]
@@ -160,7 +160,7 @@ def _words(group: Sequence[Candidate]) -> str:
     return f"{BASES[first.basis.value]}, {modes} modes, {frames_words(first.frames)}: {plural(len(group), 'model')}"
 
 
-def measure(workshop: Workshop, group: Sequence[Candidate]) -> list[tuple[Built, Errors]] | str:
+def measure(workshop: Workshop, group: Sequence[Candidate]) -> list[tuple[Built, SceneErrors]] | str:
     """Reduce the body for some models of one basis and division, and measure their errors.
 
     Parameters
@@ -170,7 +170,7 @@ def measure(workshop: Workshop, group: Sequence[Candidate]) -> list[tuple[Built,
 
     Returns
     -------
-    list of (Built, Errors), or str
+    list of (Built, SceneErrors), or str
         Why the body cannot be reduced so.
     """
     variants = list(dict.fromkeys(member.variant for member in group))
@@ -182,7 +182,7 @@ def measure(workshop: Workshop, group: Sequence[Candidate]) -> list[tuple[Built,
 
 
 def record(
-    workshop: Workshop, candidate: Candidate, built: Built, errors: Errors, timer: FmuTimer | None = None
+    workshop: Workshop, candidate: Candidate, built: Built, errors: SceneErrors, timer: FmuTimer | None = None
 ) -> Record:
     """Time a model whose errors are known, unless it has no answer.
 
@@ -192,7 +192,7 @@ def record(
     candidate : Candidate
     built : Built
         The body, reduced for it, and maybe for others.
-    errors : Errors
+    errors : SceneErrors
     timer : FmuTimer, optional
 
     Returns

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from ...files.errors import FlexfmuError
 from ...files.inputs import Kind
 from ...files.limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
-from ...files.toml_files import Name, Positive, Table, Vector, read_toml, validated
+from ...files.toml_files import Name, Positive, Table, different, read_toml, validated
 from ...model.methods import Mass, Method
 
 Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
@@ -32,15 +32,6 @@ class BasisChoice(Enum):
     """Eigenmodes and residual flexibility of the interfaces."""
     CRAIG_BAMPTON = "craig_bampton"
     """Constraint modes of the interfaces and fixed-interface normal modes."""
-
-
-class Solver(Enum):
-    """Who solves the whole finite element model."""
-
-    FLEXFMU = "flexfmu"
-    """This package: total Lagrangian, Newton's method."""
-    CALCULIX = "calculix"
-    """CalculiX (ccx), where it is installed."""
 
 
 class StaticTable(Table):
@@ -198,17 +189,14 @@ class ToleranceTable(Table):
 
 
 class ReferenceTable(Table):
-    """`[reference]`: what models are compared with where a case names no results.
+    """`[reference]`: what motion over time is compared with where a case names no results.
 
     Attributes
     ----------
-    static
-        Solver of static cases: `"flexfmu"` or `"calculix"`.
     modes, frames, mass, tolerance
         The reduced model that transients are compared with; `tolerance` is that of its steps.
     """
 
-    static: Annotated[Solver, Field(strict=False)] = Solver.FLEXFMU
     modes: Modes = 20
     frames: int = Field(default=12, ge=0, le=MOST_FRAMES)
     mass: Mass = Field(default=Mass.CONFIGURATION, strict=False)
@@ -229,12 +217,12 @@ class SweepTable(Table):
     methods
         Names of [methods](../methods.md).
     mass
-        `"constant"`, `"configuration"`; the latter with `frames` and `second_order`, for transients.
+        For transients, `"constant"`; `"configuration"` with `frames` and `second_order`; `"polynomial"` with the last.
         Without this key `fit` tries it last.
     internal_step
         `"single"`: one internal step per communication step; numbers: `internal_step.tolerance`.
     finite_elements
-        Solvers of the whole model that are timed: `"flexfmu"`, `"calculix"` (if `ccx` is on the path).
+        Whether equilibria of the whole model are timed.
     """
 
     basis: list[Annotated[BasisChoice, Field(strict=False)]] = Field(default=list(BasisChoice), min_length=1)
@@ -248,73 +236,22 @@ class SweepTable(Table):
     internal_step: list[Literal["single"] | Annotated[float, Field(gt=0.0, lt=1.0)]] = Field(
         default=["single", 1e-4], min_length=1
     )
-    finite_elements: list[Annotated[Solver, Field(strict=False)]] = list(Solver)
-
-
-class Map(Enum):
-    """What is mapped."""
-
-    BUCKLING = "buckling"
-    """Axial load against the critical one, per method."""
-    ROTATION = "rotation"
-    """Rotation against the number of frames."""
-    COUPLING = "coupling"
-    """Coupling step against stiffness and mass of what hangs on an interface."""
+    finite_elements: bool = True
 
 
 class StabilityTable(Table):
-    """`[stability]`: what `chart --stability` varies. Defaults follow from the first `[[static]]` case.
+    """`[stability]`: the map of `chart --stability`, of the methods and frames of `[sweep]`.
 
     Attributes
     ----------
-    maps
-        Of `"buckling"`, `"rotation"`, `"coupling"`.
-    interface
-        Interface that is loaded, read and coupled. Default: that of the largest load
+    factors
+        Fractions of each static case's loads.
     tolerance
         Error up to which a run counts as accurate.
-    axial
-        Buckling: direction of the load. Default: axis of least critical load
-    shares
-        Buckling: fractions of the critical load.
-    axis
-        Rotation: axis of the moment. Default: axis about which the case turns the interface
-    angles
-        Rotation: angles, degrees.
-    frames
-        Rotation and buckling: numbers of frames.
-    direction
-        Coupling: direction of the force. Default: direction in which the case moves the interface
-    mass_ratios, stiffness_ratios
-        Coupling: mass and spring relative to the interface's.
-    coupling_steps_per_period
-        Coupling: communication steps per period of the body.
     """
 
-    maps: list[Annotated[Map, Field(strict=False)]] = Field(default=list(Map), min_length=1)
-    interface: str | None = None
+    factors: Numbers = [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0]
     tolerance: float = Field(default=0.1, gt=0.0, lt=1.0)
-    axial: Vector | None = None
-    shares: Numbers = [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0, 1.05, 1.2, 1.5]
-    axis: Vector | None = None
-    angles: Numbers = [5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0]
-    frames: list[Frames] = Field(default=[1, 2, 4, 8], min_length=1)
-    direction: Vector | None = None
-    mass_ratios: Numbers = [0.1, 1.0, 10.0]
-    stiffness_ratios: Numbers = [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0]
-    coupling_steps_per_period: Numbers = [160.0, 40.0, 10.0, 2.5]
-
-
-class FitTable(Table):
-    """`[fit]`: what the fitted body has to do outside the scene.
-
-    Attributes
-    ----------
-    other_loads
-        Fraction of the static displacement that may be missing under other loads ([fit](../fit.md)).
-    """
-
-    other_loads: float = Field(default=0.1, gt=0.0, le=1.0)
 
 
 class SceneFile(Table):
@@ -336,7 +273,6 @@ class SceneFile(Table):
     tolerance: ToleranceTable = ToleranceTable()
     reference: ReferenceTable = ReferenceTable()
     sweep: SweepTable = SweepTable()
-    fit: FitTable = FitTable()
     stability: StabilityTable = StabilityTable()
 
     @model_validator(mode="after")
@@ -344,9 +280,7 @@ class SceneFile(Table):
         names = [*(case.name for case in self.static), *(case.name for case in self.transient)]
         if not names:
             raise ValueError("nothing happens in the scene: give a [[static]] or a [[transient]] table")
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"two cases have the name {name!r}, expected different names")
+        different(names, "cases have the name")
         return self
 
 

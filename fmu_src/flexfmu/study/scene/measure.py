@@ -24,7 +24,7 @@ _KINDS = {"displacement": slice(0, 3), "rotation": slice(3, 6)}
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class SceneErrors:
     """Error of a model in a scene; infinite where it has no answer, not a number where nothing was compared.
 
     Attributes
@@ -105,7 +105,7 @@ class _Worst:
                 self.share, self.share_at = share, f"{kind}, {where[k]}"
 
 
-def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> Errors:
+def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> SceneErrors:
     """Compare a model with the references of a scene.
 
     Parameters
@@ -117,7 +117,7 @@ def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> Er
 
     Returns
     -------
-    Errors
+    SceneErrors
     """
     places = [model.model.interface_names.index(name) for name in scene.read]
     fit = partial(on_interfaces, scene, model)
@@ -132,12 +132,12 @@ def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> Er
             motion = follow(model, replace(transient, start_loads=start, end_loads=end))[:, places]
             _look_over_time(moving, scene, transient, motion, known[transient.name].motion)
     except RuntimeBodyError as error:
-        return Errors(failure=str(error))
+        return SceneErrors(failure=str(error))
     worst = max(static, moving, key=lambda one: one.share)
-    return Errors(*static.told, *moving.told, worst.share, worst.share_at)
+    return SceneErrors(*static.told, *moving.told, worst.share, worst.share_at)
 
 
-def equilibria_errors(scene: Scene, case: StaticCase, motion: FloatArray, known: Reference) -> Errors:
+def equilibria_errors(scene: Scene, case: StaticCase, motion: FloatArray, known: Reference) -> SceneErrors:
     """Compare equilibria that were found otherwise with the reference of a static case.
 
     Parameters
@@ -150,12 +150,12 @@ def equilibria_errors(scene: Scene, case: StaticCase, motion: FloatArray, known:
 
     Returns
     -------
-    Errors
+    SceneErrors
     """
     worst = _Worst()
     for factor, found, expected in zip(case.factors, motion, known.motion, strict=True):
         _look_at_rest(worst, scene, case, factor, found, expected)
-    return Errors(*worst.told, share=worst.share, limited_by=worst.share_at)
+    return SceneErrors(*worst.told, share=worst.share, limited_by=worst.share_at)
 
 
 def on_interfaces(scene: Scene, model: FlexibleBody, loads: Loads) -> Loads:
@@ -195,5 +195,4 @@ def within(signal: FloatArray, band: tuple[float, float], step: float) -> FloatA
     edges, kind = (high, "lowpass") if low == 0.0 else ((low, high), "bandpass")
     sections = butter(_FILTER_ORDER, edges, kind, fs=1.0 / step, output="sos")
     padding = min(len(signal) - 1, 3 * (2 * len(sections) + 1))
-    result: FloatArray = sosfiltfilt(sections, signal, axis=0, padlen=padding)
-    return result
+    return sosfiltfilt(sections, signal, axis=0, padlen=padding)

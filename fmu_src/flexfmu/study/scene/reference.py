@@ -9,21 +9,26 @@ from pathlib import Path
 import numpy as np
 
 from ...body.flexible_body import FlexibleBody, State, StepLimits
-from ...build.config import Basis, FormulationTable
+from ...build.config import BodyFile
 from ...build.reduce import reduce_body
+from ...build.tables import FormulationTable, ReductionTable
 from ...files.array_types import FloatArray
+from ...files.limits import MOST_FRAMES
 from ...files.progress import Reporter, Tell, tell_nobody
 from ...files.store import Store, content_key
 from ...model.errors import EquilibriumError, StepError
 from ...model.methods import Mass, Method
+from ...reduction.options import Basis
 from .config import SceneError
 from .scene import Scene, StaticCase, TransientCase, read_results
-from .whole_model import WORDS, Equilibria, WholeModel
+from .whole_model import Equilibria, WholeModel
 
 # A factor in a table of results counts as one of the scene's within this.
 _SAME = 1e-9
 # Error of a reference in statics over what is accepted over time that is worth a warning.
 _DOUBTFUL = 0.33
+# Frames of the model that static cases are compared with, at least; for each frame of the largest that is tried.
+_FINE, _FINER = 16, 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +58,11 @@ class Reference:
 
 
 def references(
-    scene: Scene, report: Reporter, store: Store | None = None, whole: WholeModel | None = None
+    scene: Scene,
+    report: Reporter,
+    store: Store | None = None,
+    whole: WholeModel | None = None,
+    solve: bool = True,
 ) -> dict[str, Reference]:
     """Find the motion of every case.
 
@@ -65,6 +74,8 @@ def references(
         Where results are kept from run to run, by content.
     whole : WholeModel, optional
         The finite element model, where others need it too.
+    solve : bool
+        Whether it is solved for static cases without results; else a fine reduced model is.
 
     Returns
     -------
@@ -78,14 +89,13 @@ def references(
     """
     store = store or Store()
     whole = whole or WholeModel(scene, report, store)
-    found: dict[str, Reference] = {}
+    found = {} if solve else _by_fine_model(scene, report, store)
     for case in scene.static:
-        if case.results is None:
-            solver = scene.file.reference.static
-            solved = whole.equilibria(case, solver)
-            words = f"{WORDS[solver]}, {len(whole.model.mesh.points)} nodes, geometric nonlinearity"
+        if case.results is None and solve:
+            solved = whole.equilibria(case)
+            words = f"finite element model, {len(whole.model.mesh.points)} nodes, geometric nonlinearity"
             found[case.name] = Reference(solved.motion, words, solved)
-        else:
+        elif case.results is not None:
             found[case.name] = _brought_static(scene, case, case.results)
     for motion in scene.transient:
         if motion.results is None:
@@ -123,6 +133,68 @@ def _complete(motion: FloatArray, path: Path) -> FloatArray:
     return motion
 
 
+def by_default(config: BodyFile, mass: Mass | None = None) -> BodyFile:
+    """A body file that says nothing of basis, frames and method, with its error and without pictures."""
+    method = FormulationTable(method=None if mass is None else Method.SECOND_ORDER, mass=mass)
+    usual: dict[str, object] = {"frames": None, "frame": [], "branch": [], "reduction": ReductionTable()}
+    plain = config.without_pictures
+    output = plain.output.model_copy(update={"error": True})
+    return plain.model_copy(update=usual | {"formulation": method, "output": output})
+
+
+def _by_fine_model(scene: Scene, report: Reporter, store: Store) -> dict[str, Reference]:
+    """Static cases without results by a model with more shapes and frames than any that will be delivered."""
+    cases = [case for case in scene.static if case.results is None]
+    if not cases:
+        return {}
+    levels = min(max(_FINER * max(scene.file.sweep.frames), _FINE), MOST_FRAMES)
+    fine = by_default(scene.config, Mass.CONSTANT)
+
+    def run() -> dict[str, FloatArray]:
+        with report.stage(f"Reduce the body with {levels} frames and all static shapes, to compare with"):
+            model = FlexibleBody(reduce_body(fine, Reporter(), store, levels))
+        found: dict[str, FloatArray] = {}
+        doubt = 0.0
+        for number, case in enumerate(cases):
+            rows = []
+            for factor in case.factors:
+                loads = case.peak.scaled(factor)
+                try:
+                    state = model.static(loads)
+                except EquilibriumError as error:
+                    raise SceneError(
+                        f"{case.name} × {factor:g}: the reduced model to compare with has no equilibrium: {error}; "
+                        "lower the load, or bring results"
+                    ) from error
+                rows.append(model.motion(state).reshape(-1, 6))
+                doubt = max(doubt, model.error(state, loads).relative)
+            found[str(number)] = np.array(rows)
+        return found | {"doubt": np.array(doubt)}
+
+    loads = [part for case in cases for part in (case.peak.packed(True), np.array(case.factors))]
+    kept = store.arrays(_key(fine, "scene static", levels, *loads), "reference equilibria", report, run)
+    doubt, accepted = float(kept["doubt"]), scene.file.tolerance.static.displacement
+    report.note(
+        f"the model to compare with is off by {100.0 * doubt:.2g} % in the static cases, as it estimates itself"
+    )
+    if doubt > _DOUBTFUL * accepted:
+        report.warning(
+            f"the model to compare with may be off by {100.0 * doubt:.2g} % in the static cases, where "
+            f"{100.0 * accepted:g} % are accepted: take --verify, or bring results"
+        )
+    words = f"reduced model, frames = {levels}, second order, all static shapes"
+    return {
+        case.name: Reference(kept[str(number)][:, scene.read_index], words, doubt=doubt)
+        for number, case in enumerate(cases)
+    }
+
+
+def _key(config: BodyFile, kind: str, *values: object) -> str:
+    """Key of what a body under some loads is found to do."""
+    mesh = hashlib.sha256(Path(config.mesh.file).read_bytes()).hexdigest()
+    return content_key(__name__, kind, mesh, config.model_dump_json(exclude={"mesh": {"file"}}), *values)
+
+
 def _tight_model(
     scene: Scene, case: TransientCase, known: Mapping[str, Reference], report: Reporter, store: Store
 ) -> Reference:
@@ -150,14 +222,10 @@ def _tight_model(
                     "bring results"
                 ) from error
 
-    mesh = hashlib.sha256(Path(config.mesh.file).read_bytes()).hexdigest()
-    said = tight.model_dump_json(exclude={"mesh": {"file"}, "formulation": True})
     start = np.array([loads.packed(True) for loads in case.start_loads])
     end = np.array([loads.packed(True) for loads in case.end_loads])
     statics = [part for one in scene.static for part in (one.peak.packed(True), known[one.name].motion)]
-    key = content_key(
-        __name__, "scene transient", mesh, said, mass.value, settings.tolerance, case.step, start, end, *statics
-    )
+    key = _key(tight, "scene transient", settings.tolerance, case.step, start, end, *statics)
     kept = store.arrays(key, f"reference motion under {case.name}", report, run)
     doubt, accepted = float(kept["doubt"]), scene.file.tolerance.transient.displacement
     if not math.isnan(doubt):

@@ -147,7 +147,11 @@ def read_scene(path: Path, body: Path) -> Scene:
     SceneError, BodyFileError
         With what was found, what was expected and what to do.
     """
-    file = read_scene_file(path)
+    return made_scene(read_scene_file(path), path, body)
+
+
+def made_scene(file: SceneFile, path: Path, body: Path) -> Scene:
+    """A scene of what a scene file of some path says; see `read_scene`."""
     given = read_body_file(body)
     if isinstance(given.damping.ratio, list):
         raise SceneError(

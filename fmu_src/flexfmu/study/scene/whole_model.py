@@ -2,7 +2,7 @@
 
 import time
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -15,15 +15,13 @@ from ...files.progress import Reporter
 from ...files.store import Store, content_key
 from ...model.rotations import exponential, rotation_vector
 from ...reduction.basis import Matrices
-from ...reduction.interfaces import Interface, fit_interface
+from ...reduction.interfaces import InterfaceFit, fit_interface
 from ...reduction.model import Model
 from ...reduction.point_masses import model_mass
-from . import calculix
-from .config import SceneError, Solver
+from .config import SceneError
 from .scene import Scene, StaticCase
 
 _FIT_ROUNDS = 50
-WORDS = {Solver.FLEXFMU: "finite element model", Solver.CALCULIX: "finite element model in CalculiX"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +71,7 @@ class WholeModel:
         return read_body_model(self._config, self._report)
 
     @cached_property
-    def interfaces(self) -> list[Interface]:
+    def interfaces(self) -> list[InterfaceFit]:
         """The fits of the interfaces."""
         mesh = self.model.mesh
         faces = mesh.faces
@@ -110,13 +108,12 @@ class WholeModel:
             )
         return ""
 
-    def equilibria(self, case: StaticCase, solver: Solver) -> Equilibria:
+    def equilibria(self, case: StaticCase) -> Equilibria:
         """Equilibria under the parts of a case's load.
 
         Parameters
         ----------
         case : StaticCase
-        solver : Solver
 
         Returns
         -------
@@ -125,54 +122,40 @@ class WholeModel:
         Raises
         ------
         SceneError
-            A moment, a free body, no equilibrium, or a solver that is not there.
+            A moment, a free body, or no equilibrium.
         """
         refusal = self.refusal(case)
         if refusal:
             raise SceneError(refusal)
         load = self.load(case)
-
-        def solve() -> dict[str, FloatArray]:
-            with self._report.stage(f"Solve the {WORDS[solver]} under {case.name}"):
-                return (_by_calculix if solver is Solver.CALCULIX else _by_flexfmu)(self, case, load, self._report)
-
         matrices = Matrices(self.model, (), self._report).key
-        key = content_key(__name__, "scene equilibria", solver.value, matrices, load, np.array(case.factors))
-        kept = self._store.arrays(key, f"equilibria of the {WORDS[solver]} under {case.name}", self._report, solve)
+        key = content_key(__name__, "scene equilibria", matrices, load, np.array(case.factors))
+        title = f"equilibria of the finite element model under {case.name}"
+        kept = self._store.arrays(key, title, self._report, partial(self._solve, case, load))
         chosen = [self.interfaces[k] for k in self._scene.read_index]
         motion = [[finite_motion(i, self.model.mesh.points, row) for i in chosen] for row in kept["displacement"]]
         seconds, increments, iterations = (float(x) for x in kept["effort"])
         return Equilibria(np.array(motion), seconds, int(increments), int(iterations))
 
-
-def _by_flexfmu(whole: WholeModel, case: StaticCase, load: FloatArray, report: Reporter) -> dict[str, FloatArray]:
-    model = whole.model
-    wall, own = time.perf_counter(), time.process_time()
-    try:
-        path = load_path(model.mesh, model.unknowns, model.spring, load, case.factors, report)
-    except AccuracyError as error:
-        raise SceneError(f"{case.name}: {error}; or bring results") from error
-    # What other programs took of the processor meanwhile does not count, nor do threads.
-    seconds = min(time.perf_counter() - wall, time.process_time() - own)
-    return {"displacement": path.displacement, "effort": np.array([seconds, path.increments, path.iterations])}
-
-
-def _by_calculix(whole: WholeModel, case: StaticCase, load: FloatArray, report: Reporter) -> dict[str, FloatArray]:
-    nodes = np.unique(np.concatenate([interface.nodes for interface in whole.interfaces]))
-    text = calculix.deck(whole.model, load, case.factors, nodes, f"{case.name}, dead nodal forces")
-    try:
-        done = calculix.run(text, case.factors, len(whole.model.mesh.points), report)
-    except SceneError as error:
-        raise SceneError(f"{case.name}: {error}") from error
-    return {"displacement": done.displacement, "effort": np.array([done.seconds, done.increments, done.iterations])}
+    def _solve(self, case: StaticCase, load: FloatArray) -> dict[str, FloatArray]:
+        model = self.model
+        wall, own = time.perf_counter(), time.process_time()
+        try:
+            with self._report.stage(f"Solve the finite element model under {case.name}"):
+                path = load_path(model.mesh, model.unknowns, model.spring, load, case.factors, self._report)
+        except AccuracyError as error:
+            raise SceneError(f"{case.name}: {error}; or bring results") from error
+        # What other programs took of the processor meanwhile does not count, nor do threads.
+        seconds = min(time.perf_counter() - wall, time.process_time() - own)
+        return {"displacement": path.displacement, "effort": np.array([seconds, path.increments, path.iterations])}
 
 
-def finite_motion(interface: Interface, points: FloatArray, displacement: FloatArray) -> FloatArray:
+def finite_motion(interface: InterfaceFit, points: FloatArray, displacement: FloatArray) -> FloatArray:
     """Displacement and rotation vector (6,) of the rigid motion that fits an interface's nodes best, however far.
 
     Parameters
     ----------
-    interface : Interface
+    interface : InterfaceFit
     points : (n, 3) float
     displacement : (3n,) float
 

@@ -1,0 +1,1 @@
+"""The shortest body file against CalculiX, on bodies that no demo is like."""

@@ -1,0 +1,150 @@
+"""A body and what loads it, as a deck and as the shortest body file; conditions on where its nodes are."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from demo.mesh_tools import STEEL, BrickMesh, Material
+from numpy.typing import NDArray
+
+from benchmarks.defaults.shapes import FloatArray
+
+Where = Callable[[FloatArray], NDArray[np.bool_]]
+"""A condition on points (n, 3)."""
+Loads = Mapping[str, tuple[float, float, float]]
+"""Force on interfaces by name, N."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body and what loads it.
+
+    Attributes
+    ----------
+    name : str
+    mesh : BrickMesh
+    supports : Where
+        Nodes that are held in all directions.
+    interfaces : mapping of str to Where
+    cases : mapping of str to Loads
+        Full loads.
+    material : Material
+    inlay : tuple of Material and Where, optional
+        Another material, where elements' centres meet a condition.
+    guides : mapping of str to Where
+        Nodes that are held along x, y or z alone.
+    shares : tuple of float
+        Of the full loads, growing.
+    """
+
+    name: str
+    mesh: BrickMesh
+    supports: Where
+    interfaces: Mapping[str, Where]
+    cases: Mapping[str, Loads]
+    material: Material = STEEL
+    inlay: tuple[Material, Where] | None = None
+    guides: Mapping[str, Where] = field(default_factory=dict)
+    shares: tuple[float, ...] = (0.1, 0.4, 1.0)
+    sets: dict[str, NDArray[np.int64]] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        chosen = {"HELD": self.supports} | {name.upper(): where for name, where in self.interfaces.items()}
+        chosen |= {f"GUIDE_{axis.upper()}": where for axis, where in self.guides.items()}
+        self.sets.update({name: np.flatnonzero(where(self.mesh.points)) for name, where in chosen.items()})
+
+    def deck(self) -> str:
+        """Model deck for CalculiX and flexfmu: nodes, elements, sets, materials."""
+        out = ["*NODE", *(f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(self.mesh.points, 1))]
+        kind = "C3D10" if self.mesh.bricks.shape[1] == 10 else "C3D20R"
+        other = np.zeros(len(self.mesh.bricks), dtype=bool)
+        if self.inlay is not None:
+            other = self.inlay[1](self.mesh.centres())
+        for material, chosen in ((self.material, ~other), *([(self.inlay[0], other)] if self.inlay else [])):
+            out.append(f"*ELEMENT, TYPE={kind}, ELSET=E_{material.name}")
+            for i in np.flatnonzero(chosen):
+                words = [str(number) for number in (i + 1, *(self.mesh.bricks[i] + 1))]
+                out += [", ".join(words[:16]) + ("," if len(words) > 16 else "")]
+                out += [", ".join(words[16:])] if len(words) > 16 else []
+            out += [f"*MATERIAL, NAME={material.name}", "*ELASTIC"]
+            out += [f"{material.youngs_modulus:.6g}, {material.poisson_ratio:.6g}", "*DENSITY"]
+            out += [f"{material.density:.6g}", f"*SOLID SECTION, ELSET=E_{material.name}, MATERIAL={material.name}"]
+        for name, nodes in self.sets.items():
+            out += [f"*NSET, NSET={name}", *(", ".join(map(str, row)) + "," for row in _rows(nodes + 1))]
+        return "\n".join(out) + "\n"
+
+    def digest(self, case: str) -> str:
+        """Short hash of the deck and a case's loads, to tell results of others."""
+        text = self.deck() + repr(sorted(self.cases[case].items()))
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    def write(self, folder: Path) -> Path:
+        """Write the deck and the shortest body file; its path."""
+        (folder / f"{self.name}.inp").write_text(self.deck(), encoding="ascii")
+        text = [f'name = "{self.name}"', "[mesh]", f'file = "{self.name}.inp"']
+        text += ["[[support]]", 'nodes = "HELD"', 'fix = ["x", "y", "z"]']
+        for axis in self.guides:
+            text += ["[[support]]", f'nodes = "GUIDE_{axis.upper()}"', f'fix = ["{axis}"]']
+        for name in self.interfaces:
+            text += ["[[interface]]", f'name = "{name}"', f'nodes = "{name.upper()}"']
+        path = folder / f"{self.name}.toml"
+        path.write_text("\n".join(text) + "\n", encoding="utf-8")
+        return path
+
+
+def _rows(numbers: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    return np.split(numbers, range(15, numbers.size, 15))
+
+
+def near(axis: int, value: float) -> Where:
+    """Points at a value along an axis."""
+    return lambda p: np.isclose(p[:, axis], value, atol=1e-7)
+
+
+def above(axis: int, value: float) -> Where:
+    """Points above a value along an axis."""
+    return lambda p: p[:, axis] > value
+
+
+def below(axis: int, value: float) -> Where:
+    """Points below a value along an axis."""
+    return lambda p: p[:, axis] < value
+
+
+def reach(radius: float) -> Where:
+    """Points on a cylinder about z."""
+    return lambda p: np.isclose(np.hypot(p[:, 0], p[:, 1]), radius, atol=1e-7)
+
+
+def about(axis: int, values: FloatArray | Sequence[float], half: float) -> Where:
+    """Points within a distance of any of some values along an axis."""
+    return lambda p: np.min(abs(p[:, axis : axis + 1] - np.asarray(values)), axis=1) < half
+
+
+def both(*wheres: Where) -> Where:
+    """Points that meet all conditions."""
+    return lambda p: np.all([where(p) for where in wheres], axis=0)
+
+
+def either(*wheres: Where) -> Where:
+    """Points that meet any condition."""
+    return lambda p: np.any([where(p) for where in wheres], axis=0)
+
+
+def outside(axis: int, half: float) -> Where:
+    """Points farther than a distance from zero along an axis."""
+    return lambda p: abs(p[:, axis]) > half
+
+
+def end(mesh: BrickMesh, across: tuple[int, int], last: bool) -> Where:
+    """The first or last section of a bar whose mesh is a mapped box: nodes are numbered section by section."""
+    a, b = across
+    count = (2 * a + 1) * (2 * b + 1) - a * b
+    chosen = np.zeros(len(mesh.points), dtype=bool)
+    chosen[-count:] = last
+    chosen[:count] |= not last
+    return lambda _: chosen

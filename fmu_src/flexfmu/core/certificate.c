@@ -1,0 +1,165 @@
+#include "certificate.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "algebra.h"
+#include "forces.h"
+#include "membrane.h"
+#include "motion.h"
+#include "statics.h"
+#include "tree.h"
+
+/* Of the shadow: what its forces are made in; its coordinates, what is left of its forces, its tangent, in coordinates of unit
+ * energy (e, e). Of the body: its coordinates without elastic ones, what is left of its own forces, tension (T, 4, 3) of its
+ * ties. Of interfaces: position and rotation (I, 12). */
+typedef struct {
+    Configuration at;
+    Loads loads;
+    ForceRoom scratch;
+    TangentRoom tangents;
+    Stretch stretch;
+    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other;
+} Room;
+
+static void take_room(const Body *body, Arena *arena, Room *room) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    if (!p->embedded) return;
+    take_configuration(body, arena, &room->at);
+    take_loads(body, arena, &room->loads);
+    take_force_room(body, arena, &room->scratch);
+    take_tangent_room(body, arena, &room->tangents);
+    take_stretch(body, arena, &room->stretch);
+    room->q = take(arena, m);
+    room->left = take(arena, m);
+    room->tangent = take(arena, m * m);
+    room->scaled = take(arena, m * m);
+    room->factor = take(arena, m * m);
+    room->rigid = take(arena, p->embedded);
+    room->rest = take(arena, p->embedded);
+    room->tense = take(arena, 12 * p->ties);
+    room->moved = take(arena, 12 * p->interfaces);
+    room->other = take(arena, 12 * p->interfaces);
+}
+
+void certificate_demand(const Body *body, Arena *arena) {
+    Room room;
+    take_room(body, arena, &room);
+}
+
+int is_shadow(const Body *shadow, const Body *body) {
+    const Program *s = &shadow->p, *p = &body->p;
+    return s->embedded == p->modes && s->rigid == p->rigid && s->loads == p->loads && s->interfaces == p->interfaces && (!p->ties || p->ties == s->ties);
+}
+
+/* Position and rotation (I, 12) of the interfaces. */
+static void places(Body *body, const double *q, double *out) {
+    const Program *p = &body->p;
+    const Configuration *at = whole_configuration(body, q);
+    for (int64_t i = 0; i < p->interfaces; i++) {
+        memcpy(out + 12 * i, at->position + 3 * (p->frames + i), 3 * sizeof(double));
+        memcpy(out + 12 * i + 3, at->rotation + 9 * (p->frames + i), 9 * sizeof(double));
+    }
+}
+
+/* Distance and angle (I, 2) between places; the largest distance is returned. */
+static double apart(const double *a, const double *b, int64_t interfaces, double *out) {
+    double largest = 0.0;
+    for (int64_t i = 0; i < interfaces; i++, a += 12, b += 12) {
+        double between[3], back[9], turn[9], angle[3];
+        for (int c = 0; c < 3; c++) between[c] = a[c] - b[c];
+        for (int c = 0; c < 9; c++) back[c] = b[3 + 3 * (c % 3) + c / 3];
+        multiply(a + 3, back, turn);
+        rotation_vector(turn, angle);
+        out[2 * i] = norm(between, 3);
+        out[2 * i + 1] = norm(angle, 3);
+        largest = fmax(largest, out[2 * i]);
+    }
+    return largest;
+}
+
+/* Forces and tangent of the shadow at its coordinates. Its joints do not quite fit there, and their own tension would lead
+ * astray: the tangent has that of the body's. */
+static void forces_of(Body *shadow, Room *room, const double *inputs) {
+    const Program *p = &shadow->p;
+    configure(shadow, room->q, &room->at);
+    spread(shadow, inputs, &room->loads);
+    modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
+    for (int64_t j = 0; p->tied && j < p->modes; j++) room->left[j] += dot(p->tie_initial + j * p->modes, room->q, p->modes);
+    stretch_at(shadow, room->q, &room->stretch);
+    subtract_stretch_force(shadow, &room->stretch, &room->stretch, room->left);
+    tangent_stiffness(shadow, &room->loads, 1, &room->at, room->tense, &room->tangents, room->tangent);
+}
+
+/* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place; 0 where its tangent is not
+ * stable. In motion inertia holds what is left of the body's own forces, and so it does in the shadow. */
+static int newton_step(Body *shadow, Room *room, const double *inputs) {
+    const Program *p = &shadow->p;
+    const int64_t m = p->modes, first = p->rigid, e = m - first;
+    forces_of(shadow, room, inputs);
+    for (int64_t i = 0; i < e; i++) {
+        const int64_t a = first + i;
+        const double held = shadow->stiffness[a] * room->q[a] + dot(p->embedding + a * p->embedded, room->rest, p->embedded);
+        room->left[a] = (room->left[a] - held) / p->omega[a];
+        for (int64_t j = 0; j < e; j++) room->scaled[i * e + j] = room->tangent[a * m + first + j] / (p->omega[a] * p->omega[first + j]);
+    }
+    if (!stable_tangent(room->scaled, room->factor, e) || !lu_factor(room->scaled, shadow->pivot, e)) return 0;
+    lu_solve(room->scaled, shadow->pivot, room->left + first, e, 1);
+    for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
+    for (int64_t i = 0; i < m; i++)
+        if (!isfinite(room->q[i])) return 0;
+    return 1;
+}
+
+/* The largest linear deflection of an interface under what is left of the body's forces: of one that is about to move. */
+static double to_come(const Body *body, Room *room) {
+    const Program *p = &body->p;
+    double largest = 0.0;
+    for (int64_t j = 0; j < p->modes; j++) room->rigid[j] = j < p->rigid ? 0.0 : room->rest[j] / body->stiffness[j];
+    for (int64_t i = 0; i < p->interfaces; i++) {
+        double moved[3];
+        rows_times(p->load_operator + 3 * i * p->modes, room->rigid, moved, 3, p->modes);
+        largest = fmax(largest, norm(moved, 3));
+    }
+    return largest;
+}
+
+/* Errors that are none but round-off, over the deflection and over the size of the body. */
+static const double OF_DEFLECTION = 1e-9, OF_SIZE = 1e-13;
+
+/* The largest error over a deflection; 0 of a body at rest. */
+static double share_of(const Program *p, const double *error, double deflection) {
+    double size = 0.0, largest = 0.0;
+    for (int64_t i = 0; i < p->interfaces; i++) {
+        size = fmax(size, norm(p->point + 3 * (p->frames + i), 3));
+        largest = fmax(largest, error[2 * i]);
+    }
+    return largest > fmax(OF_DEFLECTION * deflection, OF_SIZE * size) ? largest / fmax(deflection, OF_SIZE * size) : 0.0;
+}
+
+int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection, double *share) {
+    const Program *p = &body->p;
+    const int64_t n = p->modes;
+    Arena arena = work_arena(shadow);
+    Room room;
+    take_room(shadow, &arena, &room);
+    if (arena.refused || body_forces(body, inputs, q, room.rest, 0) != FLEX_OK) return FLEX_NO_ROOM;
+    for (int64_t j = 0; j < n; j++) room.rest[j] -= body->stiffness[j] * q[j];
+    rows_times(shadow->p.embedding, q, room.q, shadow->p.modes, n);
+    memset(room.tense, 0, (size_t)(12 * shadow->p.ties) * sizeof(double));
+    if (p->ties) tie_tension(body, whole_configuration(body, q), room.tense);
+    places(body, q, room.moved);
+    memset(room.rigid, 0, (size_t)n * sizeof(double));
+    memcpy(room.rigid, q, (size_t)p->rigid * sizeof(double));
+    places(body, room.rigid, room.other);
+    const double now = apart(room.moved, room.other, p->interfaces, error);
+    *deflection = fmax(*deflection, fmax(now, to_come(body, &room)));
+    if (newton_step(shadow, &room, inputs)) {
+        places(shadow, room.q, room.other);
+        apart(room.moved, room.other, p->interfaces, error);
+    }
+    *share = share_of(p, error, *deflection);
+    if (*share == 0.0) memset(error, 0, (size_t)(2 * p->interfaces) * sizeof(double));
+    return FLEX_OK;
+}

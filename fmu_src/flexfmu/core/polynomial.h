@@ -1,0 +1,30 @@
+/* Mass of the deformed body as a polynomial of its slow coordinates, (13a) of docs/theory.md section 9:
+ *
+ *     M(q) = 1 + sum over k of y_k(q) U_k,   y_k = l_k · q + q V_k q,   U_k and V_k symmetric.
+ *
+ * Pairs of coordinates a <= b go row by row; what belongs to a pair off the diagonal stands for both halves of its matrix. */
+#ifndef FLEX_POLYNOMIAL_H
+#define FLEX_POLYNOMIAL_H
+
+#include "data.h"
+
+typedef struct {
+    double *x, *slope; /* (r + p): q and its pairs; what a change of them does */
+    double *value;     /* (R): y */
+    double *pairs, *rates; /* (p): M - 1 where it was last asked for; products of two rates, or dM/dt */
+    double *at;        /* (r): that place */
+    int known;
+} Polynomial;
+
+void take_polynomial(const Body *body, Arena *arena, Polynomial *room);
+/* M - 1, (r, r), and its diagonal alone, (r). */
+void polynomial_mass(const Body *body, const double *q, Polynomial *room, double *out);
+void polynomial_diagonal(const Body *body, const double *q, Polynomial *room, double *out);
+/* (M - 1) v, (m). */
+void polynomial_momentum(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
+/* Derivative of v M(q) v / 2 by q at a fixed v, (m). */
+void polynomial_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
+/* d(M v)/dt - d(v M v / 2)/dq - M dv/dt, (m). */
+void polynomial_convective(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
+
+#endif

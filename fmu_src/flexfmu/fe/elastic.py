@@ -1,0 +1,63 @@
+"""All that has strain energy: solids, shells, and the simplices that keep rigid nodes in shape."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.links import Simplices
+from ..mesh.model import Mesh
+from .cells import VOIGT, Cells, cells
+from .shells import shell_cells
+
+# m³; of what has energy and shall count in no mean over a volume.
+_NO_VOLUME = 1e-30
+
+
+def elastic_cells(mesh: Mesh, elements: int, points: int = 0, means: bool = False) -> Iterator[Cells]:
+    """Yield all that has strain energy, elements and simplices of rigid links, some at a time.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Every element with a material.
+    elements, points : int
+        How many at a time at most, of integration points unless that is less than one element has.
+    means : bool
+        Whether the fields of shells are in means and differences of both faces (`fe.unknowns`), not displacements.
+
+    Yields
+    ------
+    Cells
+    """
+    for block in mesh.blocks:
+        size = max(1, elements, points // len(block.type.stiffness.weights))
+        if block.type.shell:
+            yield from (some.in_means() if means else some for some in shell_cells(mesh, block, size))
+        else:
+            yield from (some for _, some in cells(mesh, block, size))
+    for one in mesh.simplices:
+        count = one.nodes.shape[1]
+        volume, value = np.full((len(one.nodes), 1), _NO_VOLUME), np.full((1, count), 1.0 / count)
+        nodes, gradient = _in_means(mesh, one) if means else (one.nodes, one.gradient)
+        yield Cells(nodes, value, gradient[:, None], volume, _projected(one.span, one.stiffness / _NO_VOLUME))
+
+
+def _in_means(mesh: Mesh, one: Simplices) -> tuple[IntArray, FloatArray]:
+    """Nodes (e, 2 a) and gradients (e, 2 a, 3) of simplices for means and differences, some nodes twice."""
+    other, side = np.arange(len(mesh.points)), np.zeros(len(mesh.points))
+    other[mesh.lines] = mesh.lines[:, ::-1]
+    side[mesh.lines] = -1.0, 1.0
+    mean, across = np.minimum(one.nodes, other[one.nodes]), np.maximum(one.nodes, other[one.nodes])
+    sign = side[one.nodes][:, :, None]
+    part = np.where(sign == 0.0, 1.0, np.sqrt(0.5)) * one.gradient
+    return np.concatenate([mean, across], axis=1), np.concatenate([part, sign * part], axis=1)
+
+
+def _projected(onto: FloatArray, stiffness: FloatArray) -> FloatArray:
+    """Matrix (e, 6, 6) of energies ½ k |P E P|², from projectors P (e, 3, 3) and k (e,)."""
+    result = np.empty((len(onto), 6, 6))
+    for row, (i, j) in enumerate(VOIGT):
+        for column, (k, m) in enumerate(VOIGT):
+            result[:, row, column] = 0.5 * (onto[:, i, k] * onto[:, j, m] + onto[:, i, m] * onto[:, j, k])
+    return stiffness[:, None, None] * result

@@ -1,0 +1,251 @@
+"""Nastran's cards at nodes that move together (RBE2, RBE3, MPC), are held (single-point constraints), or heavy."""
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexfmu.files.array_types import FloatArray
+from flexfmu.files.errors import MeshError
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.links import RigidLink
+from flexfmu.mesh.listing import listed
+from flexfmu.mesh.model import PointMass, masses_note
+
+# Cards of nodes that move with a reference point: which of their nodes are on the body, and the reference.
+SPIDERS = {"RBE2": ("dependent_nodes", "gn"), "RBE3": ("independent_nodes", "refgrid")}
+# Translations in a grid point's own constraints, and of an MPC's terms.
+_TRANSLATIONS = "123"
+# What an RBE2 holds of another one's reference point if both are one rigid body.
+_ALL = set("123456")
+
+
+def spiders(
+    model: Any, points: FloatArray, row: Mapping[int, int], path: Path, notes: list[str]
+) -> tuple[dict[str, list[int]], dict[str, FloatArray]]:
+    """Return the nodes of RBE2 and RBE3 on the body, and their reference points.
+
+    Parameters
+    ----------
+    model : pyNastran.bdf.bdf.BDF
+    points : (n, 3) float
+    row : mapping of int to int
+        Rows of `points` by grid point.
+    path : Path
+    notes : list of str
+        Gets what is left out of each.
+
+    Returns
+    -------
+    nodes : dict of str to list of int
+        Grid points, by "RBE2 n".
+    references : dict of str to (3,) float
+
+    Raises
+    ------
+    MeshError
+        Some that are not rigid share a reference or hang on another: they join the body's parts.
+    """
+    ends = spider_ends(model)
+    uses = Counter(reference for _, reference in ends.values())
+    loose: set[int] = set()
+    for number, (nodes, reference) in ends.items():
+        element = model.rigid_elements[number]
+        if not holds_rigid(element):
+            loose |= {*nodes, reference}
+        elif not set(str(element.cm)) >= _ALL:
+            loose |= set(nodes)
+    members = {node for nodes, _ in ends.values() for node in nodes}
+    joining = [
+        number
+        for number, (_, reference) in ends.items()
+        if reference in loose and (uses[reference] > 1 or reference in members)
+    ]
+    if joining:
+        raise MeshError(
+            f"{path}: elements {listed(joining)} share their reference points, and one of them is no RBE2 that holds "
+            "all directions, 123456: not supported; join these parts by solids, MPC or such RBE2"
+        )
+    sets, references = {}, {}
+    for number, (nodes, reference) in ends.items():
+        kind, rigid = model.rigid_elements[number].type, holds_rigid(model.rigid_elements[number])
+        name = f"{kind} {number}"
+        sets[name] = nodes
+        if reference in row:
+            references[name] = points[row[reference]]
+        holds = "; its nodes are rigid" if rigid else ""
+        if kind == "RBE2" and not rigid:
+            holds = f"; that it holds directions {model.rigid_elements[number].cm} alone is left out: they may deform"
+        notes.append(f"{name} is offered as an interface: nodes = '{name}', with its reference node as point{holds}")
+    return sets, references
+
+
+def holds_rigid(element: Any) -> bool:
+    """Whether an element lets its nodes move as a rigid body only."""
+    return element.type == "RBE2" and set(_TRANSLATIONS) <= set(str(element.cm))
+
+
+def rigid_links(model: Any, row: Mapping[int, int]) -> tuple[RigidLink, ...]:
+    """What RBE2 make rigid; each with its reference, which joins those that share it."""
+    return tuple(
+        RigidLink(f"RBE2 {number}", np.array(sorted({row[node] for node in (*nodes, reference) if node in row})))
+        for number, (nodes, reference) in spider_ends(model).items()
+        if holds_rigid(model.rigid_elements[number])
+    )
+
+
+def spider_ends(model: Any) -> dict[int, tuple[list[int], int]]:
+    """Grid points on the body and reference of each RBE2 and RBE3, by its number."""
+    return {
+        number: (list(getattr(element, SPIDERS[element.type][0])), int(getattr(element, SPIDERS[element.type][1])))
+        for number, element in sorted(model.rigid_elements.items())
+    }
+
+
+def multi_point_rows(model: Any, row: Mapping[int, int], path: Path) -> list[dict[int, float]]:
+    """Return the equations of the MPC set that the case control chooses, or of the only one.
+
+    Parameters
+    ----------
+    model : pyNastran.bdf.bdf.BDF
+    row : mapping of int to int
+        Rows of the nodes by grid point.
+    path : Path
+
+    Returns
+    -------
+    list of dict of int to float
+        Coefficients by unknown, 3 i + j for node i in direction j.
+
+    Raises
+    ------
+    MeshError
+        Several sets and none that is chosen, or terms that are no translations in the global system.
+    """
+    if not model.mpcs:
+        return []
+    cards = [card for number in _chosen_set(model, path) for card in model.mpcs.get(number, ())]
+    found: list[dict[int, float]] = []
+    for card in cards:
+        terms: dict[int, float] = {}
+        for node, component, factor in zip(card.nodes, card.components, card.coefficients, strict=True):
+            if node not in row or str(component) not in tuple(_TRANSLATIONS) or model.nodes[node].cd:
+                raise MeshError(
+                    f"{path}: MPC {card.conid} has the term {node}, {component}: supported are translations 1 to 3 of "
+                    "grid points, along the global axes"
+                )
+            key = 3 * row[node] + int(component) - 1
+            terms[key] = terms.get(key, 0.0) + float(factor)
+        found.append(terms)
+    return found
+
+
+def _chosen_set(model: Any, path: Path) -> list[int]:
+    """Numbers of the MPC cards that count."""
+    subcases = [] if model.case_control_deck is None else model.case_control_deck.subcases.values()
+    chosen = {int(subcase.params["MPC"][0]) for subcase in subcases if "MPC" in subcase.params}
+    known = {*model.mpcs, *model.mpcadds}
+    if not chosen and len(known) == 1:
+        chosen = known
+    if len(chosen) != 1:
+        raise MeshError(
+            f"{path}: the MPC sets {listed(sorted(known))} are there, and the case control chooses "
+            f"{listed(sorted(chosen))}: expected one, MPC = n for all subcases"
+        )
+    (number,) = chosen
+    return [int(one) for card in model.mpcadds[number] for one in card.mpc_ids] if number in model.mpcadds else [number]
+
+
+def single_point_sets(model: Any, notes: list[str]) -> dict[str, list[int]]:
+    """Return the nodes of single-point constraints; grid points' own constraints count as set 0.
+
+    Parameters
+    ----------
+    model : pyNastran.bdf.bdf.BDF
+    notes : list of str
+        Gets a word on each.
+
+    Returns
+    -------
+    dict of str to list of int
+        Grid points, by "SPC n".
+    """
+    sets: dict[str, list[int]] = {}
+    for number, cards in model.spcs.items():
+        for card in cards:
+            sets.setdefault(f"SPC {number}", []).extend(getattr(card, "nodes", ()))
+    own = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
+    if own:
+        sets["SPC 0"] = own
+    notes.extend(
+        f"{name}: its nodes are a node set, and it holds nothing: give a [[support]]" for name in sets if sets[name]
+    )
+    return sets
+
+
+def unit_of_mass(model: Any) -> float:
+    """What densities and masses of a file are multiplied with: PARAM,WTMASS."""
+    return float(model.params["WTMASS"].values[0]) if "WTMASS" in model.params else 1.0
+
+
+def point_masses(
+    model: Any,
+    points: FloatArray,
+    row: Mapping[int, int],
+    used: set[int],
+    path: Path,
+    units: UnitSystem,
+    notes: list[str],
+) -> tuple[PointMass, ...]:
+    """Return the masses of CONM2.
+
+    Parameters
+    ----------
+    model : pyNastran.bdf.bdf.BDF
+    points : (n, 3) float
+        In the file's units.
+    row : mapping of int to int
+        Rows of `points` by grid point.
+    used : set of int
+        Grid points of elements.
+    path : Path
+    units : UnitSystem
+    notes : list of str
+        Gets what is left out.
+
+    Returns
+    -------
+    tuple of PointMass
+
+    Raises
+    ------
+    MeshError
+        A mass in another coordinate system, or on a grid point that nothing carries.
+    """
+    weight = unit_of_mass(model) * units.density * units.length**3
+    carried = {reference: nodes for nodes, reference in spider_ends(model).values()}
+    found = []
+    for number, one in sorted(model.masses.items()):
+        if one.type != "CONM2":
+            continue
+        nodes = [one.nid] if one.nid in used else carried.get(one.nid, [])
+        if one.cid != 0 or not nodes or one.nid not in row or any(node not in row for node in nodes):
+            raise MeshError(
+                f"{path}: CONM2 {number} at GRID {one.nid}: supported are masses in the basic system, on grid points "
+                "of solids and on reference points of RBE2 and RBE3"
+            )
+        offset = np.asarray(one.X, dtype=float)
+        i11, i21, i22, i31, i32, i33 = (float(value) for value in one.I)
+        inertia = np.array([[i11, -i21, -i31], [-i21, i22, -i32], [-i31, -i32, i33]])
+        if len(nodes) == 1 and (offset.any() or inertia.any()):
+            notes.append(f"CONM2 {number}: GRID {one.nid} of a solid does not turn: its offset and inertia do nothing")
+            offset, inertia = np.zeros(3), np.zeros((3, 3))
+        rows = np.array(sorted({row[node] for node in nodes}), dtype=np.int64)
+        at = (points[row[one.nid]] + offset) * units.length
+        found.append(
+            PointMass(f"CONM2 {number}", at, rows, float(one.mass) * weight, inertia * weight * units.length**2)
+        )
+    notes.extend(masses_note(found, "points"))
+    return tuple(found)

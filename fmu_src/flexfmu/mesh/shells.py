@@ -1,0 +1,299 @@
+"""Shells as bricks and wedges of one layer: lines through the thickness, knots where lines meet.
+
+A node has one line through the thickness for each group of elements around it that have nearly the same normal, and
+the same faces. Where it has several, at folds, joints and steps of the thickness, they are one rigid body: a knot.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..files.array_types import BoolArray, FloatArray, IntArray
+from ..files.errors import MeshError
+from .blocks import ElementBlock
+from .elements import ElementType
+from .equations import matrix_of
+from .links import RigidLink
+from .listing import listed
+from .model import NO_MATERIAL, Mesh
+
+# Cosine of the angle between normals up to which elements share a line: 20 degrees.
+_SMOOTH = np.cos(np.radians(20.0))
+# Difference of the faces' heights, over the thickness, that is none.
+_SAME = 1e-9
+# Length of what is left of a direction that others span already.
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """Lines through the thickness.
+
+    Attributes
+    ----------
+    node : (l,) int
+        Ascending.
+    normal : (l, 3) float
+    height : (l, 2) float
+        Of both ends over the node along the normal, m, the lower first.
+    ends : (l, 2) int
+        Rows of the points there.
+    """
+
+    node: IntArray
+    normal: FloatArray
+    height: FloatArray
+    ends: IntArray
+
+    @property
+    def share(self) -> FloatArray:
+        """Parts (l, 2) of the ends' displacements that make that of the node."""
+        low, high = self.height.T
+        return np.stack([high, -low], axis=1) / (high - low)[:, None]
+
+
+def shell_mesh(
+    points: FloatArray, cells: Mapping[str, IntArray], thickness: float | FloatArray, **sets: IntArray
+) -> Mesh:
+    """Mesh of shells in memory.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+        Of the middle surface, m.
+    cells : mapping of str to (k, 3) or (k, 4) int
+        "triangle" and "quad": rows of points.
+    thickness : float or (n_elements,) float
+        m.
+    **sets : (k,) int
+        Node sets: rows of points.
+
+    Returns
+    -------
+    Mesh
+
+    Examples
+    --------
+    >>> points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> flexfmu.shell_mesh(points, {"quad": [[0, 1, 2, 3]]}, 0.01, ROOT=[0, 3])
+    <Mesh: 8 nodes, 1 S4; node sets ROOT; element sets none>
+    """
+    kinds = {"triangle": ElementType.S3, "quad": ElementType.S4}
+    if unknown := [name for name in cells if name not in kinds]:
+        raise MeshError(f"shells are made of cells {', '.join(kinds)}, found {', '.join(unknown)}")
+    places = np.asarray(points, dtype=float)
+    blocks, first = [], 1
+    for name, given in cells.items():
+        rows = np.asarray(given, dtype=np.int64)
+        labels = np.arange(first, first + len(rows))
+        first += len(rows)
+        blocks.append(ElementBlock(kinds[name], labels, rows, np.full(len(rows), NO_MATERIAL)))
+    mesh = Mesh(
+        points=places,
+        labels=np.arange(1, len(places) + 1),
+        blocks=tuple(blocks),
+        node_sets={name: np.unique(rows) for name, rows in sets.items()},
+        element_sets={},
+        materials=(),
+        fixed=np.zeros((len(places), 3), dtype=bool),
+    )
+    half = 0.5 * np.broadcast_to(np.asarray(thickness, dtype=float), first - 1)
+    return expanded(mesh, np.stack([-half, half], axis=1), np.zeros_like(mesh.fixed))
+
+
+def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
+    """Give shells their thickness.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Whose shells have the nodes of a surface, three or four.
+    height : (n_elements, 2) float
+        Of both faces over that surface along the element's normal, m, the lower first; of solids any.
+    turning : (n, 3) bool
+        Rotations of nodes that are held at zero.
+
+    Returns
+    -------
+    Mesh
+        Shells are bricks and wedges of one layer; sets, supports, links, masses and equations follow.
+
+    Raises
+    ------
+    MeshError
+        Shells are degenerate.
+    """
+    solid, shell = np.zeros((2, len(mesh.points)), dtype=bool)
+    for block in mesh.blocks:
+        (shell if block.type.shell else solid)[block.connectivity] = True
+    kept = np.flatnonzero(solid | ~shell)
+    row = np.full(len(mesh.points), -1)
+    row[kept] = np.arange(kept.size)
+    lines, blocks = _lines(mesh, height, kept.size)
+    ends = mesh.points[lines.node][:, None] + lines.height[:, :, None] * lines.normal[:, None]
+
+    def moved(nodes: IntArray) -> IntArray:
+        return np.unique(np.concatenate([row[nodes][row[nodes] >= 0], lines.ends[np.isin(lines.node, nodes)].ravel()]))
+
+    node, count = np.unique(lines.node, return_counts=True)
+    knots = [RigidLink(f"knot {mesh.labels[one]}", moved(np.array([one]))) for one in node[count > 1].tolist()]
+    origin = np.concatenate([kept, np.repeat(lines.node, 2)])
+    fixed, held = _supports(mesh, turning, lines, row, len(origin))
+    rows = _joined(lines, row)
+    parts = [] if mesh.equations is None else [_on_lines(mesh.equations, row, lines, len(origin))]
+    parts += [matrix_of(rows, 3 * len(origin))] if rows else []
+    return replace(
+        mesh,
+        points=np.concatenate([mesh.points[kept], ends.reshape(-1, 3)]),
+        labels=mesh.labels[origin],
+        blocks=tuple(b if b.type.shell else replace(b, connectivity=row[b.connectivity]) for b in blocks),
+        node_sets={name: moved(nodes) for name, nodes in mesh.node_sets.items()},
+        fixed=fixed,
+        masses=tuple(replace(one, nodes=moved(one.nodes)) for one in mesh.masses),
+        links=(*(RigidLink(one.name, moved(one.nodes)) for one in mesh.links), *knots),
+        equations=sp.csr_array(sp.vstack(parts)) if parts else None,
+        supports=matrix_of(held, 3 * len(origin)) if held else None,
+        notes=(*mesh.notes, *_notes(blocks, len(lines.node), len(knots), int((solid & shell).sum()))),
+    )
+
+
+def _notes(blocks: tuple[ElementBlock, ...], lines: int, knots: int, shared: int) -> list[str]:
+    """What shells have become."""
+    found = [f"{lines} lines through the thickness of shells, {knots} knots"]
+    if triangles := sum(len(block.labels) for block in blocks if block.type is ElementType.S3):
+        found.append(
+            f"{triangles} triangles (S3) have constant strain in their plane, and bend stiffly in it: take S4 there"
+        )
+    if shared:
+        found.append(
+            f"shells share {shared} nodes with solids, which have no rotations: they move together there, and may turn "
+            "as on hinges. Where they shall not, let the shells reach one element into the solids, or use a coupling"
+        )
+    return found
+
+
+def _lines(mesh: Mesh, height: FloatArray, first: int) -> tuple[_Lines, tuple[ElementBlock, ...]]:
+    """Lines of all shells, and the blocks with shells between them; `first` is the row of the first end."""
+    shells = [(block, at) for block, at in zip(mesh.blocks, mesh.starts, strict=False) if block.type.shell]
+    # Corners of all shells, one after the other.
+    nodes = np.concatenate([block.connectivity.ravel() for block, _ in shells])
+    normals = np.concatenate([_corner_normals(mesh.points, block) for block, _ in shells])
+    heights = np.concatenate(
+        [np.repeat(height[at : at + len(b.labels)], b.connectivity.shape[1], axis=0) for b, at in shells]
+    )
+    order = np.argsort(nodes, kind="stable")
+    line, along = np.zeros(nodes.size, dtype=np.int64), np.ones(nodes.size, dtype=bool)
+    node: list[int] = []
+    direction, faces = [], []
+    for corners in np.split(order, np.flatnonzero(np.diff(nodes[order])) + 1):
+        for total, own, members in _groups(normals[corners], heights[corners]):
+            line[corners[members]] = len(node)
+            along[corners[members]] = normals[corners[members]] @ total > 0.0
+            node.append(int(nodes[corners[0]]))
+            direction.append(total / np.linalg.norm(total))
+            faces.append(own)
+    lines = _Lines(
+        np.array(node), np.array(direction), np.array(faces), first + np.arange(2 * len(node)).reshape(-1, 2)
+    )
+    ends = np.where(along, lines.ends[line].T, lines.ends[line, ::-1].T)
+    blocks, corner = [], 0
+    for block in mesh.blocks:
+        if block.type.shell:
+            low, high = ends[:, corner : corner + block.connectivity.size].reshape(2, *block.connectivity.shape)
+            corner += block.connectivity.size
+            block = replace(block, connectivity=np.concatenate([low, high], axis=1))
+        blocks.append(block)
+    return lines, tuple(blocks)
+
+
+def _corner_normals(points: FloatArray, block: ElementBlock) -> FloatArray:
+    """Unit normals (e a, 3) of shells at their corners."""
+    corners = points[block.connectivity]
+    found = np.cross(np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners)
+    size = np.linalg.norm(found, axis=2, keepdims=True)
+    if (flat := (size <= 0.0).any(axis=(1, 2))).any():
+        raise MeshError(f"shells have no area at a corner: {listed(block.labels[flat])}; mesh again")
+    result: FloatArray = (found / size).reshape(-1, 3)
+    return result
+
+
+def _groups(normals: FloatArray, heights: FloatArray) -> list[tuple[FloatArray, FloatArray, list[int]]]:
+    """Corners at a node that share a line: sum of their normals, whichever way they point, heights, members."""
+    found: list[tuple[FloatArray, FloatArray, list[int]]] = []
+    for corner, (own, (low, high)) in enumerate(zip(normals, heights, strict=True)):
+        for place, (total, other, members) in enumerate(found):
+            cosine = float(own @ total) / float(np.linalg.norm(total))
+            faces = np.array([low, high] if cosine > 0.0 else [-high, -low])
+            if abs(cosine) > _SMOOTH and np.abs(faces - other).max() <= _SAME * (high - low):
+                found[place] = (total + np.sign(cosine) * own, other, [*members, corner])
+                break
+        else:
+            found.append((own, np.array([low, high]), [corner]))
+    return found
+
+
+def _supports(
+    mesh: Mesh, turning: BoolArray, lines: _Lines, row: IntArray, count: int
+) -> tuple[BoolArray, list[dict[int, float]]]:
+    """Translations (count, 3) held at zero, and equations for what is held of lines otherwise.
+
+    A line n turns by ω × n; held rotations leave it the directions of the free ones, and its length.
+    """
+    fixed, rows = np.zeros((count, 3), dtype=bool), []
+    fixed[row[row >= 0]] = mesh.fixed[row >= 0]
+    held = mesh.fixed & (row < 0)[:, None]
+    previous = -1
+    for place in np.flatnonzero((held | turning)[lines.node].any(axis=1)).tolist():
+        node, ends, share = int(lines.node[place]), lines.ends[place].tolist(), lines.share[place].tolist()
+        moves = [np.cross(unit, lines.normal[place]) for unit in np.eye(3)[~turning[node]]]
+        still = _beside(np.array([*moves, lines.normal[place]])) if moves else np.eye(3)
+        for axis, unit in enumerate(np.eye(3)):
+            if held[node, axis] and np.linalg.norm(still @ unit) > 1.0 - _NOTHING:
+                fixed[ends, axis] = True
+            elif held[node, axis] and node != previous:
+                rows.append({3 * end + axis: part for end, part in zip(ends, share, strict=True)})
+        previous = node
+        left = still * ~fixed[ends[0]]
+        rows += [
+            {
+                3 * end + axis: sign * float(one[axis])
+                for end, sign in zip(ends, (-1.0, 1.0), strict=True)
+                for axis in axes
+            }
+            for one in left
+            if np.linalg.norm(one) > _NOTHING and (axes := np.flatnonzero(one).tolist())
+        ]
+    return fixed, rows
+
+
+def _beside(directions: FloatArray) -> FloatArray:
+    """Orthonormal directions (k, 3) at right angles to all of some."""
+    _, sizes, axes = np.linalg.svd(directions)
+    found: FloatArray = axes[int(np.sum(sizes > _NOTHING)) :]
+    return found
+
+
+def _joined(lines: _Lines, row: IntArray) -> list[dict[int, float]]:
+    """Equations by which nodes of solids move with the line of the shells that share them; knots hold several."""
+    node, count = np.unique(lines.node, return_counts=True)
+    alone = np.isin(lines.node, node[count == 1]) & (row[lines.node] >= 0)
+    return [
+        {3 * place + axis: -1.0} | {3 * end + axis: part for end, part in zip(ends, share, strict=True)}
+        for place, ends, share in zip(
+            row[lines.node[alone]].tolist(), lines.ends[alone].tolist(), lines.share[alone].tolist(), strict=True
+        )
+        for axis in range(3)
+    ]
+
+
+def _on_lines(equations: sp.csr_array, row: IntArray, lines: _Lines, count: int) -> sp.csr_array:
+    """Equations of displacements of nodes as ones of those of the ends of lines."""
+    node, first = np.unique(lines.node, return_index=True)
+    node, first = node[row[node] < 0], first[row[node] < 0]
+    parts = [(np.flatnonzero(row >= 0), row[row >= 0], np.ones(int((row >= 0).sum())))]
+    parts += [(node, lines.ends[first, end], lines.share[first, end]) for end in (0, 1)]
+    before, after, share = (np.concatenate(part) for part in zip(*parts, strict=True))
+    spread = sp.csr_array(sp.coo_array((share, (before, after)), shape=(len(row), count)))
+    return sp.csr_array(equations @ sp.kron(spread, sp.eye_array(3), format="csr"))

@@ -1,0 +1,61 @@
+"""What a body's shadow is made of: the same body, reduced finer, that tells its error (docs/theory.md, section 7a)."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..files.array_types import FloatArray
+from ..files.limits import MOST_FRAMES
+from ..model.methods import Data, Method, Variant
+from .modes import Modes
+from .options import BodyOptions
+from .subdomains import Subdomain
+from .supported import Supported
+
+# Frames of the shadow for each of the body's.
+_FINER = 2
+# Shapes of second and third order that it has beside the body's own, and what they have of the energy at least.
+THIRD_LEAST, THIRD_MOST = 1e-3, 6
+
+
+def shadow_options(config: BodyOptions, subdomains: Sequence[Subdomain]) -> BodyOptions:
+    """Options of the shadow: second order and stretching, and twice the frames, all of them levels.
+
+    One frame that was taken by itself stays one: more would open a loop, or lie on joints that tell nothing.
+
+    Parameters
+    ----------
+    config : BodyOptions
+        Of the body.
+    subdomains : sequence of Subdomain
+        Its frames.
+
+    Returns
+    -------
+    BodyOptions
+    """
+    own = sum(not domain.floating for domain in subdomains)
+    found = not (config.frames or config.branches)
+    levels = max(_FINER * (config.levels if found and own > 1 else own), _FINER)
+    if found and own == 1 and not config.levels_asked:
+        levels = 1
+    return replace(
+        config,
+        levels=min(levels, MOST_FRAMES),
+        levels_asked=True,
+        frames=(),
+        branches=(),
+        stress=(),
+        membrane="stretching",
+        variant=Variant(Method.SECOND_ORDER),
+        stored=frozenset({Data.SECOND_ORDER}),
+        surface=False,
+        surface_stress=False,
+        certificate=False,
+        watched=False,
+    )
+
+
+def embedding(model: Supported, shadow: Modes, modes: Modes) -> FloatArray:
+    """The shadow's coordinates (m_S, m) of a body's modes, which its basis spans: P = Φ_Sᵀ M Φ."""
+    result: FloatArray = model.unknowns.of(shadow.shapes).T @ (model.mass @ model.unknowns.of(modes.shapes))
+    return result

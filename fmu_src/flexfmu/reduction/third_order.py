@@ -1,0 +1,126 @@
+"""Static shapes by which a body answers its loads at second and third order (docs/theory.md, section 1).
+
+A motion x under interface loads has the stress σ(x), and at second order the stress S = C (½ GᵀG + sym ∇w) that no
+displacement takes away (section 4c). Both act on the body once more where it has moved, with the forces
+
+    d(x) = ∫ σ_JK x_i,K N,_J dV,     g(x) = ∫ S_JK x_i,K N,_J dV = V′(x).                         (2c)
+
+A basis without K⁻¹d and K⁻¹g answers too stiffly: it locks where the body would evade its stretch.
+"""
+
+from itertools import combinations_with_replacement, permutations
+
+import numpy as np
+
+from ..fe.gradients import mean_spin, quadratic_strain
+from ..fe.stressed import stressed_gradients
+from ..files.array_types import FloatArray
+from ..files.progress import Reporter, tell_nobody
+from ..files.store import Store, content_key
+from .basis import Matrices, completed_basis
+from .modes import Modes
+
+# Shapes that a basis gets, and the energy, as of `third_order_loads`, up to which it gets none: a twisted beam bends
+# sideways 1.5 % too little without them, at 0.34, a thin annulus 22 %, at 43.
+_MOST, _LEAST = 6, 0.02
+# Motions that are combined: the softest ones.
+_MOTIONS = 6
+# Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it.
+_STIFF = 1e-2
+# Relative size of an eigenvalue below which loads depend on each other.
+_DEPENDENT = 1e-10
+# Rotation of the material (rms, rad) at which shapes are compared.
+_TURN = 0.5
+
+
+def with_third_order(
+    matrices: Matrices, modes: Modes, modes_key: str, loads: FloatArray, store: Store, report: Reporter
+) -> tuple[Modes, str]:
+    """A basis with the shapes of second and third order that it lacks most, and its key; parameters as below."""
+
+    def make() -> dict[str, FloatArray]:
+        return {"forces": third_order_loads(matrices, modes, loads, _LEAST, _MOST, report)}
+
+    key = content_key(__name__, modes_key, loads)
+    forces = store.arrays(key, "static shapes of third order", report, make)["forces"]
+    return completed_basis(matrices, modes, modes_key, forces, store, report)
+
+
+def third_order_loads(
+    matrices: Matrices, modes: Modes, loads: FloatArray, least: float, most: int, report: Reporter
+) -> FloatArray:
+    """Nodal forces whose static shapes a basis lacks most at second and third order.
+
+    They complete a basis as unit loads do: `modal_basis` and `with_residual_flexibility` take them among `residual`.
+
+    Parameters
+    ----------
+    matrices : Matrices
+    modes : Modes
+        The basis as it is, static shapes included.
+    loads : (3n, l) float
+        Nodal forces of the interfaces' unit loads.
+    least : float
+        Energy of a shape over the linear one of the motion that makes it, where the material turns by 0.5 rad (rms), up
+        to which it is left out: by about as much a motion under its own load is too small without the shape.
+    most : int
+        How many shapes at most.
+    report : Reporter
+
+    Returns
+    -------
+    (3n, k) float
+        Each of unit energy in what the basis lacks; the largest first.
+    """
+    model, elastic = matrices.supported, modes.angular_frequency > 0.0
+    # Loads on a support do nothing.
+    if not np.any(model.forces(loads)):
+        return np.zeros((len(loads), 0))
+    with report.stage("Find static shapes of third order"):
+        forces = _forces(matrices, *softest_motions(matrices, loads))
+        free = model.forces(forces)
+        work = free.T @ model.static(free)
+        held = (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
+        # What they do outside the basis.
+        values, axes = np.linalg.eigh(0.5 * (work + work.T) - held.T @ held)
+    chosen = np.flatnonzero(values > 2.0 * least)[::-1][:most]
+    result: FloatArray = forces @ (axes[:, chosen] / np.sqrt(values[chosen]))
+    return result
+
+
+def softest_motions(matrices: Matrices, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Motions (3n, m) under loads (3n, l) that turn the material most at the same energy, by 0.5 rad; energies (m,)."""
+    model = matrices.supported
+    found = model.static(model.forces(loads))
+    stiffness = found.T @ (model.stiffness @ found)
+    # Loads on a support do nothing.
+    size = np.where(np.diag(stiffness) > 0.0, np.sqrt(np.maximum(np.diag(stiffness), 0.0)), np.inf)
+    values, axes = np.linalg.eigh(stiffness / np.outer(size, size))
+    kept = values > _DEPENDENT * values[-1]
+    fields = model.whole(found @ (axes[:, kept] / np.sqrt(values[kept]) / size[:, None]))
+    turned, axes = np.linalg.eigh(mean_spin(matrices.model.mesh, fields))
+    chosen = np.flatnonzero(turned > _STIFF * turned[-1])[::-1][:_MOTIONS]
+    scale = _TURN / np.sqrt(turned[chosen])
+    # Their squares are twice the energy: the fields had a half of one.
+    return fields @ (axes[:, chosen] * scale), 0.5 * scale**2
+
+
+def _forces(matrices: Matrices, fields: FloatArray, energy: FloatArray) -> FloatArray:
+    """Forces (3n, k) of (2c) for products of the motions' amplitudes, over the root of the motions' energy."""
+    model, mesh = matrices.supported, matrices.model.mesh
+    every = range(fields.shape[1])
+    pairs = np.array(list(combinations_with_replacement(every, 2)))
+    strained, _ = quadratic_strain(mesh, fields, pairs, tell_nobody)
+    responses = -model.static(model.forces(strained))
+    pulled = stressed_gradients(mesh, fields, model.whole(responses), pairs)
+    # Polynomials of second and third order: what belongs to one product of amplitudes, over its number of orders.
+    found: dict[tuple[int, ...], FloatArray] = {}
+    for a in every:
+        for column, other in enumerate([(b,) for b in every] + [tuple(pair) for pair in pairs.tolist()]):
+            product = tuple(sorted((a, *other)))
+            found[product] = found.get(product, 0.0) + pulled[:, a, column]
+    scaled = []
+    for product, force in found.items():
+        orders = len(set(permutations(product)))
+        scaled.append(force / np.sqrt(orders * np.prod(energy[list(product)]) ** (1.0 / len(product))))
+    return np.array(scaled).T

@@ -1,0 +1,130 @@
+"""The elements whose material is watched: where it turns most within its frame, and how much it is strained.
+
+Chosen at build from motions that a body may make: responses to unit loads, modes, and random sums of both.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ..fe.cells import cells
+from ..files.array_types import FloatArray, IntArray
+from ..mesh.model import Mesh
+from .subdomains import Subdomain
+
+# Elements a frame, and at least of the whole body: in nine motions of ten they find 0.99 of the largest rotation.
+_ELEMENTS, _FEWEST = 12, 36
+# Random sums of responses, and of modes; few of many count in each.
+_SUMS, _SEED = 400, 20261122
+# Elements at a time.
+_CHUNK = 2048
+
+
+def watched_material(
+    mesh: Mesh,
+    shapes: FloatArray,
+    omega: FloatArray,
+    loads: FloatArray,
+    subdomains: Sequence[Subdomain],
+    frame_rotation: FloatArray,
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Mean rotation of chosen elements, and mean strain of each material in each frame.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    shapes : (3n, m) float
+    omega : (m,) float
+        rad/s; zero for rigid motions.
+    loads : (3n, k) float
+        Unit loads.
+    subdomains : sequence of Subdomain
+    frame_rotation : (S, 3, m) float
+
+    Returns
+    -------
+    frame : (w,) int
+    rotation : (w, 3, m) float
+    strain : (v, 6, m) float
+        As of `ReducedBody`.
+    """
+    phi = shapes.reshape(len(mesh.points), 3, -1)
+    motions = _motions(omega, shapes.T @ loads)
+    own = [(s, domain.elements) for s, domain in enumerate(subdomains) if domain.elements.size]
+    groups = own or [(0, np.arange(mesh.element_count))]
+    turned = frame_rotation if own else np.zeros((1, 3, len(omega)))
+    found = [_most_turned(mesh, phi, elements, turned[s], motions) for s, elements in groups]
+    largest = np.max([most.max(axis=0) for _, _, most in found], axis=0)
+    count = max(_ELEMENTS, _FEWEST // len(groups))
+    chosen = [rotation[_greedy(most / largest, count)] for _, rotation, most in found]
+    frame = [np.full(len(rotation), s if own else -1) for (s, _), rotation in zip(groups, chosen, strict=True)]
+    strain = [strains for _, elements in groups for strains in _mean_strains(mesh, phi, elements)]
+    return np.concatenate(frame), np.concatenate(chosen), np.array(strain)
+
+
+def _motions(omega: FloatArray, forces: FloatArray) -> FloatArray:
+    """Modal coordinates (m, k) of motions that a body may make, each of the same energy."""
+    elastic = omega > 0.0
+    stiffness = np.where(elastic, omega, 1.0)[:, None]
+    # In coordinates whose square is the energy.
+    static = np.where(elastic[:, None], forces / stiffness, 0.0)
+    static = static[:, np.linalg.norm(static, axis=0) > 0.0]
+    modes = np.diag(elastic / np.arange(1.0, omega.size + 1.0))[:, elastic]
+    unit = static / np.linalg.norm(static, axis=0)
+    random = np.random.default_rng(_SEED)
+    sums = [basis @ random.standard_normal((basis.shape[1], _SUMS)) ** 3 for basis in (unit, modes) if basis.shape[1]]
+    every = np.hstack([unit, modes, *sums])
+    result: FloatArray = every / np.linalg.norm(every, axis=0) / stiffness
+    return result
+
+
+def _gradients(mesh: Mesh, phi: FloatArray, elements: IntArray) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:
+    """Mean displacement gradients (e, 3, 3, m) of elements, volumes (e,), and materials (e,), some at a time."""
+    for block, inside in mesh.by_block(elements):
+        for first in range(0, inside.size, _CHUNK):
+            part = block.part(inside[first : first + _CHUNK])
+            for _, some in cells(mesh, part, _CHUNK):
+                volume = some.volume.sum(axis=1)
+                mean = np.einsum("eq,eqaJ->eaJ", some.volume, some.gradient[:, :, : some.nodes.shape[1]])
+                gradient = np.einsum("eaik,eaJ->eiJk", phi[some.nodes], mean, optimize=True)
+                yield gradient / volume[:, None, None, None], volume, part.material
+
+
+def _most_turned(
+    mesh: Mesh, phi: FloatArray, elements: IntArray, frame: FloatArray, motions: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """The elements (c,) that turn most in any motion, their rotation (c, 3, m) less the frame's, angles (c, k)."""
+    rotations, angles = [], []
+    for gradient, _, _ in _gradients(mesh, phi, elements):
+        rotation = 0.5 * np.stack([gradient[:, k, j] - gradient[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
+        angle = np.linalg.norm((rotation - frame) @ motions, axis=1)
+        rotations.append(rotation)
+        angles.append(angle)
+    rotation, angle = np.concatenate(rotations), np.concatenate(angles)
+    kept = np.unique(angle.argmax(axis=0))
+    return kept, rotation[kept], angle[kept]
+
+
+def _greedy(share: FloatArray, count: int) -> IntArray:
+    """Some of the candidates (c, k) so that the largest of theirs comes near the largest of all in every motion."""
+    goal, chosen = share.max(axis=0), np.zeros(share.shape[1])
+    picked: list[int] = []
+    for _ in range(min(count, len(share))):
+        left = ((goal - np.maximum(chosen, share)) ** 4).sum(axis=1)
+        picked.append(int(left.argmin()))
+        chosen = np.maximum(chosen, share[picked[-1]])
+    return np.unique(picked)
+
+
+def _mean_strains(mesh: Mesh, phi: FloatArray, elements: IntArray) -> list[FloatArray]:
+    """Mean strain (6, m) of each material in some elements: xx, yy, zz, then sqrt 2 times xy, yz, zx."""
+    sums: dict[int, tuple[FloatArray, float]] = {}
+    for gradient, volume, material in _gradients(mesh, phi, elements):
+        pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)]
+        scale = np.array([0.5, 0.5, 0.5] + 3 * [np.sqrt(0.5)])[None, :, None]
+        strain = scale * np.stack([gradient[:, i, j] + gradient[:, j, i] for i, j in pairs], axis=1)
+        for kind in np.unique(material):
+            own = material == kind
+            total, size = sums.get(kind, (np.zeros(strain.shape[1:]), 0.0))
+            sums[kind] = total + np.tensordot(volume[own], strain[own], axes=1), size + float(volume[own].sum())
+    return [total / size for total, size in sums.values()]

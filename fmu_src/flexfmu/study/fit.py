@@ -1,0 +1,492 @@
+"""The smallest, fastest model of a body that a scene's tolerance allows, as a body file and an FMU."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..build.body_model import read_body_model
+from ..build.config import read_body_file
+from ..files.counts import plural
+from ..files.errors import AccuracyError, BodyFileError
+from ..files.progress import Reporter
+from ..files.store import Store
+from ..files.targets import check_target, whole_file
+from ..fmu.package import package_fmu
+from ..model.errors import RuntimeBodyError
+from ..model.methods import Mass, Method, Variant, has_frames
+from ..model.reduced_body import ReducedBody
+from ..model.variants import chosen
+from ..reduction.cut.cut import cut_loops
+from .body_text import body_text
+from .candidates import (
+    BASES,
+    GIVEN,
+    Candidate,
+    Reduction,
+    frames_words,
+    has_meaning,
+    linear_frames,
+    offered_frames,
+    reduction_config,
+    times,
+)
+from .jobs import Crew
+from .scene.config import BasisChoice
+from .scene.measure import SceneErrors
+from .scene.scene import Scene
+from .subspace import normal_frequencies, pair_ends
+from .workshop import Workshop, build
+
+_LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+"""Numbers of modes that are tried, where no pair of equal frequency is split."""
+# Share of an error that may be added to it where the tolerance is out of reach anyway, for the sake of fewer modes.
+_SPARE = 0.05
+# Steps whose times differ by less cost the same; those that are slower by more are not timed again.
+_SAME_COST, _CLOSE, _TIMINGS = 0.05, 0.2, 3
+# Those that are there for comparison are left out.
+_COMPARED = (Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.STIFFNESS_BY_MODE, Method.FLOATING_FRAME)
+
+Tried = dict[Variant, dict[int, SceneErrors]]
+"""Errors with plenty of modes, by method and number of frames."""
+
+
+@dataclass(slots=True)
+class Choice:
+    """A model that will do.
+
+    Attributes
+    ----------
+    reduction : Reduction
+    variant : Variant
+    body : ReducedBody
+    cost : float
+        Fastest step seen, s.
+    """
+
+    reduction: Reduction
+    variant: Variant
+    body: ReducedBody
+    cost: float = math.inf
+
+    @property
+    def words(self) -> str:
+        """Its basis, size and cost."""
+        cost = f", {1e6 * self.cost:.3g} µs" if math.isfinite(self.cost) else ""
+        basis = BASES[self.reduction.basis.value]
+        return f"{basis} {self.reduction.modes} ({plural(self.body.mode_count, 'coordinate')}{cost})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """What was found.
+
+    Attributes
+    ----------
+    reduction : Reduction
+    variant : Variant
+    measured, given : SceneErrors
+        Of the file that was written, and of the body as the user has it.
+    verified : SceneErrors or None
+        Of the file that was written, against the finite element model where that was asked for.
+    step, given_step : float
+        Time of a step from Python, s; not a number where the body as given has no answer.
+    mode_count, given_mode_count, frame_count, given_frame_count : int
+    reasons : dict of str to str
+        By the key of the body file.
+    seconds : float
+        What it took.
+    tried : int
+        Models whose error was measured.
+    """
+
+    reduction: Reduction
+    variant: Variant
+    measured: SceneErrors
+    given: SceneErrors
+    verified: SceneErrors | None
+    step: float
+    given_step: float
+    mode_count: int
+    given_mode_count: int
+    frame_count: int
+    given_frame_count: int
+    reasons: dict[str, str]
+    seconds: float
+    tried: int
+
+    @property
+    def met(self) -> bool:
+        """Whether the file that was written meets the tolerance."""
+        return self._counts.share <= 1.0
+
+    @property
+    def _counts(self) -> SceneErrors:
+        """The errors that decide."""
+        return self.verified or self.measured
+
+    @property
+    def verdict(self) -> str:
+        """Pass or fail, in a line."""
+        share = times(self._counts.share)
+        if self.met:
+            return f"pass: {share} × the tolerance"
+        return f"fail: {share} × the tolerance; the best model found is written all the same"
+
+    @property
+    def summary(self) -> list[str]:
+        """The result in a few lines."""
+        measured = self._counts
+        kinds = {
+            "static displacement {:.2g} %": measured.static_displacement,
+            "displacement over time {:.2g} % rms": measured.transient_displacement,
+        }
+        errors = ", ".join(words.format(100.0 * error) for words, error in kinds.items() if not math.isnan(error))
+        where = f" ({measured.limited_by})" if measured.limited_by else ""
+        lines = [
+            f"Error over tolerance: {times(measured.share)}{where}; {errors or measured.failure}.",
+            f"{_size(self.mode_count, self.frame_count)}; a step from Python takes {1e6 * self.step:.3g} µs.",
+        ]
+        if self.verified is not None:
+            lines[0] += f" By the finite element model; {times(self.measured.share)} in the search."
+        if math.isnan(self.given_step):
+            lines.append(f"As given the body has no answer in this scene: {self.given.failure}")
+        else:
+            lines.append(
+                f"As given: {times(self.given.share)} of the tolerance, "
+                f"{_size(self.given_mode_count, self.given_frame_count)}, {1e6 * self.given_step:.3g} µs."
+            )
+        return lines
+
+
+def _size(modes: int, frames: int) -> str:
+    return f"{plural(modes, 'mode')}, {plural(frames, 'frame')}"
+
+
+def fit(
+    scene: Scene,
+    target: Path,
+    report: Reporter,
+    store: Store | None = None,
+    fmu: Path | None = None,
+    crew: Crew | None = None,
+    verify: bool = False,
+) -> Fit:
+    """Find the smallest, fastest model within the scene's tolerance and write it as a body file, and an FMU.
+
+    Parameters
+    ----------
+    scene : Scene
+    target : Path
+        Body file to write; ends in .toml.
+    report : Reporter
+    store : Store, optional
+    fmu : Path, optional
+        FMU to write; ends in .fmu. Default: none.
+    crew : Crew, optional
+        Processes that measure errors. Default: this one.
+    verify : bool
+        Whether what was found is compared with the finite element model.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    FlexfmuError
+        A file cannot be written, or a scene without a reference.
+    """
+    begun = time.perf_counter()
+    check_target(target, (".toml",), inputs=(scene.body,))
+    if fmu is not None:
+        check_target(fmu, (".fmu",))
+    workshop = Workshop(scene, report, store, crew, solve=False)
+    _ = workshop.known
+    workshop, tried = _searched(workshop)
+    enough = {variant: frames for variant in tried if (frames := _enough(tried[variant])) is not None}
+    allowed = 1.0
+    if not enough:
+        variant, frames = min(((v, n) for v in tried for n in tried[v]), key=lambda one: tried[one[0]][one[1]].share)
+        enough, allowed = {variant: frames}, (1.0 + _SPARE) * tried[variant][frames].share
+    found = _with_fewest_modes(workshop, enough, allowed)
+    with report.stage(f"3 of 3: time {len(found)} models, and write the best"):
+        best = _cheapest(workshop, found)
+        return _deliver(workshop, best, reasons(workshop, tried, found, best), target, fmu, begun, verify)
+
+
+def _searched(workshop: Workshop) -> tuple[Workshop, Tried]:
+    """Frames that will do: of the body as it is, or cut where that falls short and nothing is said of cuts."""
+    scene = workshop.scene
+    tried = frames_needed(workshop)
+    if _least(tried) <= 1.0 or not _closes_a_loop(scene):
+        return workshop, tried
+    workshop.report.note("supports close a loop: the body is tried cut, too")
+    cut = workshop.of(replace(scene, config=scene.config.model_copy(update={"cut": "auto"})))
+    after = frames_needed(cut)
+    return (cut, after) if _least(after) < _least(tried) else (workshop, tried)
+
+
+def _least(tried: Tried) -> float:
+    """Smallest error over tolerance."""
+    return min(errors.share for found in tried.values() for errors in found.values())
+
+
+def _enough(found: dict[int, SceneErrors]) -> int | None:
+    """The fewest frames within the tolerance."""
+    return next((frames for frames, errors in found.items() if errors.share <= 1.0), None)
+
+
+def _closes_a_loop(scene: Scene) -> bool:
+    """Whether nothing is said of cuts, and a slender section opens a loop between supports."""
+    config = scene.config
+    if config.cut is not None or config.frame or config.branch or config.free:
+        return False
+    read = read_body_model(config, Reporter())
+    return read.model.mesh.equations is None and bool(cut_loops(read.options, read.model)[0].cuts)
+
+
+def frames_needed(workshop: Workshop) -> Tried:
+    """Errors with plenty of modes and residual flexibility: linear, then of more and more frames until they will do.
+
+    The mass of the deformed body is tried where no constant mass will do.
+
+    Parameters
+    ----------
+    workshop : Workshop
+
+    Returns
+    -------
+    Tried
+    """
+    scene = workshop.scene
+    levels = offered_frames(scene.config, scene.file.sweep.frames)
+    constant = _variants(scene, Mass.CONSTANT)
+    rounds = [
+        ([linear_frames(scene.config)], [one for one in constant if not has_frames(one.method)]),
+        (levels, [one for one in constant if has_frames(one.method)]),
+        (levels, _variants(scene, Mass.CONFIGURATION)),
+    ]
+    tried: Tried = {}
+    done = 0
+    with workshop.report.counted(
+        "1 of 3: frames, with plenty of modes", 1 + 2 * len(levels), "numbers at most"
+    ) as tell:
+        for numbers, variants in rounds:
+            for frames in numbers:
+                _try(workshop, frames, [one for one in variants if _enough(tried.get(one, {})) is None], tried)
+                done += 1
+                tell(done)
+            if tried and _least(tried) <= 1.0:
+                break
+    return tried
+
+
+def _variants(scene: Scene, mass: Mass) -> list[Variant]:
+    """What may do with a mass: linear, frames, and what `[sweep]` lists of the others."""
+    sweep = scene.file.sweep
+    if mass is Mass.CONFIGURATION:
+        # Where it is not ruled out by name.
+        if not scene.transient or (mass not in sweep.mass and "mass" in sweep.model_fields_set):
+            return []
+        found = [Variant(Method.SECOND_ORDER if Method.SECOND_ORDER in sweep.methods else Method.FRAMES, mass)]
+    else:
+        listed = [method for method in sweep.methods if method not in _COMPARED]
+        found = [Variant(method) for method in dict.fromkeys((Method.LINEAR, Method.FRAMES, *listed))]
+    flat = linear_frames(scene.config)
+    smallest = [Reduction(BasisChoice.NORMAL, 1, 1 if has_frames(v.method) else flat) for v in found]
+    return [v for v, r in zip(found, smallest, strict=True) if has_meaning(scene.config, Candidate(r, v))]
+
+
+def _try(workshop: Workshop, frames: int, wanted: Sequence[Variant], tried: Tried) -> None:
+    """Measure a number of frames under some variants; nothing where the body cannot be divided so."""
+    if not wanted:
+        return
+    with workshop.report.stage(f"Try {frames_words(frames)} with {workshop.plenty} modes"):
+        try:
+            body = workshop.body(workshop.ample(frames), list(wanted))
+        except BodyFileError:
+            return
+        for variant, errors in zip(
+            wanted, workshop.each(Workshop.errors, [(body, one) for one in wanted]), strict=True
+        ):
+            tried.setdefault(variant, {})[frames] = errors
+            workshop.report.note(f"{variant.words}: {times(errors.share)} of the tolerance")
+
+
+def _with_fewest_modes(workshop: Workshop, enough: dict[Variant, int], allowed: float) -> list[Choice]:
+    """Models of the fewest modes in each basis, under variants with the frames that they need; never none."""
+    bases = dict.fromkeys(workshop.scene.file.sweep.basis)
+    # Normal modes alone are too stiff under loads that the scene does not have.
+    bases = {basis: None for basis in bases if basis is not BasisChoice.NORMAL} or bases
+    asked = [(replace(workshop.ample(n), basis=basis), v, allowed) for v, n in enough.items() for basis in bases]
+    found: list[Choice] = []
+    with workshop.report.counted(f"2 of 3: fewer modes under {len(enough)} methods", len(asked), "bases") as tell:
+        for done, choice in enumerate(workshop.each(modes_needed, asked), start=1):
+            found += [] if choice is None else [choice]
+            tell(done)
+    if found:
+        return found
+    # Only so many modes with everything: as the frames were found.
+    variant, frames = next(iter(enough.items()))
+    plan = workshop.ample(frames)
+    return [Choice(plan, variant, workshop.body(plan, [variant]))]
+
+
+def modes_needed(workshop: Workshop, most: Reduction, variant: Variant, allowed: float) -> Choice | None:
+    """The fewest of a basis' lowest modes that will do, found by halves.
+
+    Parameters
+    ----------
+    workshop : Workshop
+    most : Reduction
+        With plenty of modes.
+    variant : Variant
+    allowed : float
+        Error over tolerance that will do.
+
+    Returns
+    -------
+    Choice or None
+    """
+    try:
+        whole = workshop.body(most, [variant])
+    except (AccuracyError, BodyFileError):
+        # Interfaces that cannot be held one by one, for Craig-Bampton.
+        return None
+    counts = [number for number in _LADDER if number < most.modes]
+    if not workshop.scene.config.cut:
+        ends = pair_ends(normal_frequencies(whole, most.basis)[: most.modes])
+        counts = sorted({min((end for end in ends if end >= number), default=most.modes) for number in counts})
+    bodies = {most.modes: whole}
+
+    def will_do(count: int) -> bool:
+        if count not in bodies:
+            bodies[count] = workshop.shared(replace(most, modes=count), [variant]).body
+        return workshop.errors(bodies[count], variant).share <= allowed
+
+    if not will_do(most.modes):
+        return None
+    low, high = -1, len(counts)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if will_do(counts[middle]) else (middle, high)
+    count = counts[high] if high < len(counts) else most.modes
+    return Choice(replace(most, modes=count), variant, bodies[count])
+
+
+def _cheapest(workshop: Workshop, found: list[Choice]) -> Choice:
+    """The fastest; of those that are as fast within 5 % the one of the fewest modes."""
+    left = found
+    # In turns, so that what else the machine does meets all of them; those that are slow by far only once.
+    with workshop.report.counted("Time them", _TIMINGS * len(left), "timings at most") as tell:
+        done = 0
+        for _ in range(_TIMINGS):
+            for choice in left:
+                choice.cost = min(choice.cost, workshop.cost(choice.body, choice.variant).fastest)
+                done += 1
+                tell(done)
+            fastest = min(choice.cost for choice in left)
+            left = [choice for choice in left if choice.cost <= (1.0 + _CLOSE) * fastest]
+    close = [choice for choice in left if choice.cost <= (1.0 + _SAME_COST) * fastest]
+    return min(close, key=lambda choice: (choice.body.mode_count, choice.body.frame_count, choice.cost))
+
+
+def reasons(workshop: Workshop, tried: Tried, found: Sequence[Choice], best: Choice) -> dict[str, str]:
+    """Why the body file says what it says, by its keys.
+
+    Parameters
+    ----------
+    workshop : Workshop
+    tried : Tried
+    found : sequence of Choice
+        What would do.
+    best : Choice
+
+    Returns
+    -------
+    dict of str to str
+    """
+    scene, result = workshop.scene, {}
+    left = [table.name for table in scene.given.interface if table not in scene.config.interface]
+    if left:
+        result["interface"] = f"Left out, since the scene neither loads nor reads them: {', '.join(left)}."
+    told = [
+        f"{variant.words} " + ", ".join(f"{_number(n)}{times(one.share)}" for n, one in errors.items())
+        for variant, errors in tried.items()
+    ]
+    method = f"Error over tolerance with {workshop.plenty} modes, by the number of frames: {'; '.join(told)}."
+    result["method"] = f"{'' if has_frames(best.variant.method) else 'Linear is enough. '}{method}"
+    alike = [choice.words for choice in found if choice.variant == best.variant]
+    result["basis"] = f"Fewest modes that will do, by basis: {', '.join(alike)}."
+    if _least(tried) > 1.0:
+        result["frames"] = (
+            "The tolerance is out of reach with these frames and modes; give [sweep] more of them, or look in "
+            "docs/methods.md for which bodies a method is."
+        )
+    return result
+
+
+def _number(frames: int) -> str:
+    return "own: " if frames == GIVEN else f"{frames}: " if frames else ""
+
+
+def _deliver(
+    workshop: Workshop,
+    best: Choice,
+    reasons: dict[str, str],
+    target: Path,
+    fmu: Path | None,
+    begun: float,
+    verify: bool,
+) -> Fit:
+    """Write the file and the FMU, and measure what was written against the body as given."""
+    config = reduction_config(workshop.scene.config, best.reduction, [best.variant])
+    with whole_file(target) as part:
+        # It is read where it stands while it is written: paths in it are taken from there.
+        part.write_text(body_text(config, part.parent, [], reasons), encoding="utf-8")
+        body = build(read_body_file(part), workshop.store).body
+        given, given_errors = _as_given(workshop)
+        measured = workshop.errors(body, best.variant)
+        result = Fit(
+            reduction=best.reduction,
+            variant=best.variant,
+            measured=measured,
+            given=given_errors,
+            verified=_verified(workshop, body) if verify else None,
+            step=workshop.cost(body, chosen(body)).fastest,
+            given_step=math.nan if given_errors.failure else workshop.cost(given, chosen(given)).fastest,
+            mode_count=body.mode_count,
+            given_mode_count=given.mode_count,
+            frame_count=body.frame_count,
+            given_frame_count=given.frame_count,
+            reasons=reasons,
+            seconds=time.perf_counter() - begun,
+            tried=workshop.tried,
+        )
+        title = "the smallest and fastest model found within a scene's tolerance."
+        title = title if result.met else "the best model found for a scene; its tolerance is not met."
+        part.write_text(
+            body_text(config, target.parent, [f"{config.name}: {title}", *result.summary], reasons), encoding="utf-8"
+        )
+        if fmu is not None:
+            with workshop.report.stage(f"Write {fmu}"):
+                # The body file takes its name once the FMU is there.
+                package_fmu(body, fmu)
+    return result
+
+
+def _verified(workshop: Workshop, body: ReducedBody) -> SceneErrors:
+    """Errors of a body against the finite element model."""
+    judge = Workshop(workshop.scene, workshop.report, workshop.store)
+    return judge.errors(body, chosen(body))
+
+
+def _as_given(workshop: Workshop) -> tuple[ReducedBody, SceneErrors]:
+    """The body as the user has it, and its errors."""
+    given = build(workshop.scene.given, workshop.store).body
+    try:
+        return given, workshop.errors(given, chosen(given))
+    except RuntimeBodyError as error:
+        return given, SceneErrors(failure=str(error))

@@ -1,0 +1,261 @@
+"""Where methods stop working: models of a body under growing parts of a scene's static loads, by the FMU's core.
+
+All have the modes of `[reference]` and residual flexibility, so that they differ by method and frames alone. They are
+compared with the model of `[reference] frames`.
+"""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.patches import Patch, Rectangle
+
+from ..body.flexible_body import FlexibleBody
+from ..body.loads import Loads
+from ..files.array_types import FloatArray
+from ..files.figures import ORANGE, VERMILION, save
+from ..files.progress import Reporter
+from ..files.store import Store
+from ..files.targets import PICTURE_SUFFIXES, check_target
+from ..model.errors import RuntimeBodyError
+from ..model.methods import Method, Variant, has_frames
+from ..model.variants import lean
+from ..program.variables import ERROR
+from .candidates import Candidate, Reduction, has_meaning, linear_frames
+from .jobs import Crew
+from .records import RUNS, RecordFile, Run, Verdict, verdict
+from .scene.config import BasisChoice, SceneError
+from .scene.reference import by_default
+from .scene.scene import Scene
+from .slave import BodyPrograms, DrivenSlave
+from .workshop import Workshop, build
+
+_WORDS = {
+    Verdict.RIGHT: "within the tolerance, no warning",
+    Verdict.WARNED: "warned",
+    Verdict.REFUSED: "refused",
+    Verdict.SILENT: "wrong in silence",
+}
+ESTIMATE = "its own estimate"
+"""Row of the map that has what the default model says its error is."""
+Truth = Mapping[tuple[str, str], FloatArray | None]
+"""Displacements (I, 3) of the interfaces that count, m, by case and factor; None where there is no equilibrium."""
+
+
+def map_stability(
+    scene: Scene, records: Path, picture: Path | None, report: Reporter, store: Store, crew: Crew | None = None
+) -> str:
+    """Run what is not recorded yet of a map, record it, and draw it.
+
+    Parameters
+    ----------
+    scene : Scene
+    records : Path
+        CSV.
+    picture : Path or None
+    report : Reporter
+    store : Store
+    crew : Crew, optional
+        Processes that make the runs. Default: this one.
+
+    Returns
+    -------
+    str
+        How many runs came to which verdict.
+
+    Raises
+    ------
+    FlexfmuError
+        A scene without loads that hold still, a free body, or records of another scene.
+    """
+    check_target(records, (".csv",), inputs=(scene.body,))
+    if picture is not None:
+        check_target(picture, PICTURE_SUFFIXES, inputs=(scene.body, records))
+    if not scene.static or scene.config.free:
+        raise SceneError("a map of stability takes [[static]] cases of a body that is held: add one to the scene")
+    workshop = Workshop(scene, report, store, crew)
+    kept = RecordFile(RUNS, records, _owner(scene))
+    models = mapped_models(scene)
+    left = [one for one in models if any(run.key not in kept for run in planned(scene, one))]
+    with report.counted("Map of stability", len(left), "models") as tell:
+        truth = _truth(workshop) if left else {}
+        for done, runs in enumerate(workshop.each(_run, [(one, truth) for one in left]), start=1):
+            for run in runs:
+                if run.key not in kept:
+                    kept.append(run)
+            tell(done)
+    if picture is not None:
+        draw_map(records, picture)
+    counts = Counter(Verdict(run.verdict) for run in kept.rows)
+    return ", ".join(f"{counts[one]} {_WORDS[one]}" for one in Verdict)
+
+
+def mapped_models(scene: Scene) -> list[Candidate | None]:
+    """Models of the map: every method of `[sweep]` that the body allows, with each number of frames; None: the default.
+
+    The default model is the one that tells its error.
+    """
+    sweep, flat = scene.file.sweep, [linear_frames(scene.config)]
+    every = [
+        Candidate(_reduction(scene, frames), Variant(method))
+        for method in sweep.methods
+        for frames in (sweep.frames if has_frames(method) else flat)
+    ]
+    return [*(one for one in every if has_meaning(scene.config, one)), None]
+
+
+def planned(scene: Scene, model: Candidate | None) -> list[Run]:
+    """Runs of a model, of which nothing is known yet; of the default once more, for its own estimate."""
+    labels = ["default", ESTIMATE]
+    if model is not None:
+        method = model.variant.method
+        labels = [f"{model.reduction.frames} × {method.label}" if has_frames(method) else method.label]
+    places = [(case.name, f"{factor:g}") for case in scene.static for factor in scene.file.stability.factors]
+    return [
+        Run(_owner(scene), scene.config.name, case, factor, label, "") for label in labels for case, factor in places
+    ]
+
+
+def _owner(scene: Scene) -> str:
+    return f"{scene.digest}, {scene.file.stability.tolerance:g}"
+
+
+def _reduction(scene: Scene, frames: int) -> Reduction:
+    return Reduction(BasisChoice.RESIDUAL, scene.file.reference.modes, frames)
+
+
+def _truth(workshop: Workshop) -> Truth:
+    """What the finest model does: with the stiffness of the loads, and without it where that has no equilibrium."""
+    scene = workshop.scene
+    methods = [Method.FRAMES] if scene.config.cut else [Method.FRAMES_STIFFNESS, Method.FRAMES]
+    finest = workshop.body(_reduction(scene, max(scene.file.reference.frames, 1)), [Variant(one) for one in methods])
+    models = [FlexibleBody(lean(finest, Variant(one))) for one in methods]
+
+    def displacement(loads: Loads) -> FloatArray | None:
+        for model in models:
+            with suppress(RuntimeBodyError):
+                return model.response(model.static(loads)).displacement[scene.read_index]
+        return None
+
+    return {
+        (case.name, f"{factor:g}"): displacement(case.peak.scaled(factor))
+        for case in scene.static
+        for factor in scene.file.stability.factors
+    }
+
+
+def _run(workshop: Workshop, mapped: Candidate | None, truth: Truth) -> list[Run]:
+    """Run a model: an FMU that holds one method, initialised in each equilibrium."""
+    scene = workshop.scene
+    if mapped is None:
+        body = build(by_default(scene.config), workshop.store).body
+    else:
+        body = lean(workshop.body(mapped.reduction, [mapped.variant]), mapped.variant)
+    peaks = {case.name: case.peak for case in scene.static}
+    found = []
+    with BodyPrograms(body) as programs:
+        for blank in planned(scene, mapped):
+            start, error = time.perf_counter(), math.nan
+            loads = peaks[blank.case].scaled(float(blank.factor)).packed(body.masses is not None)
+            slave = DrivenSlave(programs, {"initialization": "static"}, loads)
+            expected = truth[blank.case, blank.factor]
+            if not slave.refused and expected is not None:
+                moved = slave.motion()[scene.read_index, 0]
+                error = float(np.linalg.norm(moved - expected) / np.linalg.norm(expected))
+            name = verdict(error, slave.warned, slave.refused, scene.file.stability.tolerance).value
+            if blank.model == ESTIMATE and not slave.refused:
+                error = slave.real(ERROR)
+            run = replace(blank, verdict=name, error=error, words=slave.words)
+            found.append(replace(run, seconds=time.perf_counter() - start))
+    return found
+
+
+# Errors are shades, which grey and colour-blind eyes keep apart; verdicts are frames and hatches.
+_SHADES = LinearSegmentedColormap.from_list("errors", ["#f1f6fb", "#c6dcef", "#5b9bcb", "#0b4c8c"])
+_SCALE = LogNorm(1e-3, 1.0, clip=True)
+_LOOKS: dict[Verdict, dict[str, object]] = {
+    Verdict.RIGHT: {"edgecolor": "white", "linewidth": 0.8},
+    Verdict.WARNED: {"edgecolor": ORANGE, "linewidth": 1.8},
+    Verdict.REFUSED: {"edgecolor": "white", "facecolor": "#b0b0b0", "hatch": "////", "linewidth": 0.8},
+    Verdict.SILENT: {"edgecolor": VERMILION, "hatch": "xx", "linewidth": 1.8},
+}
+# From here on a shade is so dark that its number is white.
+_DARK = 0.6
+# Size of a cell, of what stands beside cells, and of a page across, inches; wider maps have panels below each other.
+_CELL, _ROW, _LABELS, _PAGE = 0.42, 0.26, 2.6, 8.0
+
+
+def draw_map(records: Path, picture: Path) -> None:
+    """Draw the map of some records, a panel a case.
+
+    Parameters
+    ----------
+    records, picture : Path
+
+    Raises
+    ------
+    SceneError
+        No runs.
+    OutputError
+        The picture cannot be written.
+    """
+    check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
+    rows = RUNS.read(records)
+    if not rows:
+        raise SceneError(f"{records}: no runs, nothing to draw")
+    cases = list(dict.fromkeys(run.case for run in rows))
+    wide, high = len({run.factor for run in rows}), len({run.model for run in rows})
+    panel_width = _CELL * wide + 0.6
+    across = min(len(cases), max(1, int((_PAGE - _LABELS) / panel_width)))
+    down = math.ceil(len(cases) / across)
+    size = across * panel_width + _LABELS, down * (_ROW * high + 0.7) + 0.9
+    figure, grid = plt.subplots(down, across, figsize=size, squeeze=False, sharey=True, layout="constrained")
+    for panel in grid.flat[len(cases) :]:
+        panel.set_visible(False)
+    for panel, case in zip(grid.flat, cases, strict=False):
+        _draw_case(panel, [run for run in rows if run.case == case])
+        panel.set_title(case, fontsize="small")
+    bar = figure.colorbar(ScalarMappable(_SCALE, _SHADES), ax=grid, pad=0.02, fraction=0.03, aspect=30, extend="both")
+    bar.set_ticks([0.001, 0.01, 0.1, 1.0], labels=["0.1 %", "1 %", "10 %", "100 %"], fontsize="x-small")
+    bar.set_label("error", fontsize="small")
+    handles = [Patch(**{"facecolor": "#e3eef8", **_LOOKS[one]}, label=_WORDS[one]) for one in Verdict]  # type: ignore[arg-type]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize="small", frameon=False)
+    figure.suptitle(f"{rows[0].body}; numbers are errors in %, –: no equilibrium to compare with", fontsize="medium")
+    save(figure, picture)
+
+
+def _draw_case(panel: Axes, rows: Sequence[Run]) -> None:
+    across = sorted({run.factor for run in rows}, key=float)
+    up = list(dict.fromkeys(run.model for run in rows))[::-1]
+    for run in rows:
+        x, y, found = across.index(run.factor), up.index(run.model), Verdict(run.verdict)
+        known = math.isfinite(run.error)
+        look = {"facecolor": _SHADES(_SCALE(run.error)) if known else "white", **_LOOKS[found]}
+        order = 2.0 if found in (Verdict.WARNED, Verdict.SILENT) else 1.0
+        panel.add_patch(Rectangle((x + 0.04, y + 0.05), 0.92, 0.9, zorder=order, **look))  # type: ignore[arg-type]
+        if found is not Verdict.REFUSED:
+            colour = "white" if known and _SCALE(run.error) > _DARK else "black"
+            words = _percent(run.error) if known else "–"
+            panel.text(x + 0.5, y + 0.5, words, ha="center", va="center", fontsize=7, color=colour, zorder=3.0)
+    panel.set(xlim=(0, len(across)), ylim=(0, len(up)))
+    panel.set_xticks(np.arange(len(across)) + 0.5, across, fontsize="x-small")
+    panel.set_yticks(np.arange(len(up)) + 0.5, up, fontsize="x-small")
+    panel.set_xlabel("factor of the loads", fontsize="small")
+    panel.tick_params(length=0)
+
+
+def _percent(error: float) -> str:
+    """Error in %, as short as can be."""
+    percent = 100.0 * error
+    if percent >= 999.5:
+        return ">999"
+    return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}" if percent >= 0.001 else "0"

@@ -1,0 +1,229 @@
+"""What a body says of its own error: against closed forms, the finite element model, and through its FMU."""
+
+import numpy as np
+import pytest
+
+from driven import Driven
+from flexfmu.api import Body, Support
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.body_model import body_model
+from flexfmu.fe.nonlinear import load_path
+from flexfmu.files.progress import Reporter
+from flexfmu.fmu.runtime import Runtime
+from flexfmu.mesh.elements import ElementType
+from flexfmu.model.errors import OptionError
+from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.reduction.interfaces import fit_interface
+from meshes import bars, box, with_sets
+from native_master.bare_fmi2 import DISCARD, OK
+
+LENGTH, WIDTH = 0.4, 0.02
+UP = {"tip": (0.0, 0.0, 1500.0)}
+PLATE = (0.4, 0.1, 0.002)
+
+
+def strip(**tables):
+    """A slender bar, clamped at one end."""
+    mesh = box(ElementType.C3D20, (8, 1, 1), (LENGTH, WIDTH, 0.5 * WIDTH))
+    return Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="strip", tables=tables)
+
+
+def portal(**tables):
+    """Two columns and a beam of square bars, clamped at both feet."""
+    mesh = bars(ElementType.C3D20, [((0, 0, 0), (0, 0, 5)), ((1, 0, 5), (6, 0, 5)), ((6, 0, 0), (6, 0, 4))], 0.02)
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 2])
+    tip = np.flatnonzero((mesh.points[:, 2] > 0.119) & (mesh.points[:, 0] < 0.021))
+    return Body(mesh, supports=["ROOT"], interfaces={"corner": tip}, name="portal", **tables)
+
+
+def plate():
+    """A plate that its edges hold simply, to be bent in its plane, with one mode."""
+    mesh = box(ElementType.C3D20, (12, 4, 1), PLATE)
+    x, y, z = mesh.points.T
+    middle, first = np.isclose(z, 0.5 * PLATE[2]), np.isclose(x, 0.0)
+    edges = middle & (first | np.isclose(x, PLATE[0]) | np.isclose(y, 0.0) | np.isclose(y, PLATE[1]))
+    held = {"x": middle & first, "y": middle & first & np.isclose(y, 0.5 * PLATE[1]), "z": edges}
+    supports = [Support(np.flatnonzero(nodes), fix=[axis]) for axis, nodes in held.items()]
+    tip = np.flatnonzero(np.isclose(x, PLATE[0]))
+    return Body(mesh, supports=supports, interfaces={"tip": tip}, name="plate").build(surface=False, modes=1)
+
+
+@pytest.fixture(scope="module")
+def built():
+    return strip().build(surface=False, modes=4)
+
+
+def true_error(body, flexible, state, loads):
+    """Largest distance of interfaces from those of the nonlinear finite element model, over their displacement."""
+    found = body_model(body.mesh, body.spec)
+    mesh, model = found.model.mesh, found.model
+    interfaces = [fit_interface(table, mesh, mesh.faces, []) for table in found.options.interfaces]
+    load = sum(i.nodal_loads(len(mesh.points))[:, :3] @ np.array(loads[i.name]) for i in interfaces)
+    moved = load_path(mesh, model.unknowns, model.spring, load, [1.0], Reporter()).displacement[0].reshape(-1, 3)
+    exact = np.array([i.operator[:3] @ moved[i.nodes].ravel() for i in interfaces])
+    off = np.linalg.norm(flexible.response(state).displacement - exact, axis=1).max()
+    return off / np.linalg.norm(exact, axis=1).max()
+
+
+def test_a_body_at_rest_without_loads_has_no_error(built):
+    found = built.error(built.rest(), {"tip": (0.0, 0.0, 0.0)})
+    assert found.relative == 0.0
+    assert not np.any([found.displacement, found.rotation])
+
+
+def test_what_a_basis_lacks_of_a_linear_displacement_is_told_as_it_is():
+    """A rod under pressure along itself: bending modes hold none of it, and its displacement is F L / E A."""
+    poor = strip().build(surface=False, modes=2, residual_flexibility=False)
+    push = {"tip": (1.0, 0.0, 0.0)}
+    state = poor.static(push)
+    lacking = LENGTH / (2e11 * 0.5 * WIDTH**2) - poor.response(state).displacement[0, 0]
+    assert poor.error(state, push).displacement[0] == pytest.approx(lacking, rel=0.02)
+    assert poor.error(state, push).relative > 1.0
+
+
+@pytest.mark.parametrize(("frames", "factor"), [(1, 2.0), (2, 5.0)])
+def test_the_error_told_is_that_against_the_finite_element_model(frames, factor):
+    body, loads = strip(), {"tip": (0.0, 0.0, 1200.0 * factor)}
+    model = body.build(surface=False, frames=frames)
+    state = model.static(loads)
+    told, true = model.error(state, loads).relative, true_error(body, model, state, loads)
+    assert true > 1e-3
+    assert 0.8 < told / true < 1.25
+
+
+def test_a_linear_body_bent_far_is_told_to_be_wrong(built):
+    linear = FlexibleBody(built.reduced, "linear")
+    assert linear.error(linear.static(UP), UP).relative > 0.1
+    little = {"tip": (0.0, 0.0, 1.0)}
+    assert linear.error(linear.static(little), little).relative < 1e-3
+
+
+def test_a_load_beyond_what_the_shadow_bears_is_an_error_of_the_whole_deflection(built):
+    linear, crushing = FlexibleBody(built.reduced, "linear"), {"tip": (-1e6, 0.0, 10.0)}
+    state = linear.static(crushing)
+    assert linear.error(state, crushing).relative == 1.0
+
+
+@pytest.mark.slow
+def test_waves_in_which_a_bent_plate_buckles_are_told_although_its_basis_has_none_of_them():
+    """Six half waves: S. P. Timoshenko, J. M. Gere, Theory of Elastic Stability, 2nd ed., section 9.6."""
+    model, (_, wide, thick) = plate(), PLATE
+    stress = 23.9 * np.pi**2 * 2e11 / (12.0 * (1.0 - 0.3**2)) * (thick / wide) ** 2
+    critical = stress * thick * wide**2 / 6.0
+    below, above = ({"tip": (0.0, 0.0, 0.0, 0.0, 0.0, share * critical)} for share in (0.9, 1.1))
+    assert model.error(model.static(below), below).relative < 1e-2
+    assert model.error(model.static(above), above).relative == 1.0
+
+
+def test_joints_of_a_cut_body_do_not_lead_the_error_astray():
+    body, loads = portal(cuts="auto"), {"corner": (6e5, 1e5, 0.0)}
+    model = body.build(surface=False, modes=4)
+    assert model.model.ties is not None
+    state = model.static(loads)
+    assert model.error(state, loads).relative < 5e-3
+    linear = FlexibleBody(model.reduced, "linear")
+    assert linear.error(linear.static(loads), loads).relative > 0.05
+
+
+def test_in_motion_inertia_is_no_error(built):
+    """A swing under a constant load: the same body is a hundred times less wrong than its linear part."""
+    state, step, loads = built.rest(), built.model.suggested_step, {"tip": (0.0, 0.0, 600.0)}
+    linear, worst, wrong = FlexibleBody(built.reduced, "linear"), 0.0, 0.0
+    for _ in range(30):
+        state = built.step(state, loads, step)
+        worst = max(worst, built.error(state, loads).displacement.max())
+        wrong = max(wrong, linear.error(state, loads).displacement.max())
+    assert np.abs(built.response(state).displacement).max() > 0.01
+    assert 0.0 < 30.0 * worst < wrong
+
+
+def test_a_free_body_with_its_root_fixed_is_as_wrong_as_the_held_one():
+    mesh, loads = strip().mesh, {"tip": (0.0, 0.0, 2000.0)}
+    ends = {"root": "ROOT", "tip": "TIP"}
+    tables = {"free": True, "reduction": {"basis": "craig_bampton", "modes": 4}, "frames": 1}
+    free = Body(mesh, interfaces=ends, name="free", tables=tables).build(surface=False)
+    fixed = FlexibleBody(free.reduced, fixed=["root"])
+    held = Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="held").build(surface=False, frames=1)
+    found = [one.error(one.static(loads), loads).relative for one in (fixed, held)]
+    assert found[1] > 1e-3
+    assert found[0] == pytest.approx(found[1], rel=0.15)
+
+
+def test_the_modal_file_keeps_what_tells_the_error(built, tmp_path):
+    write_modal_file(built.reduced, tmp_path / "strip.h5")
+    kept = FlexibleBody(read_modal_file(tmp_path / "strip.h5"))
+    state = built.static(UP)
+    assert kept.error(state, UP).relative == built.error(state, UP).relative
+
+
+def test_a_body_that_is_built_without_it_says_so():
+    plain = strip(output={"error": False}).build(surface=False)
+    assert plain.model.shadow is None
+    with pytest.raises(OptionError, match="error = true"):
+        plain.error(plain.rest(), UP)
+
+
+# Through FMI.
+
+
+@pytest.fixture(scope="module")
+def one_frame():
+    return strip().build(surface=False, frames=1)
+
+
+@pytest.mark.parametrize("runtime", Runtime)
+def test_the_fmu_tells_what_the_body_tells_and_reading_it_changes_nothing(one_frame, tmp_path, runtime):
+    driven = Driven(one_frame.reduced, tmp_path, runtime, **{"tip.force.z": 900.0, "initialization": "static"})
+    loads = {"tip": (0.0, 0.0, 900.0)}
+    expected, state = one_frame.error(one_frame.static(loads), loads), driven.state
+    names = "diagnostics.error", "tip.error.displacement", "tip.error.rotation"
+    told = [expected.relative, expected.displacement[0], expected.rotation[0]]
+    np.testing.assert_allclose(driven.get(*names), told, rtol=1e-9)
+    assert driven.state == state
+    before = driven.get(*names)
+    driven.set(**{"tip.force.z": 1100.0})
+    assert driven.step(1e-4) == OK
+    assert driven.get(*names) != before
+    driven.state = state
+    assert driven.get(*names) == before
+
+
+def test_beyond_the_limit_of_the_error_a_step_is_refused_or_a_line_is_written_once(one_frame, tmp_path):
+    """With names and numbers, while the deflection grows: not at the first step, where hardly anything has moved."""
+    step = one_frame.model.suggested_step
+    for action in ("warn", "discard"):
+        driven = Driven(one_frame.reduced, tmp_path, **{"watch.error.on_limit": action, "watch.error.limit": 1e-3})
+        driven.set(**{"tip.force.z": 1200.0})
+        found = [driven.step(step) for _ in range(50)]
+        lines = [text for _, text in driven.log if "off by" in text]
+        assert "interface 'tip'" in lines[0]
+        assert "limit 0.1 %" in lines[0]
+        assert "more frames" in lines[0]
+        assert found[:2] == [OK, OK]
+        if action == "warn":
+            assert len(lines) == 1
+            assert found == [OK] * 50
+        else:
+            assert found[-1] == DISCARD
+            assert driven.get("diagnostics.error")[0] < 1.3e-3
+
+
+def test_without_a_limit_nothing_is_written_and_steps_are_the_same(one_frame, tmp_path):
+    ends = []
+    for limit in (0.0, 1e-6):
+        driven = Driven(one_frame.reduced, tmp_path, **{"watch.error.limit": limit})
+        driven.set(**{"tip.force.z": 1200.0})
+        assert all(driven.taken(1e-4) for _ in range(10))
+        ends.append(driven.motion("tip"))
+        assert any("off by" in text for _, text in driven.log) == (limit > 0.0)
+    assert ends[0] == ends[1]
+
+
+def test_an_interface_fixed_that_frames_do_not_hang_on_leaves_the_error_unknown(tmp_path):
+    mesh, ends = strip().mesh, {"root": "ROOT", "tip": "TIP"}
+    tables = {"free": True, "reduction": {"basis": "craig_bampton", "modes": 3}, "frames": 1}
+    free = Body(mesh, interfaces=ends, name="free", tables=tables).build(surface=False).reduced
+    driven = Driven(free, tmp_path, **{"method": "linear", "tip.fixed": True})
+    assert driven.get("diagnostics.error", "root.error.displacement") == [-1.0, -1.0]
+    driven = Driven(free, tmp_path, **{"method": "linear", "root.fixed": True})
+    assert driven.get("diagnostics.error", "tip.error.displacement") == [0.0, 0.0]

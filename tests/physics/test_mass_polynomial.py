@@ -1,0 +1,176 @@
+"""The mass of the deformed body to second order: against lumps on a fine tree, conservation laws and CalculiX."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from driven import Driven
+from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
+from flexfmu.build.reduce import reduce_body
+from flexfmu.build.tables import FormulationTable, OutputTable
+from flexfmu.files.progress import Reporter
+from flexfmu.mesh.elements import ElementType
+from flexfmu.model.errors import ModalFileError, OptionError
+from flexfmu.model.inertia import MassPolynomial
+from flexfmu.model.methods import Mass, Method
+from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.program import mass_polynomial
+from meshes import body_file, box
+from references import BEAM, L_FRAME, calculix, displacement, relative
+
+ONE_STEP = StepLimits(0.0, 1e300)
+
+
+@pytest.fixture(scope="module")
+def built(bodies):
+    """A demo body to second order, undamped, with its lumps, and nothing that only pictures or its error need."""
+
+    @cache
+    def make(folder, frames, modes=8):
+        config = bodies.config(folder)
+        stored = {"modes": modes, "inertia": True, "second_order": True, "membrane": False}
+        changes = {"frames": frames, "reduction": config.reduction.model_copy(update=stored)}
+        changes["output"] = OutputTable(surface=False, error=False)
+        body = reduce_body(config.model_copy(update=changes), Reporter())
+        return replace(body, damping_ratio=np.zeros(body.mode_count), method=Method.SECOND_ORDER)
+
+    return make
+
+
+def of(model, mass, limits=None):
+    return FlexibleBody(model, Method.SECOND_ORDER, mass, limits=limits)
+
+
+def test_it_is_the_mass_of_lumps_on_eight_frames_to_second_order_whatever_the_body_s_own_frames(built, monkeypatch):
+    """Of the size of the displacement the error is of third order; forms of low rank are left out for its own sake."""
+    monkeypatch.setattr(mass_polynomial, "_SMALL", 1e-12)
+    fine, coarse = built(L_FRAME, 8), built.__wrapped__(L_FRAME, 1)
+    slow, rng = 6, np.random.default_rng(2)
+    way = np.where(np.arange(fine.mode_count) < slow, rng.standard_normal(fine.mode_count), 0.0)
+    way /= fine.angular_frequency
+    errors, change = [], 0.0
+    for size in (2.0, 4.0):
+        state = State(size * way, way)
+        exact, found = of(fine, Mass.CONFIGURATION).mass(state), of(coarse, Mass.POLYNOMIAL).mass(state)
+        change = np.linalg.norm(exact - np.eye(len(exact)))
+        errors.append(np.linalg.norm(found - exact) / change)
+    assert change > 0.1
+    assert errors[1] < 0.05
+    assert errors[0] < 0.4 * errors[1]
+
+
+def test_a_mode_that_stretches_and_turns_nothing_has_its_mass_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(mass_polynomial, "_SMALL", 1e-12)
+    mesh = box(ElementType.C3D20, (8, 1, 1), (1.0, 0.1, 0.13))
+    tables = {"frames": 8, "reduction": {"modes": 6, "residual_flexibility": False, "inertia": True}}
+    model = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], **tables), Reporter())
+    still = np.linalg.norm(model.frame_rotation, axis=1).max(axis=0) < 1e-9
+    assert np.count_nonzero(still) == 1
+    state = State(np.where(still, 0.05 / model.interface_displacement[0, 0], 0.0), np.zeros(model.mode_count))
+    exact, found = (
+        of(model, mass).mass(state) - np.eye(model.mode_count) for mass in (Mass.CONFIGURATION, Mass.POLYNOMIAL)
+    )
+    assert np.linalg.norm(exact) > 0.01
+    assert np.linalg.norm(found - exact) < 0.05 * np.linalg.norm(exact)
+
+
+def test_few_forms_hold_it(built):
+    """Weighed by what slow coordinates and rates move, each twice the less for half the frequency."""
+    model = built(L_FRAME, 2)
+    slow = np.count_nonzero(np.any(model.polynomial.form != 0.0, axis=(0, 1)))
+    assert slow == 6
+    assert len(model.polynomial.linear) < slow * (slow + 1) // 2
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mass_polynomial, "_SMALL", 1e-12)
+        whole = built.__wrapped__(L_FRAME, 2)
+    state = of(model, Mass.CONSTANT).static({"tip": [0.0, 0.0, 1.7e3]})
+    found, expected = (of(one, Mass.POLYNOMIAL).mass(state) for one in (model, whole))
+    weight = model.angular_frequency[0] / model.angular_frequency
+    off, change = ((part * weight * weight[:, None]) for part in (found - expected, expected - np.eye(len(expected))))
+    assert 0.0 < np.linalg.norm(off) < 0.01 * np.linalg.norm(change)
+
+
+@pytest.mark.parametrize("step", [2e-4, 1e-3, 5e-3])
+def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(built, step):
+    body = of(built(BEAM, 2), Mass.POLYNOMIAL, ONE_STEP)
+    state, force, largest, worst = body.rest(), np.array([0.0, 5e3, 1e3]), 0.0, 0.0
+    for _ in range(200):
+        state = body.step(state, {"tip": force}, step)
+        total = sum(body.energies(state))
+        largest = max(largest, total)
+        worst = max(worst, abs(total - force @ body.response(state).displacement[0]))
+    assert largest > 500.0
+    assert worst < 4e-11 * largest
+
+
+# Folder, force (N), error in % of constant mass at least, and of the polynomial at most.
+TRANSIENTS = {"beam": (BEAM, (0.0, 5e3, 0.0), 1.2, 0.5), "L-frame": (L_FRAME, (0.0, 0.0, 1.7e3), 2.0, 0.8)}
+
+
+@pytest.mark.parametrize("body", ["beam", pytest.param("L-frame", marks=pytest.mark.slow)])
+def test_two_frames_follow_the_sudden_load_of_calculix(built, body):
+    folder, force, constant, most = TRANSIENTS[body]
+    table = calculix(folder / "calculix" / "sudden_load.csv")
+    expected, model = displacement(table), built(folder, 2, 20)
+    errors = {}
+    for mass in (Mass.CONSTANT, Mass.POLYNOMIAL):
+        one = of(model, mass)
+        state, found = one.rest(), [np.zeros(3)]
+        for step in np.diff(table["time_s"]):
+            state = one.step(state, {"tip": force}, step)
+            found.append(one.response(state).displacement[0])
+        errors[mass] = 100.0 * relative(np.array(found), expected)
+    assert errors[Mass.CONSTANT] > constant
+    assert errors[Mass.POLYNOMIAL] < most
+
+
+def test_it_is_the_default_of_a_held_body_and_of_no_other(bodies):
+    quick = {"modes": 2, "residual_flexibility": False, "membrane": False}
+    config, output = bodies.config(BEAM), OutputTable(surface=False, error=False)
+    changes = {"reduction": config.reduction.model_copy(update=quick), "output": output, "frames": 1, "frame": []}
+    held = reduce_body(config.model_copy(update=changes | {"formulation": FormulationTable()}), Reporter())
+    assert (held.method, held.mass) == (Method.SECOND_ORDER, Mass.POLYNOMIAL)
+    method = FormulationTable(method=Method.SECOND_ORDER)
+    free = reduce_body(
+        config.model_copy(update=changes | {"formulation": method, "free": True, "support": []}), Reporter()
+    )
+    assert free.mass is Mass.CONSTANT
+    assert free.polynomial is None
+    with pytest.raises(OptionError, match="held and in one piece"):
+        of(free, Mass.POLYNOMIAL)
+    count = free.mode_count
+    terms = MassPolynomial(np.zeros((1, count, count)), np.zeros((1, count)), np.zeros((1, count, count)))
+    with pytest.raises(ModalFileError, match="free to move"):
+        replace(free, polynomial=terms)
+
+
+def test_it_comes_back_from_its_file(built, tmp_path):
+    model = replace(built(BEAM, 2), mass=Mass.POLYNOMIAL)
+    write_modal_file(model, tmp_path / "body.h5")
+    back = read_modal_file(tmp_path / "body.h5")
+    assert back.mass is Mass.POLYNOMIAL
+    for name in ("form", "linear", "square"):
+        np.testing.assert_array_equal(getattr(back.polynomial, name), getattr(model.polynomial, name))
+
+
+def test_static_equilibria_know_nothing_of_it(built):
+    model = built(BEAM, 2)
+    both = [of(model, mass).static({"tip": [0.0, 10e3, 0.0]}).q for mass in (Mass.CONSTANT, Mass.POLYNOMIAL)]
+    np.testing.assert_array_equal(*both)
+
+
+def test_a_body_bent_beyond_its_range_is_refused_and_stays_where_it_was(built, tmp_path):
+    """At eight static deflections the polynomial is no mass any more."""
+    driven = Driven(replace(built(L_FRAME, 8), mass=Mass.POLYNOMIAL), tmp_path)
+    driven.set(**{"tip.force.z": 14e3})
+    before = []
+    for _ in range(200):
+        before = driven.get("tip.displacement.z")
+        if not driven.taken(5e-4):
+            break
+    assert "beyond the range of its mass polynomial" in driven.log[-1][1]
+    assert driven.get("tip.displacement.z") == before
+    driven.set(**{"tip.force.z": 0.0})
+    assert driven.taken(1e-5)

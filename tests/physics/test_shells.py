@@ -1,0 +1,415 @@
+"""Shells: patch tests, published problems, thin and folded bodies that bend far as in CalculiX, hinges, refusals."""
+
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spla
+
+import flexfmu
+from decks import read
+from flexfmu.fe.assembly import stiffness
+from flexfmu.fe.elastic import elastic_cells
+from flexfmu.fe.nonlinear import load_path
+from flexfmu.fe.unknowns import unknowns
+from flexfmu.files.errors import DeckError, MeshError, ModelError
+from flexfmu.files.progress import Reporter
+from flexfmu.mesh.blocks import ElementBlock
+from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import Material, Mesh
+from flexfmu.mesh.shells import expanded
+from flexfmu.model.rotations import exponential
+from flexfmu.reduction.model import assemble_model
+from flexfmu.reduction.options import BodyOptions
+from meshes import box
+from reference.shell_bodies import FOLDER, Middle
+
+RESULTS = np.genfromtxt(FOLDER / "shell_bodies.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+KINDS = ("quad", "triangle")
+
+
+def grid(n, m, place, kind="quad", distortion=0.0):
+    """Points and cells of a surface over the unit square."""
+    a, b = np.meshgrid(np.linspace(0.0, 1.0, n + 1), np.linspace(0.0, 1.0, m + 1), indexing="ij")
+    inside = (a > 0.0) & (a < 1.0) & (b > 0.0) & (b < 1.0)
+    a = a + distortion / n * inside * np.sin(7.0 * b + 3.0 * a)
+    b = b + distortion / m * inside * np.cos(5.0 * a + b)
+    points = np.array([place(x, y) for x, y in zip(a.ravel(), b.ravel(), strict=True)], dtype=float)
+    i = np.arange(len(points)).reshape(n + 1, m + 1)
+    quads = np.stack([i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]], axis=-1).reshape(-1, 4)
+    return points, quads if kind == "quad" else np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def shell(points, cells, thickness, fixed=None, turning=None, constants=(1.0, 0.0), offset=0.0):
+    """Mesh of a middle surface with supports."""
+    none = np.zeros((len(points), 3), dtype=bool)
+    kind = ElementType.S4 if cells.shape[1] == 4 else ElementType.S3
+    block = ElementBlock(kind, np.arange(1, len(cells) + 1), cells, np.zeros(len(cells), dtype=np.int64))
+    middle = Mesh(
+        points=points,
+        labels=np.arange(len(points)),
+        blocks=(block,),
+        node_sets={"all": np.arange(len(points))},
+        element_sets={},
+        materials=(Material("m", *constants, 1.0),),
+        fixed=none if fixed is None else fixed,
+    )
+    faces = np.tile([(offset - 0.5) * thickness, (offset + 0.5) * thickness], (len(cells), 1))
+    return expanded(middle, faces, none if turning is None else turning)
+
+
+def solved(mesh, forces, free=False):
+    """Displacements (n, 3) under nodal forces."""
+    model = assemble_model(mesh, BodyOptions("shell", (), free=free))
+    matrix = model.unknowns.matrix(stiffness(model.mesh)).tocsc()
+    return model.unknowns.whole(spla.spsolve(matrix, model.unknowns.forces(forces.ravel()))).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("field", ["membrane", "bending"])
+def test_patches_of_distorted_shells_hold_constant_strain_and_curvature(kind, field):
+    points, cells = grid(4, 3, lambda a, b: (0.24 * a, 0.12 * b, 0.0), kind, 0.3)
+    mesh = shell(points, cells, 0.001, constants=(2e11, 0.25))
+    x, y, z = mesh.points.T
+    exact = np.column_stack([1e-3 * (x + 0.5 * y), 1e-3 * (y + 0.5 * x), 0.0 * x])
+    if field == "bending":
+        # w = ½ 10⁻³ (x² + x y + y²), and lines stay normal.
+        exact = 1e-3 * np.column_stack([-z * (x + 0.5 * y), -z * (y + 0.5 * x), 0.5 * (x**2 + x * y + y**2)])
+    edge = (x < 1e-9) | (x > 0.24 - 1e-9) | (y < 1e-9) | (y > 0.12 - 1e-9)
+    held, whole = np.repeat(edge, 3), unknowns(np.zeros((len(x), 3), dtype=bool), None, mesh.lines)
+    matrix, given = stiffness(mesh).tocsc(), whole.of(exact.ravel())
+    found = given.copy()
+    found[~held] = spla.spsolve(matrix[~held][:, ~held], -matrix[~held][:, held] @ given[held])
+    np.testing.assert_allclose(whole.whole(found).reshape(-1, 3), exact, atol=1e-9 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("slender", [100.0, 1e4])
+@pytest.mark.parametrize("distortion", [0.0, 0.3])
+def test_thin_cantilevers_do_not_lock(kind, slender, distortion):
+    points, cells = grid(20, 2, lambda a, b: (a, 0.1 * b, 0.0), kind, distortion)
+    fixed = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    mesh = shell(points, cells, 1.0 / slender, fixed, fixed)
+    tip = mesh.points[:, 0] > 1.0 - 1e-9
+    forces = np.zeros_like(mesh.points)
+    forces[tip, 2] = 1.0 / tip.sum()
+    expected = 1.0 / (3.0 * 0.1 / slender**3 / 12.0)
+    assert solved(mesh, forces)[tip, 2].mean() == pytest.approx(expected, rel=2e-3)
+
+
+def roof(n, radius, length, angle, kind):
+    """A quarter of a roof, or an eighth of a cylinder, on a diaphragm at y = 0; and what symmetry holds."""
+    points, cells = grid(n, n, lambda a, b: (radius * np.sin(angle * a), length * b, radius * np.cos(angle * a)), kind)
+    fixed, turning = np.zeros((2, len(points), 3), dtype=bool)
+    fixed[points[:, 1] < 1e-9] |= [True, False, True]
+    for place, axis in ((points[:, 1] > length - 1e-9, 1), (points[:, 0] < 1e-9, 0), (points[:, 2] < 1e-6, 2)):
+        fixed[place, axis] = True
+        turning[place] |= np.arange(3) != axis
+    return points, cells, fixed, turning
+
+
+@pytest.mark.parametrize(("kind", "bound"), [("quad", 0.01), ("triangle", 0.05)])
+def test_scordelis_and_los_roof(kind, bound):
+    # A. C. Scordelis, K. S. Lo, J. Am. Concr. Inst. 61 (1964) 539; 0.3024 is what shells with shear converge to.
+    points, cells, fixed, turning = roof(16, 25.0, 25.0, np.radians(40.0), kind)
+    mesh = shell(points, cells, 0.25, fixed, turning, (4.32e8, 0.0))
+    forces = np.zeros_like(mesh.points)
+    for block, volumes in zip(mesh.blocks, mesh.volume_matrices, strict=True):
+        np.add.at(forces[:, 2], block.connectivity, -90.0 / 0.25 * volumes.sum(axis=2))
+    corner = np.flatnonzero((points[:, 1] > 25.0 - 1e-9) & (points[:, 0] > 25.0 * np.sin(np.radians(40.0)) - 1e-9))
+    moved = solved(mesh, forces)[np.isin(mesh.labels, corner), 2].mean()
+    assert moved == pytest.approx(-0.3024, rel=bound)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_pinched_cylinder(kind):
+    # R. H. MacNeal, R. L. Harder, Finite Elements Anal. Des. 1 (1985) 3.
+    points, cells, fixed, turning = roof(24, 300.0, 300.0, 0.5 * np.pi, kind)
+    mesh = shell(points, cells, 3.0, fixed, turning, (3e6, 0.3))
+    load = np.flatnonzero((points[:, 1] > 300.0 - 1e-9) & (points[:, 0] < 1e-9))
+    rows = np.isin(mesh.labels, load)
+    forces = np.zeros_like(mesh.points)
+    forces[rows, 2] = -0.25 / rows.sum()
+    assert solved(mesh, forces)[rows, 2].mean() == pytest.approx(-1.8248e-5, rel=0.03)
+
+
+def test_normals_of_shells_may_point_either_way():
+    points, cells = grid(8, 2, twisted)
+    fixed = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    found = []
+    for some in (cells, np.where(np.arange(len(cells))[:, None] % 3, cells, cells[:, ::-1])):
+        mesh = shell(points, some, 0.32, fixed, fixed, (29e6, 0.22))
+        forces = np.isin(mesh.labels, len(points) - 1)[:, None] * np.array([0.0, 1.0, 1.0])
+        found.append(solved(mesh, forces).reshape(-1, 2, 3).mean(axis=1))
+    np.testing.assert_allclose(found[0], found[1], atol=1e-6 * np.abs(found[0]).max())
+
+
+def twisted(a, b):
+    """Beam of 12 × 1.1 that twists by a right angle."""
+    angle, y = 0.5 * np.pi * a, 1.1 * (b - 0.5)
+    return 12.0 * a, y * np.cos(angle), y * np.sin(angle)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "across", "along"), [(0.32, 1.754e-3, 5.424e-3), (0.0032, 1.294e3, 5.256e3)], ids=["thick", "thin"]
+)
+def test_the_twisted_beam(thickness, across, along):
+    # R. H. MacNeal, R. L. Harder, Finite Elements Anal. Des. 1 (1985) 3; T. Belytschko, B. L. Wong, H. Stolarski, 1989.
+    points, cells = grid(24, 4, twisted)
+    fixed = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    mesh = shell(points, cells, thickness, fixed, fixed, (29e6, 0.22))
+    tip = np.isin(mesh.labels, np.flatnonzero(points[:, 0] > 12.0 - 1e-6))
+    for axis, expected in ((1, across), (2, along)):
+        forces = np.zeros_like(mesh.points)
+        forces[tip, axis] = 1.0 / tip.sum()
+        assert solved(mesh, forces)[tip, axis].mean() == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_pinched_hemisphere(kind):
+    # R. H. MacNeal, R. L. Harder, 1985, with a hole of 18 degrees; 0.0935 by J. C. Simo, D. D. Fox, M. S. Rifai, 1989.
+    def place(a, b):
+        up, round_ = np.radians(72.0) * b, 0.5 * np.pi * a
+        return 10.0 * np.array([np.cos(up) * np.cos(round_), np.cos(up) * np.sin(round_), np.sin(up)])
+
+    points, cells = grid(16, 16, place, kind)
+    fixed, turning = np.zeros((2, len(points), 3), dtype=bool)
+    for axis in (0, 1):
+        on = np.abs(points[:, axis]) < 1e-6
+        fixed[on, axis] = True
+        turning[on] |= np.arange(3) != axis
+    pulled, pushed = (np.argmax(points[:, axis] - points[:, 2]) for axis in (0, 1))
+    fixed[pulled, 2] = True
+    mesh = shell(points, cells, 0.04, fixed, turning, (6.825e7, 0.3))
+    forces = np.zeros_like(mesh.points)
+    forces[mesh.labels == pulled, 0], forces[mesh.labels == pushed, 1] = 0.5, -0.5
+    assert solved(mesh, forces)[mesh.labels == pulled, 0].mean() == pytest.approx(0.0935, rel=0.01)
+
+
+def test_raaschs_hook():
+    # N. F. Knight, AIAA J. 35 (1997) 375: 5.027 in.
+    start, far = np.radians(60.0), np.radians(150.0)
+
+    def place(a, b):
+        s = a * (14.0 * start + 46.0 * far)
+        turn = min(s / 14.0, start)
+        first = 14.0 * np.array([1.0 - np.cos(turn), np.sin(turn)])
+        out = np.array([-np.cos(turn), np.sin(turn)])
+        on = max(s - 14.0 * start, 0.0) / 46.0
+        return *(first + 46.0 * (out * (1.0 - np.cos(on)) + np.array([out[1], -out[0]]) * np.sin(on))), 20.0 * b
+
+    points, cells = grid(72, 16, place)
+    row = np.arange(len(points)).reshape(73, 17)
+    fixed = np.repeat(np.isin(np.arange(len(points)), row[0])[:, None], 3, axis=1)
+    mesh = shell(points, cells, 2.0, fixed, fixed, (3300.0, 0.35))
+    forces = np.zeros_like(mesh.points)
+    for node, share in zip(row[-1], [0.5, *[1.0] * 15, 0.5], strict=True):
+        forces[mesh.labels == node, 2] = share / 32.0
+    tip = np.isin(mesh.labels, row[-1])
+    assert solved(mesh, forces)[tip, 2].mean() == pytest.approx(5.027, rel=0.01)
+
+
+def test_a_strip_of_a_thousandth_of_its_length_bends_into_an_elastica():
+    points, cells = grid(24, 2, lambda a, b: (a, 0.05 * b, 0.0))
+    fixed = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    mesh = shell(points, cells, 1e-3, fixed, fixed, (1e12, 0.0))
+    model = assemble_model(mesh, BodyOptions("strip", ()))
+    tip = mesh.points[:, 0] > 1.0 - 1e-9
+    forces = np.zeros_like(mesh.points)
+    # P L² / E I = 1: the tip moves by 0.30172 L.
+    forces[tip, 2] = 1e12 * 0.05 * 1e-9 / 12.0 / tip.sum()
+    path = load_path(model.mesh, model.unknowns, model.spring, forces.ravel(), [1.0], Reporter())
+    assert path.displacement[-1].reshape(-1, 3)[tip, 2].mean() == pytest.approx(0.30172, rel=2e-3)
+
+
+def test_a_strip_on_hinges_bends_as_a_simply_supported_beam():
+    points, cells = grid(20, 2, lambda a, b: (a, 0.1 * b, 0.0))
+    fixed = np.repeat((points[:, :1] < 1e-9) | (points[:, :1] > 1.0 - 1e-9), 3, axis=1)
+    mesh = shell(points, cells, 0.01, fixed)
+    middle = np.abs(mesh.points[:, 0] - 0.5) < 1e-9
+    forces = np.zeros_like(mesh.points)
+    forces[middle, 2] = 1.0 / middle.sum()
+    # P L³ / 48 E I.
+    assert solved(mesh, forces)[middle, 2].mean() == pytest.approx(12.0 / (48.0 * 0.1 * 0.01**3), rel=5e-3)
+    assert assemble_model(mesh, BodyOptions("strip", ())).anchored.size
+
+
+@pytest.mark.parametrize("name", ["channel", "tube"])
+@pytest.mark.parametrize("kind", ["S4", "S3"])
+def test_shells_and_their_knots_turn_far_without_strain(tmp_path, name, kind):
+    file = tmp_path / "body.inp"
+    file.write_text(Middle(name, kind).deck())
+    mesh = replace(flexfmu.read_mesh(file))
+    mesh = replace(mesh, fixed=np.zeros_like(mesh.fixed))
+    model = assemble_model(mesh, BodyOptions("shell", (), free=True))
+    far = (mesh.points @ (exponential(np.array([0.3, 1.0, -2.0])) - np.eye(3)).T).ravel()
+    np.testing.assert_allclose(model.unknowns.whole(model.unknowns.of(far)), far, atol=1e-9)
+    energies = []
+    for field in (far, far + 1e-3 * far[::-1]):
+        total = 0.0
+        for some in elastic_cells(model.mesh, 500):
+            slope = np.einsum("eai,eqaJ->eqiJ", field.reshape(-1, 3)[some.nodes], some.gradient)
+            strain = 0.5 * (slope + slope.swapaxes(2, 3) + slope.swapaxes(2, 3) @ slope)
+            total += float(np.sum(strain * some.stress(strain) * some.volume[:, :, None, None]))
+        energies.append(total)
+    assert abs(energies[0]) < 1e-12 * energies[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "kind"), [("strip", "S4"), ("strip", "S3"), ("channel", "S4"), ("tee", "S4"), ("tube", "S4")]
+)
+def test_thin_bodies_bend_far_as_in_calculix_with_the_shortest_body_file(tmp_path, name, kind):
+    middle = Middle(name, kind)
+    file = tmp_path / "body.inp"
+    file.write_text(middle.deck())
+    body = flexfmu.Body(flexfmu.read_mesh(file), interfaces={"tip": "TIP"}).build()
+    row = RESULTS[RESULTS["body"] == name][0]
+    expected = np.array([row[axis] for axis in ("ux_m", "uy_m", "uz_m")])
+    found = body.response(body.static({"tip": [*middle.force, 0.0, 0.0, 0.0]})).displacement[0]
+    assert np.linalg.norm(found - expected) < 0.01 * np.linalg.norm(expected)
+
+
+def test_a_mesh_of_shells_in_memory_is_that_of_the_deck(tmp_path):
+    middle = Middle("strip")
+    file = tmp_path / "body.inp"
+    file.write_text(middle.deck())
+    deck = flexfmu.read_mesh(file)
+    made = flexfmu.shell_mesh(middle.points, {"quad": np.array(middle.cells)}, middle.thickness, ROOT=middle.root)
+    np.testing.assert_allclose(made.points, deck.points, atol=1e-12)
+    np.testing.assert_array_equal(made.blocks[0].connectivity, deck.blocks[0].connectivity)
+    np.testing.assert_array_equal(made.node_sets["ROOT"], deck.node_sets["ROOT"])
+    assert repr(made).startswith("<Mesh: 490 nodes, 192 S4")
+
+
+def test_cells_of_a_set_are_shells_where_the_script_says_so(tmp_path):
+    middle, file = Middle("strip"), tmp_path / "strip.msh"
+    cells, half = np.array(middle.cells), len(middle.cells) // 2
+    found = meshio.Mesh(middle.points, [("quad", cells), ("quad", cells[:half])])
+    found.cell_data["gmsh:physical"] = [np.full(len(cells), 7), np.full(half, 8)]
+    found.cell_data["gmsh:geometrical"] = [np.full(len(cells), 7), np.full(half, 8)]
+    found.field_data["plate"] = np.array([7, 2])
+    found.write(file, file_format="gmsh22", binary=False)
+    mesh = flexfmu.read_mesh(file, "mm-t-s", shells={"plate": 2.0})
+    made = flexfmu.shell_mesh(1e-3 * middle.points, {"quad": cells}, 2e-3)
+    np.testing.assert_allclose(mesh.points, made.points, atol=1e-12)
+    np.testing.assert_array_equal(mesh.blocks[0].connectivity, made.blocks[0].connectivity)
+    assert list(mesh.element_sets) == ["plate"]
+    for wrong in ({"skin": 1.0}, {"plate": 0.0}):
+        with pytest.raises(MeshError, match="expected a positive thickness and one of the cell sets"):
+            flexfmu.read_mesh(file, shells=wrong)
+
+
+def bulk_data(middle, card="CQUAD4", shell="", own=""):
+    """The body of a deck as Nastran's bulk data."""
+    lines = ["BEGIN BULK"]
+    lines += [f"GRID,{k},,{x:.5f},{y:.5f},{z:.5f}" for k, (x, y, z) in enumerate(middle.points, start=1)]
+    lines += [f"{card},{k},1," + ",".join(str(n + 1) for n in row) + own for k, row in enumerate(middle.cells, start=1)]
+    lines += [shell or f"PSHELL,1,1,{middle.thickness},1,,1", "MAT1,1,2.1+11,,0.3,7850."]
+    lines += [f"SPC1,1,123456,{row + 1}" for row in middle.root] + ["ENDDATA"]
+    return "\n".join(lines) + "\n"
+
+
+def test_bulk_data_with_shells_have_the_mesh_of_the_deck(tmp_path):
+    pytest.importorskip("pyNastran")
+    middle = Middle("channel")
+    (tmp_path / "body.inp").write_text(middle.deck())
+    deck = flexfmu.read_mesh(tmp_path / "body.inp")
+    for card in ("CQUAD4", "CQUADR"):
+        (tmp_path / "body.bdf").write_text(bulk_data(middle, card))
+        found = flexfmu.read_mesh(tmp_path / "body.bdf")
+        np.testing.assert_allclose(found.points, deck.points, atol=1e-9)
+        np.testing.assert_array_equal(found.blocks[0].connectivity, deck.blocks[0].connectivity)
+        np.testing.assert_array_equal(found.node_sets["SPC 1"], deck.node_sets["ROOT"])
+        assert found.element_sets["PSHELL 1"].size == len(middle.cells)
+        assert (found.materials[0].youngs_modulus, len(found.links)) == (2.1e11, len(deck.links))
+
+
+@pytest.mark.parametrize(
+    ("shell", "own", "message"),
+    [
+        ("PSHELL,1,1,0.005", "", "PSHELL 1 should have a thickness, one material"),
+        ("PSHELL,1,1,0.005,1,,1,,2.", "", "NSM = 0"),
+        ("PCOMP,1\n,1,0.005,0.", "", "expected PSHELL"),
+        ("", ",,0.001", "CQUAD4 1 has a thickness or an offset of its own"),
+    ],
+)
+def test_bulk_data_that_say_more_of_shells_than_a_thickness_are_refused(tmp_path, shell, own, message):
+    pytest.importorskip("pyNastran")
+    (tmp_path / "body.bdf").write_text(bulk_data(Middle("strip"), shell=shell, own=own))
+    with pytest.raises(MeshError, match=message):
+        flexfmu.read_mesh(tmp_path / "body.bdf")
+
+
+def test_supports_of_the_deck_that_do_not_count_hold_no_rotations_either():
+    points, cells = grid(4, 2, lambda a, b: (a, 0.1 * b, 0.0))
+    held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    mesh = shell(points, cells, 0.01, held, held & [True, False, False])
+    assert assemble_model(mesh, BodyOptions("strip", (), free=True, boundary=False)).rigid.shape[1] == 6
+
+
+def test_stress_of_shells_is_refused():
+    middle = Middle("strip")
+    cells = {"quad": np.array(middle.cells)}
+    mesh = flexfmu.shell_mesh(middle.points, cells, middle.thickness, ROOT=middle.root, TIP=middle.tip)
+    body = flexfmu.Body(mesh, (2e11, 0.3, 7850.0), ["ROOT"], {"tip": "TIP"})
+    with pytest.raises(ModelError, match="stress of shells is not offered"):
+        body.build("frames", modes=2, surface=True, stress=True)
+
+
+SHELLS = """*NODE
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 1., 1., 0.
+4, 0., 1., 0.
+*ELEMENT, TYPE=S4, ELSET=E
+1, 1, 2, 3, 4
+*MATERIAL, NAME=M
+*ELASTIC
+1., 0.
+*SHELL SECTION, ELSET=E, MATERIAL=M{}
+{}
+"""
+
+
+@pytest.mark.parametrize(
+    ("parameters", "row", "message"),
+    [
+        (", COMPOSITE", "0.1", "COMPOSITE: layers are not supported"),
+        (", NODAL THICKNESS", "0.1", "NODALTHICKNESS: thickness by node"),
+        ("", "0.", "thickness is 0, expected a positive number"),
+        ("", "", "should have a row with the thickness"),
+    ],
+)
+def test_sections_that_say_more_than_a_thickness_are_refused_with_their_line(tmp_path, parameters, row, message):
+    with pytest.raises(DeckError, match=message):
+        read(tmp_path, SHELLS.format(parameters, row))
+
+
+def skinned(offset):
+    """A bar of solids, 1 × 0.1 × 0.1 m, with a plate on its lower side, whose nodes it shares."""
+    solid = box(ElementType.C3D8I, (10, 2, 2), (1.0, 0.1, 0.1))
+    solid = replace(solid, materials=(Material("m", 2e11, 0.0, 1.0),))
+    (block,) = solid.blocks
+    below = np.abs(solid.points[block.connectivity[:, :4], 2] - solid.points[:, 2].min()).max(axis=1) < 1e-9
+    cells = block.connectivity[below, :4]
+    plate = ElementBlock(ElementType.S4, 1000 + np.arange(len(cells)), cells, np.zeros(len(cells), dtype=np.int64))
+    mesh = replace(solid, blocks=(*solid.blocks, plate))
+    faces = 0.02 * np.array([offset - 0.5, offset + 0.5])
+    return expanded(mesh, np.tile(faces, (mesh.element_count, 1)), np.zeros_like(solid.fixed))
+
+
+def test_plates_bend_with_the_solids_whose_nodes_they_share_with_their_offset():
+    for offset in (0.0, -0.5):
+        mesh = skinned(offset)
+        held = np.repeat(mesh.points[:, :1] < 1e-9, 3, axis=1)
+        tip = (mesh.points[:, 0] > 1.0 - 1e-9) & (mesh.points[:, 2] > mesh.points[:, 2].max() - 1e-9)
+        forces = np.zeros_like(mesh.points)
+        forces[tip, 2] = 1.0 / tip.sum()
+        # Second moment of area of both about the axis of both.
+        area, place = np.array([0.01, 0.002]), np.array([0.0, -0.05 + 0.02 * offset])
+        axis = area @ place / area.sum()
+        second = 0.1**4 / 12.0 + 0.1 * 0.02**3 / 12.0 + area @ (place - axis) ** 2
+        moved = solved(replace(mesh, fixed=held), forces)[tip, 2].mean()
+        assert moved == pytest.approx(1.0 / (3.0 * 2e11 * second), rel=0.01)

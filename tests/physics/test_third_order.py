@@ -1,0 +1,176 @@
+"""Static shapes of second and third order: they are those of the nonlinear finite element model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.build.reduce import reduce_body
+from flexfmu.fe.gradients import quadratic_strain
+from flexfmu.fe.nonlinear import load_path
+from flexfmu.fe.stressed import stressed_gradients
+from flexfmu.files.progress import Reporter, tell_nobody
+from flexfmu.mesh.checks import checked
+from flexfmu.mesh.elements import ElementType
+from flexfmu.reduction.basis import Matrices
+from flexfmu.reduction.fourth_order import FourthOrder
+from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.model import assemble_model
+from flexfmu.reduction.modes import normal_modes, with_residual_flexibility
+from flexfmu.reduction.third_order import third_order_loads
+from meshes import arc, body_file, box, grid, lattice
+from references import relative
+
+KINDS = [ElementType.C3D20, ElementType.C3D10, ElementType.C3D8I]
+
+
+def matrices_and_loads(mesh, folder, support="ROOT", interface="TIP"):
+    """Matrices of a body, and nodal forces of unit forces on its interface."""
+    config = body_file(mesh, folder, interface=[interface], support=support).options
+    model = assemble_model(checked(mesh), config)
+    matrices = Matrices(model, model.mesh.volume_matrices, Reporter())
+    fit = fit_interface(config.interfaces[0], model.mesh, model.mesh.faces, [])
+    return matrices, fit.nodal_loads(len(model.mesh.points))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_forces_of_third_order_are_the_gradient_of_the_membrane_energy(kind, tmp_path):
+    matrices, loads = matrices_and_loads(arc(kind, (4, 1, 1), 1.0, 0.2, angle=1.2), tmp_path)
+    model = matrices.supported
+    x, other, y = (
+        shape / np.abs(shape).max() for shape in model.whole(model.static(model.forces(loads[:, [2, 1, 4]]))).T
+    )
+    fields, pairs = np.column_stack([x, other]), np.array([[0, 0], [0, 1], [1, 1]])
+    strained, _ = quadratic_strain(matrices.model.mesh, fields, pairs, tell_nobody)
+    responses = -model.whole(model.static(model.forces(strained)))
+    force = stressed_gradients(matrices.model.mesh, fields, responses, pairs)[:, :, 2:].sum(axis=(1, 2))
+
+    def energy(part):
+        motion = (x + other + part * y)[:, None]
+        return FourthOrder(matrices, Reporter()).stretching(motion, pairs[:1])[0][0, 0]
+
+    slope = (energy(1e-3) - energy(-1e-3)) / 2e-3
+    assert slope != 0.0
+    assert y @ force == pytest.approx(slope, rel=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_forces_of_second_order_are_those_of_the_nonlinear_model(kind, tmp_path):
+    matrices, loads = matrices_and_loads(arc(kind, (4, 1, 1), 1.0, 0.2, angle=1.2), tmp_path)
+    model, mesh = matrices.supported, matrices.model.mesh
+    load = 1e6 * loads[:, 0] + 2e6 * loads[:, 2]
+    x = model.whole(model.static(model.forces(load[:, None])))
+    size = 1e-3
+    ends = [
+        load_path(mesh, matrices.model.unknowns, matrices.model.spring, sign * load, [size], Reporter())
+        for sign in (1.0, -1.0)
+    ]
+    # Half the second derivative of the displacement along the load.
+    curved = sum(end.displacement[0] for end in ends) / (2.0 * size**2)
+    pair = np.array([[0, 0]])
+    strained, _ = quadratic_strain(mesh, x, pair, tell_nobody)
+    force = stressed_gradients(mesh, x, np.zeros_like(x), pair)[:, 0, :1]
+    expected = -model.whole(model.static(model.forces(strained + force)))[:, 0]
+    assert np.linalg.norm(expected) > 1e-3 * np.linalg.norm(x)
+    assert np.linalg.norm(curved - expected) < 1e-4 * np.linalg.norm(expected)
+
+
+def test_shapes_of_third_order_are_what_a_basis_of_few_modes_lacks(tmp_path):
+    matrices, loads = matrices_and_loads(box(ElementType.C3D20, (6, 4, 1), (1.0, 0.7, 0.02)), tmp_path)
+    model = matrices.supported
+    modes = with_residual_flexibility(model, normal_modes(model, 4), loads)
+    forces = third_order_loads(matrices, modes, loads, 1e-6, 6, Reporter())
+    assert forces.shape[1] == 6
+    # Of unit energy outside the basis, each by itself.
+    static = model.static(model.forces(forces))
+    held = (modes.shapes / modes.angular_frequency).T @ forces
+    np.testing.assert_allclose(model.forces(forces).T @ static - held.T @ held, np.eye(6), atol=1e-6)
+    # A basis that has them lacks none of them.
+    completed = with_residual_flexibility(model, modes, forces)
+    assert completed.angular_frequency.size == modes.angular_frequency.size + 6
+    again = third_order_loads(matrices, completed, loads, 1e-6, 60, Reporter())
+    every = third_order_loads(matrices, modes, loads, 1e-6, 60, Reporter())
+    assert again.shape[1] == every.shape[1] - 6
+
+
+def crossed_leaves():
+    """Two leaves that cross without touching and carry a block: a pivot of two supports."""
+    high, wide, thin, leaf = 8, 0.06, 0.001, 0.06
+    cells = [(0, j, 0) for j in range(high)] + [(4, j, 2) for j in range(high)]
+    cells += [(i, high + j, k) for i in range(5) for j in range(2) for k in range(3)]
+
+    def place(p):
+        x = np.interp(p[:, 0], range(6), [0.0, thin, wide / 3, wide / 1.5, wide, wide + thin])
+        x += np.where(p[:, 0] <= 1, wide, -wide) * (1.0 - np.clip(p[:, 1] / high, 0.0, 1.0))
+        y = np.interp(p[:, 1], [0, high, high + 2], [0.0, leaf, leaf + 0.015])
+        return np.column_stack([x, y, np.interp(p[:, 2], range(4), [0.0, 0.015, 0.019, 0.034])])
+
+    mesh = lattice(ElementType.C3D20, cells, place)
+    y = mesh.points[:, 1]
+    return replace(mesh, node_sets={"ROOT": np.flatnonzero(y < 1e-9), "TIP": np.flatnonzero(y > leaf + 0.0149)})
+
+
+def twisted_bar():
+    """A flat bar that is twisted by a quarter of a turn."""
+
+    def place(p):
+        turn = 0.5 * np.pi * p[:, 0] / 12
+        y, z = 0.5 * (p[:, 1] / 2 - 0.5), 0.25 * (p[:, 2] - 0.5)
+        return np.column_stack(
+            [p[:, 0] / 1.2, y * np.cos(turn) - z * np.sin(turn), y * np.sin(turn) + z * np.cos(turn)]
+        )
+
+    mesh = lattice(ElementType.C3D20, grid(12, 2, 1), place)
+    x, (y, z) = mesh.points[:, 0], np.abs(mesh.points[:, 1:]).T
+    root = (x < 1e-9) & (y < 0.26)
+    return replace(mesh, node_sets={"ROOT": np.flatnonzero(root), "TIP": np.flatnonzero((x > 9.999) & (z < 0.26))})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "force", "limit", "without"),
+    [(crossed_leaves, (25.0, 0.0, 0.0), 0.01, 0.05), (twisted_bar, (0.0, 4e6, 0.0), 0.003, 0.01)],
+)
+def test_the_shortest_body_file_follows_bodies_that_evade_their_stretch(make, force, limit, without, tmp_path):
+    """Pivot turned by 18°, bar bent by 0.4 of its length; before, six static shapes and no membrane energy."""
+    mesh = make()
+    matrices, loads = matrices_and_loads(mesh, tmp_path)
+    model, load = matrices.model, loads[:, :3] @ np.array(force)
+    path = load_path(model.mesh, model.unknowns, model.spring, load, [1.0], Reporter())
+    fit = fit_interface(body_file(mesh, tmp_path, interface=["TIP"]).options.interfaces[0], mesh, mesh.faces, [])
+    expected = fit.motion(path.displacement.T)[:3, 0]
+
+    def error(**reduction):
+        body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TIP"], reduction=reduction), Reporter()))
+        return relative(body.response(body.static({"tip": list(force)})).displacement[0], expected)
+
+    assert error() < limit
+    assert error(residual_flexibility=True, membrane=False) > without
+
+
+def slit_plate():
+    """A flat ring, 3 cm thick and 20 m wide, cut open along a radius and held at one of the lips."""
+    count = (48, 4, 1)
+
+    def place(p):
+        turn, radius = 2.0 * np.pi * p[:, 0] / count[0], 10.0 - p[:, 1]
+        return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), 0.03 * p[:, 2]])
+
+    mesh, along = lattice(ElementType.C3D20R, grid(*count), place), lattice(ElementType.C3D20R, grid(*count), np.array)
+    lips = {"ROOT": 0, "TIP": count[0]}
+    return replace(mesh, node_sets={name: np.flatnonzero(along.points[:, 0] == at) for name, at in lips.items()})
+
+
+def test_a_basis_that_holds_nearly_all_of_a_thin_body_s_static_shapes_is_completed_by_the_rest(tmp_path):
+    matrices, loads = matrices_and_loads(slit_plate(), tmp_path)
+    model = matrices.supported
+    modes = with_residual_flexibility(model, normal_modes(model, 8), loads, 5e-3)
+    forces = third_order_loads(matrices, modes, loads, 0.02, 6, Reporter())
+    few = with_residual_flexibility(model, modes, forces)
+    every = with_residual_flexibility(model, few, loads)
+    assert few.angular_frequency.size < every.angular_frequency.size
+    work = np.einsum("ij,ij->j", model.forces(loads), model.static(model.forces(loads)))
+    held = ((loads.T @ every.shapes / every.angular_frequency) ** 2).sum(axis=1)
+    # What round-off of so thin a body's stiffness leaves.
+    np.testing.assert_allclose(held, work, rtol=2e-3)

@@ -1,0 +1,146 @@
+"""Thin bodies of shells that bend far, and what CalculiX says of them with S8R, NLGEOM.
+
+``python tests/reference/shell_bodies.py`` with ``ccx`` on the PATH writes the results anew.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+FOLDER = Path(__file__).parent / "calculix"
+MODULUS, POISSON, DENSITY = 2.1e11, 0.3, 7850.0
+
+
+def flat(origin, along, across):
+    """A patch from a corner, by its sides."""
+    return lambda a, b: np.array(origin) + a * np.array(along) + b * np.array(across)
+
+
+def tube(radius, length):
+    """Half of a tube along x: its two halves are patches."""
+    return [
+        lambda a, b, s=s: np.array([length * a, radius * np.cos(np.pi * (b + s)), radius * np.sin(np.pi * (b + s))])
+        for s in (0.0, 1.0)
+    ]
+
+
+# Patches with their elements along and across (of S4; S8R takes half), thickness, and the force at the far end, N.
+BODIES = {
+    "strip": ([(flat((0, 0, 0), (1, 0, 0), (0, 0.1, 0)), 48, 4)], 0.005, (0.0, 0.0, 185.0)),
+    "channel": (
+        [
+            (flat((0, 0, 0), (0.6, 0, 0), (0, 0.06, 0)), 24, 4),
+            (flat((0, 0, 0), (0.6, 0, 0), (0, 0, 0.04)), 24, 4),
+            (flat((0, 0.06, 0), (0.6, 0, 0), (0, 0, 0.04)), 24, 4),
+        ],
+        0.002,
+        (0.0, 0.0, -2700.0),
+    ),
+    "tee": (
+        [
+            (flat((0, 0, 0), (0.5, 0, 0), (0, 0.04, 0)), 20, 2),
+            (flat((0, 0.04, 0), (0.5, 0, 0), (0, 0.04, 0)), 20, 2),
+            (flat((0, 0.04, 0), (0.5, 0, 0), (0, 0, 0.02)), 20, 2),
+        ],
+        0.003,
+        (0.0, 600.0, 1800.0),
+    ),
+    "tube": ([(half, 32, 24) for half in tube(0.03, 0.8)], 0.0015, (0.0, 0.0, 10000.0)),
+}
+
+
+class Middle:
+    """Nodes and elements of a middle surface, of S3 and S4 or, quadratic, of S8R."""
+
+    def __init__(self, name, kind="S4"):
+        patches, self.thickness, self.force = BODIES[name]
+        self.kind, self.points, self.cells, known = kind, [], [], {}
+
+        def node(place):
+            key = tuple(np.round(place * 1e7).astype(int).tolist())
+            if key not in known:
+                known[key] = len(self.points)
+                self.points.append(place)
+            return known[key]
+
+        for place, along, across in patches:
+            n, m = (along // 2, across // 2) if kind == "S8R" else (along, across)
+            for i in range(n):
+                for j in range(m):
+                    steps = [(0, 0), (1, 0), (1, 1), (0, 1)]
+                    steps += [(0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5)] if kind == "S8R" else []
+                    row = [node(place((i + a) / n, (j + b) / m)) for a, b in steps]
+                    self.cells += [[row[0], row[1], row[2]], [row[0], row[2], row[3]]] if kind == "S3" else [row]
+        self.points = np.array(self.points)
+        low, high = self.points[:, 0].min(), self.points[:, 0].max()
+        self.root = np.flatnonzero(self.points[:, 0] < low + 1e-9)
+        self.tip = np.flatnonzero(self.points[:, 0] > high - 1e-9)
+
+    def shares(self):
+        """Weights of the tip's nodes in a mean along its edge."""
+        total = np.zeros(len(self.points))
+        for row in self.cells:
+            corners = row[:4] if self.kind == "S8R" else row
+            for k, first in enumerate(corners):
+                second = corners[(k + 1) % len(corners)]
+                if first in self.tip and second in self.tip:
+                    length = np.linalg.norm(self.points[first] - self.points[second])
+                    if self.kind == "S8R":
+                        total[[first, second]] += length / 6.0
+                        total[row[4 + k]] += length * 4.0 / 6.0
+                    else:
+                        total[[first, second]] += length / 2.0
+        return total / total.sum()
+
+    def deck(self):
+        """Deck with the sets ROOT, clamped, and TIP."""
+        lines = ["*NODE, NSET=ALL"]
+        lines += [f"{k}, {x:.10g}, {y:.10g}, {z:.10g}" for k, (x, y, z) in enumerate(self.points, start=1)]
+        lines += [f"*ELEMENT, TYPE={self.kind}, ELSET=SHELL"]
+        lines += [f"{k}, " + ", ".join(str(n + 1) for n in row) for k, row in enumerate(self.cells, start=1)]
+        for name, rows in (("ROOT", self.root), ("TIP", self.tip)):
+            lines += [f"*NSET, NSET={name}", *(f"{row + 1}," for row in rows)]
+        lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{MODULUS}, {POISSON}", "*DENSITY", f"{DENSITY}"]
+        lines += ["*SHELL SECTION, ELSET=SHELL, MATERIAL=STEEL", f"{self.thickness}", "*BOUNDARY", "ROOT, 1, 6"]
+        return "\n".join(lines) + "\n"
+
+
+def nonlinear(name):
+    """Mean displacement (3,) of the tip under the body's force."""
+    middle = Middle(name, "S8R")
+    shares = middle.shares()
+    loads = "".join(
+        f"{n + 1}, {axis + 1}, {force * shares[n]!r}\n".replace("np.float64(", "").replace(")", "")
+        for n in np.flatnonzero(shares)
+        for axis, force in enumerate(middle.force)
+        if force
+    )
+    step = f"*STEP, NLGEOM, INC=500\n*STATIC\n0.1, 1.\n*CLOAD\n{loads}*NODE FILE, OUTPUT=2D\nU\n*END STEP\n"
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "job.inp").write_text(middle.deck() + step)
+        subprocess.run(["ccx", "job"], cwd=folder, check=False, capture_output=True)
+        text = (Path(folder) / "job.frd").read_text()
+    found, inside = np.zeros((len(middle.points), 3)), False
+    for line in text.splitlines():
+        inside = line.startswith(" -4  DISP") or (inside and line[:3] in (" -1", " -5"))
+        if inside and line.startswith(" -1"):
+            found[int(line[3:13]) - 1] = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
+    return shares @ found
+
+
+def main(names):
+    """Write results of all bodies, or of some."""
+    file = FOLDER / "shell_bodies.csv"
+    rows = dict(line.split(",", 1) for line in file.read_text().splitlines()[1:]) if file.exists() else {}
+    for name in names or BODIES:
+        rows[name] = ",".join(f"{x:.7e}" for x in nonlinear(name))
+    file.write_text(
+        "\n".join(["body,ux_m,uy_m,uz_m", *(f"{name},{rows[name]}" for name in BODIES if name in rows)]) + "\n"
+    )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,71 @@
+"""The error that the core tells, against an independent account of the body and of its shadow."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bodies import body_of_everything
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.core.library import Core
+from flexfmu.model.methods import Method
+from flexfmu.model.reduced_body import Shadow
+from flexfmu.model.variants import missing
+from flexfmu.program.compile import shadow_draft
+from reference import Reference
+
+BODIES = {"held": ({"modes": 4, "frames": 2}, {"modes": 6}), "free": ({"modes": 9, "free": True}, {"modes": 11})}
+
+
+def with_shadow(kind, seed):
+    """A random body, and another one as its shadow, in which elastic modes are any orthonormal combinations."""
+    own, finer = BODIES[kind]
+    rng = np.random.default_rng(seed)
+    body = body_of_everything(seed, **own)
+    shadow = body_of_everything(seed + 1, **(own | finer | {"frames": 4}))
+    rigid = body.rigid_count
+    embedding = np.zeros((shadow.mode_count, body.mode_count))
+    embedding[:rigid, :rigid] = np.eye(rigid)
+    elastic = rng.standard_normal((shadow.mode_count - rigid, body.mode_count - rigid))
+    embedding[rigid:, rigid:] = np.linalg.qr(elastic)[0]
+    return replace(body, shadow=Shadow(shadow, embedding))
+
+
+def angle(turn):
+    return np.arccos(np.clip(0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
+
+
+@pytest.mark.parametrize("kind", BODIES)
+@pytest.mark.parametrize("method", [Method.LINEAR, Method.FRAMES, Method.SECOND_ORDER, Method.MODAL_ROTATION])
+@settings(max_examples=2, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**31), size=st.sampled_from([1e-3, 0.02, 0.2]))
+def test_the_error_is_one_step_of_newton_s_method_of_the_shadow_under_the_same_inertia(kind, method, seed, size):
+    model = with_shadow(kind, seed)
+    assert missing(model, method) is None
+    body, own, finer = (
+        FlexibleBody(model, method),
+        Reference(model, method),
+        Reference(model.shadow.body, Method.SECOND_ORDER),
+    )
+    rng, span = np.random.default_rng(seed + 2), model.shadow.embedding
+    q, inputs = size * rng.standard_normal(own.modes), rng.standard_normal(6 * model.interface_count + 3)
+    found, share = body.core.error(Core(shadow_draft(body.model).image()), inputs, q)
+    inertia = span @ (own.force(inputs, q) - own.stiffness * q)
+    left = finer.force(inputs, span @ q) - finer.stiffness * (span @ q) - inertia
+    shadow = FlexibleBody(model.shadow.body, Method.SECOND_ORDER)
+    elastic, change = slice(model.rigid_count, None), np.zeros(finer.modes)
+    tangent = shadow.tangent(State(span @ q, span @ q), inputs)[elastic, elastic]
+    scale = 1.0 / np.sqrt(finer.stiffness[elastic])
+    assert np.linalg.eigvals(tangent * np.outer(scale, scale)).real.min() > 0.0
+    change[elastic] = np.linalg.solve(tangent, left[elastic])
+    along = finer.tangent(inputs, span @ q, change)[elastic]
+    np.testing.assert_allclose(along, left[elastic], atol=1e-9 * np.abs(left).max())
+    moved = span @ q + change
+    (there, turned), (here, now) = finer.places(moved), own.places(q)
+    there, turned = there[finer.interfaces].real, turned[finer.interfaces].real
+    here, now = here[own.interfaces].real, now[own.interfaces].real
+    np.testing.assert_allclose(found[:, 0], np.linalg.norm(there - here, axis=1), rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(found[:, 1], angle(turned @ now.swapaxes(1, 2)), rtol=1e-6, atol=1e-9)
+    assert share > 0.0

@@ -1,0 +1,89 @@
+"""Bodies that no demo is like, built with mesh, supports and interfaces alone, against kept results of CalculiX."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from benchmarks.defaults.measure import measure
+from benchmarks.defaults.published import EVERY
+from benchmarks.defaults.run_calculix import RESULTS, motion
+from benchmarks.defaults.table import RECORDS, RIGHT, answered, error, summary, told
+from benchmarks.records import read_records
+from scipy.spatial.transform import Rotation
+
+BODIES = {make.__name__: make for make in EVERY}
+QUICK = ("fork", "stocky_rod")
+# Of the kept record: points that are wrong while nothing is said, the share that is right, and alarms without cause.
+SILENT, RIGHT_SHARE, FALSE_ALARMS = 14, 0.88, 2
+
+
+@cache
+def rows(name):
+    """Points of a body, as texts."""
+    return [{key: str(value) for key, value in row.items()} for row in measure(BODIES[name]())]
+
+
+def names():
+    """All bodies; slow ones are marked."""
+    return [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in BODIES]
+
+
+@cache
+def silent():
+    """Errors of the points that the record knows as wrong and silent."""
+    found = answered(read_records(RECORDS))
+    return {place(row): error(row) for row in found if error(row) > RIGHT and not told(row)}
+
+
+def place(row):
+    """What tells a point from others."""
+    return row["body"], row["case"], row["share"]
+
+
+@pytest.mark.parametrize("name", names())
+def test_the_shortest_body_file_is_right_or_the_fmu_says_that_it_is_not(name):
+    """Points that the record knows as silent are at least no worse than there."""
+    for row in rows(name):
+        assert told(row) or error(row) < 1.1 * silent().get(place(row), RIGHT), place(row)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_simple_bodies_are_right_in_every_point(name):
+    assert len(answered(rows(name))) == len(rows(name))
+    assert max(map(error, rows(name))) < RIGHT
+
+
+def test_kept_results_are_those_of_the_scripts_bodies_and_loads():
+    kept = {(row["body"], row["case"], row["deck"]) for row in read_records(RESULTS)}
+    assert kept == {(name, case, body.digest(case)) for name, body in known().items() for case in body.cases}
+
+
+@cache
+def known():
+    """Every body, made once."""
+    return {name: make() for name, make in BODIES.items()}
+
+
+def test_every_body_has_records_of_every_point():
+    kept = [(row["body"], row["case"], float(row["share"])) for row in read_records(RECORDS)]
+    wanted = [(n, case, share) for n, body in known().items() for case in body.cases for share in body.shares]
+    assert sorted(kept) == sorted(wanted)
+
+
+def test_no_more_points_of_the_record_are_silent_and_no_fewer_right_than_before():
+    found = summary(read_records(RECORDS))
+    assert found["silent"] + found["silent_beyond_3"] == len(silent()) <= SILENT
+    assert found["right"] >= RIGHT_SHARE * found["points"]
+    assert found["false_alarms"] <= FALSE_ALARMS
+
+
+def test_motion_of_an_area_that_turns_and_warps_is_that_of_its_best_rigid_motion(random):
+    """Whatever the weight: a full matrix, too."""
+    points = random.normal(size=(9, 3))
+    factor = random.normal(size=(9, 9))
+    turn = Rotation.from_rotvec([0.3, -0.8, 0.5])
+    moved = turn.apply(points) + np.array([0.1, 0.2, 0.3]) - points
+    weight = factor @ factor.T + 9.0 * np.eye(9)
+    found = motion(points, moved, weight)
+    np.testing.assert_allclose(found[3:], turn.as_rotvec(), atol=1e-9)
+    np.testing.assert_allclose(found[:3], weight.sum(axis=1) @ moved / weight.sum(), atol=1e-12)
