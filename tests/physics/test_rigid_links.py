@@ -165,10 +165,11 @@ def internal_forces(model, displacement):
     """Forces on the unknowns that hold a displacement."""
     total = np.zeros((len(model.mesh.points), 3))
     for some in elastic_cells(model.mesh, 100):
-        slope = np.einsum("eai,eqaJ->eqiJ", displacement.reshape(-1, 3)[some.nodes], some.gradient)
-        strain = 0.5 * (slope + slope.swapaxes(2, 3) + slope.swapaxes(2, 3) @ slope)
-        first = (slope + np.eye(3)) @ some.stress(strain) * some.volume[:, :, None, None]
-        np.add.at(total, some.nodes, np.einsum("eqiJ,eqaJ->eai", first, some.gradient))
+        field = displacement.reshape(-1, 3, 1)
+        slopes = some.slopes(field)
+        work = some.work(some.strains(field) + some.products(slopes, np.zeros((1, 2), dtype=int)))
+        forces = some.operator(some.undeformed + slopes[..., 0]).swapaxes(1, 2) @ work
+        np.add.at(total, some.nodes, forces.reshape(*some.nodes.shape, 3))
     return model.unknowns.forces(total.ravel())
 
 

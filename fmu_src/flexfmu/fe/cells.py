@@ -17,7 +17,6 @@ from ..mesh.model import Mesh
 
 # Places of the components xx, yy, zz, xy, yz, zx.
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
-_ROWS, _COLUMNS = (np.array(index) for index in zip(*VOIGT, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,91 +64,133 @@ class Cells:
         own: FloatArray = -np.linalg.solve(matrices[:, last:, last:], coupling).astype(np.float64)
         return matrices[:, :last, :last] + coupling.swapaxes(1, 2) @ own, own
 
+    @property
+    def directions(self) -> tuple[tuple[slice, slice], ...]:
+        """Both slopes of strains X_i·u_j + X_j·u_i, half of which they are where i is j: of as many each time."""
+        return tuple((slice(i, None, 3), slice(j, None, 3)) for i, j in VOIGT)
+
+    @property
+    def shape_slopes(self) -> FloatArray:
+        """∂N/∂X_J (e, 3q, a + b)."""
+        return _rows(self.gradient)
+
+    def slopes(self, fields: FloatArray) -> FloatArray:
+        """∂u/∂X_J (e, 3q, 3, k) of displacements (n, 3, k), with what the elements' own shape functions add."""
+        return _product(self.shape_slopes, self.amplitudes(fields))
+
     def displacement_gradient(self, fields: FloatArray) -> FloatArray:
         """∂u_i/∂X_J (e, q, 3, 3, k) of displacements (n, 3, k), with what the elements' own shape functions add."""
-        local = fields[self.nodes]
-        if self.gradient.shape[2] > self.nodes.shape[1]:
-            _, own = self.eliminated(self.stiffness())
-            amplitude = own @ local.reshape(len(local), -1, local.shape[3])
-            local = np.concatenate([local, amplitude.reshape(len(local), -1, 3, local.shape[3])], axis=1)
-        return np.einsum("eaik,eqaJ->eqiJk", local, self.gradient, optimize=True)
+        found = _product(_rows(self.gradient), self.amplitudes(fields))
+        return found.reshape(len(found), -1, 3, *found.shape[2:]).swapaxes(2, 3)
 
-    def relaxed(self, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Nodal forces of initial stresses (e, q, 3, 3, k) that the elements' own shape functions have relaxed.
+    def amplitudes(self, fields: FloatArray) -> FloatArray:
+        """Displacements (e, a + b, 3, k) of the nodes, and amplitudes of the own shape functions in equilibrium."""
+        local = fields[self.nodes]
+        if self.gradient.shape[2] == self.nodes.shape[1]:
+            return local
+        _, own = self.eliminated(self.stiffness())
+        amplitude = own @ local.reshape(len(local), -1, local.shape[3])
+        return np.concatenate([local, amplitude.reshape(len(local), -1, 3, local.shape[3])], axis=1)
+
+    def products(self, slopes: FloatArray, pairs: IntArray) -> FloatArray:
+        """Strains (e, r, p), shear twice, of second order of pairs (p, 2) of fields: ½ sym G_aᵀ G_b."""
+        a, b = slopes[..., pairs[:, 0]], slopes[..., pairs[:, 1]]
+        found = []
+        for i, j in self.directions:
+            found.append(0.5 * np.einsum("...ip,...ip->...p", a[:, i], b[:, j]))
+            if i != j:
+                found[-1] += 0.5 * np.einsum("...ip,...ip->...p", a[:, j], b[:, i])
+        return np.concatenate(found, axis=1)
+
+    def strains(self, fields: FloatArray) -> FloatArray:
+        """Strains (e, r, k), shear twice, of displacements (n, 3, k)."""
+        local = self.amplitudes(fields)
+        return self.operator() @ local.reshape(len(local), -1, local.shape[3])
+
+    def work(self, strains: FloatArray) -> FloatArray:
+        """What works on strains (e, r, k): stress times volume, of the same shape."""
+        stress = self.elasticity @ strains.reshape(len(strains), 6, -1)
+        weights = np.tile(self.volume, 6)[:, :, None]
+        return stress.reshape(len(stress), -1, strains.shape[2]) * weights
+
+    def nodal(self, work: FloatArray, slopes: FloatArray | None = None) -> FloatArray:
+        """Forces (e, a + b, 3, k) of what works on strains (e, r, k) where the places have slopes, as of `operator`."""
+        found = self.operator(slopes).swapaxes(1, 2) @ work
+        return found.reshape(len(found), -1, 3, work.shape[2])
+
+    def operator(self, slopes: FloatArray | None = None) -> FloatArray:
+        """B (e, r, 3(a + b)): Green-Lagrange strains, shear twice, per displacement.
+
+        Where the places have slopes (e, 3q, 3), by default those of the undeformed elements.
+        """
+        base, slope = (self.undeformed if slopes is None else slopes)[:, :, None], self.shape_slopes[..., None]
+        rows = [slope[:, i] * base[:, j] + (slope[:, j] * base[:, i] if i != j else 0.0) for i, j in self.directions]
+        b = np.concatenate(rows, axis=1)
+        return b.reshape(*b.shape[:2], -1)
+
+    @property
+    def undeformed(self) -> FloatArray:
+        """Slopes (1, 3q, 3) of the undeformed places."""
+        return np.tile(np.eye(3), (self.gradient.shape[1], 1))[None]
+
+    def geometric(self, work: FloatArray) -> FloatArray:
+        """Stiffness (e, a + b, a + b), in each direction, of what works on strains (e, r)."""
+        slope = self.shape_slopes
+        result = np.zeros((len(work), slope.shape[2], slope.shape[2]))
+        parts = np.split(work[..., None], len(self.directions), axis=1)
+        for part, (i, j) in zip(parts, self.directions, strict=True):
+            found = (slope[:, i] * part).swapaxes(1, 2) @ slope[:, j]
+            result += found if i == j else found + found.swapaxes(1, 2)
+        return result
+
+    def turned(self, turn: FloatArray) -> FloatArray:
+        """Slopes (e, s, 3, k) that turns (e, q, 3, 3, k) give to the undeformed places."""
+        return turn.swapaxes(2, 3).reshape(len(turn), -1, 3, turn.shape[4])
+
+    def relaxed(self, nodal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Nodal forces of initial stresses with forces (e, a + b, 3, k) that the own shape functions have relaxed.
 
         Returns
         -------
         forces : (e, a, 3, k) float
-            ∫ σ ∂N/∂X dV, N.
+            N.
         energies : (k, k) float
             What relaxing takes away of twice the strain energy, J.
         """
-        nodal, amplitude = self._own_response(stress)
-        outer = nodal[:, : self.nodes.shape[1]]
+        outer, amplitude = nodal[:, : self.nodes.shape[1]], self._own_response(nodal)
         if not amplitude.size:
-            return outer, np.zeros((stress.shape[4], stress.shape[4]))
+            return outer, np.zeros((nodal.shape[3], nodal.shape[3]))
         inner = nodal[:, self.nodes.shape[1] :].reshape(amplitude.shape)
         back = self.stiffness()[:, : self.own.start, self.own] @ amplitude
         energies: FloatArray = np.einsum("eik,eil->kl", inner, amplitude, optimize=True)
         return outer - back.reshape(outer.shape), energies
 
-    def relaxation(self, stress: FloatArray) -> FloatArray:
-        """∂u_i/∂X_J (e, q, 3, 3, k) by which the elements' own shape functions relax initial stresses of that shape."""
-        amplitude = self._own_response(stress)[1].reshape(len(stress), -1, 3, stress.shape[4])
-        own = self.gradient[:, :, self.nodes.shape[1] :]
-        result: FloatArray = -np.einsum("ebik,eqbJ->eqiJk", amplitude, own, optimize=True)
-        return result
+    def relaxation(self, work: FloatArray) -> FloatArray:
+        """Strains (e, r, k) by which the elements' own shape functions relax what works on strains."""
+        return -self.operator()[:, :, self.own] @ self._own_response(self.nodal(work))
 
-    def _own_response(self, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Forces (e, a + b, 3, k) of initial stresses, and what they do to the elements' own unknowns (e, 3b, k)."""
-        weighted = stress * self.volume[:, :, None, None, None]
-        nodal = np.einsum("eqaJ,eqiJk->eaik", self.gradient, weighted, optimize=True)
-        inner = nodal[:, self.nodes.shape[1] :].reshape(len(nodal), -1, stress.shape[4])
-        return nodal, np.linalg.solve(self.stiffness()[:, self.own, self.own], inner) if inner.size else inner
+    def _own_response(self, nodal: FloatArray) -> FloatArray:
+        """What forces (e, a + b, 3, k) do to the elements' own unknowns (e, 3b, k)."""
+        inner = nodal[:, self.nodes.shape[1] :].reshape(len(nodal), -1, nodal.shape[3])
+        if not inner.size:
+            return inner
+        return np.linalg.solve(self.stiffness()[:, self.own, self.own], inner).astype(np.float64)
 
-    def stiffness(self, deformation: FloatArray | None = None) -> FloatArray:
+    def stiffness(self, slopes: FloatArray | None = None) -> FloatArray:
         """∫ Bᵀ C B dV (e, 3(a + b), 3(a + b)), by default of the undeformed elements."""
-        b = strain_operator(self.gradient, deformation)
-        e, q, _, unknowns = b.shape
-        weighted = (self.elasticity[:, None] @ b) * self.volume[:, :, None, None]
-        return b.reshape(e, 6 * q, unknowns).swapaxes(1, 2) @ weighted.reshape(e, 6 * q, unknowns)
-
-    def stress(self, strain: FloatArray) -> FloatArray:
-        """Stress (e, q, 3, 3, ...) of symmetric strains of the same shape."""
-        voigt = strain[:, :, _ROWS, _COLUMNS] * np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0]).reshape(
-            6, *(1,) * (strain.ndim - 4)
-        )
-        found = np.einsum("eij,eqj...->eqi...", self.elasticity, voigt, optimize=True)
-        result = np.empty_like(strain)
-        result[:, :, _ROWS, _COLUMNS] = result[:, :, _COLUMNS, _ROWS] = found
-        return result
+        b = self.operator(slopes)
+        return b.swapaxes(1, 2) @ self.work(b)
 
 
-def strain_operator(gradient: FloatArray, deformation: FloatArray | None = None) -> FloatArray:
-    """B (e, q, 6, 3a): strain, shear twice, per displacement, from gradients (e, q, a, 3).
+def _rows(gradient: FloatArray) -> FloatArray:
+    """Gradients (e, q, a, 3) as slopes (e, 3q, a)."""
+    return gradient.swapaxes(2, 3).reshape(len(gradient), -1, gradient.shape[2])
 
-    Parameters
-    ----------
-    gradient : (e, q, a, 3) float
-    deformation : (e, q, 3, 3) float, optional
-        Deformation gradient at which the Green-Lagrange strain is differentiated; by default none.
 
-    Returns
-    -------
-    (e, q, 6, 3a) float
-    """
-    e, q, a, _ = gradient.shape
-    result = np.zeros((e, q, 6, a, 3))
-    for row, (i, j) in enumerate(VOIGT):
-        if deformation is None:
-            result[:, :, row, :, i] += gradient[..., j]
-            if i != j:
-                result[:, :, row, :, j] += gradient[..., i]
-        else:
-            result[:, :, row] += gradient[..., j, None] * deformation[:, :, None, :, i]
-            if i != j:
-                result[:, :, row] += gradient[..., i, None] * deformation[:, :, None, :, j]
-    return result.reshape(e, q, 6, 3 * a)
+def _product(slopes: FloatArray, local: FloatArray) -> FloatArray:
+    """Slopes (e, s, 3, k) by those of shape functions (e or 1, s, a) from their amplitudes (e, a, 3, k)."""
+    found = slopes @ local.reshape(*local.shape[:2], -1)
+    return found.reshape(*found.shape[:2], *local.shape[2:])
 
 
 def cells(mesh: Mesh, block: ElementBlock, size: int) -> Iterator[tuple[slice, Cells]]:

@@ -10,20 +10,17 @@ from ..mesh.model import Mesh
 from .cells import Cells
 from .elastic import elastic_cells
 
-# Elements at a time: gradients of this many take some 100 MB with 20 modes.
-_CHUNK = 4096
 # Numbers of a field of pairs that are held at a time: they stay in the processor's cache, which halves the time.
 _NUMBERS = 400_000
+# Rows at a time of which only the upper triangle is wanted.
+_STRIP = 128
 
 
-def _gradients(
-    mesh: Mesh, fields: FloatArray, pairs: int = 0, tell: Callable[[float], None] = tell_nobody
-) -> Iterator[tuple[Cells, FloatArray]]:
-    """Elements, few at a time where there are pairs, with gradients (e, q, 3, 3, k) of displacements (3n, k)."""
-    u = fields.reshape(len(mesh.points), 3, -1)
+def _some(mesh: Mesh, pairs: int, tell: Callable[[float], None] = tell_nobody) -> Iterator[Cells]:
+    """Elements, few at a time: of so many pairs or fields."""
     done = 0
-    for some in elastic_cells(mesh, 0, _NUMBERS // (9 * pairs)) if pairs else elastic_cells(mesh, _CHUNK):
-        yield some, some.displacement_gradient(u)
+    for some in elastic_cells(mesh, 0, _NUMBERS // (9 * pairs)):
+        yield some
         done += len(some.nodes)
         tell(done)
 
@@ -47,16 +44,16 @@ def geometric_stiffness(mesh: Mesh, fields: FloatArray, shapes: FloatArray) -> F
     (k, m, m) float
         ∫ σ_JK ∂φ_a/∂X_J · ∂φ_b/∂X_K dV, 1/s² per that unit; symmetric in a and b.
     """
-    u, m = fields.reshape(len(mesh.points), 3, -1), shapes.shape[1]
-    result = np.zeros((u.shape[2], m, m))
-    for some, modes in _gradients(mesh, shapes):
-        rows = modes.reshape(-1, m).T
-        for k in range(u.shape[2]):
-            strain = some.displacement_gradient(u[:, :, k : k + 1])[..., 0]
-            stress = some.stress(0.5 * (strain + strain.swapaxes(2, 3))) * some.volume[:, :, None, None]
-            # σ_JK on the derivative's index, for all directions and modes at once.
-            result[k] += rows @ (stress[:, :, None] @ modes).reshape(-1, m)
-    return 0.5 * (result + result.transpose(0, 2, 1))
+    u, phi, m = *(some.reshape(len(mesh.points), 3, -1) for some in (fields, shapes)), shapes.shape[1]
+    pairs = np.stack(np.triu_indices(m), axis=1)
+    found = np.zeros((u.shape[2], len(pairs)))
+    for some in _some(mesh, max(len(pairs), u.shape[2])):
+        strain, work = some.products(some.slopes(phi), pairs), some.work(some.strains(u))
+        found += work.reshape(-1, u.shape[2]).T @ strain.reshape(-1, len(pairs))
+    result = np.empty((u.shape[2], m, m))
+    # The strain of second order is half of what stress takes.
+    result[:, pairs[:, 0], pairs[:, 1]] = result[:, pairs[:, 1], pairs[:, 0]] = 2.0 * found
+    return result
 
 
 def quadratic_strain(
@@ -82,18 +79,24 @@ def quadratic_strain(
     energies : (p, p) float
         ∫ E_ab : C : E_cd dV, J/(kg m²)².
     """
+    phi = shapes.reshape(len(mesh.points), 3, -1)
     forces = np.zeros((len(mesh.points), 3, len(pairs)))
     energies = np.zeros((len(pairs), len(pairs)))
-    for some, gradient in _gradients(mesh, shapes, len(pairs), tell):
-        a, b = gradient[..., pairs[:, 0]], gradient[..., pairs[:, 1]]
-        half = np.einsum("eqiJp,eqiKp->eqJKp", a, b, optimize=True)
-        strain = 0.25 * (half + half.swapaxes(2, 3))
-        stress = some.stress(strain)
-        nodal, relaxed = some.relaxed(stress)
+    for some in _some(mesh, len(pairs), tell):
+        strain = some.products(some.slopes(phi), pairs)
+        work = some.work(strain)
+        nodal, relaxed = some.relaxed(some.nodal(work))
         np.add.at(forces, some.nodes, nodal)
-        weighted = (stress * some.volume[:, :, None, None, None]).reshape(-1, len(pairs))
-        energies += strain.reshape(-1, len(pairs)).T @ weighted - relaxed
-    return forces.reshape(-1, len(pairs)), 0.5 * (energies + energies.T)
+        energies -= relaxed
+        _add_products(strain.reshape(-1, len(pairs)), work.reshape(-1, len(pairs)), energies)
+    energies = np.triu(energies) + np.triu(energies, 1).T
+    return forces.reshape(-1, len(pairs)), energies
+
+
+def _add_products(strain: FloatArray, work: FloatArray, energies: FloatArray) -> None:
+    """Add their products to the upper triangle of a symmetric matrix, by strips."""
+    for first in range(0, len(energies), _STRIP):
+        energies[first : first + _STRIP, first:] += strain[:, first : first + _STRIP].T @ work[:, first:]
 
 
 def mean_spin(mesh: Mesh, shapes: FloatArray) -> FloatArray:
@@ -109,7 +112,8 @@ def mean_spin(mesh: Mesh, shapes: FloatArray) -> FloatArray:
     (m, m) float
     """
     total, volume = np.zeros((shapes.shape[1], shapes.shape[1])), 0.0
-    for some, gradient in _gradients(mesh, shapes):
+    for some in _some(mesh, shapes.shape[1]):
+        gradient = some.displacement_gradient(shapes.reshape(len(mesh.points), 3, -1))
         # |ω|² is a quarter of the sum over all places of a gradient less its transpose, halved.
         spin = (gradient - gradient.swapaxes(2, 3)) * np.sqrt(some.volume)[:, :, None, None, None]
         rows = spin.reshape(-1, shapes.shape[1])
@@ -145,11 +149,12 @@ def turned_stress(
     """
     count, modes = len(mesh.points), shapes.shape[1]
     result = np.zeros((count, 3, len(pairs)))
-    spin, volume = np.zeros((count, 3, 3, modes)), np.zeros(count)
-    for some, gradient in _gradients(mesh, shapes, max(len(pairs), modes), tell):
-        _add_turned(some, gradient, pairs, result)
-        # The integral of the rotation over an element goes to each of its nodes.
+    spin, volume, u = np.zeros((count, 3, 3, modes)), np.zeros(count), shapes.reshape(count, 3, modes)
+    for some in _some(mesh, max(len(pairs), modes), tell):
+        gradient = some.displacement_gradient(u)
         turn = 0.5 * (gradient - gradient.swapaxes(2, 3))
+        np.add.at(result, some.nodes, _turned(some, turn, some.work(some.strains(u)), pairs))
+        # The integral of the rotation over an element goes to each of its nodes.
         mean = np.einsum("eqijm,eq->eijm", turn, some.volume)
         np.add.at(spin, some.nodes, np.broadcast_to(mean[:, None], (*some.nodes.shape, *mean.shape[1:])))
         np.add.at(volume, some.nodes, np.broadcast_to(some.volume.sum(axis=1)[:, None], some.nodes.shape))
@@ -163,11 +168,9 @@ def turned_stress(
     return result.reshape(3 * count, -1)
 
 
-def _add_turned(some: Cells, gradient: FloatArray, pairs: IntArray, forces: FloatArray) -> None:
-    """Add the forces of the stress of some elements, turned."""
-    other = gradient.swapaxes(2, 3)
-    turn, stress = 0.5 * (gradient - other), some.stress(0.5 * (gradient + other))
-    a, b = pairs.T
-    turned = np.einsum("eqiKp,eqKJp->eqiJp", turn[..., a], stress[..., b], optimize=True)
-    turned += np.einsum("eqiKp,eqKJp->eqiJp", turn[..., b], stress[..., a], optimize=True)
-    np.add.at(forces, some.nodes, some.relaxed(0.5 * turned)[0])
+def _turned(some: Cells, turn: FloatArray, work: FloatArray, pairs: IntArray) -> FloatArray:
+    """Forces (e, a, 3, p) of what works on strains of fields (e, r, k), turned by turns (e, q, 3, 3, k)."""
+    slopes = some.turned(turn)
+    found = np.stack([some.operator(slopes[..., a]).swapaxes(1, 2) @ work for a in range(slopes.shape[3])], axis=2)
+    both = 0.5 * (found + found.swapaxes(2, 3))[:, :, pairs[:, 0], pairs[:, 1]]
+    return some.relaxed(both.reshape(len(both), -1, 3, len(pairs)))[0]

@@ -76,8 +76,8 @@ class _Body:
         """Internal forces (3n,), N."""
         result = (self._spring @ displacement).reshape(-1, 3)
         for number, part in enumerate(self._parts):
-            deformation, stress = self._state(number, displacement)
-            np.add.at(result, part.nodes, _nodal(part, deformation, stress)[:, : part.nodes.shape[1]])
+            slopes, work = self._state(number, displacement)
+            np.add.at(result, part.nodes, part.nodal(work[..., None], slopes)[..., 0][:, : part.nodes.shape[1]])
         return result.ravel()
 
     def tangent(self, displacement: FloatArray) -> sp.csr_array:
@@ -90,41 +90,33 @@ class _Body:
         return sp.csr_array(0.5 * (total + total.T))
 
     def _state(self, number: int, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Deformation gradient and second Piola-Kirchhoff stress of a part, its own shape functions in equilibrium."""
+        """Slopes (e, s, 3) of a part and what works on its strains (e, r), its own shape functions in equilibrium."""
         part, local = self._parts[number], displacement.reshape(-1, 3)[self._parts[number].nodes]
         own = self._own[number]
         for _ in range(_OWN_ROUNDS):
-            slope = np.einsum("eai,eqaJ->eqiJ", np.concatenate([local, own], axis=1), part.gradient, optimize=True)
-            # Of the slopes themselves: in FᵀF − 1 small strains would be round-off.
-            strain = 0.5 * (slope + slope.swapaxes(2, 3) + slope.swapaxes(2, 3) @ slope)
-            deformation, stress = slope + np.eye(3), part.stress(strain)
+            every = np.concatenate([local, own], axis=1)
+            # Of the displacements themselves: as what places have more than at first, small strains would be round-off.
+            change = part.shape_slopes @ every
+            strain = part.operator() @ every.reshape(len(every), -1, 1)
+            strain += part.products(change[..., None], np.zeros((1, 2), dtype=np.int64))
+            slopes, work = part.undeformed + change, part.work(strain)[..., 0]
             if not own.size:
                 break
             inner = part.nodes.shape[1]
-            force = _nodal(part, deformation, stress)
-            stiff = _tangent(part, deformation, stress)[:, part.own, part.own]
+            force = part.nodal(work[..., None], slopes)[..., 0]
+            stiff = _tangent(part, slopes, work)[:, part.own, part.own]
             change = -np.linalg.solve(stiff, force[:, inner:].reshape(len(own), -1, 1)).reshape(own.shape)
             # The last round's stress is that of the amplitudes that it leaves.
             if np.abs(change).max() <= _OWN_SETTLED * max(np.abs(local).max(), np.abs(own).max(), 1e-300):
                 break
             own = own + change
         self._own[number] = own
-        return deformation, stress
+        return slopes, work
 
 
-def _nodal(part: Cells, deformation: FloatArray, stress: FloatArray) -> FloatArray:
-    """∫ F S ∂N/∂X dV (e, a + b, 3)."""
-    first = (deformation @ stress) * part.volume[:, :, None, None]
-    return np.einsum("eqiJ,eqaJ->eai", first, part.gradient, optimize=True)
-
-
-def _tangent(part: Cells, deformation: FloatArray, stress: FloatArray) -> FloatArray:
+def _tangent(part: Cells, slopes: FloatArray, work: FloatArray) -> FloatArray:
     """Derivative (e, 3(a + b), 3(a + b)) of those forces."""
-    result = part.stiffness(deformation)
-    weighted = part.gradient @ (stress * part.volume[:, :, None, None])
-    e, _, a, _ = part.gradient.shape
-    rows, columns = weighted.transpose(0, 2, 1, 3), part.gradient.transpose(0, 1, 3, 2)
-    geometric = rows.reshape(e, a, -1) @ columns.reshape(e, -1, a)
+    result, geometric = part.stiffness(slopes), part.geometric(work)
     for axis in range(3):
         result[:, axis::3, axis::3] += geometric
     return result

@@ -10,6 +10,7 @@ Meth. Engng. 29 (1990) 1595).
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -24,10 +25,37 @@ from .cells import VOIGT, Cells
 # Share of the shear that is constant across the thickness and is not; and, of triangles, by how much shear of elements
 # that are wide against their thickness is softened (M. Lyly, R. Stenberg, T. Vihinen, 1993).
 _SHEAR, _SOFTENED = 5.0 / 6.0, 0.1
+# Elements at a time whose matrices are made together.
+_TOGETHER = 2048
 # Places of the rules in `mesh.elements` by component: first those in the plane, then shear, then across.
 _IN_PLANE = ((0, 0), (1, 1), (0, 1))
 _QUAD_SHEAR = ((8, 0, 2), (9, 0, 2), (10, 1, 2), (11, 1, 2))
 _TRIANGLE_SHEAR = ((2, 0, 2), (3, 0, 2), (4, 1, 2), (3, 1, 2))
+
+
+class ShellRule:
+    """Where elements of a type take natural strains; places that always have the same one share it.
+
+    Attributes
+    ----------
+    slope : (s, a) float
+        ∂N_a/∂ξ_j of each slope.
+    rows : (r, 2) int
+        Slopes whose products make each strain.
+    merged : (k, r) float
+        Strains as the assumptions have them of those of their own.
+    """
+
+    def __init__(self, kind: ElementType):
+        place, *both = _rows(kind).T
+        every = np.concatenate([kind.shape.gradient(kind.stiffness.points)[place, :, one] for one in both])
+        _, chosen, which = np.unique(np.round(every, 9), axis=0, return_index=True, return_inverse=True)
+        self.slope: FloatArray = every[chosen]
+        self.rows, strain = np.unique(which.reshape(2, len(place)).T, axis=0, return_inverse=True)
+        self.merged = np.eye(len(self.rows))[strain.ravel()]
+
+
+shell_rule = cache(ShellRule)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,20 +64,43 @@ class ShellCells(Cells):
 
     Attributes
     ----------
-    place : (r,) int
-        Integration point of each natural strain.
-    slope : (2, e or 1, r, a) float
-        ∂N_a/∂ξ_i and ∂N_a/∂ξ_j of each natural strain e_ij.
-    base : (2, e, r, 3) float
-        J_i and J_j: ∂X/∂ξ, m.
+    rule : ShellRule
+    slope : (e or 1, s, a) float
+        ∂N_a/∂ξ_j of each slope.
+    base : (e, s, 3) float
+        ∂X/∂ξ_j likewise, m.
     law : (e, r, r) float
-        D, J.
+        D, J, of natural strains, shear twice.
     """
 
-    place: IntArray
+    rule: ShellRule
     slope: FloatArray
     base: FloatArray
     law: FloatArray
+
+    @property
+    def directions(self) -> tuple[tuple[slice, slice], ...]:
+        """As of solids, one by one."""
+        return tuple((slice(i, i + 1), slice(j, j + 1)) for i, j in self.rule.rows.tolist())
+
+    @property
+    def undeformed(self) -> FloatArray:
+        """As of solids, in natural directions."""
+        return self.base
+
+    @property
+    def shape_slopes(self) -> FloatArray:
+        """As of solids, in natural directions."""
+        return self.slope
+
+    def work(self, strains: FloatArray) -> FloatArray:
+        """What works on natural strains (e, r, k)."""
+        return self.law @ strains
+
+    def part(self, chosen: slice) -> "ShellCells":
+        """Some of the elements."""
+        names = ("nodes", "gradient", "volume", "elasticity", "base", "law")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     def in_means(self) -> "ShellCells":
         """The same for fields in means and differences of both faces; of these, slopes along both faces cancel exactly.
@@ -62,65 +113,50 @@ class ShellCells(Cells):
         def turned(below: FloatArray, above: FloatArray) -> list[FloatArray]:
             return [np.sqrt(0.5) * (below + above), np.sqrt(0.5) * (above - below)]
 
-        mean, across = turned(*np.split(self.slope, 2, axis=3))
-        slope = np.concatenate([mean + 0.0 * sign[:, None], sign[:, None] * across], axis=3)
+        mean, across = turned(*np.split(self.slope, 2, axis=2))
+        slope = np.concatenate([mean + 0.0 * sign[:, None], sign[:, None] * across], axis=2)
         mean, across = turned(*np.split(self.gradient, 2, axis=2))
         gradient = np.concatenate([mean, sign[:, None, :, None] * across], axis=2)
         nodes = np.concatenate([np.minimum(low, high), np.maximum(low, high)], axis=1)
         return replace(self, nodes=nodes, slope=slope, gradient=gradient)
 
-    def stiffness(self, deformation: FloatArray | None = None) -> FloatArray:
-        """∂e/∂uᵀ D ∂e/∂u (e, 3a, 3a), by default of the undeformed elements."""
-        first, second = self.base
-        if deformation is not None:
-            first, second = (np.einsum("erij,erj->eri", deformation[:, self.place], one) for one in (first, second))
-        b = 0.5 * (self.slope[0][..., None] * second[:, :, None] + self.slope[1][..., None] * first[:, :, None])
-        b = b.reshape(*b.shape[:2], -1)
-        result: FloatArray = b.swapaxes(1, 2) @ (self.law @ b)
-        return result
-
-    def stress(self, strain: FloatArray) -> FloatArray:
-        """Stress (e, q, 3, 3, ...) at the places whose work is D's, of symmetric strains of the same shape."""
-        first, second = self.base
-        natural = np.einsum("eri,erj,erij...->er...", first, second, strain[:, self.place], optimize=True)
-        force = np.einsum("erk,ek...->er...", self.law, natural, optimize=True)
-        pulled = np.einsum("eri,erj,er...->erij...", first, second, force, optimize=True)
-        result = np.zeros_like(strain)
-        for row, place in enumerate(self.place.tolist()):
-            result[:, place] += 0.5 * (pulled[:, row] + pulled[:, row].swapaxes(1, 2))
-        result /= self.volume.reshape(*self.volume.shape, *(1,) * (strain.ndim - 2))
-        return result
+    def turned(self, turn: FloatArray) -> FloatArray:
+        """As of solids, by the mean turn of each element."""
+        found: FloatArray = np.einsum("eqijk,esj->esik", turn, self.base, optimize=True) / turn.shape[1]
+        return found
 
 
 def shell_cells(mesh: Mesh, block: ElementBlock, size: int) -> Iterator[ShellCells]:
-    """Yield a block's shells, some at a time; see `cells.cells`."""
+    """Yield a block's shells, some at a time; see `cells.cells`. The mesh keeps them: they are asked for many times."""
+    kept: list[ShellCells] = mesh.kept.setdefault(f"shells {id(block)}", [])
+    for first in range(0, len(block.labels), _TOGETHER):
+        if len(kept) * _TOGETHER <= first:
+            kept.append(_made(mesh, block.part(np.arange(first, min(first + _TOGETHER, len(block.labels))))))
+        whole = kept[first // _TOGETHER]
+        yield from (whole.part(slice(start, start + size)) for start in range(0, len(whole.nodes), size))
+
+
+def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
+    """All shells of a block."""
     shape, rule = block.type.shape, block.type.stiffness
-    slope = shape.gradient(rule.points)
-    rows = _rows(block.type)
-    place, i, j = rows.T
-    for first in range(0, len(block.labels), size):
-        places = slice(first, min(first + size, len(block.labels)))
-        nodes = block.connectivity[places]
-        corners = mesh.points[nodes]
-        inverse, determinant = jacobians(corners, slope)
-        base = np.einsum("qaJ,eai->eqJi", slope, corners)
-        materials = [mesh.materials[k] for k in block.material[places]]
-        if any(material.constants is not None for material in materials):
-            raise ModelError(
-                "shells of anisotropic material are not supported: give Young's modulus and Poisson's ratio"
-            )
-        constants = np.array([(material.youngs_modulus, material.poissons_ratio) for material in materials])
-        yield ShellCells(
-            nodes,
-            shape.value(rule.points),
-            slope @ inverse,
-            determinant * rule.weights,
-            np.zeros((len(nodes), 6, 6)),
-            place,
-            np.stack([slope[place, :, i], slope[place, :, j]])[:, None],
-            np.stack([base[:, place, i], base[:, place, j]]),
-            _law(block.type, corners, rows, constants),
-        )
+    slope, strains = shape.gradient(rule.points), shell_rule(block.type)
+    corners = mesh.points[block.connectivity]
+    inverse, determinant = jacobians(corners, slope)
+    materials = [mesh.materials[k] for k in block.material]
+    if any(material.constants is not None for material in materials):
+        raise ModelError("shells of anisotropic material are not supported: give Young's modulus and Poisson's ratio")
+    constants = np.array([(material.youngs_modulus, material.poissons_ratio) for material in materials])
+    return ShellCells(
+        block.connectivity,
+        shape.value(rule.points),
+        slope @ inverse,
+        determinant * rule.weights,
+        np.zeros((len(corners), 6, 6)),
+        strains,
+        strains.slope[None],
+        strains.slope @ corners,
+        _law(block.type, corners, strains, constants),
+    )
 
 
 def _rows(kind: ElementType) -> IntArray:
@@ -131,7 +167,7 @@ def _rows(kind: ElementType) -> IntArray:
     return np.array([*inside, *shear, *((count + k, 2, 2) for k in range(corners))])
 
 
-def _law(kind: ElementType, corners: FloatArray, rows: IntArray, constants: FloatArray) -> FloatArray:
+def _law(kind: ElementType, corners: FloatArray, strains: ShellRule, constants: FloatArray) -> FloatArray:
     """D (e, r, r) of elements with corners (e, a, 3) and E, ν (e, 2)."""
     quad = kind is ElementType.S4
     rule = brick_rule(2) if quad else wedge_rule(2, 2)
@@ -143,12 +179,13 @@ def _law(kind: ElementType, corners: FloatArray, rows: IntArray, constants: Floa
     along = base[:, :, 0] / np.linalg.norm(base[:, :, 0], axis=2, keepdims=True)
     across /= np.linalg.norm(across, axis=2, keepdims=True)
     axes = np.stack([along, np.cross(across, along), across], axis=2)
+    count = len(strains.rows)
     elastic = _plane_stress(constants, 1.0 if quad else _softening(corners))
-    law = np.zeros((len(corners), len(rows), len(rows)))
-    own, mixed = np.zeros((len(corners), 4, 4)), np.zeros((len(corners), 4, len(rows)))
+    law = np.zeros((len(corners), count, count))
+    own, mixed = np.zeros((len(corners), 4, 4)), np.zeros((len(corners), 4, count))
     to_centre = np.linalg.inv(base[:, -1])
     for q, (point, weight) in enumerate(zip(rule.points, rule.weights, strict=True)):
-        assumed = _assumed(quad, q, point, rows)
+        assumed = _assumed(quad, q, point) @ strains.merged
         local = _turned(axes[:, q] @ np.linalg.inv(base[:, q])) @ assumed
         stiff = (weight * determinant[:, q])[:, None, None] * elastic
         law += local.swapaxes(1, 2) @ (stiff @ local)
@@ -165,22 +202,22 @@ def _law(kind: ElementType, corners: FloatArray, rows: IntArray, constants: Floa
     return result
 
 
-def _assumed(quad: bool, q: int, point: FloatArray, rows: IntArray) -> FloatArray:
-    """Natural strains, shear twice, (6, r) at an integration point of those at the places."""
+def _assumed(quad: bool, q: int, point: FloatArray) -> FloatArray:
+    """Natural strains, shear twice, (6, k) at an integration point of those at the places."""
     x, y, _ = point
-    result = np.zeros((6, len(rows)))
+    result = np.zeros((6, 32 if quad else 13))
     flat = 3 * (q if quad else q // 3)
-    result[[0, 1, 3], range(flat, flat + 3)] = 1.0, 1.0, 2.0
+    result[[0, 1, 3], range(flat, flat + 3)] = 1.0
     if quad:
-        result[5, 24:26] = 1.0 - y, 1.0 + y
-        result[4, 26:28] = 1.0 - x, 1.0 + x
+        result[5, 24:26] = 0.5 * (1.0 - y), 0.5 * (1.0 + y)
+        result[4, 26:28] = 0.5 * (1.0 - x), 0.5 * (1.0 + x)
         signs = ElementType.S4.stiffness.points[12:, :2]
         result[2, 28:] = 0.25 * np.prod(1.0 + signs * point[:2], axis=1)
     else:
         # e₁₃ = e₁₃⁽¹⁾ + c s, e₂₃ = e₂₃⁽²⁾ − c r, c = e₂₃⁽²⁾ − e₁₃⁽¹⁾ − e₂₃⁽³⁾ + e₁₃⁽³⁾.
         change = np.array([-1.0, 1.0, 1.0, -1.0])
-        result[5, 6:10] = 2.0 * (np.array([1.0, 0.0, 0.0, 0.0]) + y * change)
-        result[4, 6:10] = 2.0 * (np.array([0.0, 0.0, 1.0, 0.0]) - x * change)
+        result[5, 6:10] = np.array([1.0, 0.0, 0.0, 0.0]) + y * change
+        result[4, 6:10] = np.array([0.0, 0.0, 1.0, 0.0]) - x * change
         result[2, 10:] = 1.0 - x - y, x, y
     return result
 

@@ -10,7 +10,7 @@ from ..mesh.elements import ElementType
 from ..mesh.model import Mesh
 from ..mesh.shapes import LINEAR
 from .assembly import CHUNK
-from .cells import VOIGT, cells
+from .cells import cells
 
 
 def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -38,9 +38,8 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
         if block.type.shell:
             raise ModelError("stress of shells is not offered: leave the stress of these elements out of the body file")
         for _, some in cells(mesh, block.part(inside), CHUNK):
-            gradient = some.displacement_gradient(u)
-            found = some.stress(0.5 * (gradient + gradient.swapaxes(2, 3)))
-            stresses.append(np.stack([found[:, :, i, j] for i, j in VOIGT], axis=2).reshape(-1, 6, u.shape[2]))
+            found = some.work(some.strains(u)).reshape(len(some.nodes), 6, -1, u.shape[2]).swapaxes(1, 2)
+            stresses.append((found / some.volume[:, :, None, None]).reshape(-1, 6, u.shape[2]))
             places.append(np.einsum("qa,eai->eqi", some.value, mesh.points[some.nodes]).reshape(-1, 3))
     return np.concatenate(places), np.concatenate(stresses)
 

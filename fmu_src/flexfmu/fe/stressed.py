@@ -6,7 +6,6 @@ import scipy.sparse as sp
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
 from .assembly import CHUNK, summed
-from .cells import Cells
 from .elastic import elastic_cells
 
 # Numbers of a stress field that are held at a time: as of the quadratic strain.
@@ -37,25 +36,15 @@ def stressed_gradients(mesh: Mesh, fields: FloatArray, responses: FloatArray, pa
     u, w = fields.reshape(count, 3, -1), responses.reshape(count, 3, -1)
     result = np.zeros((count, 3, m, m + len(pairs)))
     for some in elastic_cells(mesh, 0, _NUMBERS // (9 * (m + len(pairs)))):
-        gradient = some.displacement_gradient(u)
-        stress = _stresses(some, gradient, some.displacement_gradient(w), pairs)
+        slopes = some.slopes(u)
+        strain = some.products(slopes, pairs)
+        # What responses and the elements' own shape functions leave; each of two different motions comes first once.
+        strain += some.strains(w) + some.relaxation(some.work(strain))
+        strain *= np.where(pairs[:, 0] == pairs[:, 1], 1.0, 2.0)
+        work = some.work(np.concatenate([some.strains(u), strain], axis=2))
         for a in range(m):
-            pulled = np.einsum("eqiK,eqJKs->eqiJs", gradient[..., a], stress, optimize=True)
-            np.add.at(result[:, :, a], some.nodes, some.relaxed(pulled)[0])
+            np.add.at(result[:, :, a], some.nodes, some.relaxed(some.nodal(work, slopes[..., a]))[0])
     return result.reshape(3 * count, m, -1)
-
-
-def _stresses(some: Cells, gradient: FloatArray, response: FloatArray, pairs: IntArray) -> FloatArray:
-    """Stress (e, q, 3, 3, m + p) of the motions, and that which is left of the pairs' strain of second order."""
-    a, b = pairs.T
-    half = np.einsum("eqiJp,eqiKp->eqJKp", gradient[..., a], gradient[..., b], optimize=True)
-    strain = 0.25 * (half + half.swapaxes(2, 3))
-    if some.gradient.shape[2] > some.nodes.shape[1]:
-        response = response + some.relaxation(some.stress(strain))
-    strain += 0.5 * (response + response.swapaxes(2, 3))
-    # Each of two different motions comes first once.
-    left = strain * np.where(a == b, 1.0, 2.0)
-    return some.stress(np.concatenate([0.5 * (gradient + gradient.swapaxes(2, 3)), left], axis=4))
 
 
 def stress_stiffness(mesh: Mesh, field: FloatArray) -> sp.csr_array:
@@ -63,10 +52,8 @@ def stress_stiffness(mesh: Mesh, field: FloatArray) -> sp.csr_array:
     count, u = len(mesh.points), field.reshape(len(mesh.points), 3, 1)
     parts = []
     for some in elastic_cells(mesh, CHUNK):
-        strain = some.displacement_gradient(u)[..., 0]
-        stress = some.stress(0.5 * (strain + strain.swapaxes(2, 3))) * some.volume[:, :, None, None]
-        gradient = some.gradient[:, :, : some.nodes.shape[1]]
-        matrices = np.einsum("eqaJ,eqJK,eqbK->eab", gradient, stress, gradient, optimize=True)
+        inner = some.nodes.shape[1]
+        matrices = some.geometric(some.work(some.strains(u))[..., 0])[:, :inner, :inner]
         rows, columns = np.broadcast_arrays(some.nodes[:, :, None], some.nodes[:, None])
         whole = sp.coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count))
         parts.append(sp.csr_array(whole))

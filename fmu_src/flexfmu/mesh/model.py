@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -140,6 +141,11 @@ class Mesh:
     def element_count(self) -> int:
         """Number of elements over all blocks."""
         return int(self.starts[-1])
+
+    @cached_property
+    def kept(self) -> dict[str, Any]:
+        """What is kept beside the mesh as long as there is one, by name."""
+        return {}
 
     @cached_property
     def starts(self) -> IntArray:
