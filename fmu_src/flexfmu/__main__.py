@@ -2,4 +2,6 @@
 
 from .commands.cli import main
 
-main()
+# A process that is started beside it imports this module, too.
+if __name__ == "__main__":
+    main()

@@ -232,21 +232,11 @@ def test_a_simulation_is_shown_as_its_fmu_moved(folder, fmu, settings):
     np.testing.assert_allclose(tip, moved, atol=1e-6 * np.abs(moved).max())
 
 
-def test_a_table_of_loads_moves_the_body_in_the_fmu_without_its_master(folder, fmu):
+def test_a_table_of_loads_is_for_a_simulation(folder, fmu):
     (folder / "loads.csv").write_text(LOADS)
-    view(fmu, folder / "loads.csv", "--shapes", 9, "-o", folder / "replay.html")
-    case = content(folder / "replay.html")["cases"][0]
-    assert len(case["position"]) == 9
-    assert (case["position"][0], case["position"][-1]) == (0.0, 0.02)
-    assert case["label"] == "time"
-
-
-def test_rows_of_a_table_are_shown_in_equilibrium(folder, fmu, bent):
-    (folder / "rows.csv").write_text(f"time,tip.force.y\n0,0\n1,{FORCE}\n")
-    view(fmu, folder / "rows.csv", "--static", "-o", folder / "rows.vtu")
-    np.testing.assert_allclose(
-        meshio.read(folder / "rows.vtu").point_data["displacement"], bent[0] - bent[2], atol=1e-9
-    )
+    result = CliRunner().invoke(app, ["view", str(fmu), str(folder / "loads.csv"), "-o", str(folder / "no.html")])
+    assert result.exit_code == 1
+    assert "simulate --view" in result.stderr
 
 
 def test_a_shape_is_found_from_the_motion_of_interfaces_alone(folder, fmu, bent):

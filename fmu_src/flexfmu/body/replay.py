@@ -85,16 +85,6 @@ def body_with(model: ReducedBody, parameters: Mapping[str, object], method: str 
 _YES = ("true", "1", "1.0")
 
 
-def communication_points(times: FloatArray, step: float, stop: float) -> FloatArray:
-    """Times at which a master looks at the body: every step (s), and where the table (rows,) jumps."""
-    start = float(times[0])
-    count = int(np.floor((stop - start) / step * (1.0 + _SAME)))
-    jumps = times[1:][np.diff(times) == 0.0]
-    every = np.concatenate([start + step * np.arange(count + 1), [stop], jumps[(jumps > start) & (jumps < stop)]])
-    every.sort()
-    return every[np.append(True, np.diff(every) > _SAME * max(step, abs(stop)))]
-
-
 def loads_at(table: FloatArray, time: float) -> FloatArray:
     """Loads (L,) at a time (s): linear between the rows of a table (rows, 1 + L), after a jump where there is one."""
     times = table[:, 0]

@@ -10,15 +10,12 @@ from .common import reporter, show_written
 
 def view(
     file: Annotated[Path, typer.Argument(help="FMU, modal file, body file or mesh.")],
-    table: Annotated[
-        Path | None, typer.Argument(help="Loads over time (CSV), as for simulate: the motion under them.")
-    ] = None,
+    table: Annotated[Path | None, typer.Argument(help="Results of a run (CSV): the motion of which they tell.")] = None,
     load: Annotated[
         list[str] | None,
         typer.Option("--load", "-l", help="A load that holds still, such as tip.force.y=5kN; may be repeated."),
     ] = None,
     modes: Annotated[int, typer.Option("--modes", "-m", min=0, help="Show so many mode shapes.")] = 0,
-    static: Annotated[bool, typer.Option("--static", help="Each row of the table by its equilibrium.")] = False,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Page (.html), ParaView (.vtu, .pvd) or picture (.png, .pdf, .svg)."),
@@ -31,8 +28,6 @@ def view(
     parameter: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter of the FMU, NAME=VALUE; may be repeated.")
     ] = None,
-    step: Annotated[float | None, typer.Option(help="Communication step, s; default: the FMU's own.")] = None,
-    stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the table.")] = None,
     shapes: Annotated[int, typer.Option(min=2, help="Most shapes of a motion.")] = 100,
 ) -> None:
     """Show a mesh, a body, its modes, an equilibrium or a motion: a page to turn and play, or a picture."""
@@ -41,9 +36,7 @@ def view(
 
     target = output or Path(f"{file.stem}.html")
     settings = parse_parameters(parameter or [])
-    request = Request(
-        file, target, table, tuple(load or ()), static, modes, colour, scale, method, settings, step, stop, shapes
-    )
+    request = Request(file, target, table, tuple(load or ()), modes, colour, scale, method, settings, shapes)
     seen = show(request, reporter())
     for case in seen.cases[:1]:
         typer.echo(f"{case.name}: {case.note}")

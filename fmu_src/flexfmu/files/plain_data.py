@@ -1,10 +1,12 @@
-"""Results as plain data, for `--json`."""
+"""Results as plain data, for `--json` and for pages."""
 
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from html import escape
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,14 @@ import numpy as np
 def json_text(value: object) -> str:
     """JSON of dataclasses, mappings, arrays and what they hold; numbers that are not finite become null."""
     return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, indent=2)
+
+
+def page_text(package: str | None, title: str, content: object) -> str:
+    """The page `page.html` of a package with a title and data, which its script reads."""
+    # Nothing in the data may end the script.
+    text = json.dumps(_plain(content), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+    template = files(package or "").joinpath("page.html").read_text(encoding="utf-8")
+    return template.replace("@TITLE@", escape(title)).replace("@DATA@", text)
 
 
 def fields_of(value: object) -> dict[str, object]:

@@ -4,15 +4,15 @@ A body is packaged once for all methods whose data it holds: they are chosen by 
 live in one process beside this one (`fmu_worker`).
 """
 
-import json
-import os
-import subprocess
-import sys
+import signal
 import tempfile
-from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import fmpy
 from pythonfmu.builder import FmuBuilder
@@ -23,12 +23,10 @@ from ..fmu.package import package_fmu
 from ..model.methods import Variant
 from ..model.reduced_body import ReducedBody
 from ..program.variables import ACCELERATION, METHOD, STEP_LIMIT, STEP_TOLERANCE
-from . import fmu_worker
-from .fmu_worker import MARK
+from .fmu_worker import answer, load, timed
 from .scene.scene import AXES, Scene, load_names
 
-# What is told of a process that died, characters.
-_TOLD = 500
+T = TypeVar("T")
 _EMPTY = '''"""An FMU that has the variables and does nothing."""
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
@@ -66,11 +64,10 @@ class FmuTimer:
 
     def __init__(self, folder: Path):
         self._folder = folder
-        self._said = folder / "stderr.txt"
         self._empty: dict[tuple[str, ...], str] = {}
         self._loaded: tuple[ReducedBody, str, str] | None = None
         self._count = 0
-        self._process: subprocess.Popen[str] | None = None
+        self._process: ProcessPoolExecutor | None = None
 
     def times(
         self, body: ReducedBody, scene: Scene, step: float, variant: Variant, limits: StepLimits
@@ -105,8 +102,7 @@ class FmuTimer:
         }
         names = [*load_names(scene.names), *(f"{ACCELERATION}.{axis}" for axis in AXES)]
         rows = [{n: float(v) for n, v in zip(names, one.packed(True), strict=True) if v} for one in scene.timing_loads]
-        request = {"name": name, "against": against, "parameters": parameters, "rows": rows, "step": step}
-        found = self._ask(request)
+        found = self._ask(timed, name, against, parameters, rows, step)
         fmu, empty = found["fmu"], found["empty"]
         return {"fmu_us": 1e6 * fmu, "empty_us": 1e6 * empty, "fmu_ratio": fmu / empty, "fmu_busy": found["busy"]}
 
@@ -140,39 +136,18 @@ class FmuTimer:
         return self._empty[names]
 
     def _load(self, name: str, path: Path, empty: bool) -> None:
-        self._ask({"load": str(path), "name": name, "folder": str(self._folder / f"{name}_unpacked"), "empty": empty})
+        self._ask(load, name, str(path), str(self._folder / f"{name}_unpacked"), empty)
 
-    def _ask(self, request: dict[str, Any]) -> dict[str, float]:
-        """Have the process answer a request."""
-        process = self._process = self._process or self._started()
-        assert process.stdin is not None
-        assert process.stdout is not None
-        # A process that died is found out when it does not answer.
-        with suppress(BrokenPipeError):
-            process.stdin.write(json.dumps(request) + "\n")
-            process.stdin.flush()
-        for line in process.stdout:
-            if line.startswith(MARK):
-                answer: dict[str, Any] = json.loads(line.removeprefix(MARK))
-                if "error" in answer:
-                    raise SimulationError(f"the FMU does not run: {answer['error']}")
-                return answer
-        self.close()
-        words = self._said.read_text(encoding="utf-8", errors="replace").strip()[-_TOLD:]
-        raise SimulationError(f"the process that times the FMU died: {words or 'it said nothing'}")
-
-    def _started(self) -> "subprocess.Popen[str]":
-        with self._said.open("w", encoding="utf-8") as said:
-            return subprocess.Popen(
-                [sys.executable, "-m", fmu_worker.__name__],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=said,
-                text=True,
-                env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-                # Ctrl-C is for this process, which ends the other: one that died of it would be taken for a fault.
-                start_new_session=True,
-            )
+    def _ask(self, work: Callable[..., T], *arguments: object) -> T:
+        """Have the process do something."""
+        if self._process is None:
+            # Of one thread; Ctrl-C is for this process, which ends the other.
+            self._process = ProcessPoolExecutor(1, get_context("spawn"), _prepare)
+        try:
+            return self._process.submit(answer, work, *arguments).result()
+        except BrokenProcessPool as error:
+            self.close()
+            raise SimulationError(f"the process that times the FMU died ({error})") from error
 
     def close(self) -> None:
         """End the process, and forget what was loaded in it."""
@@ -180,8 +155,11 @@ class FmuTimer:
         self._loaded = None
         self._empty.clear()
         if process is not None:
-            with suppress(BrokenPipeError):
-                process.communicate()
+            process.shutdown(cancel_futures=True)
+
+
+def _prepare() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager

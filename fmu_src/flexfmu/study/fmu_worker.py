@@ -1,21 +1,18 @@
-"""A process of its own in which FMUs are timed: loads them, and drives one and an empty one in turns.
+"""What runs in the process of its own in which FMUs are timed: loads them, and drives one and an empty one in turns."""
 
-It reads one request a line, JSON, and answers each with one line that begins with `MARK`; what FMUs print in between is
-nobody's. Run as a module by `fmu_cost.FmuTimer`.
-"""
-
-import json
-import os
 import statistics
-import sys
-from typing import Any
+from collections.abc import Callable
+from typing import TypeVar
 
 import fmpy
 from fmpy.fmi2 import FMU2Slave
 
+from ..files.errors import SimulationError
 from .pace import Clock, calm_blocks, timed_piece
 
-MARK = "RESULT "
+T = TypeVar("T")
+_KNOWN: dict[str, "Driven"] = {}
+"""FMUs that were loaded in this process, by name."""
 
 
 class Driven:
@@ -62,14 +59,38 @@ class Driven:
         return clock.elapsed()
 
 
+def answer(work: Callable[..., T], *arguments: object) -> T:
+    """Do something; whatever a library raises becomes an error that goes from process to process."""
+    try:
+        return work(*arguments)
+    except Exception as error:
+        raise SimulationError(f"the FMU does not run: {type(error).__name__}: {error}") from None
+
+
+def load(name: str, path: str, folder: str, empty: bool) -> None:
+    """Load an FMU under a name; an empty one is set up at once.
+
+    Parameters
+    ----------
+    name, path : str
+    folder : str
+        Where it is unpacked; not there yet.
+    empty : bool
+    """
+    _KNOWN[name] = Driven(path, folder)
+    if empty:
+        _KNOWN[name].begin({})
+
+
 def timed(
-    driven: Driven, empty: Driven, parameters: dict[str, float | str], rows: list[dict[str, float]], step: float
+    name: str, against: str, parameters: dict[str, float | str], rows: list[dict[str, float]], step: float
 ) -> dict[str, float]:
     """Time steps of an FMU and of an empty one, in turns.
 
     Parameters
     ----------
-    driven, empty : Driven
+    name, against : str
+        Under which they were loaded.
     parameters : dict of str to float or str
     rows : list of dict
         Inputs by name, one row a step; a single one holds.
@@ -81,15 +102,16 @@ def timed(
     dict of str to float
         s a step: fmu, empty: fastest; and busy.
     """
-    first = [[rows[0].get(name, 0.0) for name in driven.inputs]]
+    driven, empty = _KNOWN[name], _KNOWN[against]
+    first = [[rows[0].get(one, 0.0) for one in driven.inputs]]
     driven.begin(parameters)
     start = driven.slave.getFMUState()
     # What is prepared at the first steps is there afterwards.
     driven.run(first * 2, step)
     driven.slave.setFMUState(start)
     piece = timed_piece(rows, driven.run(first, step))
-    values = [[row.get(name, 0.0) for name in driven.inputs] for row in piece]
-    zeros = [[row.get(name, 0.0) for name in empty.inputs] for row in piece]
+    values = [[row.get(one, 0.0) for one in driven.inputs] for row in piece]
+    zeros = [[row.get(one, 0.0) for one in empty.inputs] for row in piece]
 
     def block() -> tuple[float, float]:
         driven.slave.setFMUState(start)
@@ -99,32 +121,3 @@ def timed(
     driven.slave.freeFMUState(start)
     fastest = [min(times) for times in zip(*(pair for _, pair in done), strict=True)]
     return {"fmu": fastest[0], "empty": fastest[1], "busy": statistics.median(busy for busy, _ in done)}
-
-
-def answer(known: dict[str, Driven], request: dict[str, Any]) -> dict[str, float]:
-    """Carry out a request: load an FMU, or time one."""
-    if "load" in request:
-        known[request["name"]] = Driven(request["load"], request["folder"])
-        if request["empty"]:
-            known[request["name"]].begin({})
-        return {}
-    driven, empty = known[request["name"]], known[request["against"]]
-    return timed(driven, empty, request["parameters"], request["rows"], request["step"])
-
-
-def main() -> None:
-    """Answer until the requests end."""
-    known: dict[str, Driven] = {}
-    for line in sys.stdin:
-        try:
-            told: dict[str, Any] = answer(known, json.loads(line))
-        except Exception as error:
-            # Whatever a library raises is for the one who asked.
-            told = {"error": f"{type(error).__name__}: {error}"}
-        print(f"\n{MARK}{json.dumps(told)}", flush=True)
-    # The library does not always survive the interpreter's end.
-    os._exit(0)
-
-
-if __name__ == "__main__":
-    main()

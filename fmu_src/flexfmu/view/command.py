@@ -9,7 +9,7 @@ import numpy as np
 
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import Loads, load_names
-from ..body.replay import body_with, communication_points, replay
+from ..body.replay import body_with, replay
 from ..build.config import read_body_file
 from ..build.reduce import reduce_body
 from ..files.array_types import FloatArray, IntArray
@@ -26,7 +26,7 @@ from ..model.reduced_body import ReducedBody
 from .from_motion import motion_columns, shapes_of_least_energy
 from .mesh import body_file_view, mesh_view
 from .model import Case, View
-from .motions import body_view, equilibria_case, mode_cases, motion_case, static_case
+from .motions import body_view, mode_cases, motion_case, static_case
 from .page import page
 from .paraview import write_pvd, write_vtu
 from .picture import write_picture
@@ -47,11 +47,9 @@ class Request:
         FMU, modal file, body file or mesh.
     output : Path
     table : Path or None
-        Loads over time.
+        Motion of interfaces over time.
     loads : tuple of str
         Loads that hold still, "tip.force.y=5kN".
-    static : bool
-        Whether each row of the table is an equilibrium.
     modes : int
         How many mode shapes.
     colour : str
@@ -60,8 +58,6 @@ class Request:
     method : str or None
     settings : mapping of str to object
         Parameters of the FMU.
-    step, stop : float or None
-        s.
     shapes : int
         Most shapes of a motion.
     """
@@ -70,14 +66,11 @@ class Request:
     output: Path
     table: Path | None = None
     loads: tuple[str, ...] = ()
-    static: bool = False
     modes: int = 0
     colour: str = ""
     scale: float = 0.0
     method: str | None = None
     settings: Mapping[str, object] | None = None
-    step: float | None = None
-    stop: float | None = None
     shapes: int = MOST_SHAPES
 
 
@@ -165,35 +158,25 @@ def view_of_model(model: ReducedBody, request: Request, report: Reporter) -> Vie
         loads, words = loads_of(body, request.loads)
         cases.append(static_case(body, loads, words, report))
     if request.table is not None:
-        cases.append(_table_case(body, request, settings, report))
+        cases.append(_table_case(body, request.table, request.shapes, report))
     if request.modes or not cases:
         bare = body_view(body)
         cases += mode_cases(body, request.modes or 6, bare.size)
     return body_view(body, cases)
 
 
-def _table_case(body: FlexibleBody, request: Request, settings: Mapping[str, object], report: Reporter) -> Case:
-    """What a table tells: motions of interfaces, or loads."""
-    model, table = body.model, request.table
-    assert table is not None
+def _table_case(body: FlexibleBody, table: Path, shapes: int, report: Reporter) -> Case:
+    """The motion of which a table tells that of interfaces."""
     names, values = read_table(table)
     motions = motion_columns(body, names)
-    if motions:
-        some = _spread(len(values), request.shapes)
-        states = shapes_of_least_energy(body, motions, values[some, 1:], report)
-        return motion_case(body, table.name, states, [*values[some, 0]])
-    rows = packed_rows(model, names, values)
-    if request.static:
-        return equilibria_case(
-            body, table.name, values[:, 0], [Loads.unpacked(row, model.interface_count) for row in rows], report
+    if not motions:
+        raise FlexfmuError(
+            f"{table} has no column such as {body.model.interface_names[0]}.displacement.x: expected the results of a "
+            "run; the motion under a table of loads is shown by flexfmu simulate --view"
         )
-    stop = float(values[-1, 0]) if request.stop is None else request.stop
-    points = communication_points(values[:, 0], request.step or model.suggested_step, stop)
-    found = replay(body, np.column_stack([values[:, :1], rows]), points, settings, report)
-    if found.ended:
-        report.warning(f"the motion ends at {found.time[-1]:.6g} s: {found.ended}")
-    some = _spread(len(found.time), request.shapes)
-    return motion_case(body, table.name, [*found.q[some]], [*found.time[some]])
+    some = _spread(len(values), shapes)
+    states = shapes_of_least_energy(body, motions, values[some, 1:], report)
+    return motion_case(body, table.name, states, [*values[some, 0]])
 
 
 def _spread(count: int, most: int) -> IntArray:

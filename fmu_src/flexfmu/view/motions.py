@@ -10,7 +10,6 @@ from ..body.recovery import surface_of, surface_places, surface_von_mises
 from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.progress import Reporter
-from ..model.errors import EquilibriumError, OptionError
 from ..model.reduced_body import GROUND
 from .model import STRESS, Case, Mark, MarkKind, Region, View, metres
 
@@ -201,16 +200,3 @@ def static_case(body: FlexibleBody, loads: Loads, name: str, report: Reporter) -
     if missed > 0.1:
         report.warning(f"{name}: the method misses stiffness worth up to {100.0 * missed:.0f} % of the displacement")
     return case
-
-
-def equilibria_case(body: FlexibleBody, name: str, times: FloatArray, rows: Sequence[Loads], report: Reporter) -> Case:
-    """Equilibria under one row of loads after the other."""
-    states = []
-    with report.counted(f"Equilibria of {name}", len(rows), "rows") as tell:
-        for k, loads in enumerate(rows):
-            try:
-                states.append(body.static(loads).q)
-            except EquilibriumError as error:
-                raise OptionError(f"{name}, row {k + 1} ({times[k]:g} s): {error}") from error
-            tell(k + 1)
-    return motion_case(body, name, states, [*times])

@@ -1,15 +1,13 @@
 """A view as one HTML page: data, drawing and script inside, nothing fetched."""
 
 import base64
-import html
-import json
-from importlib.resources import files
 from typing import Any
 
 import matplotlib
 import numpy as np
 
 from ..files.array_types import FloatArray
+from ..files.plain_data import page_text
 from .model import Case, View
 
 _RAMP = 33
@@ -45,10 +43,7 @@ def page(view: View) -> str:
         "ramp": np.round(ramp, 3).tolist(),
         "cases": [_case(view, case) for case in view.cases],
     }
-    # Nothing in the data may end the script.
-    text = json.dumps(content, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    template = files(__package__).joinpath("page.html").read_text(encoding="utf-8")
-    return template.replace("@TITLE@", html.escape(view.title)).replace("@DATA@", text)
+    return page_text(__package__, view.title, content)
 
 
 def _case(view: View, case: Case) -> dict[str, Any]:

@@ -1,13 +1,11 @@
 """Charts of records: a picture, and a page to look into, one HTML file with its data, drawing and script inside."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from html import escape
-from importlib.resources import files
 from pathlib import Path
 
+from ...files.plain_data import page_text
 from ...files.targets import PICTURE_SUFFIXES, check_target, whole_file
 from ...model.methods import Method
 from .. import pictures as look
@@ -130,7 +128,7 @@ def _page(rows: Sequence[Record], title: str) -> str:
     """Text of the page: reduced models, and the finite element model where it was timed."""
     names = [field.name for field in fields(Record) if field.name not in _LEFT_OUT]
     told = ("label", "short_label", "plainness")
-    data = [{name: _plain(getattr(row, name)) for name in (*names, *told)} for row in rows]
+    data = [{name: getattr(row, name) for name in (*names, *told)} for row in rows]
     reduced = [row for row in rows if row.solver == REDUCED]
     content: dict[str, object] = {"rows": data, "columns": names, "filters": _FILTERS, "reduced": REDUCED}
     for kind, axes in (("costs", _COSTS), ("errors", _ERRORS)):
@@ -150,12 +148,4 @@ def _page(rows: Sequence[Record], title: str) -> str:
         "solvers": look.SOLVERS,
         "methods": {method.value: method.label for method in Method},
     }
-    # Nothing in the data may end the script.
-    text = json.dumps(content, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    template = files(__package__).joinpath("page.html").read_text(encoding="utf-8")
-    return template.replace("@TITLE@", escape(title)).replace("@DATA@", text)
-
-
-def _plain(value: object) -> object:
-    """JSON knows numbers that are finite."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return page_text(__package__, title, content)
