@@ -21,7 +21,7 @@ from flexfmu.files.quantities import factor, named, number, unit_of, with_unit
 from flexfmu.files.tables import read_table, write_table
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.model.methods import Method, Variant, masses_of
-from flexfmu.study.cost import Cost
+from flexfmu.study.cost import StepCost
 from flexfmu.view.tables import cost_table, describe
 
 
@@ -104,7 +104,8 @@ def test_results_as_json_have_null_where_there_is_no_number():
 
 def test_tables_of_a_body_fit_a_terminal_of_80_columns():
     body = with_second_order(random_body(name="a_body_with_a_name_of_usual_length"))
-    costs = [Cost(Variant(method, mass), 1.2345e-3, 1e-3, 12.3) for method in Method for mass in masses_of(method)]
+    cost = StepCost(1e-3, 1.2345e-3, 12.3, 1.0)
+    costs = {Variant(method, mass): cost for method in Method for mass in masses_of(method)}
     console = Console(file=io.StringIO(), width=80)
     console.print(cost_table(costs))
     text = console.file.getvalue()

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..fe.faces import select
 from ..files.array_types import FloatArray, IntArray
+from ..files.toml_files import toml_value
 from ..files.units import UnitSystem
 from ..mesh.model import NO_MATERIAL, Mesh
 from ..reduction.materials import KEYS, missing
@@ -193,6 +194,5 @@ def _point(place: FloatArray) -> str:
 
 
 def _toml(place: Place) -> str:
-    if place.cylinder is not None:
-        return f"{{ cylinder = {[list(end) for end in place.cylinder]}, radius = {place.radius} }}"
-    return f"{{ plane = {list(place.plane or ())}, normal = {list(place.normal or ())} }}"
+    keys = ("plane", "normal") if place.cylinder is None else ("cylinder", "radius")
+    return toml_value({key: getattr(place, key) for key in keys})

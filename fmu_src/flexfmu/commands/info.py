@@ -18,18 +18,19 @@ def info(
     """Show what is in an FMU or a modal file: modes, interfaces, tree of frames, origin."""
     from rich.console import Console
 
-    from ..files.plain_data import json_text
+    from ..files.plain_data import fields_of, json_text
     from ..fmu.package import read_packaged_body
     from ..view.tables import cost_table, data, describe
 
     body = read_packaged_body(file)
-    costs = []
+    costs = {}
     if cost:
         from ..study.cost import step_costs
 
         costs = step_costs(body, reporter())
     if as_json:
-        typer.echo(json_text({**data(body), **({"cost": costs} if cost else {})}))
+        rows = [{"variant": variant, **fields_of(one)} for variant, one in costs.items()]
+        typer.echo(json_text({**data(body), **({"cost": rows} if cost else {})}))
         return
     console = Console(highlight=False)
     for part in describe(body):

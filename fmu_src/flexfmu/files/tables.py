@@ -13,17 +13,19 @@ from .quantities import named, with_unit
 from .targets import whole_file
 
 
-def read_table(path: Path) -> tuple[list[str], FloatArray]:
-    """Read a CSV of numbers whose first column is time; units in its header are converted to SI.
+def read_table(path: Path, first: str = "time") -> tuple[list[str], FloatArray]:
+    """Read a CSV of numbers; units in its header are converted to SI, lines that begin with # are passed over.
 
     Parameters
     ----------
     path : Path
+    first : str
+        Name of the first column, whose numbers ascend.
 
     Returns
     -------
     names : list of str
-        Of the columns after time.
+        Of the columns after the first.
     values : (rows, 1 + len(names)) float
 
     Raises
@@ -35,32 +37,34 @@ def read_table(path: Path) -> tuple[list[str], FloatArray]:
     try:
         # Spreadsheets put a byte-order mark in front.
         with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
+            lines = [
+                (reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row and row[0][:1] != "#"
+            ]
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read ({error})") from error
     try:
         columns = [named(header) for header in lines[0][1]] if lines else []
     except FlexfmuError as error:
         raise SimulationError(f"{path}: {error}") from error
-    if not columns or columns[0][0] != "time":
-        raise SimulationError(f"{path}: {_header_fault(lines[0][1] if lines else [])}")
+    if not columns or columns[0][0] != first:
+        raise SimulationError(f"{path}: {_header_fault(lines[0][1] if lines else [], first)}")
     if len(lines) < 2:
         raise SimulationError(f"{path}: a header and nothing else, expected at least one row of numbers")
     names = [name for name, _ in columns[1:]]
     if "" in names:
         raise SimulationError(
-            f'{path}: column {names.index("") + 2} of the header has no name, expected "time,NAME,…"; take out commas '
-            "at the ends of lines"
+            f'{path}: column {names.index("") + 2} of the header has no name, expected "{first},NAME,…"; take out '
+            "commas at the ends of lines"
         )
     for name in names:
-        if names.count(name) > 1 or name == "time":
+        if names.count(name) > 1 or name == first:
             raise SimulationError(f"{path}: two columns are called {name!r}, expected each name once")
-    return names, _rows(path, lines, [factor for _, factor in columns])
+    return names, _rows(path, lines, columns)
 
 
-def _rows(path: Path, lines: list[tuple[int, list[str]]], factors: list[float]) -> FloatArray:
-    """Numbers of the lines below the header, in SI units."""
-    values = np.empty((len(lines) - 1, len(factors)))
+def _rows(path: Path, lines: list[tuple[int, list[str]]], columns: list[tuple[str, float]]) -> FloatArray:
+    """Numbers of the lines below the header, in SI units; columns are names and factors."""
+    values = np.empty((len(lines) - 1, len(columns)))
     for k, (line, row) in enumerate(lines[1:]):
         if len(row) != values.shape[1]:
             raise SimulationError(
@@ -68,7 +72,7 @@ def _rows(path: Path, lines: list[tuple[int, list[str]]], factors: list[float]) 
                 "columns only, and decimal points"
             )
         try:
-            values[k] = [factor * float(cell) for cell, factor in zip(row, factors, strict=True)]
+            values[k] = [factor * float(cell) for cell, (_, factor) in zip(row, columns, strict=True)]
         except ValueError as error:
             raise SimulationError(f"{path}, line {line}: {error}; expected numbers, units in the header") from error
         if not np.all(np.isfinite(values[k])):
@@ -77,20 +81,23 @@ def _rows(path: Path, lines: list[tuple[int, list[str]]], factors: list[float]) 
                 f"{path}, line {line}: {lines[0][1][worst].strip()} is {row[worst].strip()}, expected a finite number"
             )
         if k and values[k, 0] < values[k - 1, 0]:
-            raise SimulationError(f"{path}, line {line}: time goes back from {values[k - 1, 0]} to {values[k, 0]}")
+            raise SimulationError(
+                f"{path}, line {line}: {columns[0][0]} goes back from {values[k - 1, 0]} to {values[k, 0]}"
+            )
     return values
 
 
-def _header_fault(cells: Sequence[str]) -> str:
-    """What is wrong with a table's first line that does not begin with "time"."""
+def _header_fault(cells: Sequence[str], wanted: str) -> str:
+    """What is wrong with a table's first line that does not begin with the name that is wanted."""
     first = cells[0].strip() if cells else ""
-    fault = f'the first column is called {first!r}: call it "time", in s' if cells else "nothing is in it"
+    called = f'"{wanted}"' + (", in s" if wanted == "time" else "")
+    fault = f"the first column is called {first!r}: call it {called}" if cells else "nothing is in it"
     for sign, name in ((";", "semicolons"), ("\t", "tabs")):
         if sign in first:
             fault = f"its columns are separated by {name}"
     if number(first) is not None:
         fault = "the first line is numbers"
-    return f'{fault}; expected a header "time,NAME,…" (commas), then rows of numbers (decimal points)'
+    return f'{fault}; expected a header "{wanted},NAME,…" (commas), then rows of numbers (decimal points)'
 
 
 def write_table(path: Path, names: Sequence[str], values: FloatArray, units: bool = False) -> None:

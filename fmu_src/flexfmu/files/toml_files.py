@@ -1,5 +1,6 @@
 """What the package's TOML files have in common: how they are read, and how a wrong key is explained."""
 
+import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -165,7 +166,7 @@ def _reason(
     table = _table(model, names[:-1])
     field = _fields(table).get(key) if table is not None else None
     inner = None if field is None else _inner(field.annotation)
-    example = f", such as {key} = {_toml(field.examples[0])}" if field is not None and field.examples else ""
+    example = f", such as {key} = {toml_value(field.examples[0])}" if field is not None and field.examples else ""
     shown = f"found {found!r}"
     if inner is not None and field is not None and str in get_args(field.annotation):
         # A name would do as well as a table.
@@ -195,7 +196,11 @@ def _reason(
             usual = None if field is None else field.default
             plain = isinstance(usual, list) and all(isinstance(one, int | float | str) for one in usual)
             single = [found] if isinstance(found, int | float) else usual if plain else []
-            return shown, "should be a valid list", example or (f", such as {key} = {_toml(single)}" if single else "")
+            return (
+                shown,
+                "should be a valid list",
+                example or (f", such as {key} = {toml_value(single)}" if single else ""),
+            )
         case "too_short" | "too_long":
             bound, words = context.get("min_length"), "at least "
             if kind == "too_long":
@@ -276,12 +281,14 @@ def _bounds(part: Any, name: str) -> list[Any]:
     return own + [bound for one in inner if one is not part for bound in _bounds(one, name)]
 
 
-def _toml(value: Any) -> str:
+def toml_value(value: Any) -> str:
     """A value as TOML spells it."""
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, list):
-        return "[" + ", ".join(_toml(one) for one in value) + "]"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(one) for one in value) + "]"
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_toml(key)} = {_toml(one)}" for key, one in value.items()) + " }"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+        named = [(key if key.isidentifier() else toml_value(key), toml_value(one)) for key, one in value.items()]
+        return "{ " + ", ".join(f"{key} = {one}" for key, one in named) + " }"
+    # A JSON text is a basic string of TOML.
+    return repr(value) if isinstance(value, int | float) else json.dumps(str(value), ensure_ascii=False)

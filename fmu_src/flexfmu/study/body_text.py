@@ -1,6 +1,5 @@
 """A body file's text, with the reason of each choice as comments."""
 
-import json
 import os
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..build.config import BodyFile
+from ..files.toml_files import toml_value
 from ..reduction.options import Basis
 
 _WIDTH = 118
@@ -34,21 +34,21 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
     str
     """
     lines = [line for paragraph in header for line in _comment(paragraph)]
-    lines += ["", f"name = {_value(config.name)}", *_comment(reasons.get("frames", ""))]
+    lines += ["", f"name = {toml_value(config.name)}", *_comment(reasons.get("frames", ""))]
     if config.frames is not None:
         lines.append(f"frames = {config.frames}")
     data = config.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
     mesh = Path(os.path.relpath(config.mesh.file, folder)).as_posix()
     data["mesh"] = {**data["mesh"], "file": mesh}
     plain = {key: value for key, value in data.items() if key not in _CHOSEN}
-    lines += [f"{key} = {_value(value)}" for key, value in plain.items() if not _is_table(value)]
+    lines += [f"{key} = {toml_value(value)}" for key, value in plain.items() if not _is_table(value)]
     for key, value in plain.items():
         if not _is_table(value):
             continue
         comment = _comment(reasons.get(key, ""))
         for table in value if isinstance(value, list) else [value]:
             lines += ["", *comment, f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
-            lines += [f"{name} = {_value(one)}" for name, one in table.items()]
+            lines += [f"{name} = {toml_value(one)}" for name, one in table.items()]
             comment = []
     reduction = config.reduction
     chosen: dict[str, dict[str, Any]] = {
@@ -65,7 +65,7 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
     for title, table in chosen.items():
         lines += ["", f"[{title}]"]
         for name, one in table.items():
-            lines += [*_comment(reasons.get(name, "")), f"{name} = {_value(one)}"]
+            lines += [*_comment(reasons.get(name, "")), f"{name} = {toml_value(one)}"]
     return "\n".join(lines) + "\n"
 
 
@@ -77,14 +77,3 @@ def _comment(text: str) -> list[str]:
 
 def _is_table(value: Any) -> bool:
     return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, list):
-        return "[" + ", ".join(_value(one) for one in value) + "]"
-    # A JSON text is a basic string of TOML.
-    return json.dumps(str(value), ensure_ascii=False)

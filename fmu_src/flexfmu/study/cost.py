@@ -83,26 +83,7 @@ def time_steps(model: FlexibleBody, rows: Sequence[FloatArray], step: float) -> 
     return StepCost(min(times), statistics.median(times), rounds, statistics.median(busy for busy, _ in done))
 
 
-@dataclass(frozen=True, slots=True)
-class Cost:
-    """Time of a step.
-
-    Attributes
-    ----------
-    variant : Variant
-    median, fastest : float
-        s, of blocks of steps.
-    iterations : float
-        Rounds of the implicit iteration per step.
-    """
-
-    variant: Variant
-    median: float
-    fastest: float
-    iterations: float
-
-
-def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
+def step_costs(body: ReducedBody, report: Reporter) -> dict[Variant, StepCost]:
     """Time a step of every method whose data the body holds, at the suggested communication step.
 
     Parameters
@@ -112,19 +93,18 @@ def step_costs(body: ReducedBody, report: Reporter) -> list[Cost]:
 
     Returns
     -------
-    list of Cost
+    dict of Variant to StepCost
     """
-    costs = []
+    costs = {}
     step = body.suggested_step
     with report.stage(f"Time steps of {step:g} s"):
         loads = _measuring_loads(body).packed(body.masses is not None)
         for variant in offered_variants(body):
             try:
-                found = time_steps(FlexibleBody(body, variant.method, variant.mass), [loads], step)
+                costs[variant] = time_steps(FlexibleBody(body, variant.method, variant.mass), [loads], step)
             except RuntimeBodyError:
                 # Not stable under this load: nothing to time.
                 continue
-            costs.append(Cost(variant, found.median, found.fastest, found.iterations))
     return costs
 
 

@@ -1,7 +1,7 @@
 """A readable description of a reduced body, for `flexfmu info`."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from rich.console import RenderableType
@@ -15,7 +15,8 @@ from ..model.summary import NORMAL_MODES, first_frequency, point, summary
 from ..model.variants import chosen, offered_variants
 
 if TYPE_CHECKING:
-    from ..study.cost import Cost
+    from ..model.methods import Variant
+    from ..study.cost import StepCost
 
 
 def describe(body: ReducedBody) -> list[RenderableType]:
@@ -73,22 +74,20 @@ def data(body: ReducedBody) -> dict[str, object]:
     }
 
 
-def cost_table(costs: Sequence["Cost"]) -> Table:
+def cost_table(costs: Mapping["Variant", "StepCost"]) -> Table:
     """Table of what a step of each method costs.
 
     Parameters
     ----------
-    costs : sequence of Cost
+    costs : mapping of Variant to StepCost
 
     Returns
     -------
     rich.table.Table
     """
     table = Table("method", "median / µs", "fastest / µs", "iterations", title="Cost of a step")
-    for cost in costs:
-        table.add_row(
-            cost.variant.words, f"{1e6 * cost.median:.0f}", f"{1e6 * cost.fastest:.0f}", f"{cost.iterations:.1f}"
-        )
+    for variant, cost in costs.items():
+        table.add_row(variant.words, f"{1e6 * cost.median:.0f}", f"{1e6 * cost.fastest:.0f}", f"{cost.iterations:.1f}")
     return table
 
 

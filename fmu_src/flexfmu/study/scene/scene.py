@@ -1,6 +1,5 @@
 """A scene: a body and what happens to it, resolved and checked against each other."""
 
-import csv
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -302,25 +301,12 @@ def read_results(path: Path, first: str, names: Sequence[str]) -> tuple[FloatArr
 
     Raises
     ------
-    SceneError
+    SimulationError
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [row for row in csv.reader(line for line in file if not line.startswith("#")) if row]
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path}: cannot be read ({error})") from error
-    header = [name.strip() for name in lines[0]] if lines else []
-    if len(lines) < 2 or header[0] != first:
-        raise SceneError(f'{path}: expected a header "{first},INTERFACE.displacement.x,…" and at least one row')
-    try:
-        table = np.array([[float(cell) for cell in row] for row in lines[1:]])
-    except ValueError as error:
-        raise SceneError(f"{path}: {error}; expected rows of {len(header)} numbers") from error
-    if table.ndim != 2 or table.shape[1] != len(header) or not np.all(np.isfinite(table)):
-        raise SceneError(f"{path}: expected rows of {len(header)} finite numbers")
+    header, table = read_table(path, first)
     motion = np.full((len(table), 6 * len(names)), np.nan)
     allowed = [f"{name}.{kind}.{axis}" for name in names for kind in MOTION for axis in AXES]
-    for column, name in enumerate(header[1:], start=1):
+    for column, name in enumerate(header, start=1):
         if name in allowed:
             motion[:, allowed.index(name)] = table[:, column]
     return table[:, 0], motion.reshape(len(table), len(names), 6)
