@@ -196,11 +196,8 @@ def _reason(
             usual = None if field is None else field.default
             plain = isinstance(usual, list) and all(isinstance(one, int | float | str) for one in usual)
             single = [found] if isinstance(found, int | float) else usual if plain else []
-            return (
-                shown,
-                "should be a valid list",
-                example or (f", such as {key} = {toml_value(single)}" if single else ""),
-            )
+            example = example or (f", such as {key} = {toml_value(single)}" if single else "")
+            return shown, "should be a valid list", example
         case "too_short" | "too_long":
             bound, words = context.get("min_length"), "at least "
             if kind == "too_long":
