@@ -20,6 +20,14 @@ os.environ["FLEXFMU_CACHE"] = ""
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """What takes minutes is not among the quick ones either."""
+    for item in items:
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.slow)
+
+
 class Bodies:
     """Demo bodies reduced on demand, each variant once; modes and the like once for all processes of the tests.
 

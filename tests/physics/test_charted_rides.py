@@ -5,7 +5,7 @@ from demo.rear_axle.road.models import chart_models
 
 from road import built, python
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 STOP = 0.1
 MODELS = dict(chart_models())

@@ -513,7 +513,7 @@ def test_one_frame_a_part_is_enough_to_second_order(one_frame_a_part, case, disp
     assert found[1] < toe
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_axle_in_one_piece_and_cut_are_the_same_linearly(axles):
     config = body_without_error(HERE / "body.toml")
     models = [

@@ -377,7 +377,7 @@ def modes_needed(workshop: Workshop, most: Reduction, variant: Variant, allowed:
 
 
 def _cheapest(workshop: Workshop, found: list[Choice]) -> Choice:
-    """The fastest; of those that are as fast within 5 % the one of the fewest modes."""
+    """The fastest; of those that are as fast within 5 % the one of the fewest modes and frames and the simplest method."""
     left = found
     # In turns, so that what else the machine does meets all of them; those that are slow by far only once.
     with workshop.report.counted("Time them", _TIMINGS * len(left), "timings at most") as tell:
@@ -390,7 +390,16 @@ def _cheapest(workshop: Workshop, found: list[Choice]) -> Choice:
             fastest = min(choice.cost for choice in left)
             left = [choice for choice in left if choice.cost <= (1.0 + _CLOSE) * fastest]
     close = [choice for choice in left if choice.cost <= (1.0 + _SAME_COST) * fastest]
-    return min(close, key=lambda choice: (choice.body.mode_count, choice.body.frame_count, choice.cost))
+    simplest = list(Method)
+    return min(
+        close,
+        key=lambda choice: (
+            choice.body.mode_count,
+            choice.body.frame_count,
+            simplest.index(choice.variant.method),
+            choice.cost,
+        ),
+    )
 
 
 def reasons(workshop: Workshop, tried: Tried, found: Sequence[Choice], best: Choice) -> dict[str, str]:
