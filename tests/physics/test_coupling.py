@@ -825,12 +825,13 @@ ROLLBACK = """
 import json, sys
 from pathlib import Path
 from flexfmu.master import read_coupling_file
+from flexfmu.master.foreign import ForeignProcess
 from flexfmu.master.participants import Participant
 from flexfmu.master.wiring import wire
 
 wiring = wire(read_coupling_file(Path(sys.argv[1])))
 role = wiring.roles[0]
-one = Participant(role)
+one = Participant(role, ForeignProcess(60.0))
 one.initialize(1.0)
 one.begin()
 for number in range(3):
@@ -868,12 +869,13 @@ HOLD = """
 import json, sys
 from pathlib import Path
 from flexfmu.master import read_coupling_file
+from flexfmu.master.foreign import ForeignProcess
 from flexfmu.master.participants import Participant
 from flexfmu.master.wiring import wire
 
 wiring = wire(read_coupling_file(Path(sys.argv[1])))
 role = wiring.roles[0]
-one = Participant(role)
+one = Participant(role, ForeignProcess(60.0))
 count = role.description.variables["diagnostics.substeps"].valueReference
 one.initialize(1.0)
 one.begin()

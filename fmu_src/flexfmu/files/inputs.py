@@ -16,6 +16,10 @@ _MESHES = (".inp", ".msh", ".vtk", ".vtu", ".bdf", ".nas", ".fem", ".dat", ".cdb
            ".e", ".exo", ".ex2", ".exii")  # fmt: skip
 
 
+# Bytes that an archive may unpack to, and how many times its own size beyond them.
+_UNPACKED, _RATIO = 2**30, 20
+
+
 class Kind(Enum):
     """What a file is, in words."""
 
@@ -103,3 +107,25 @@ def check_input(path: Path, error_type: type[FlexfmuError], *wanted: Kind) -> No
         raise error_type(f"{path} cannot be read ({error}), {expected}") from error
     if found is not None and found not in wanted:
         raise error_type(f"{path} is {found.value}, {expected}: {found.use}")
+
+
+def check_unpacked(path: Path) -> None:
+    """Refuse an archive that unpacks to far more than it is.
+
+    Parameters
+    ----------
+    path : Path
+        FMU.
+
+    Raises
+    ------
+    FlexfmuError
+    """
+    with zipfile.ZipFile(path) as archive:
+        unpacked = sum(entry.file_size for entry in archive.infolist())
+    packed = path.stat().st_size
+    if unpacked > max(_UNPACKED, _RATIO * packed):
+        raise FlexfmuError(
+            f"{path}: {packed / 1e6:.3g} MB unpack to {unpacked / 1e6:.3g} MB, expected at most "
+            f"{max(_UNPACKED, _RATIO * packed) / 1e6:.3g}: take large files out of the archive"
+        )

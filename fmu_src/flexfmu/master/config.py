@@ -61,6 +61,8 @@ class ExperimentTable(Table):
         `"iterated"`: number of earlier steps whose differences are used.
     held
         `"iterated"`: inputs held over a step are those of its `"end"`, or the `"mean"` of its ends.
+    timeout
+        s that a call to an FMU of another program may take. These run in a process of their own.
     """
 
     stop: float = Field(gt=0.0)
@@ -71,6 +73,7 @@ class ExperimentTable(Table):
     relaxation: float = Field(default=0.1, gt=0.0, le=1.0)
     reuse: int = Field(default=4, ge=0)
     held: Held = Field(default=Held.END, strict=False)
+    timeout: float = Field(default=60.0, gt=0.0)
 
     @property
     def steps(self) -> int:

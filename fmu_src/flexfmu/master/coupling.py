@@ -15,6 +15,7 @@ from ..fmu.runtime import own_log
 from ..fmu.simulation import MOST_VALUES
 from .config import CouplingFile, Scheme, read_coupling_file
 from .exchange import EnergyCount, counted
+from .foreign import ForeignProcess
 from .growth import FED, GrowthWatch, fed
 from .layout import Wiring
 from .participants import Participant
@@ -99,9 +100,11 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
     title = f"Couple {names} to {settings.stop:g} s in steps of {settings.step:g} s, {settings.scheme.value}"
     with report.counted(title, settings.stop, "s") as tell, ends_on_interrupt(report) as pressed, ExitStack() as stack:
         stack.enter_context(own_log())
+        foreign = ForeignProcess(settings.timeout)
+        stack.callback(foreign.close)
         participants = []
         for role in wiring.roles:
-            participants.append(Participant(role))
+            participants.append(Participant(role, foreign))
             stack.callback(participants[-1].close)
         for participant in participants:
             participant.initialize(settings.stop)

@@ -11,6 +11,8 @@ from ..files.errors import SimulationError
 from ..files.inputs import Kind, check_input
 from ..files.names import nearest
 
+# What `generationTool` begins with in FMUs of this package.
+_OWN = "flexfmu "
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 
 
@@ -26,6 +28,8 @@ class Description:
     guid, model_identifier : str
     saves_state : bool
         `canGetAndSetFMUstate`.
+    own : bool
+        Made by this package.
     variables : mapping of str to ModelVariable
         By name.
     units : mapping of str to BaseUnit or None
@@ -37,6 +41,7 @@ class Description:
     guid: str
     model_identifier: str
     saves_state: bool
+    own: bool
     variables: Mapping[str, ModelVariable]
     units: Mapping[str, BaseUnit | None]
 
@@ -131,6 +136,7 @@ def read_description(name: str, file: Path) -> Description:
         str(model.guid),
         str(model.coSimulation.modelIdentifier),
         bool(model.coSimulation.canGetAndSetFMUstate),
+        str(model.generationTool or "").startswith(_OWN),
         {variable.name: variable for variable in model.modelVariables},
         {unit.name: unit.baseUnit for unit in model.unitDefinitions},
     )

@@ -81,7 +81,17 @@ def take_back_warnings(name: str, to: Mapping[str, None]) -> None:
     _warnings[name] = dict(to)
 
 
-def _log(_environment: object, instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
+def hand_on(instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
+    """Take a line of a log.
+
+    Parameters
+    ----------
+    instance : bytes or None
+        Its name.
+    status : int
+        FMI's.
+    category, text : bytes or None
+    """
     # Lines without a category are the library's own, and say only which call failed.
     if not category or not text or not instance:
         return
@@ -93,5 +103,5 @@ def _log(_environment: object, instance: bytes | None, status: int, category: by
         _warnings[name][words] = None
 
 
-LOGGER = fmi2CallbackLoggerTYPE(_log)
+LOGGER = fmi2CallbackLoggerTYPE(lambda _, *line: hand_on(*line))
 """fmpy's proxy knows one logger in a process: this one tells by the instance's name whose line it is."""

@@ -22,6 +22,8 @@ from fmpy.logging import addLoggerProxy
 
 from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
+from ..files.inputs import check_unpacked
+from .foreign import ForeignProcess, ForeignSlave
 from .layout import Recorded, Role
 from .log import LOGGER, forget_refusals, open_log, quoted, take_back_warnings, warnings_of
 
@@ -37,12 +39,24 @@ class StepRefusedError(SimulationError):
     """An FMU discarded a step; its state is as it was before."""
 
 
+def _callbacks() -> fmi2CallbackFunctions:
+    """What an FMU in this process may call."""
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = LOGGER
+    callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
+    callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
+    addLoggerProxy(byref(callbacks))
+    return callbacks
+
+
 class Participant:
     """An FMU's instance in a coupling.
 
     Parameters
     ----------
     role : Role
+    foreign : ForeignProcess
+        Where FMUs of other programs run.
 
     Attributes
     ----------
@@ -55,7 +69,7 @@ class Participant:
         The archive cannot be unpacked, or its library not loaded here.
     """
 
-    def __init__(self, role: Role):
+    def __init__(self, role: Role, foreign: ForeignProcess):
         self.role = role
         self.name = role.description.name
         self._usable = True
@@ -71,20 +85,21 @@ class Participant:
         open_log(self.name)
         self._folder = tempfile.mkdtemp(prefix="flexfmu-")
         try:
+            check_unpacked(role.description.file)
             fmpy.extract(str(role.description.file), self._folder)
-            self._callbacks = fmi2CallbackFunctions()
-            self._callbacks.logger = LOGGER
-            self._callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
-            self._callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-            addLoggerProxy(byref(self._callbacks))
-            slave = FMU2Slave(
-                guid=role.description.guid,
-                unzipDirectory=self._folder,
-                modelIdentifier=role.description.model_identifier,
-                instanceName=self.name,
-            )
-            slave.instantiate(callbacks=self._callbacks, loggingOn=True)
-            self._slave = slave
+            construction = {
+                "guid": role.description.guid,
+                "unzipDirectory": self._folder,
+                "modelIdentifier": role.description.model_identifier,
+                "instanceName": self.name,
+            }
+            if role.description.own:
+                slave = FMU2Slave(**construction)
+                self._callbacks = _callbacks()
+                slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+                self._slave = slave
+            else:
+                self._slave = ForeignSlave(foreign, self.name, **construction)
         except Exception as error:  # fmpy raises bare exceptions
             self.close()
             raise SimulationError(
@@ -318,10 +333,12 @@ class Participant:
     def close(self) -> None:
         """End and free the instance and remove what was unpacked."""
         if self._slave is not None and self._usable:
-            self.forget()
-            with suppress(FMICallException):
-                self._slave.terminate()
-            self._slave.freeInstance()
+            # A process that has ended has nothing left to free.
+            with suppress(SimulationError):
+                self.forget()
+                with suppress(FMICallException):
+                    self._slave.terminate()
+                self._slave.freeInstance()
         self._slave = None
         shutil.rmtree(self._folder, ignore_errors=True)
 

@@ -377,7 +377,7 @@ def modes_needed(workshop: Workshop, most: Reduction, variant: Variant, allowed:
 
 
 def _cheapest(workshop: Workshop, found: list[Choice]) -> Choice:
-    """The fastest; of those that are as fast within 5 % the one of the fewest modes and frames and the simplest method."""
+    """The fastest; of those as fast within 5 % the one of the fewest modes and frames and the simplest method."""
     left = found
     # In turns, so that what else the machine does meets all of them; those that are slow by far only once.
     with workshop.report.counted("Time them", _TIMINGS * len(left), "timings at most") as tell:

@@ -1,0 +1,148 @@
+"""FMUs of other programs at work in a process of their own: what exits, crashes or never returns ends its run only."""
+
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from fmpy.fmi1 import FMICallException
+
+from ..files.errors import SimulationError
+from . import foreign_worker
+from .log import hand_on
+
+# s, to end by itself.
+_LAST = 2.0
+
+
+class ForeignProcess:
+    """The process of a coupling's FMUs of other programs; it starts with the first of them.
+
+    Parameters
+    ----------
+    timeout : float
+        s that a call may take.
+    """
+
+    def __init__(self, timeout: float):
+        self._timeout = timeout
+        self._process: subprocess.Popen[bytes] | None = None
+        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._over = False
+
+    def ask(self, name: str, call: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        """Have an FMU carry out a call of fmpy's `FMU2Slave`.
+
+        Parameters
+        ----------
+        name : str
+            Of the FMU.
+        call : str
+        arguments : tuple
+        named : dict of str to object
+            More arguments, by name.
+
+        Returns
+        -------
+        object
+
+        Raises
+        ------
+        FMICallException
+            The FMU does not honour the call.
+        SimulationError
+            It raises an error, ends its process, or does not answer in time.
+        """
+        if self._over:
+            raise SimulationError(f"fmu {name!r}: the process of FMUs of other programs has ended before {call}")
+        process = self._process = self._process or self._started()
+        assert process.stdin is not None
+        # A process that died is found out when it does not answer.
+        with suppress(OSError):
+            process.stdin.write(pickle.dumps((name, call, arguments, named)))
+            process.stdin.flush()
+        try:
+            answer = self._answers.get(timeout=self._timeout)
+        except queue.Empty:
+            self._over = True
+            process.kill()
+            raise SimulationError(
+                f"fmu {name!r} did not come back from {call} within {self._timeout:g} s and was ended: give it "
+                "longer by experiment.timeout, or look into the FMU"
+            ) from None
+        if answer is None:
+            self._over = True
+            raise SimulationError(f"fmu {name!r} ended its process in {call}: {_ending(process.wait())}")
+        kind, value, lines = answer
+        for line in lines:
+            hand_on(*line)
+        if kind == foreign_worker.REFUSED:
+            raise FMICallException(*value)
+        if kind == foreign_worker.FAILED:
+            raise SimulationError(f"fmu {name!r} failed {call}: {value}")
+        return value
+
+    def close(self) -> None:
+        """End the process."""
+        process = self._process
+        if process is None:
+            return
+        assert process.stdin is not None
+        with suppress(OSError):
+            process.stdin.close()
+        try:
+            process.wait(_LAST)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def _started(self) -> "subprocess.Popen[bytes]":
+        process = subprocess.Popen(
+            [sys.executable, "-P", str(Path(foreign_worker.__file__))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        threading.Thread(target=self._listen, args=(process,), daemon=True).start()
+        return process
+
+    def _listen(self, process: "subprocess.Popen[bytes]") -> None:
+        assert process.stdout is not None
+        with process.stdout as stream, suppress(EOFError, OSError, pickle.UnpicklingError):
+            while True:
+                self._answers.put(pickle.load(stream))
+        self._answers.put(None)
+
+
+class ForeignSlave:
+    """An FMU in that process, with the calls of fmpy's `FMU2Slave`.
+
+    Parameters
+    ----------
+    process : ForeignProcess
+    name : str
+        Of the instance.
+    construction : str by name
+        Arguments of `FMU2Slave`.
+    """
+
+    def __init__(self, process: ForeignProcess, name: str, **construction: str):
+        self._process, self._name = process, name
+        process.ask(name, "instantiate", (), construction)
+
+    def __getattr__(self, call: str) -> Any:
+        """Carry out a call there."""
+        return lambda *arguments, **named: self._process.ask(self._name, call, arguments, named)
+
+
+def _ending(code: int) -> str:
+    """How a process ended, in words."""
+    if code >= 0:
+        return f"exit code {code}"
+    with suppress(ValueError):
+        return signal.Signals(-code).name
+    return f"signal {-code}"

@@ -1,0 +1,102 @@
+"""The process in which a coupling's FMUs of other programs run, so that what they do to it they do to nothing else.
+
+It reads pickled calls, and answers each with what came of it and the lines that the FMU logged meanwhile. Run as a
+script of its own by `foreign.ForeignProcess`: it imports nothing of the package.
+"""
+
+import os
+import pickle
+import queue
+import signal
+import sys
+import threading
+from ctypes import byref
+from typing import Any, BinaryIO
+
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import (
+    FMU2Slave,
+    calloc,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+    free,
+)
+from fmpy.logging import addLoggerProxy
+
+DONE, REFUSED, FAILED = "done", "refused", "failed"
+# Lines of a log that one call may hand on, and their length.
+_LINES, _LENGTH = 200, 2000
+
+
+class Host:
+    """FMUs by name, their saved states, and what they logged since the last answer."""
+
+    def __init__(self) -> None:
+        self._slaves: dict[str, Any] = {}
+        self._states: dict[int, Any] = {}
+        self.lines: list[tuple[bytes | None, int, bytes | None, bytes | None]] = []
+        self._callbacks = fmi2CallbackFunctions()
+        self._callbacks.logger = fmi2CallbackLoggerTYPE(self._log)
+        self._callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
+        self._callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
+        addLoggerProxy(byref(self._callbacks))
+
+    def __call__(self, name: str, call: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        """Have an FMU carry out a call."""
+        if call == "instantiate":
+            self._slaves[name] = FMU2Slave(**named)
+            return self._slaves[name].instantiate(callbacks=self._callbacks, loggingOn=True)
+        slave = self._slaves[name]
+        if call == "getFMUstate":
+            # The state itself stays here; its number travels.
+            number = max(self._states, default=0) + 1
+            self._states[number] = slave.getFMUstate()
+            return number
+        if call == "setFMUstate":
+            return slave.setFMUstate(self._states[arguments[0]])
+        if call == "freeFMUstate":
+            return slave.freeFMUstate(self._states.pop(arguments[0]))
+        return getattr(slave, call)(*arguments, **named)
+
+    def _log(self, _: object, instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
+        if len(self.lines) < _LINES:
+            self.lines.append((instance, status, category, text and text[:_LENGTH]))
+
+
+def _answered(host: Host, request: tuple[str, str, tuple[Any, ...], dict[str, Any]]) -> tuple[Any, ...]:
+    host.lines = []
+    try:
+        return DONE, host(*request), host.lines
+    except FMICallException as error:
+        return REFUSED, (error.function, error.status), host.lines
+    except Exception as error:  # whatever a library raises is for the one who asked
+        return FAILED, f"{type(error).__name__}: {error}", host.lines
+
+
+def _read(stream: BinaryIO, requests: "queue.SimpleQueue[Any]") -> None:
+    """Hand requests on; without their sender this process ends, also amid a call that never returns."""
+    while True:
+        try:
+            requests.put(pickle.load(stream))
+        except (EOFError, OSError, pickle.UnpicklingError):
+            os._exit(0)
+
+
+def main() -> None:
+    """Answer until the requests end."""
+    # Ctrl-C is for the master. What FMUs print goes to the terminal, not among the answers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(sys.stdin.buffer, requests), daemon=True).start()
+    host = Host()
+    while True:
+        pickle.dump(_answered(host, requests.get()), answers)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()
