@@ -277,7 +277,7 @@ def test_a_twisted_plate_is_fitted_with_fewer_coordinates(tmp_path, store):
     assert found.mode_count < found.given_mode_count
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_twist_beam_axle_is_cut_where_one_piece_falls_short(tmp_path, store):
     """Its body file says nothing of cuts; one piece is off by 2 %."""
     body = DEMO / "rear_axle" / "body_whole.toml"
