@@ -391,15 +391,7 @@ def _cheapest(workshop: Workshop, found: list[Choice]) -> Choice:
             left = [choice for choice in left if choice.cost <= (1.0 + _CLOSE) * fastest]
     close = [choice for choice in left if choice.cost <= (1.0 + _SAME_COST) * fastest]
     simplest = list(Method)
-    return min(
-        close,
-        key=lambda choice: (
-            choice.body.mode_count,
-            choice.body.frame_count,
-            simplest.index(choice.variant.method),
-            choice.cost,
-        ),
-    )
+    return min(close, key=lambda c: (c.body.mode_count, c.body.frame_count, simplest.index(c.variant.method), c.cost))
 
 
 def reasons(workshop: Workshop, tried: Tried, found: Sequence[Choice], best: Choice) -> dict[str, str]:
