@@ -1,5 +1,7 @@
 """What a body says of its own error: against closed forms, the finite element model, and through its FMU."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -206,6 +208,37 @@ def test_beyond_the_limit_of_the_error_a_step_is_refused_or_a_line_is_written_on
         else:
             assert found[-1] == DISCARD
             assert driven.get("diagnostics.error")[0] < 1.3e-3
+
+
+def warned(model, folder, limit, loads):
+    """Whether an FMU that starts in equilibrium warns of its error."""
+    forces = {f"tip.force.{axis}": force for axis, force in zip("xyz", loads["tip"], strict=True)}
+    driven = Driven(model.reduced, folder, **forces, **{"initialization": "static", "watch.error.limit": limit})
+    return any("off by" in text for _, text in driven.log)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.1, False), (0.95, True)])
+def test_near_the_critical_load_a_body_warns_of_more_than_its_shadow_sees(built, tmp_path, share, told):
+    """L. Euler's column: every error grows there."""
+    critical = np.pi**2 * 2e11 * WIDTH * (0.5 * WIDTH) ** 3 / 12.0 / (2.0 * LENGTH) ** 2
+    loads = {"tip": (-share * critical, 0.0, 1.0)}
+    assert warned(built, tmp_path, 2.0 * built.error(built.static(loads), loads).relative, loads) == told
+
+
+def gutter():
+    """Half a thin tube, clamped at one end."""
+    mesh = box(ElementType.C3D20, (8, 4, 1), (0.5, np.pi, 0.0012))
+    x, angle, out = mesh.points.T
+    reach = 0.0294 + out
+    mesh = replace(mesh, points=np.stack([x, -reach * np.cos(angle), reach * np.sin(angle)], axis=1))
+    return Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="gutter").build(surface=False)
+
+
+def test_a_body_whose_section_opens_warns_of_more_than_its_shadow_sees(built, tmp_path):
+    """The next order after the second, which more frames do not lessen as they do in a solid bar."""
+    for model, loads, told in ((built, UP, False), (gutter(), {"tip": (0.0, 300.0, 0.0)}, True)):
+        limit = 2.0 * model.error(model.static(loads), loads).relative
+        assert warned(model, tmp_path, limit, loads) == told
 
 
 def test_without_a_limit_nothing_is_written_and_steps_are_the_same(one_frame, tmp_path):

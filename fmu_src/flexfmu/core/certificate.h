@@ -12,5 +12,8 @@ int is_shadow(const Body *shadow, const Body *body);
  * errors are the deflections themselves. */
 FLEX_EXPORT int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,
                            double *share);
+/* The same, and a bound of the largest share, in which is what the shadow does not see: what warnings go by. */
+int bounded_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,
+                  double *share, double *bound);
 
 #endif

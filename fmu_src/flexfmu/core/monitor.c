@@ -201,14 +201,15 @@ static void error(const Monitor *monitor, const StepEnd *end, Memory *memory, Fi
     seen->largest = fmax(seen->largest, fmin(energy, DBL_MAX));
     seen->steps = 0.0;
     if (memory->warned[WATCH_ERROR] != 0.0 && watch->action == ON_WARN) return;
-    double share;
-    if (body_error(body, monitor->shadow, end->inputs, q, monitor->errors, &seen->deflection, &share) != FLEX_OK || !(share > watch->limit)) return;
+    double share, bound;
+    if (bounded_error(body, monitor->shadow, end->inputs, q, monitor->errors, &seen->deflection, &share, &bound) != FLEX_OK) return;
+    if (!(bound > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_ERROR]);
     if (!text) return;
     int64_t worst = 0;
     for (int64_t i = 1; i < p->interfaces; i++)
         if (monitor->errors[2 * i] > monitor->errors[2 * worst]) worst = i;
-    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), share > WRONG ? "more than " : "about ", 100.0 * fmin(share, WRONG),
+    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), bound > WRONG ? "more than " : "up to ", 100.0 * fmin(bound, WRONG),
              100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
 }
 
