@@ -384,6 +384,39 @@ def test_errors_fall_with_the_square_of_the_step(cut):
     assert errors[2] < 0.1 * errors[0]
 
 
+@pytest.mark.parametrize("begun", ["pushed", "let go"])
+@pytest.mark.parametrize("angle", [0.4, 0.15])
+def test_what_steps_tell_is_by_how_much_the_motion_is_off(cut, begun, angle):
+    """Sudden loads set vibrations free that steps of `angle` of the slowest mode do not resolve."""
+    push, step = {"corner": [100.0, 200.0, 1000.0]}, angle / cut.angular_frequency[0]
+
+    def swing(divisor):
+        model = FlexibleBody(cut, limits=StepLimits(tolerance=10.0))
+        state, loads = (model.rest(), push) if begun == "pushed" else (model.static(push), {})
+        path, told = [], 0.0
+        for _ in range(30):
+            for _ in range(divisor):
+                state, work = model.step_with_work(state, loads, step / divisor)
+                told = max(told, work.error)
+            path.append(model.response(state).displacement[0])
+        return np.array(path), told
+
+    (found, told), (expected, _) = swing(1), swing(24)
+    off = np.linalg.norm(found - expected) / np.linalg.norm(expected)
+    assert off / 8.0 < told < 4.0 * off
+
+
+def test_a_sudden_load_divides_steps_into_few(cut):
+    """However little it has moved when the first of them ends."""
+    model = FlexibleBody(cut)
+    state, count = model.rest(), 0
+    for _ in range(10):
+        state, work = model.step_with_work(state, {"corner": [100.0, 200.0, 1000.0]}, 0.3 / cut.angular_frequency[0])
+        assert work.error < 1e-3
+        count += work.substeps
+    assert count < 100
+
+
 def test_damping_of_the_lowest_mode_is_what_was_asked_for(cut):
     body = replace(cut, damping_ratio=np.full(cut.mode_count, 0.02))
     model = FlexibleBody(body)

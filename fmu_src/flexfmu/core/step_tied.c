@@ -10,11 +10,6 @@
 static const double TOLERANCE = 1e-11;
 /* A round that leaves more than this of the change before it has the ties pull anew in its own middle. */
 static const double FAST = 0.02;
-/* Joints pass on what a mode misses: the motion is off by up to as many times as much. */
-static const double PASSED_ON = 10.0;
-/* Vibrations whose phase is lost may hold a twentieth of the energy at the usual tolerance of 1e-3. */
-static const double PHASE = 0.04;
-
 typedef struct {
     Step step;
     Pull pull;
@@ -24,6 +19,7 @@ typedef struct {
     int64_t resolved;            /* modes */
     double noise;                /* round-off of the springs' strain, as a change of q */
     double quiet;                /* root of the energy that is round-off of that strain and of the rates that follow from it */
+    double borne;                /* twice the energy that the straight body would hold at rest under the loads */
     double start_energy, load_work, start_work, reach, speed_before, change_before;
     int stale;                   /* whether the ties have to pull anew */
 } Tied;
@@ -37,23 +33,24 @@ static void take_tied(const Body *body, Arena *arena, Tied *x) {
     x->tense = take(arena, 12 * body->p.ties);
 }
 
-/* Twice the energy of vibrations that the step does not resolve, for an acceleration and rates at its start. With K the
- * stiffness, an acceleration a is that of a vibration about K^-1 a; (D + K)^-1 takes out what is slow, D being 4/h^2. */
+/* Square of the way, mass being its measure, of vibrations that the step does not resolve, for an acceleration and rates at
+ * its start. With K the stiffness, an acceleration a is that of a vibration about K^-1 a, rates v go as far as K^-1/2 v;
+ * (D + K)^-1 takes out what is slow, D being 4/h^2. */
 static double ringing(const Body *body, const Rule *rule, Pull *pull, const double *acceleration, const double *rates,
                       double *x, double *answer) {
     const int64_t m = body->p.modes;
-    double energy = 0.0;
+    double square = 0.0;
     for (int moving = 0; moving < 2; moving++) {
         const double *start = moving ? rates : acceleration;
         for (int64_t j = 0; j < m; j++) x[j] = 0.5 * rule->gq[j] * start[j];
         respond(body, rule, pull, x, 0, answer);
         for (int64_t j = 0; j < m; j++) {
             if (rule->ramp[j] != 0.0) continue;
-            const double slow = moving ? (2.0 / rule->gq[j] - body->stiffness[j]) * answer[j] : 0.0;
-            energy += start[j] * (moving ? start[j] - slow : answer[j]);
+            const double slow = (2.0 / rule->gq[j] - body->stiffness[j]) * answer[j];
+            square += answer[j] * (moving ? start[j] - slow : answer[j]);
         }
     }
-    return energy;
+    return square;
 }
 
 /* Twice the energy at an end: strain of the modes and of springs that hold `held`, `linear` being Hq, motion and membrane. */
@@ -62,6 +59,17 @@ static double energy_of(const Body *body, const double *q, double held, const do
     double strain = 2.0 * held;
     for (int64_t j = 0; j < body->p.modes; j++) strain += q[j] * (body->stiffness[j] * q[j] - linear[j]);
     return fabs(strain) + dot(v, v, body->p.modes) + 2.0 * stretch_energy(body, stretch);
+}
+
+/* Twice the energy that the straight body would hold at rest under the loads. */
+static double energy_borne(Tied *x) {
+    Step *s = &x->step;
+    Body *body = s->body;
+    double energy = 0.0;
+    memset(x->tense, 0, (size_t)(12 * body->p.ties) * sizeof(double));
+    modal_force(body, &s->loads, 1, s->here, x->tense, &s->scratch, x->bare);
+    for (int64_t j = 0; j < body->p.modes; j++) energy += x->bare[j] * x->bare[j] / body->stiffness[j];
+    return energy;
 }
 
 static void enter(Step *s, const double *q, const double *v) {
@@ -76,6 +84,7 @@ static void enter(Step *s, const double *q, const double *v) {
     enter_state(s, q, v);
     spread(body, s->all->inputs, &s->loads);
     rows_times(body->p.tie_initial, q, x->linear, m, m);
+    x->borne = energy_borne(x);
     x->start_energy = energy_of(body, q, tie_tension(body, s->here, x->tense), x->linear, s->v0, s->from);
 }
 
@@ -223,7 +232,7 @@ static int accept(Step *s, double *found) {
     for (int64_t j = 0; j < m; j++) x->mean[j] += x->held[j] - x->lost[j];
     configure_end(s);
     stretch_at(body, s->q1, s->to);
-    const double lost_phase = x->resolved < m ? ringing(body, rule, &x->pull, x->first, s->v0, x->off, x->change) : 0.0;
+    const double lost_way = x->resolved < m ? ringing(body, rule, &x->pull, x->first, s->v0, x->off, x->change) : 0.0;
     for (int64_t j = 0; j < m; j++) {
         s->way[j] = s->q1[j] - q[j];
         s->v0[j] = rule->p21[j] * q[j] + rule->p22[j] * s->v0[j] + rule->gv[j] * x->mean[j];
@@ -236,11 +245,13 @@ static int accept(Step *s, double *found) {
     const double energy = energy_of(body, s->q1, tie_tension(body, s->there, x->tense), x->end_linear, s->v0, s->to);
     const double bound = x->start_energy + 2.0 * fabs(work) + quiet * quiet + 2.0 * ROUND_OFF * (x->reach + energy);
     error = sqrt(error) + (!(energy <= bound) ? sqrt(energy) - sqrt(bound) : 0.0);
-    error = !(error <= quiet) ? error / sqrt(fmin(energy, bound)) : 0.0;
-    /* The phase of what the step does not resolve is lost. Of motion under a load its share is that of the energy. */
-    const double share = lost_phase > quiet * quiet ? lost_phase / fmax(x->start_energy, fmin(energy, bound)) : 0.0;
-    const double blind = PHASE * share * share;
-    *found = PASSED_ON * (!(blind <= error) ? blind : error);
+    /* Of a body that a load has just begun to move, the motion to come is the measure. */
+    const double whole = fmax(x->borne, fmin(energy, bound));
+    error = !(error <= quiet) ? error / sqrt(whole) : 0.0;
+    /* The phase of what the step does not resolve is lost: it may be anywhere on its way. */
+    const double slowest = body->p.omega[0], lost = slowest * slowest * lost_way;
+    const double blind = lost > quiet * quiet ? sqrt(lost / fmax(x->start_energy, whole)) : 0.0;
+    *found = !(blind <= error) ? blind : error;
     x->start_energy = energy;
     return 1;
 }
