@@ -174,3 +174,24 @@ def test_a_basis_that_holds_nearly_all_of_a_thin_body_s_static_shapes_is_complet
     held = ((loads.T @ every.shapes / every.angular_frequency) ** 2).sum(axis=1)
     # What round-off of so thin a body's stiffness leaves.
     np.testing.assert_allclose(held, work, rtol=2e-3)
+
+
+class Heard(Reporter):
+    """What a build warns of."""
+
+    def __init__(self):
+        self.warnings = []
+
+    def warning(self, text):
+        self.warnings.append(text)
+
+
+def test_a_bar_one_reduced_element_across_is_warned_of_and_right(tmp_path):
+    """Its elements have motions without energy, which forces of third order set off."""
+    heard, load, found = Heard(), {"tip": [0.0, 0.0, 2e7]}, []
+    for across, report in ((1, heard), (2, Reporter())):
+        mesh = box(ElementType.C3D20R, (8, across, across), (8.0, 1.0, 1.0))
+        body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TIP"], name=f"bar{across}"), report))
+        found.append(body.response(body.static(load)).displacement[0])
+    assert relative(*found) < 0.02
+    assert any("without energy" in text for text in heard.warnings)

@@ -31,6 +31,12 @@ _STIFF = 1e-2
 _DEPENDENT = 1e-10
 # Rotation of the material (rms, rad) at which shapes are compared.
 _TURN = 0.5
+# Strain energy of a static shape relative to what its forces have worked, off by which elements move without energy.
+_HELD = 1e-6
+_UNHELD = (
+    "elements may move without energy, as a single C3D20R across a section does: mesh two across it, or take C3D20; "
+    "shapes of third order that they do not hold are left out"
+)
 
 
 def with_third_order(
@@ -79,7 +85,12 @@ def third_order_loads(
     with report.stage("Find static shapes of third order"):
         forces = _forces(matrices, *softest_motions(matrices, loads))
         free = model.forces(forces)
-        work = free.T @ model.static(free)
+        shapes = model.static(free)
+        worked = np.einsum("ij,ij->j", shapes, free)
+        sound = np.abs(np.einsum("ij,ij->j", shapes, model.stiffness @ shapes) - worked) <= _HELD * np.abs(worked)
+        if not np.all(sound):
+            report.warning(_UNHELD)
+        forces, work = forces[:, sound], free[:, sound].T @ shapes[:, sound]
         held = (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
         # What they do outside the basis.
         values, axes = np.linalg.eigh(0.5 * (work + work.T) - held.T @ held)
