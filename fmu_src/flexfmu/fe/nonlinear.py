@@ -36,7 +36,7 @@ _FIRST = 0.25
 _JUMP = 3.0
 # The smallest part of the load that an increment may be.
 _SMALLEST = 1e-4
-_NO_ENERGY = (
+NO_ENERGY = (
     "elements may move without energy, as a single C3D20R across a section does: mesh two across it, or take C3D20"
 )
 # Rounds in which the elements' own shape functions settle, to this part of the displacement.
@@ -169,7 +169,7 @@ def load_path(
                     raise AccuracyError(
                         f"no equilibrium of the finite element model beyond {100.0 * reached:.2f} % of the load: it is "
                         "near a limit or critical load; lower the load"
-                        + ("" if reached else f". If less does not help, {_NO_ENERGY}")
+                        + ("" if reached else f". If less does not help, {NO_ENERGY}")
                     )
                 continue
             u, reached = solution, target

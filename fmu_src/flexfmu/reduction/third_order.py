@@ -13,6 +13,7 @@ from itertools import combinations_with_replacement, permutations
 import numpy as np
 
 from ..fe.gradients import mean_spin, quadratic_strain
+from ..fe.nonlinear import NO_ENERGY
 from ..fe.stressed import stressed_gradients
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter, tell_nobody
@@ -33,10 +34,6 @@ _DEPENDENT = 1e-10
 _TURN = 0.5
 # Strain energy of a static shape relative to what its forces have worked, off by which elements move without energy.
 _HELD = 1e-6
-_UNHELD = (
-    "elements may move without energy, as a single C3D20R across a section does: mesh two across it, or take C3D20; "
-    "shapes of third order that they do not hold are left out"
-)
 
 
 def with_third_order(
@@ -89,7 +86,7 @@ def third_order_loads(
         worked = np.einsum("ij,ij->j", shapes, free)
         sound = np.abs(np.einsum("ij,ij->j", shapes, model.stiffness @ shapes) - worked) <= _HELD * np.abs(worked)
         if not np.all(sound):
-            report.warning(_UNHELD)
+            report.warning(f"{NO_ENERGY}; shapes of third order that they do not hold are left out")
         forces, work = forces[:, sound], free[:, sound].T @ shapes[:, sound]
         held = (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
         # What they do outside the basis.
