@@ -186,12 +186,8 @@ def _reason(
             other = [name for name in alike(key, _fields(table) if table is not None else ()) if name != key]
             return shown, f"expected [[{key}]] tables{f', or the key {other[0]}' if other else ''}", ""
         case "model_type" | "model_attributes_type" if inner is not None:
-            found = "found several tables" if isinstance(found, list) else shown
-            return (
-                found,
-                f"expected one table, [{'.'.join(names)}], in single brackets, with the keys {_listed(inner)}",
-                "",
-            )
+            wanted = f"expected one table, [{'.'.join(names)}], in single brackets, with the keys {_listed(inner)}"
+            return "found several tables" if isinstance(found, list) else shown, wanted, ""
         case "list_type":
             usual = None if field is None else field.default
             plain = isinstance(usual, list) and all(isinstance(one, int | float | str) for one in usual)
