@@ -238,6 +238,36 @@ def twisted_blade() -> Body:
     return _bar_body("twisted_blade", _straight(0.4), 24, tapered((0.005, 0.06), (0.003, 0.04)), cases, (2, 3), up)
 
 
+def angle() -> Body:
+    """Thin-walled angle section: it twists under a load through its centroid."""
+    walls = lines((0.0, 0.002, 1), (0.002, 0.04, 4))
+    mesh = kept(box_mesh(lines((0.0, 0.6, 20)), walls, walls), either(below(1, 0.002), below(2, 0.002)))
+    cases = {
+        "down": {"tip": (0.0, 0.0, -600.0)},
+        "up": {"tip": (0.0, 0.0, 600.0)},
+        "both": {"tip": (0.0, 500.0, 500.0)},
+        "against": {"tip": (0.0, 400.0, -400.0)},
+    }
+    return Body("angle", mesh, near(0, 0.0), {"tip": near(0, 0.6)}, cases)
+
+
+def gutter() -> Body:
+    """Half a thin tube, which opens and closes as it bends."""
+    grid = box_mesh(np.linspace(0.0, 0.5, 20), np.linspace(0.0, np.pi, 9), np.array([-0.0006, 0.0006]))
+
+    def place(points: FloatArray) -> FloatArray:
+        x, turn, out = points.T
+        r = 0.03 + out
+        return np.stack([x, -r * np.cos(turn), r * np.sin(turn)], axis=1)
+
+    cases = {
+        "up": {"tip": (0.0, 0.0, 300.0)},
+        "down": {"tip": (0.0, 0.0, -300.0)},
+        "side": {"tip": (0.0, 300.0, 0.0)},
+    }
+    return Body("gutter", moved(grid, place), near(0, 0.0), {"tip": near(0, 0.5)}, cases)
+
+
 def elbow() -> Body:
     """Pipe bend of 90 degrees with straight ends; its section becomes oval."""
     path = polyline((0.0, 0.0, 0.0), (0.25, 0.0, 0.0), (0.25, 0.25, 0.0), radius=0.12)
@@ -467,7 +497,7 @@ def chain_link() -> Body:
 GROUPS: dict[str, tuple[Callable[[], Body], ...]] = {
     "springs": (coil_spring, volute, spiral, serpentine, leaf_spring, fork, c_clip),
     "flexures": (cross_pivot, parallelogram, folded_flexure, bistable_beam),
-    "thin walls": (channel, twisted_blade, elbow, tapered_tube, cap, pads_on_plate),
+    "thin walls": (channel, twisted_blade, angle, gutter, elbow, tapered_tube, cap, pads_on_plate),
     "frames": (ladder_frame, lattice_tower, comb, wheel, mast),
     "thick, soft, mixed": (stocky_rod, sandwich, rubber_mount, hook, wishbone, cranked_arm, chain_link),
 }
