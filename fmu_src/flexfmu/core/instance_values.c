@@ -17,8 +17,8 @@ static double diagnose_strain(Instance *x) { return body_strain(x->body, x->q); 
 static double diagnose_stability(Instance *x) { return body_stability(x->body, x->previous, x->q, 0); }
 static double diagnose_missed(Instance *x) { return body_missed(x->body, x->previous, 0); }
 
-/* Errors by the shadow, found when one of them is first asked for; -1 where there is none. */
-static void find_errors(Instance *x) {
+/* Errors by the shadow; -1 where there is none. */
+static void judge(Instance *x) {
     double deflection = x->single[S_SEEN];
     if (x->cached & CACHED_ERROR) return;
     x->cached |= CACHED_ERROR;
@@ -28,7 +28,7 @@ static void find_errors(Instance *x) {
 }
 
 static double diagnose_error(Instance *x) {
-    find_errors(x);
+    judge(x);
     return x->error;
 }
 
@@ -61,87 +61,64 @@ static double (*const DIAGNOSE[])(Instance *) = {
 #include "interface.def"
 };
 
-static Answer read_input(Instance *x, int64_t index, double *value, char *why) {
-    (void)why;
-    *value = x->input[index];
+/* What the roles of interface.def name: each finds its values when one of them is first asked for. */
+static Answer ready(Instance *x, char *why) {
+    (void)x, (void)why;
     return ANSWER_OK;
 }
 
-static Answer read_parameter(Instance *x, int64_t index, double *value, char *why) {
-    (void)why;
-    *value = x->parameter[index];
-    return ANSWER_OK;
+static Answer instance_begun(Instance *x, char *why) {
+    return instance_begin(x, why) == ANSWER_OK ? ANSWER_OK : instance_failed(x, ANSWER_FAILED);
 }
 
-static Answer read_status(Instance *x, int64_t index, double *value, char *why) {
-    (void)index, (void)why;
-    *value = x->single[S_STATUS];
-    return ANSWER_OK;
-}
-
-/* Motions and rates, found when one of them is first asked for. */
-static Answer move(Instance *x, char *why) {
+static Answer find_motion(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     if (!(x->cached & CACHED_MOTION) && body_motion(x->body, x->q, x->v, x->motion, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
     x->cached |= CACHED_MOTION;
     return ANSWER_OK;
 }
 
-static Answer read_motion(Instance *x, int64_t index, double *value, char *why) {
-    const Answer answer = move(x, why);
-    if (answer == ANSWER_OK) *value = x->motion[index];
-    return answer;
-}
-
-static Answer read_rate(Instance *x, int64_t index, double *value, char *why) {
-    const Answer answer = move(x, why);
-    if (answer == ANSWER_OK) *value = x->rates[index];
-    return answer;
-}
-
-static Answer read_stress(Instance *x, int64_t index, double *value, char *why) {
+static Answer find_stress(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     if (!(x->cached & CACHED_STRESS)) body_stress(x->body, x->q, x->stress);
     x->cached |= CACHED_STRESS;
-    *value = x->stress[index];
     return ANSWER_OK;
 }
 
-static Answer read_compliance(Instance *x, int64_t index, double *value, char *why) {
+static Answer find_compliance(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     const Program *p = description(x);
-    const int64_t n = p->compliances;
     if (!(x->cached & CACHED_COMPLIANCE) &&
-        body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, n, x->compliance) != FLEX_OK)
+        body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, p->compliances, x->compliance) != FLEX_OK)
         return instance_lacks_room(x, why);
     x->cached |= CACHED_COMPLIANCE;
-    /* By pairs of interfaces: of the first by loads on the second, row by row. */
-    const int64_t pair = index / 36, row = index % 36 / 6, column = index % 6;
-    *value = x->compliance[(6 * (pair / n) + row) * 6 * n + 6 * (pair % n) + column];
     return ANSWER_OK;
 }
 
-static Answer read_diagnostic(Instance *x, int64_t index, double *value, char *why) {
+/* Variables go by pairs of interfaces: of the first by loads on the second, row by row. */
+static int64_t compliance_place(const Program *p, int64_t index) {
+    const int64_t n = p->compliances, pair = index / 36, row = index % 36 / 6, column = index % 6;
+    return (6 * (pair / n) + row) * 6 * n + 6 * (pair % n) + column;
+}
+
+static Answer find_errors(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
-    *value = DIAGNOSE[index](x);
+    judge(x);
     return ANSWER_OK;
 }
-
-static Answer read_error(Instance *x, int64_t index, double *value, char *why) {
-    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
-    find_errors(x);
-    *value = x->errors[index];
-    return ANSWER_OK;
-}
-
-static Answer (*const READ[])(Instance *, int64_t, double *, char *) = {
-#define ROLE(symbol, reader, ...) reader,
-#include "interface.def"
-};
 
 Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
     const Program *p = description(x);
-    return READ[p->variable_role[variable]](x, p->variable_index[variable], value, why);
+    const int64_t index = p->variable_index[variable];
+    Answer answer = ANSWER_FAILED;
+    switch (p->variable_role[variable]) {
+#define ROLE(symbol, causality, count, find, ...) \
+    case ROLE_##symbol: \
+        if ((answer = find(x, why)) == ANSWER_OK) *value = __VA_ARGS__; \
+        break;
+#include "interface.def"
+    }
+    return answer;
 }
 
 Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_count, const int64_t *inputs,

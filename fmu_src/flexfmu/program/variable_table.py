@@ -99,7 +99,7 @@ def _variable(
     body: ReducedBody, row: Row, number: int, words: Words, spoken: Words, nominal: Mapping[str, float]
 ) -> Variable:
     """The variable of a row."""
-    causality = next(causality for role, _, causality, _ in lines("ROLE") if role == row.role)
+    causality = next(causality for role, causality, *_ in lines("ROLE") if role == row.role)
     variability, initial = _KINDS[causality]
     if row.tunable:
         variability = "tunable"
