@@ -133,7 +133,7 @@ class Body:
         file = config.mesh.file
         body = cls.__new__(cls)
         with (report or ScriptReporter()).stage(f"Read {file.name}"):
-            body.mesh = read_mesh(file, config.mesh.units)
+            body.mesh = read_mesh(file, config.mesh.units, config.shells)
         body.spec = config
         body._origin = file_origin(file)
         return body
@@ -191,7 +191,7 @@ class Body:
         FlexfmuError
             With what was found, what was expected and what to do.
         """
-        data = self.spec.model_dump(exclude_unset=True) | {"mesh": {"units": self.spec.mesh.units}}
+        data = self.spec.model_dump(exclude_unset=True, exclude={"shell"}) | {"mesh": {"units": self.spec.mesh.units}}
         _choose_frames(data, frames, branches)
         chosen: dict[str, dict[str, Any]] = {
             "formulation": {"method": method, "mass": mass},

@@ -13,7 +13,7 @@ from flexfmu.fe.assembly import stiffness
 from flexfmu.fe.elastic import elastic_cells
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.fe.unknowns import unknowns
-from flexfmu.files.errors import DeckError, MeshError, ModelError
+from flexfmu.files.errors import DeckError, FlexfmuError, MeshError, ModelError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.elements import ElementType
@@ -300,6 +300,68 @@ def test_cells_of_a_set_are_shells_where_the_script_says_so(tmp_path):
     for wrong in ({"skin": 1.0}, {"plate": 0.0}):
         with pytest.raises(MeshError, match="expected a positive thickness and one of the cell sets"):
             flexfmu.read_mesh(file, shells=wrong)
+
+
+SHELL_BODY = """name = "plate"
+[mesh]
+file = "{}"
+units = "mm-t-s"
+[material]
+youngs_modulus = 2.1e5
+poissons_ratio = 0.3
+density = 7.85e-9
+[[shell]]
+{}
+[[support]]
+nodes = {{ plane = [0, 0, 0], normal = [1, 0, 0] }}
+fix = ["x", "y", "z"]
+[[interface]]
+name = "tip"
+nodes = {{ plane = [1, 0, 0], normal = [1, 0, 0] }}
+"""
+
+
+@pytest.mark.parametrize("name", ["strip.vtu", "strip.med"])
+def test_a_body_file_makes_shells_of_a_mesh_file_that_bend_far_as_in_calculix(tmp_path, name):
+    middle = Middle("strip")
+    cells = np.array(middle.cells)
+    found = meshio.Mesh(1e3 * middle.points, [("quad", cells)])
+    if name == "strip.med":
+        found.cell_data["cell_tags"] = [np.full(len(cells), -7)]
+        found.cell_tags = {-7: ["web"]}
+    found.write(tmp_path / name)
+    asked = 'elements = "web"' if name == "strip.med" else ""
+    (tmp_path / "body.toml").write_text(SHELL_BODY.format(name, f"thickness = 5.0\n{asked}"))
+    body = flexfmu.Body.read(tmp_path / "body.toml")
+    assert repr(body.mesh).startswith("<Mesh: 490 nodes, 192 S4")
+    np.testing.assert_allclose(np.ptp(body.mesh.points[:, 2]), 5e-3)
+    if name == "strip.vtu":
+        row = RESULTS[RESULTS["body"] == "strip"][0]
+        expected = np.array([row[axis] for axis in ("ux_m", "uy_m", "uz_m")])
+        reduced = body.build()
+        moved = reduced.response(reduced.static({"tip": [*middle.force, 0.0, 0.0, 0.0]})).displacement[0]
+        assert np.linalg.norm(moved - expected) < 0.01 * np.linalg.norm(expected)
+
+
+def test_shells_of_a_body_file_have_offsets_and_are_refused_by_name(tmp_path):
+    points, cells = grid(2, 1, lambda a, b: (1e3 * a, 1e2 * b, 0.0))
+    meshio.Mesh(points, [("quad", cells)]).write(tmp_path / "plate.vtu")
+    solid = box(ElementType.C3D8, (1, 1, 1), (1.0, 1.0, 1.0))
+    meshio.Mesh(solid.points, [("hexahedron", solid.blocks[0].connectivity)]).write(tmp_path / "solid.vtu")
+    for file, text, message in (
+        ("plate.vtu", 'elements = "skin"\nthickness = 1.0', "in set 'skin' with the thickness 1, expected a positive"),
+        ("solid.vtu", "thickness = 1.0", "in set '' with the thickness 1, expected .* of a file without solids"),
+        ("plate.vtu", "thickness = 0.0", "shell.*thickness"),
+        ("plate.vtu", "thickness = 1.0\n[[shell]]\nthickness = 2.0", "tables have the elements"),
+    ):
+        (tmp_path / "body.toml").write_text(SHELL_BODY.format(file, text))
+        with pytest.raises(FlexfmuError, match=message):
+            flexfmu.Body.read(tmp_path / "body.toml")
+    (tmp_path / "body.toml").write_text(SHELL_BODY.format("plate.vtu", "thickness = 2.0\noffset = 0.5"))
+    height = flexfmu.Body.read(tmp_path / "body.toml").mesh.points[:, 2]
+    np.testing.assert_allclose([height.min(), height.max()], [0.0, 2e-3], atol=1e-12)
+    with pytest.raises(MeshError, match="Triangles and quads are shells where"):
+        flexfmu.read_mesh(tmp_path / "plate.vtu")
 
 
 def bulk_data(middle, card="CQUAD4", shell="", own=""):

@@ -299,6 +299,18 @@ class BodyFile(BodySpec):
     """A whole body file."""
 
     mesh: tables.MeshTable
+    shell: list[tables.ShellTable] = []
+
+    @field_validator("shell")
+    @classmethod
+    def _of_different_sets(cls, value: list[tables.ShellTable]) -> list[tables.ShellTable]:
+        different([one.elements for one in value], "[[shell]] tables have the elements", "different sets")
+        return value
+
+    @property
+    def shells(self) -> dict[str, tuple[float, float]]:
+        """Thickness and offset of the shells of the mesh file, by their set."""
+        return {one.elements: (one.thickness, one.offset) for one in self.shell}
 
 
 def read_body_file(path: Path) -> BodyFile:

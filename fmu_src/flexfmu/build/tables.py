@@ -45,6 +45,24 @@ class MeshTable(MeshUnits):
     file: Path = Field(strict=False, examples=["arm.inp"])
 
 
+class ShellTable(Table):
+    """`[[shell]]`: triangles and quads of a mesh file without sections that are shells.
+
+    Attributes
+    ----------
+    elements
+        Their set in the file. Default: all, where it holds no solids
+    thickness
+        In the mesh's units.
+    offset
+        Middle of the shell over the nodes along the normal, over the thickness: 0.5 puts the lower face on them.
+    """
+
+    elements: str = Field(default="", examples=["WEB"])
+    thickness: float = Field(gt=0.0, examples=[2.0])
+    offset: float = 0.0
+
+
 class MaterialTable(Table):
     """`[material]`: constants that the mesh file lacks, or that replace those of one of its materials.
 

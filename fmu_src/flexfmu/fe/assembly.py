@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.blocks import ElementBlock, jacobians
+from ..mesh.blocks import jacobians
 from ..mesh.model import Mesh
 from .elastic import elastic_cells
 
@@ -115,12 +115,12 @@ def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]
     return nodes, total[nodes] / volume
 
 
-def scatter(block: ElementBlock, matrices: FloatArray, size: int) -> sp.csr_array:
-    """Sum element matrices of one block into a scalar matrix over nodes.
+def scatter(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
+    """Sum element matrices into a scalar matrix over nodes.
 
     Parameters
     ----------
-    block : ElementBlock
+    nodes : (n_elements, node_count) int
     matrices : (n_elements, node_count, node_count) float
     size : int
         Number of nodes.
@@ -129,9 +129,8 @@ def scatter(block: ElementBlock, matrices: FloatArray, size: int) -> sp.csr_arra
     -------
     (size, size) sparse
     """
-    count = block.connectivity.shape[1]
-    rows = np.repeat(block.connectivity, count, axis=1).ravel()
-    columns = np.tile(block.connectivity, (1, count)).ravel()
+    count = nodes.shape[1]
+    rows, columns = np.repeat(nodes, count, axis=1).ravel(), np.tile(nodes, (1, count)).ravel()
     return sp.csr_array(sp.coo_array((matrices.ravel(), (rows, columns)), shape=(size, size)))
 
 
@@ -153,7 +152,7 @@ def mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> sp.csr_array:
     scalar = sp.csr_array((size, size))
     density = np.array([material.density for material in mesh.materials])
     for block, matrices in zip(mesh.blocks, volumes, strict=True):
-        scalar = scalar + scatter(block, density[block.material][:, None, None] * matrices, size)
+        scalar = scalar + scatter(block.connectivity, density[block.material][:, None, None] * matrices, size)
     return in_short(sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr")))
 
 

@@ -241,13 +241,18 @@ def elasticity(mesh: Mesh, block: ElementBlock) -> FloatArray:
     found = np.array([material.elasticity for material in mesh.materials])[block.material]
     if block.axes is None:
         return found
-    turn = np.empty((len(found), 6, 6))
-    for row, (i, j) in enumerate(VOIGT):
-        for column, (k, m) in enumerate(VOIGT):
-            turn[:, row, column] = block.axes[:, i, k] * block.axes[:, j, m]
-            if k != m:
-                turn[:, row, column] += block.axes[:, i, m] * block.axes[:, j, k]
+    turn = turning(block.axes)
     return turn @ found @ turn.swapaxes(1, 2)
+
+
+def turning(axes: FloatArray) -> FloatArray:
+    """Stress xx, yy, zz, xy, yz, zx (e, 6, 6) of A S Aᵀ by that of S, for A (e, 3, 3).
+
+    The transpose of that of Aᵀ turns strain, shear twice.
+    """
+    i, j = np.array(VOIGT).T
+    both = axes[:, i[:, None], i] * axes[:, j[:, None], j] + axes[:, i[:, None], j] * axes[:, j[:, None], i]
+    return np.where(i == j, 0.5, 1.0) * both
 
 
 def _incompatible(corners: FloatArray, determinant: FloatArray, kind: ElementType) -> FloatArray:

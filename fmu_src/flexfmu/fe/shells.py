@@ -20,7 +20,7 @@ from ..mesh.blocks import ElementBlock, jacobians
 from ..mesh.elements import ElementType
 from ..mesh.model import Mesh
 from ..mesh.shapes import brick_rule, wedge_rule
-from .cells import VOIGT, Cells
+from .cells import Cells, turning
 
 # Share of the shear that is constant across the thickness and is not; and, of triangles, by how much shear of elements
 # that are wide against their thickness is softened (M. Lyly, R. Stenberg, T. Vihinen, 1993).
@@ -105,20 +105,15 @@ class ShellCells(Cells):
     def in_means(self) -> "ShellCells":
         """The same for fields in means and differences of both faces; of these, slopes along both faces cancel exactly.
 
-        Rows of the means are the lower ones of both faces.
+        But for gradients in global axes. Rows of the means are the lower ones of both faces.
         """
         low, high = np.split(self.nodes, 2, axis=1)
         sign = np.where(low < high, 1.0, -1.0)
 
-        def turned(below: FloatArray, above: FloatArray) -> list[FloatArray]:
-            return [np.sqrt(0.5) * (below + above), np.sqrt(0.5) * (above - below)]
-
-        mean, across = turned(*np.split(self.slope, 2, axis=2))
-        slope = np.concatenate([mean + 0.0 * sign[:, None], sign[:, None] * across], axis=2)
-        mean, across = turned(*np.split(self.gradient, 2, axis=2))
-        gradient = np.concatenate([mean, sign[:, None, :, None] * across], axis=2)
+        below, above = np.sqrt(0.5) * np.array(np.split(self.slope, 2, axis=2))
+        slope = np.concatenate([below + above + 0.0 * sign[:, None], sign[:, None] * (above - below)], axis=2)
         nodes = np.concatenate([np.minimum(low, high), np.maximum(low, high)], axis=1)
-        return replace(self, nodes=nodes, slope=slope, gradient=gradient)
+        return replace(self, nodes=nodes, slope=slope)
 
     def turned(self, turn: FloatArray) -> FloatArray:
         """As of solids, by the mean turn of each element."""
@@ -186,13 +181,13 @@ def _law(kind: ElementType, corners: FloatArray, strains: ShellRule, constants: 
     to_centre = np.linalg.inv(base[:, -1])
     for q, (point, weight) in enumerate(zip(rule.points, rule.weights, strict=True)):
         assumed = _assumed(quad, q, point) @ strains.merged
-        local = _turned(axes[:, q] @ np.linalg.inv(base[:, q])) @ assumed
+        local = turning(np.linalg.inv(base[:, q].swapaxes(1, 2)) @ axes[:, q].swapaxes(1, 2)).swapaxes(1, 2) @ assumed
         stiff = (weight * determinant[:, q])[:, None, None] * elastic
         law += local.swapaxes(1, 2) @ (stiff @ local)
         if quad:
             shapes = np.zeros((6, 4))
             shapes[[0, 1, 3, 3], range(4)] = point[[0, 1, 0, 1]]
-            extra = _turned(axes[:, q] @ to_centre) @ shapes
+            extra = turning((axes[:, q] @ to_centre).swapaxes(1, 2)).swapaxes(1, 2) @ shapes
             extra = extra * (determinant[:, -1] / determinant[:, q])[:, None, None]
             own += extra.swapaxes(1, 2) @ (stiff @ extra)
             mixed += extra.swapaxes(1, 2) @ (stiff @ local)
@@ -219,18 +214,6 @@ def _assumed(quad: bool, q: int, point: FloatArray) -> FloatArray:
         result[5, 6:10] = np.array([1.0, 0.0, 0.0, 0.0]) + y * change
         result[4, 6:10] = np.array([0.0, 0.0, 1.0, 0.0]) - x * change
         result[2, 10:] = 1.0 - x - y, x, y
-    return result
-
-
-def _turned(to_local: FloatArray) -> FloatArray:
-    """Strain in local axes, shear twice, of natural strain, shear twice, (e, 6, 6), by e_a · Gⁱ (e, 3, 3)."""
-    result = np.empty((len(to_local), 6, 6))
-    for row, (a, b) in enumerate(VOIGT):
-        for column, (i, j) in enumerate(VOIGT):
-            value = to_local[:, a, i] * to_local[:, b, j]
-            if i != j:
-                value = 0.5 * (value + to_local[:, a, j] * to_local[:, b, i])
-            result[:, row, column] = value if a == b else 2.0 * value
     return result
 
 

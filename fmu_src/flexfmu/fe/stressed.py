@@ -5,7 +5,7 @@ import scipy.sparse as sp
 
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
-from .assembly import CHUNK, summed
+from .assembly import CHUNK, scatter, summed
 from .elastic import elastic_cells
 
 # Numbers of a stress field that are held at a time: as of the quadratic strain.
@@ -54,7 +54,5 @@ def stress_stiffness(mesh: Mesh, field: FloatArray) -> sp.csr_array:
     for some in elastic_cells(mesh, CHUNK):
         inner = some.nodes.shape[1]
         matrices = some.geometric(some.work(some.strains(u))[..., 0])[:, :inner, :inner]
-        rows, columns = np.broadcast_arrays(some.nodes[:, :, None], some.nodes[:, None])
-        whole = sp.coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count))
-        parts.append(sp.csr_array(whole))
+        parts.append(scatter(some.nodes, matrices, count))
     return sp.csr_array(sp.kron(summed(parts), sp.eye_array(3)))

@@ -31,20 +31,20 @@ _LINES = 2000
 
 
 def read_mesh(
-    path: Path | str, units: UnitSystem | str = UnitSystem.SI, shells: Mapping[str, float] | None = None
+    path: Path | str,
+    units: UnitSystem | str = UnitSystem.SI,
+    shells: Mapping[str, float | tuple[float, float]] | None = None,
 ) -> Mesh:
-    """Read a body's mesh: an Abaqus or CalculiX deck, or any other file of docs/file-formats.md.
-
-    What files other than decks give is told of in `from_contents`.
+    """Read a body's mesh: an Abaqus or CalculiX deck, or any other file of docs/file-formats.md; see `from_contents`.
 
     Parameters
     ----------
     path : path
     units : UnitSystem or str
         What the file's numbers are in.
-    shells : mapping of str to float, optional
-        Thickness of the shells that triangles and quads of cell sets are, about their nodes, in these units; decks and
-        bulk data have sections for that.
+    shells : mapping of str to float or tuple of float, optional
+        Thickness of triangles and quads by cell set, "" for all; or with it the middle over the nodes, over the
+        thickness. Decks and bulk data have sections for that.
 
     Returns
     -------
@@ -87,8 +87,14 @@ def read_mesh(
     else:
         contents = Contents(_read_with_meshio(path))
     if shells:
-        contents = replace(contents, shells={name: (-0.5 * thick, 0.5 * thick) for name, thick in shells.items()})
+        contents = replace(contents, shells={name: _faces(given) for name, given in shells.items()})
     return from_contents(contents, str(path), units)
+
+
+def _faces(shell: float | tuple[float, float]) -> tuple[float, float]:
+    """Heights of both faces over the nodes, by the thickness and where the middle is."""
+    thickness, offset = shell if isinstance(shell, tuple) else (shell, 0.0)
+    return (offset - 0.5) * thickness, (offset + 0.5) * thickness
 
 
 def _told_apart(path: Path) -> str:

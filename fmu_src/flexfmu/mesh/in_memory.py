@@ -52,7 +52,8 @@ class Contents:
         SI units.
     links : tuple of RigidLink
     shells : mapping of str to (2,) float
-        Cell sets whose triangles and quads are shells: heights of both faces over their nodes, in the file's units.
+        Cell sets whose triangles and quads are shells, "" being all: heights of both faces over their nodes, in the
+        file's units.
     """
 
     mesh: Any
@@ -276,7 +277,8 @@ def _volume_blocks(found: Any, title: str, shells: bool) -> list[int]:
     if not places and not shells:
         kinds = ", ".join(sorted({block.type for block in found.cells})) or "none"
         raise MeshError(
-            f"{title} holds no volume cells (found: {kinds}), expected {supported}; export the volume mesh too"
+            f"{title} holds no volume cells (found: {kinds}), expected {supported}; export the volume mesh too. "
+            "Triangles and quads are shells where [[shell]] tables of the body file give their thickness"
         )
     for block in found.cells:
         if len(block.data) and not 0 <= np.min(block.data) <= np.max(block.data) < len(found.points):
@@ -323,11 +325,13 @@ def _shell_blocks(
     """
     cells = contents.mesh.cells
     heights: dict[int, FloatArray] = {}
+    if "" in contents.shells and not first:
+        groups = {"": {n: np.arange(len(b.data)) for n, b in enumerate(cells) if b.dim == 2}, **groups}
     for name, faces in contents.shells.items():
-        if name not in groups or not faces[1] > faces[0]:
+        if not groups.get(name) or not faces[1] > faces[0]:
             raise MeshError(
                 f"{title}: shells are asked for in set {name!r} with the thickness {faces[1] - faces[0]:g}, expected a "
-                f"positive thickness and one of the cell sets {listed(groups)}"
+                f"positive thickness and one of the cell sets {listed(groups)}, or '' for all of a file without solids"
             )
         for place, rows in groups[name].items():
             if cells[place].type not in _SHELLS:

@@ -138,7 +138,7 @@ def volume_weighted(mesh: Mesh, volumes: tuple[FloatArray, ...], elements: IntAr
         inside = elements[(elements >= first) & (elements < first + len(block.labels))]
         chosen[inside - first] = True
         part = type(block)(block.type, block.labels[chosen], block.connectivity[chosen], block.material[chosen])
-        total = total + scatter(part, matrices[chosen], size)
+        total = total + scatter(part.connectivity, matrices[chosen], size)
         used[part.connectivity] = True
         first += len(block.labels)
     nodes = np.flatnonzero(used)
