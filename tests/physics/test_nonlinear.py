@@ -63,5 +63,5 @@ def test_a_nanonewton_moves_the_whole_model_as_a_newton_does(kind, tmp_path):
 
 def test_of_elements_that_move_without_energy_the_way_around_is_told(tmp_path):
     config = body_file(box(ElementType.C3D20R, (4, 1, 1), (1.0, 0.1, 0.13)), tmp_path, interface=["TIP"])
-    with pytest.raises(AccuracyError, match=r"beyond 0\.00 % .*move without energy.*mesh two across it"):
+    with pytest.raises(AccuracyError, match=r"beyond 0\.\d\d % .*move without energy.*mesh two across it"):
         path_of(config, [0, 1, 0], [1.0])

@@ -36,6 +36,8 @@ _FIRST = 0.25
 _JUMP = 3.0
 # The smallest part of the load that an increment may be.
 _SMALLEST = 1e-4
+# Of the load: who stops before it may have a body that moves without energy, which round-off holds.
+_LITTLE = 1e-2
 NO_ENERGY = (
     "elements may move without energy, as a single C3D20R across a section does: mesh two across it, or take C3D20"
 )
@@ -169,7 +171,7 @@ def load_path(
                     raise AccuracyError(
                         f"no equilibrium of the finite element model beyond {100.0 * reached:.2f} % of the load: it is "
                         "near a limit or critical load; lower the load"
-                        + ("" if reached else f". If less does not help, {NO_ENERGY}")
+                        + ("" if reached > _LITTLE else f". If less does not help, {NO_ENERGY}")
                     )
                 continue
             u, reached = solution, target
