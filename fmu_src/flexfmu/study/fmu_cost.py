@@ -141,7 +141,7 @@ class FmuTimer:
     def _ask(self, work: Callable[..., T], *arguments: object) -> T:
         """Have the process do something."""
         if self._process is None:
-            # Of one thread; Ctrl-C is for this process, which ends the other.
+            # Ctrl-C is for this process, which ends the other.
             self._process = ProcessPoolExecutor(1, get_context("spawn"), _prepare)
         try:
             return self._process.submit(answer, work, *arguments).result()
