@@ -29,6 +29,7 @@ from flexfmu.master.results import Result
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.study.records import verdict
+from flexfmu.study.stability import percent_words
 
 from .records import read_records, write_records
 
@@ -216,8 +217,9 @@ class Bench:
 def draw(rows: list[dict[str, str]], picture: Path) -> None:
     """Draw the runs of a body: a panel a scheme and mass, errors in %, W: warned, x: stopped."""
     panels = list(dict.fromkeys((row["mass"], row["scheme"]) for row in rows))
-    lines = len(panels) // len(SCHEMES)
-    figure, grid = plt.subplots(lines, len(SCHEMES), figsize=(14, 2.6 * lines), squeeze=False, layout="constrained")
+    # Two beside each other: readable at the width of a page.
+    lines = len(panels) // 2
+    figure, grid = plt.subplots(lines, 2, figsize=(7.5, 2.2 * lines), squeeze=False, layout="constrained")
     for panel, (mass, scheme) in zip(grid.flat, panels, strict=True):
         some = [row for row in rows if (row["mass"], row["scheme"]) == (mass, scheme)]
         across, up = (sorted({row[key] for row in some}, key=float) for key in ("spring", "steps"))
@@ -227,7 +229,7 @@ def draw(rows: list[dict[str, str]], picture: Path) -> None:
             refused = row["verdict"] == "refused"
             errors[y, x] = np.nan if refused else error
             mark = {"right": "", "warned": " W", "silent": " !"}.get(row["verdict"], "")
-            words = "x" if refused else f"{100.0 * error:.2g}{mark}" if error < 10.0 else f"> 999{mark}"
+            words = "x" if refused else f"{percent_words(error)}{mark}"
             panel.text(x, y, words, ha="center", va="center", fontsize=7)
         panel.imshow(errors, norm=LogNorm(1e-3, 1.0), cmap="Blues", alpha=0.7, aspect="auto", origin="lower")
         panel.set_xticks(range(len(across)), across)

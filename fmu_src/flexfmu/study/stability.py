@@ -244,7 +244,7 @@ def _draw_case(panel: Axes, rows: Sequence[Run]) -> None:
         panel.add_patch(Rectangle((x + 0.04, y + 0.05), 0.92, 0.9, zorder=order, **look))  # type: ignore[arg-type]
         if found is not Verdict.REFUSED:
             colour = "white" if known and _SCALE(run.error) > _DARK else "black"
-            words = _percent(run.error) if known else "–"
+            words = percent_words(run.error) if known else "–"
             panel.text(x + 0.5, y + 0.5, words, ha="center", va="center", fontsize=7, color=colour, zorder=3.0)
     panel.set(xlim=(0, len(across)), ylim=(0, len(up)))
     panel.set_xticks(np.arange(len(across)) + 0.5, across, fontsize="x-small")
@@ -253,8 +253,18 @@ def _draw_case(panel: Axes, rows: Sequence[Run]) -> None:
     panel.tick_params(length=0)
 
 
-def _percent(error: float) -> str:
-    """Error in %, as short as can be."""
+def percent_words(error: float) -> str:
+    """Error in %, as short as can be.
+
+    Parameters
+    ----------
+    error : float
+        Relative.
+
+    Returns
+    -------
+    str
+    """
     percent = 100.0 * error
     if percent >= 999.5:
         return ">999"
