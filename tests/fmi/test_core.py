@@ -254,3 +254,16 @@ def test_the_compliance_of_what_is_no_interface_or_more_than_there_are_is_refuse
     # The core looks for itself.
     with pytest.raises(MemoryError, match="workspace"):
         body.core.compliance(np.zeros(6), 1e-3, q, interfaces)
+
+
+def test_ctrl_c_while_an_argument_is_made_is_ctrl_c_and_another_error_stays_what_it_was():
+    body = FlexibleBody(beam_body(3, modes=3))
+
+    class Interrupted:
+        def __array__(self, dtype=None, copy=None):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        body.core.motion(Interrupted())
+    with pytest.raises(ctypes.ArgumentError):
+        body.core.motion("no numbers")

@@ -302,9 +302,7 @@ class Core:
 
     def stress(self, q: FloatArray, sets: int) -> FloatArray:
         """Largest von Mises stress of each set, N/m²."""
-        result = np.zeros(sets)
-        self._ask("stress", q, result)
-        return result
+        return self._filled(sets, "stress", q)
 
     def energies(self, q: FloatArray, v: FloatArray) -> tuple[float, float]:
         """Strain and kinetic energy, J."""
@@ -320,15 +318,11 @@ class Core:
 
     def tangent(self, inputs: FloatArray, q: FloatArray) -> FloatArray:
         """Tangent stiffness (m, m), 1/s²."""
-        result = np.empty((self.modes, self.modes))
-        self._ask("forces", inputs, q, None, result)
-        return result
+        return self._filled((self.modes, self.modes), "forces", inputs, q, None)
 
     def mass(self, q: FloatArray) -> FloatArray:
         """M(q), (m, m)."""
-        result = np.empty((self.modes, self.modes))
-        self._ask("mass", q, result)
-        return result
+        return self._filled((self.modes, self.modes), "mass", q)
 
     def largest_rotation(self, q: FloatArray) -> float:
         """Largest rotation of material within its frame, rad."""
@@ -336,9 +330,7 @@ class Core:
 
     def rotations(self, q: FloatArray) -> FloatArray:
         """Each rotation that is watched, rad, in the order of `turning_frame`."""
-        result = np.empty(self.turning_frame.size)
-        self._ask("rotations", q, result)
-        return result
+        return self._filled(self.turning_frame.size, "rotations", q)
 
     def strain(self, q: FloatArray) -> float:
         """Largest mean strain of a material in a frame."""
@@ -363,9 +355,7 @@ class Core:
 
     def judged_margin(self, inputs: FloatArray) -> float:
         """Smallest eigenvalue of the undeformed body's tangent by the second opinion, over the unloaded one."""
-        margin = np.empty(1)
-        self._ask("missed", inputs, margin)
-        return float(margin[0])
+        return float(self._filled(1, "missed", inputs)[0])
 
     def compliance(self, inputs: FloatArray, step: float, q: FloatArray, interfaces: Sequence[int]) -> FloatArray:
         """Derivative (6n, 6n) of interfaces' motion at a step's end by loads on them held over the step."""
@@ -380,6 +370,15 @@ class Core:
         self._ask("error", shadow._body, inputs, q, result, deflection, share)
         return result, float(share[0])
 
+    def _filled(self, shape: int | tuple[int, int], name: str, *arguments: object) -> FloatArray:
+        """The array that a function of the core fills, its last argument."""
+        result = np.zeros(shape)
+        self._ask(name, *arguments, result)
+        return result
+
     def _ask(self, name: str, *arguments: object) -> Any:
-        """What a function of the core answers."""
-        return getattr(self._library, f"body_{name}")(self._body, *arguments)
+        """What a function of the core answers; Ctrl-C while an argument is made stays one."""
+        try:
+            return getattr(self._library, f"body_{name}")(self._body, *arguments)
+        except ctypes.ArgumentError as error:
+            raise (KeyboardInterrupt if "KeyboardInterrupt" in str(error) else error) from None
