@@ -6,12 +6,15 @@ import subprocess
 import sys
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from flexfmu.build.pipeline import build_fmu
 from flexfmu.commands.cli import app
+from flexfmu.fmu.simulation import _tell_passed_over
 from flexfmu.mesh.elements import ElementType
+from flexfmu.study.workshop import Heard
 from meshes import BAR, box, write_deck
 
 SCENE = '[[static]]\nname = "bend"\nloads = { "tip.force.y" = 100.0 }\n'
@@ -128,6 +131,30 @@ MISTAKES = {
         RATIO, f"{RATIO}\n[mesh]\nunits = 'm-kg-s'", "not valid TOML", "'mesh'", "a [table] stands once"
     ),
     "units by one word": body(MESH, f'{MESH}\nunits = "mm"', "mesh.units: found 'mm'", "'mm-t-s'"),
+    "an interface on a support": body(
+        TIP, 'nodes = "ROOT"', "interface 'tip' lies on a support", "it does not move", "if it is meant, add --force"
+    ),
+    "an interface over the whole body": body(
+        TIP,
+        "nodes = { box = [[-1, -1, -1], [2, 2, 2]] }",
+        "of the body's 56 nodes",
+        "an average over all of it",
+        "--force",
+    ),
+    "a point in the mesh's millimetres": body(
+        TIP, f"{TIP}\npoint = [1000.0, 50.0, 50.0]", "m outside the body, which measures 1 m", "are in m", "--force"
+    ),
+    "what is meant is built with a warning": Mistake(
+        ["build", "body.toml", "-o", "out.fmu", "--force"],
+        {"body.toml": BAR.replace(TIP, 'nodes = "ROOT"')},
+        ["! interface 'tip' lies on a support"],
+        code=0,
+    ),
+    "a geometry for a mesh": Mistake(
+        ["build", "body.toml", "-o", "out.fmu"],
+        {"body.toml": BAR.replace("bar.inp", "part.step"), "part.step": "ISO-10303-21;"},
+        ["part.step: a geometry without elements; mesh it first", "gmsh part.step -3 -order 2"],
+    ),
     "a set that is not there": body(TIP, 'nodes = "TOP"', "interface 'tip', nodes", "no node set 'TOP'", "ROOT, TIP"),
     # Sizes.
     "modes = 1e9": body("modes = 6", "modes = 1e9", "reduction.modes: found 1000000000.0", "at most 1000"),
@@ -191,6 +218,17 @@ MISTAKES = {
         LOADS.replace("y", "y [mm]"), "tip.force.y [mm]: the unit is 'mm'", "expected one of N, mN, kN"
     ),
     "no header": loads("0,10\n1,10\n", "the first line is numbers", 'expected a header "time,NAME,…"'),
+    "a word in a column": loads(
+        LOADS.replace("0.01,10", "0.01,ten"), "line 3: tip.force.y is 'ten'", "expected numbers"
+    ),
+    "a pulse between communication points": loads(
+        "time,tip.force.y\n0,0\n0.0051,0\n0.0055,9\n0.0059,0\n0.01,0\n",
+        "pass over 100 % of tip.force.y (area over time), most of it at 0.0055 s",
+        "rows are 0.0004 s apart",
+        options="--step 0.001",
+        code=0,
+        runs=True,
+    ),
     "one row": loads("time,tip.force.y\n0,10\n", "rows at one time only, 0 s", "add a later row, or give --stop"),
     "no row": loads("time,tip.force.y\n", "a header and nothing else", "at least one row"),
     "misspelt input": loads(LOADS.replace("force", "forse"), "'tip.forse.y' is no input", "did you mean 'tip.force.y'"),
@@ -329,3 +367,43 @@ def test_a_pipe_that_never_ends_is_refused_instead_of_waited_for(name, arguments
     assert done.returncode == 1
     assert f"{name} cannot be read: it is a pipe or a device" in done.stderr
     assert sorted(path.name for path in folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [("body.toml", ["build", "-o", "x.fmu"]), ("loads.csv", ["simulate", "bar.fmu", "-o", "x.csv", "-i"])],
+)
+def test_text_in_utf_16_is_named_as_such(name, arguments, sound, tmp_path, monkeypatch):
+    text = (sound / name).read_text(encoding="utf-8")
+    (tmp_path / name).write_text(text, encoding="utf-16")
+    shutil.copy(sound / "bar.fmu", tmp_path)
+    code, said = answer(tmp_path, Mistake([*arguments, name], {}, []), monkeypatch)
+    assert code == 1
+    assert f"{name} is text in UTF-16" in said
+
+
+def test_a_ramp_and_a_wave_that_steps_follow_are_no_alarm():
+    time = np.linspace(0.0, 1.0, 1001)
+    report = Heard()
+    loads = np.column_stack([time, np.sin(20.0 * time), np.minimum(time / 0.0015, 1.0)])
+    _tell_passed_over(["wave", "jump"], loads, np.linspace(0.0, 1.0, 101), report)
+    # A jump has a communication point of its own.
+    times = np.array([0.0, 0.503, 0.503, 0.517, 0.517, 1.0])
+    loads_at = np.column_stack([times, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]])
+    _tell_passed_over(["pulse"], loads_at, np.linspace(0.0, 1.0, 101), report)
+    assert report.warnings == []
+    _tell_passed_over(["wave", "jump"], loads, np.linspace(0.0, 1.0, 5), report)
+    assert [text.split(" (")[0].split(" of ")[1] for text in report.warnings] == ["wave", "jump"]
+
+
+def test_a_body_of_half_a_kilometre_is_built_by_force_only(tmp_path, monkeypatch):
+    write_deck(box(ElementType.C3D20R, (4, 2, 2), (500.0, 50.0, 65.0)), tmp_path / "bar.inp")
+    (tmp_path / "body.toml").write_text(BAR, encoding="utf-8")
+    command = ["build", "body.toml", "-o", "out.fmu"]
+    code, said = answer(tmp_path, Mistake(command, {}, []), monkeypatch)
+    assert code == 1
+    assert "implausible" in said
+    assert "add --force" in said
+    code, said = answer(tmp_path, Mistake([*command, "--force"], {}, []), monkeypatch)
+    assert code == 0
+    assert "implausible" in said

@@ -93,8 +93,7 @@ def reduce_mesh(
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)
-    for text in (*implausible(mesh, config.mesh.units), *_distant_points(config, properties), *stretch_free(mesh)):
-        report.warning(text)
+    _tell_doubts(mesh, config, properties, report)
     if prepared.unused_material:
         report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
     store = store or Store()
@@ -113,6 +112,14 @@ def reduce_mesh(
     body = used_body(body, use)
     _tell(body, report)
     return body
+
+
+def _tell_doubts(mesh: Mesh, config: BodySpec, properties: Properties, report: Reporter) -> None:
+    """Say what is hardly meant, and what may be wrong."""
+    for text in (*implausible(mesh, config.mesh.units), *_distant_points(config, properties)):
+        report.doubt(text)
+    for text in stretch_free(mesh):
+        report.warning(text)
 
 
 def _tell(body: ReducedBody, report: Reporter) -> None:

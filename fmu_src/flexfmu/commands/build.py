@@ -20,6 +20,7 @@ def build(
     runtime: Annotated[
         Runtime, typer.Option(help="What runs the body: the core in C, or pythonfmu and a Python over the same core.")
     ] = Runtime.NATIVE,
+    force: Annotated[bool, typer.Option("--force", help="Build what is hardly meant, too, with a warning.")] = False,
     platforms: Annotated[
         str, typer.Option(help="Where it runs: all, or some of linux64,win64,darwin64,aarch64-linux; default: here.")
     ] = "",
@@ -39,14 +40,14 @@ def build(
     store = Store(None if fresh else default_folder())
     names = [name.strip() for name in platforms.split(",") if name.strip()]
     if not tolerance:
-        build_fmu(body, target, modal_file, reporter(), store, runtime, names)
+        build_fmu(body, target, modal_file, reporter(not force), store, runtime, names)
         show_written(target)
         return
     from ..study.candidates import times
     from ..study.smallest import smallest
 
-    config, share = smallest(body, _share(tolerance), scene, reporter(), store)
-    built = build_fmu(config, target, modal_file, reporter(), store, runtime, names)
+    config, share = smallest(body, _share(tolerance), scene, reporter(not force), store)
+    built = build_fmu(config, target, modal_file, reporter(not force), store, runtime, names)
     show_written(target)
     typer.echo(
         f"{plural(built.frame_count, 'frame')}, {plural(built.mode_count, 'mode')}: {times(share)} × the tolerance"

@@ -34,11 +34,11 @@ class Loudness(Enum):
 LOUDNESS = ContextVar("loudness", default=Loudness.USUAL)
 
 
-def reporter() -> "ConsoleReporter":
-    """What tells of the job, as loud as the user asked for."""
+def reporter(strict: bool = False) -> "ConsoleReporter":
+    """What tells of the job, as loud as the user asked for, and perhaps ends it in doubt."""
     from ..files.console import ConsoleReporter
 
-    return ConsoleReporter(quiet=LOUDNESS.get() is Loudness.QUIET)
+    return ConsoleReporter(quiet=LOUDNESS.get() is Loudness.QUIET, strict=strict)
 
 
 def show_written(path: Path) -> None:

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 
+from .errors import BodyFileError
 from .progress import Reporter, Tell, end_if_interrupted, progress_words
 
 # Seconds between two states of a line on a terminal, and between two lines elsewhere.
@@ -28,6 +29,8 @@ class ConsoleReporter(Reporter):
         Seconds from any start.
     quiet : bool
         Whether nothing is written but warnings.
+    strict : bool
+        Whether a doubt ends the job.
     """
 
     def __init__(
@@ -35,10 +38,11 @@ class ConsoleReporter(Reporter):
         console: Console | None = None,
         clock: Callable[[], float] = time.perf_counter,
         quiet: bool = False,
+        strict: bool = False,
     ):
         self._console = console or Console(stderr=True, highlight=False)
         self._clock = clock
-        self._quiet = quiet
+        self._quiet, self._strict = quiet, strict
         self.warnings = 0
         # One display for all stages that are open at a time.
         self._lines = Progress(
@@ -87,6 +91,12 @@ class ConsoleReporter(Reporter):
         """Print a line that stands out, and count it."""
         self.warnings += 1
         self._console.print(f"[yellow]! {escape(text)}[/]")
+
+    def doubt(self, text: str) -> None:
+        """Warn, or end the job."""
+        if self._strict:
+            raise BodyFileError(f"{text}. Correct it; if it is meant, add --force")
+        self.warning(text)
 
     @contextmanager
     def _line(self, title: str, total: float | None) -> Iterator[TaskID]:

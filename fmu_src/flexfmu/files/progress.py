@@ -56,6 +56,10 @@ class Reporter:
     def warning(self, text: str) -> None:
         """Say what the user should look at."""
 
+    def doubt(self, text: str) -> None:
+        """Say what is hardly meant; `flexfmu build` ends there unless it is told to go on."""
+        self.warning(text)
+
 
 class ScriptReporter(Reporter):
     """Warnings as Python's, notes to the log "flexfmu"."""

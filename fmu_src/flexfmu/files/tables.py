@@ -74,7 +74,11 @@ def _rows(path: Path, lines: list[tuple[int, list[str]]], columns: list[tuple[st
         try:
             values[k] = [factor * float(cell) for cell, (_, factor) in zip(row, columns, strict=True)]
         except ValueError as error:
-            raise SimulationError(f"{path}, line {line}: {error}; expected numbers, units in the header") from error
+            wrong = next(k for k, cell in enumerate(row) if number(cell) is None)
+            raise SimulationError(
+                f"{path}, line {line}: {lines[0][1][wrong].strip()} is {row[wrong]!r}; expected numbers, units in the "
+                "header"
+            ) from error
         if not np.all(np.isfinite(values[k])):
             worst = int(np.argmin(np.isfinite(values[k])))
             raise SimulationError(

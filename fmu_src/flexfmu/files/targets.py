@@ -1,6 +1,5 @@
 """Files that a job is to write: checked before the work, written whole or not at all."""
 
-import os
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -33,8 +32,11 @@ def check_target(path: Path, suffixes: Collection[str], inputs: Collection[Path]
         raise OutputError(f"{path}: the folder {path.parent} does not exist; make it first")
     if path.is_dir():
         raise OutputError(f"{path} is a folder; give a file name")
-    if not os.access(path.parent, os.W_OK):
-        raise OutputError(f"{path}: the folder {path.parent} cannot be written to")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise OutputError(f"{path}: the folder {path.parent} cannot be written to ({error.strerror})") from error
     for source in inputs:
         if path.exists() and source.exists() and path.samefile(source):
             raise OutputError(f"{path} is what the job reads; give the result another name")

@@ -21,6 +21,8 @@ from .runtime import own_log
 
 # FMI 2.0 statuses from here on mean that a call was not honoured.
 _FMI_DISCARD = 2
+# Share of a load's area over time that communication points may pass over in silence.
+_PASSED_OVER = 0.1
 MOST_VALUES = 5e7
 """Results that a run keeps, rows times columns: some 2 GB while it runs."""
 
@@ -126,6 +128,7 @@ def simulate(
     start, end, interval = _span(description, loads, step, stop)
     _tell_doubts(names, loads, end, settings, report)
     _check_size(start, end, interval, 1 + len(outputs))
+    _tell_passed_over(names, loads, np.arange(start, end + 0.5 * interval, interval), report)
     run = _Run(fmu, outputs, end)
     span = {"start_time": start, "stop_time": end, "output_interval": interval}
     result = run.driven(span, report, input=_signals(inputs, names, loads), start_values=settings)
@@ -224,6 +227,24 @@ def _tell_doubts(
         report.warning("the table has no column but time: nothing acts on the body; add inputs by name")
     elif not np.any(loads[:, 1:]):
         report.warning("all values of the table are zero: nothing acts on the body")
+
+
+def _tell_passed_over(names: Sequence[str], loads: FloatArray, points: FloatArray, report: Reporter) -> None:
+    """Warn of loads that communication points (s) pass over, by their areas over time."""
+    times, gap = loads[:, 0], np.diff(loads[:, 0])
+    # Jumps have points of their own.
+    points = np.union1d(points, times[1:][gap == 0.0])
+    fine = np.union1d(times, points)
+    for name, column in zip(names, loads[:, 1:].T, strict=True):
+        there = np.interp(fine, times, column)
+        missed = np.abs(there - np.interp(fine, points, np.interp(points, times, column)))
+        share = np.trapezoid(missed, fine) / max(float(np.trapezoid(np.abs(there), fine)), np.finfo(float).tiny)
+        if share > _PASSED_OVER:
+            report.warning(
+                f"communication points pass over {100.0 * share:.0f} % of {name} (area over time), most of it at "
+                f"{fine[np.argmax(missed)]:g} s: take a shorter step (--step; the table's closest rows are "
+                f"{np.min(gap[gap > 0.0]):g} s apart)"
+            )
 
 
 def _columns(result: NDArray[np.void], outputs: Sequence[str]) -> FloatArray:

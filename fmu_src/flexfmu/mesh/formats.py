@@ -28,6 +28,12 @@ EXODUS_SUFFIXES = (".e", ".exo", ".ex2", ".exii")
 # Programs write input files under these; the first lines tell whose they are.
 _SHARED_SUFFIXES = (".dat", ".inp")
 _LINES = 2000
+_GEOMETRY = "a geometry without elements; mesh it first, by gmsh for example", "-3 -order 2"
+# What gmsh makes a mesh of, and how.
+_FOR_GMSH = {
+    ".unv": ("no library reads solids of universal files; turn it into .msh by gmsh, which keeps groups", "-save"),
+    **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".brep"), _GEOMETRY),
+}
 
 
 def read_mesh(
@@ -79,11 +85,9 @@ def read_mesh(
         contents = read_ansys(path, units)
     elif suffix in EXODUS_SUFFIXES:
         contents = read_exodus(path)
-    elif suffix == ".unv":
-        raise MeshError(
-            f"{path}: no library reads solids of universal files; turn it into .msh by gmsh, which keeps groups: "
-            f"gmsh {path.name} -save -format msh41 -o {path.stem}.msh"
-        )
+    elif suffix in _FOR_GMSH:
+        what, how = _FOR_GMSH[suffix]
+        raise MeshError(f"{path}: {what}: gmsh {path.name} {how} -format msh41 -o {path.stem}.msh")
     else:
         contents = Contents(_read_with_meshio(path))
     if shells:

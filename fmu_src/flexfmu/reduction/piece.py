@@ -38,6 +38,8 @@ from .watched import watched_material
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
+# Share of the body's nodes that no interface is likely to have.
+_MOST = 0.9
 # Frames of the tree that the mass of the turned body is taken from.
 _FINE = 8
 
@@ -286,7 +288,12 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
         f"interface {interface.name!r}: {interface.nodes.size} nodes, loads spread {spread}, carried by {carrier}"
     )
     if model.fixed[interface.nodes].all():
-        report.warning(f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing")
+        report.doubt(f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing")
+    if interface.nodes.size > _MOST * len(model.mesh.points):
+        report.doubt(
+            f"interface {interface.name!r} has {interface.nodes.size} of the body's {len(model.mesh.points)} nodes: "
+            "its motion is an average over all of it; take the nodes where the body is joined to others"
+        )
     if interface.frame >= 0 and not subdomains[interface.frame].floating:
         beyond = np.setdiff1d(interface.nodes, subdomains[interface.frame].body.nodes).size
         rigid = any(np.isin(interface.nodes, link.nodes).all() for link in model.mesh.links)

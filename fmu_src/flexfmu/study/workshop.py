@@ -54,6 +54,12 @@ class Heard(Reporter):
             self._report.warning(text)
         self.warnings.append(text)
 
+    def doubt(self, text: str) -> None:
+        """Pass it on before it is kept, since it may end the job."""
+        if self._report is not None and text not in self.warnings:
+            self._report.doubt(text)
+        self.warnings.append(text)
+
 
 @dataclass(frozen=True, slots=True)
 class Built:
