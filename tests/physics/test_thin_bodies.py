@@ -15,6 +15,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.modes import normal_modes
 from flexfmu.reduction.supported import eliminated, supported
+from flexfmu.study.workshop import Heard
 from meshes import STEEL, body_file, box, held
 
 LENGTH, WIDTH = 0.3, 0.03
@@ -86,3 +87,27 @@ def test_one_layer_of_elements_leaves_a_thin_strip_more_digits_than_two():
             ).frequency_error
         )
     assert told[1] > 3.0 * told[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "counts"), [("C3D4", (10, 2, 2)), ("C3D4", (20, 4, 2)), ("C3D8", (10, 1, 1)), ("C3D8", (20, 2, 1))]
+)
+def test_a_mesh_of_linear_solids_tells_how_much_of_the_deflection_it_lacks(tmp_path, kind, counts):
+    """Against a beam of Euler and Bernoulli, whose frequency the other elements meet without a word."""
+    length, height = 1.0, 0.05
+    first = 3.5160 * np.sqrt(STEEL.youngs_modulus / 12.0 / STEEL.density) * height / length**2
+
+    def built(kind):
+        report = Heard()
+        mesh = box(ElementType[kind], counts, (length, 0.1, height))
+        body = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], frames=1, reduction={"modes": 2}), report)
+        return (first / body.angular_frequency[0]) ** 2, [text for text in report.warnings if "too stiff" in text]
+
+    reached, said = built(kind)
+    told = float(said[0].split("some ")[1].split(" %")[0]) / 100.0
+    assert told == pytest.approx(1.0 - reached, rel=0.35)
+    assert 0.1 < told < 1.0 - reached + 0.02
+    for good in ("C3D8I", "C3D10", "C3D20R"):
+        reached, said = built(good)
+        assert said == []
+        assert reached == pytest.approx(1.0, abs=0.05)

@@ -78,6 +78,46 @@ def nodal_stress(mesh: Mesh, nodes: IntArray, fields: FloatArray) -> FloatArray:
     return total / np.maximum(met, 1.0)[:, None, None]
 
 
+def stress_jumps(mesh: Mesh, field: FloatArray) -> float:
+    """Share of a field's strain energy in what its stress differs from the same with nodal means, linear between them.
+
+    It estimates the share of a deflection that a coarse mesh lacks (O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth.
+    Engng. 24 (1987) 337). Of linear elements alone: where thin walls meet it is too much for quadratic ones. Elements
+    beside another material do not count.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Solids alone, every element with a material.
+    field : (3n,) float
+        Displacements, m.
+
+    Returns
+    -------
+    float
+    """
+    sides = [block.connectivity[:, : len(_extrapolation(block.type))] for block in mesh.blocks]
+    smooth, u = np.zeros((len(mesh.points), 6)), field.reshape(-1, 3, 1)
+    nodes = np.unique(np.concatenate([side.ravel() for side in sides]))
+    smooth[nodes] = nodal_stress(mesh, nodes, field[:, None])[..., 0]
+    first, last = np.full(len(smooth), len(mesh.materials)), np.full(len(smooth), -1)
+    for block, side in zip(mesh.blocks, sides, strict=True):
+        np.minimum.at(first, side, block.material[:, None])
+        np.maximum.at(last, side, block.material[:, None])
+    energies = np.zeros(2)
+    for block, side in zip(mesh.blocks, sides, strict=True):
+        linear = block.type.node_count == block.type.corner_count and not block.type.incompatible
+        between = LINEAR[block.type.shape.polytope].value(block.type.stiffness.points)
+        counted = (first == last)[side].all(axis=1) & linear
+        for places, some in cells(mesh, block, CHUNK):
+            found = some.work(some.strains(u)).reshape(len(some.nodes), 6, -1) / some.volume[:, None]
+            jump = found - np.einsum("qa,eac->ecq", between, smooth[side[places]])
+            weight = some.volume * counted[places, None]
+            for k, stress in enumerate((jump, found)):
+                energies[k] += np.einsum("ecq,ecq,eq->", stress, np.linalg.solve(some.elasticity, stress), weight)
+    return float(energies[0] / energies[1]) if energies[1] > 0.0 else 0.0
+
+
 @cache
 def _extrapolation(kind: ElementType) -> FloatArray:
     """Values at the corners (corners, points) between which linear functions fit those at the points best.

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..fe.stress import point_stress
+from ..fe.stress import point_stress, stress_jumps
 from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.progress import Reporter
@@ -40,6 +40,8 @@ from .watched import watched_material
 _SPREAD = 0.1
 # Share of the body's nodes that no interface is likely to have.
 _MOST = 0.9
+# Share of deflections that a coarse mesh may lack in silence.
+_JUMPS = 0.05
 # Frames of the tree that the mass of the turned body is taken from.
 _FINE = 8
 
@@ -225,6 +227,7 @@ def _with_modes(
     if config.basis.by_need and Data.SECOND_ORDER in config.stored:
         modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), store, report)
     _tell(modes, report)
+    _tell_coarse(divided.model, modes, report)
     return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
 
 
@@ -321,6 +324,18 @@ def _tell(modes: Modes, report: Reporter) -> None:
         report.warning(
             "a mode that is left out has the frequency of one that is not: the body will be softer in one direction "
             "than in the other; take both modes or none"
+        )
+
+
+def _tell_coarse(model: Model, modes: Modes, report: Reporter) -> None:
+    """Warn of a mesh of solids that is far too stiff for the first mode."""
+    if any(block.type.shell for block in model.mesh.blocks):
+        return
+    share = stress_jumps(model.mesh, modes.shapes[:, np.argmax(modes.angular_frequency > 0.0)])
+    if share > _JUMPS:
+        report.warning(
+            f"the mesh is too stiff: stress jumps from element to element, by which deflections of the first mode are "
+            f"some {100.0 * share:.0f} % too small; take quadratic elements or a finer mesh"
         )
 
 
