@@ -19,7 +19,7 @@ ROOT, TIP = [0, 1, 2, 3], [8, 9, 10, 11]
 DECK = (
     "*NODE\n"
     + "".join(f"{label}, {x}, {y}, {z}\n" for label, (x, y, z) in enumerate(POINTS, 1))
-    + "*ELEMENT, TYPE=C3D8, ELSET=Body\n"
+    + "*ELEMENT, TYPE=C3D8I, ELSET=Body\n"
     + "".join(f"{label}, {', '.join(str(node + 1) for node in row)}\n" for label, row in enumerate(BRICKS, 1))
     + "*NSET, NSET=Root\n1, 2, 3, 4\n*NSET, NSET=Tip, GENERATE\n9, 12\n"
 )
@@ -186,7 +186,7 @@ def quadratic_and_linear_cells():
     return [
         ("tetra", ElementType.C3D4, tetra),
         ("tetra10", ElementType.C3D10, np.vstack([tetra, middles[0]])),
-        ("hexahedron", ElementType.C3D8, brick),
+        ("hexahedron", ElementType.C3D8I, brick),
         ("hexahedron20", ElementType.C3D20R, np.vstack([brick, middles[1]])),
     ]
 
@@ -198,7 +198,7 @@ def test_blocks_of_one_kind_are_joined_and_elements_numbered_in_the_files_order(
     path = write(tmp_path, "hexahedron", BRICKS)
     monkeypatch.setattr(meshio, "read", lambda _: found)
     mesh = read_mesh(path, UnitSystem.SI)
-    assert [block.type for block in mesh.blocks] == [ElementType.C3D8, ElementType.C3D4]
+    assert [block.type for block in mesh.blocks] == [ElementType.C3D8I, ElementType.C3D4]
     assert [block.labels.tolist() for block in mesh.blocks] == [[1, 3], [2]]
     assert mesh.element_sets["Last"].tolist() == [1]
     assert mesh.element_sets["Tets"].tolist() == [2]

@@ -33,7 +33,7 @@ class ElementType(Enum):
     stiffness, mass : Quadrature
     assumed : bool
         Whether files that name the shape alone are read as this element. Most 20-node models are run with reduced
-        integration.
+        integration, most programs' 8-node bricks bend without locking.
     incompatible : bool
         Whether three shape functions 1 − ξ² of the element's own are added, docs/theory.md section 2.
     shell : bool
@@ -42,8 +42,8 @@ class ElementType(Enum):
 
     C3D4 = "C3D4", TETRAHEDRON_4, tetrahedron_rule(1), tetrahedron_rule(2)
     C3D6 = "C3D6", WEDGE_6, wedge_rule(1, 2), wedge_rule(2, 2)
-    C3D8 = "C3D8", BRICK_8, brick_rule(2), brick_rule(2)
-    C3D8I = "C3D8I", BRICK_8, brick_rule(2), brick_rule(2), False, True
+    C3D8 = "C3D8", BRICK_8, brick_rule(2), brick_rule(2), False
+    C3D8I = "C3D8I", BRICK_8, brick_rule(2), brick_rule(2), True, True
     C3D10 = "C3D10", TETRAHEDRON_10, tetrahedron_rule(2), tetrahedron_rule(4)
     C3D15 = "C3D15", WEDGE_15, wedge_rule(2, 3), wedge_rule(5, 3)
     C3D20 = "C3D20", BRICK_20, brick_rule(3), brick_rule(3), False
