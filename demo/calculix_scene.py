@@ -310,7 +310,7 @@ def _check(code: int, said: str, times: list[float], factors: Sequence[float]) -
     if "divergence" in said or "too many cutbacks" in said:
         where = f"beyond {factors[reached - 1]:g} of the load" if reached else "at the first part of the load"
         raise SceneError(
-            f"CalculiX does not converge {where}: it is near a limit or critical load, or the mesh has "
-            f"zero-energy modes (a single layer of C3D20R); lower the load, or bring results. Its last lines:\n  {end}"
+            f"CalculiX does not converge {where}: it is near a limit or critical load; lower the load, or bring "
+            f"results. Its last lines:\n  {end}"
         )
     raise SceneError(f"CalculiX failed (exit code {code}). Its last lines:\n  {end}")

@@ -50,9 +50,7 @@ def halves(tmp_path_factory):
 
     def reduced(name, length, interfaces, frames, **tables):
         mesh = box(ElementType.C3D20R, (round(20 * length), 1, 1), (length, SIDE, SIDE))
-        # Joints of a single face of reduced integration: nothing for second order.
-        first_order = {"method": "frames"}
-        common = {"reduction": BASIS, "damping": DAMPING, "frames": frames, "formulation": first_order}
+        common = {"reduction": BASIS, "damping": DAMPING, "frames": frames}
         return body_file(mesh, folder, interface=interfaces, name=name, **(common | tables))
 
     whole = FlexibleBody(reduce_body(reduced("whole", LENGTH, ["TIP"], 8), Reporter()))

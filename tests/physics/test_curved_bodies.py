@@ -17,7 +17,7 @@ from flexfmu.model.methods import Method
 from flexfmu.reduction.division import distance_along
 from flexfmu.reduction.options import Basis
 from flexfmu.reduction.subdomains import fitted_rotation, mean_rotation, volume_weighted
-from meshes import arc, body_file, box, distorted
+from meshes import arc, box, distorted
 from references import DEMO, body_without_error, calculix, displacement, relative
 
 pytestmark = pytest.mark.slow
@@ -208,16 +208,3 @@ def test_a_hinged_arc_turns_without_changing_its_shape(bars, monkeypatch):
         reach.append(np.linalg.norm(tip))
     np.testing.assert_allclose(reach, reach[0], rtol=1e-12)
     assert abs(reach[0] - np.linalg.norm(body.interface_point[0])) > 1e-3
-
-
-@pytest.mark.parametrize(("counts", "told"), [((8, 1, 1), True), ((8, 2, 2), False)])
-def test_joints_that_zero_energy_modes_move_are_told_of(counts, told, tmp_path):
-    said = []
-
-    class Warned(Reporter):
-        def warning(self, text):
-            said.append(text)
-
-    mesh = box(ElementType.C3D20R, counts, (1.0, 0.1, 0.1))
-    reduce_body(body_file(mesh, tmp_path, interface=["TIP"], frames=2, reduction={"modes": 4}), Warned())
-    assert any("zero-energy" in text for text in said) == told

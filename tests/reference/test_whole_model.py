@@ -26,10 +26,9 @@ FACTORS = (0.4, 1.0)
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
 
 
-def bar_and_load(folder, kind=ElementType.C3D20, layers=None):
+def bar_and_load(folder, kind=ElementType.C3D20):
     """A slender bar, clamped at one end and on springs near the other, of two materials, under forces at its tip."""
-    # One element of reduced integration across has zero-energy modes.
-    layers = layers or (2 if kind is ElementType.C3D20R else 1)
+    layers = 2 if kind is ElementType.C3D20R else 1
     soft = STEEL.__class__("SOFT", 1.0e11, 0.25, 2700.0)
     mesh = box(
         kind, (6, layers, layers), (1.2, 0.05, 0.04), materials=(STEEL, soft), material=lambda c: (c[:, 0] > 3.0) * 1
@@ -121,10 +120,3 @@ def test_calculix_and_our_own_solve_agree_for_every_element(tmp_path, kind):
     expected = our_equilibria(model, load).reshape(2, -1, 3)[:, tip]
     found = done.displacement.reshape(2, -1, 3)[:, tip]
     np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
-
-
-@needs_ccx
-def test_where_calculix_does_not_converge_that_is_said(tmp_path):
-    model, load, tip = bar_and_load(tmp_path, ElementType.C3D20R, layers=1)
-    with pytest.raises(SceneError, match=r"does not converge at the first part of the load.*C3D20R"):
-        calculix.run(calculix.deck(model, load, FACTORS, tip, "bar"), FACTORS, len(model.mesh.points), Reporter())

@@ -1,6 +1,7 @@
 """Finite element matrices against closed forms, for every element type."""
 
 from ctypes import POINTER, c_int32, cast
+from dataclasses import replace
 from itertools import product
 from math import factorial
 
@@ -15,11 +16,12 @@ from flexfmu.fe import unknowns as fe_unknowns
 from flexfmu.fe.assembly import mass, stiffness, summed
 from flexfmu.fe.factorisation import Factorisation, factor_entries
 from flexfmu.files.errors import ModelError
+from flexfmu.mesh.checks import without_mechanisms
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.mesh.shapes import FACE_SHAPES, brick_rule, rectangle_rule, tetrahedron_rule, triangle_rule
 from flexfmu.reduction.supported import eliminated
-from meshes import DECK_TYPES, EVERY_TYPE, QUADRATIC, STEEL, box, distorted
+from meshes import DECK_TYPES, EVERY_TYPE, QUADRATIC, STEEL, box, distorted, grid, lattice
 from references import relative
 
 SIZE = (1.5, 1.0, 0.8)
@@ -251,6 +253,36 @@ def test_reduced_integration_is_that_of_both_matrices():
     assert ranks == [54, 48]
     scalar = [mesh.volume_matrices[0][0] for mesh in (full, reduced)]
     assert [np.linalg.matrix_rank(matrix) for matrix in scalar] == [20, 8]
+
+
+def motions_without_energy(mesh):
+    return int(np.sum(np.linalg.eigvalsh(stiffness(mesh).toarray()) < 1e-3))
+
+
+@pytest.mark.parametrize(
+    ("cells", "lone", "mechanisms"),
+    [
+        (grid(1, 1, 1), 1, 6),
+        (grid(4, 1, 1), 4, 5),
+        ([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 0)], 4, 4),
+        ([(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 2, 0)], 4, 4),
+        ([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (2, 1, 1), (2, 2, 1)], 2, 2),
+        ([*grid(2, 2, 1), (2, 0, 0), (3, 0, 0)], 2, 2),
+        (grid(3, 2, 1), 0, 0),
+        (np.concatenate([grid(3, 1, 1), np.add(grid(3, 2, 1), (0, 0, 1))]), 0, 0),
+        (grid(2, 2, 2), 0, 0),
+    ],
+    ids=["element", "bar", "corner", "branch", "stairs", "plate and bar", "plate", "angle", "block"],
+)
+def test_elements_of_reduced_integration_that_move_without_energy_are_integrated_fully(cells, lone, mechanisms):
+    mesh = lattice(ElementType.C3D20R, cells, lambda p: p * SIZE)
+    mesh = replace(mesh, element_sets={"LAST": np.array([len(cells) - 1])})
+    sound = without_mechanisms(mesh)
+    assert (motions_without_energy(mesh), motions_without_energy(sound)) == (6 + mechanisms, 6)
+    assert sum(len(block.labels) for block in sound.blocks if block.type is ElementType.C3D20) == lone
+    assert [block.labels[rows].tolist() for block, rows in sound.by_block(sound.element_sets["LAST"])] == [[len(cells)]]
+    assert sorted(np.concatenate([block.labels for block in sound.blocks])) == list(range(1, len(cells) + 1))
+    assert len(sound.notes) == (lone > 0)
 
 
 @EVERY

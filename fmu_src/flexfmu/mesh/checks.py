@@ -9,6 +9,7 @@ from scipy import sparse
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.mesh.blocks import ElementBlock
+from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.equations import coupled_nodes, without
 from flexfmu.mesh.links import RigidLink, merged
 from flexfmu.mesh.listing import listed
@@ -17,6 +18,8 @@ from flexfmu.mesh.model import Mesh
 # Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest
 # sensible element (1e-6 for one of aspect 1000 to 1000 to 1), far above round-off of coordinates (1e-13).
 DEGENERATE = 1e-10
+# Opposite faces of a brick.
+_OPPOSITE = np.array([(0, 1), (2, 4), (3, 5)])
 # Coordinates, m, beyond which volumes overflow: no body is there.
 _FARTHEST = 1e90
 
@@ -52,6 +55,42 @@ def checked(mesh: Mesh) -> Mesh:
             f"positive at a corner or quadrature point): {listed(bad)}; mesh again, or correct their node order"
         )
     return _without_unused_nodes(mesh)
+
+
+def without_mechanisms(mesh: Mesh) -> Mesh:
+    """Return the mesh with C3D20 for C3D20R elements of which two pairs of opposite faces are free.
+
+    Each would move without energy, as in a bar one element across; those with one free pair at most hold each other.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Checked.
+
+    Returns
+    -------
+    Mesh
+        Elements in another order, sets likewise, and a note; `mesh` itself if there are none.
+    """
+    outer, element = (np.concatenate([getattr(faces, name) for faces in mesh.faces]) for name in ("outer", "element"))
+    blocks, places, count = [], [], 0
+    for block, start in zip(mesh.blocks, mesh.starts, strict=False):
+        own = np.arange(start, start + len(block.labels))
+        lone = np.zeros(len(own), dtype=bool)
+        if block.type is ElementType.C3D20R:
+            free = outer[np.isin(element, own)].reshape(-1, len(block.type.shape.faces))
+            lone = free[:, _OPPOSITE].all(axis=2).sum(axis=1) > 1
+            count += int(lone.sum())
+        for chosen, kind in ((~lone, block.type), (lone, ElementType.C3D20)):
+            if chosen.any():
+                blocks.append(replace(block.part(chosen), type=kind))
+                places.append(own[chosen])
+    if not count:
+        return mesh
+    rows = np.argsort(np.concatenate(places))
+    note = f"{count} C3D20R with two pairs of opposite faces free would move without energy: they are taken as C3D20"
+    sets = {name: np.sort(rows[members]) for name, members in mesh.element_sets.items()}
+    return replace(mesh, blocks=tuple(blocks), element_sets=sets, notes=(*mesh.notes, note))
 
 
 def connected_parts(mesh: Mesh) -> IntArray:

@@ -7,13 +7,11 @@ import numpy as np
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
-from ..model.methods import Data
 from ..model.reduced_body import GROUND, WholeFrame
-from .division import Division, Joints, divide, divide_branches, open_loops
+from .division import Joints, divide, divide_branches, open_loops
 from .model import Model
 from .options import Basis, BodyOptions, BranchJoints, Nodes
 from .places import node_set
-from .second_order import hourglass_warnings
 from .subdomains import (
     FrameRequest,
     Subdomain,
@@ -70,19 +68,12 @@ def body_subdomains(
         if config.levels == 0:
             return top, ()
         division = divide(mesh, volumes, faces, anchored, config.levels)
-        if not config.levels_asked and _spoiled(config, mesh, division):
-            division = divide(mesh, volumes, faces, anchored, 1)
         advice = _advised(division.cuts) if config.levels_asked else ()
         return top + on_floating_frame(division.subdomains, len(top)), advice
     requests = frame_requests(config, mesh)
     subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
     warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
     return top + on_floating_frame(subdomains, len(top)), warnings
-
-
-def _spoiled(config: BodyOptions, mesh: Mesh, division: Division) -> bool:
-    """Whether one frame does better: several would have a joint on a single element's face."""
-    return Data.SECOND_ORDER in config.stored and bool(hourglass_warnings(mesh, division.subdomains))
 
 
 def frame_requests(config: BodyOptions, mesh: Mesh) -> list[FrameRequest]:

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from ..fe.unknowns import Unknowns, unknowns
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import ModelError
-from ..mesh.checks import connected_parts
+from ..mesh.checks import connected_parts, without_mechanisms
 from ..mesh.model import Mesh
 from .materials import completed
 from .options import BodyOptions
@@ -98,6 +98,7 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     mesh = with_rigid_nodes(mesh, config)
     rows = [part for part in (mesh.equations, mesh.supports if config.boundary else None) if part is not None]
     mesh = replace(mesh, equations=sp.csr_array(sp.vstack(rows)) if rows else None, supports=None)
+    mesh = without_mechanisms(mesh)
     fixed = mesh.fixed.copy()
     if not config.boundary:
         fixed[:] = False

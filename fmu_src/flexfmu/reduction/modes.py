@@ -293,7 +293,12 @@ def _checked_compliance(compliance: FloatArray) -> FloatArray:
 
 def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Squared frequencies and modes of the small eigenproblem that vectors (k, j) span."""
-    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, m @ vectors))
+    masses = np.einsum("ij,ij->j", vectors, m @ vectors)
+    if not np.all(masses > 0.0):
+        raise AccuracyError(
+            "some of the modes have no mass, which C3D20R have at eight points alone: ask for fewer modes"
+        )
+    vectors = vectors / np.sqrt(masses)
     try:
         squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
         modes = vectors @ small

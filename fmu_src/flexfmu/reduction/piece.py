@@ -28,7 +28,7 @@ from .model import Model
 from .modes import Modes
 from .options import BodyOptions, BodyUse
 from .rigid_fit import by_node, modal_fit
-from .second_order import hourglass_warnings, node_readings, second_order
+from .second_order import node_readings, second_order
 from .sets import element_set
 from .shadow import THIRD_LEAST, THIRD_MOST, embedding, shadow_options
 from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operators
@@ -349,8 +349,6 @@ def _second_order(
 ) -> tuple[SecondOrder, FloatArray]:
     """Where places go at second order: those that the body's kinematics read, and the lumps of its mass."""
     mesh, subdomains, modes = divided.model.mesh, divided.subdomains, basis.modes
-    for text in hourglass_warnings(mesh, subdomains):
-        report.warning(text)
     heavy = config.acceleration
     centres = mass_centres(mesh, divided.volumes, subdomains)[2] if heavy else []
     centres = centres + lump_centres

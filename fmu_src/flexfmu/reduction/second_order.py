@@ -19,10 +19,9 @@ import numpy as np
 
 from ..fe.gradients import geometric_stiffness
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.elements import ElementType
 from ..mesh.model import Mesh
 from ..model.curvature import from_ground, product
-from ..model.reduced_body import GROUND, SecondOrder
+from ..model.reduced_body import SecondOrder
 from ..model.rotations import skew
 from .interfaces import InterfaceFit
 from .masses import Centre
@@ -31,8 +30,6 @@ from .subdomains import Subdomain, Turn, carrying_frame
 from .supported import Supported
 
 _RANK = 6
-# Nodes of a face of a 20-node brick.
-_SINGLE_FACE = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,32 +85,6 @@ class NodeReading:
 
 def _still(modes: int) -> tuple[Turn, FloatArray]:
     return Turn(np.zeros(0, dtype=np.int64), np.zeros((3, 0))), np.zeros((3, modes))
-
-
-def hourglass_warnings(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[str, ...]:
-    """Joints inside the body that are a single face of reduced integration, which zero-energy modes move as they like.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    subdomains : sequence of Subdomain
-
-    Returns
-    -------
-    tuple of str
-    """
-    reduced = [block.connectivity for block in mesh.blocks if block.type is ElementType.C3D20R]
-    found = []
-    for domain in subdomains:
-        if domain.parent == GROUND or domain.floating or domain.joint.nodes.size > _SINGLE_FACE or not reduced:
-            continue
-        if np.isin(domain.joint.nodes, np.concatenate([cells.ravel() for cells in reduced])).all():
-            found.append(
-                f"frame {domain.name}: its joint is the face of a single C3D20R element, expected several: zero-energy "
-                "modes of the elements spoil second order there; mesh two elements across the section, take C3D20 "
-                'elements, frames = 1, or method "frames"'
-            )
-    return tuple(found)
 
 
 def node_readings(

@@ -13,7 +13,6 @@ from itertools import combinations_with_replacement, permutations
 import numpy as np
 
 from ..fe.gradients import mean_spin, quadratic_strain
-from ..fe.nonlinear import NO_ENERGY
 from ..fe.stressed import stressed_gradients
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter, tell_nobody
@@ -32,9 +31,6 @@ _STIFF = 1e-2
 _DEPENDENT = 1e-10
 # Rotation of the material (rms, rad) at which shapes are compared.
 _TURN = 0.5
-# Strain energy of a static shape relative to what its forces have worked, off by which elements move without energy:
-# round-off of plates of a thickness of 1/300 is 1e-5.
-_HELD = 1e-3
 
 
 def with_third_order(
@@ -83,12 +79,7 @@ def third_order_loads(
     with report.stage("Find static shapes of third order"):
         forces = _forces(matrices, *softest_motions(matrices, loads))
         free = model.forces(forces)
-        shapes = model.static(free)
-        worked = np.einsum("ij,ij->j", shapes, free)
-        sound = np.abs(np.einsum("ij,ij->j", shapes, model.stiffness @ shapes) - worked) <= _HELD * np.abs(worked)
-        if not np.all(sound):
-            report.warning(f"{NO_ENERGY}; shapes of third order that they do not hold are left out")
-        forces, work = forces[:, sound], free[:, sound].T @ shapes[:, sound]
+        work = free.T @ model.static(free)
         held = (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
         # What they do outside the basis.
         values, axes = np.linalg.eigh(0.5 * (work + work.T) - held.T @ held)

@@ -30,8 +30,6 @@ _STOPS = 4.0
 _TURNS = 0.05
 # Supports beyond which none is looked at: a cover on its bolts is no loop of slender members.
 _MOST_SUPPORTS = 8
-# Nodes of a section that is a single face: its element's zero-energy modes would be free.
-_ONE_FACE = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +87,10 @@ def _closes_loops(model: Model) -> bool:
 
 def _parts(config: BodyOptions, model: Model) -> list[Part]:
     """Parts of the body cut at the sections that were found; none where it cannot be cut there."""
-    names = config.cuts
-    if not names or any(model.mesh.node_sets[name].size <= _ONE_FACE for name in names):
+    if not config.cuts:
         return []
     try:
-        opened, parts = cut_parts(model, names, config.supports)
+        opened, parts = cut_parts(model, config.cuts, config.supports)
         part_configs(config, opened, parts)
     except BodyFileError:
         return []
