@@ -43,6 +43,7 @@ def run(path, command):
     return result.stdout
 
 
+@pytest.mark.slow
 def test_commands_build_describe_and_simulate(folder):
     path, printed = folder
     assert (path / "arm.fmu").is_file()

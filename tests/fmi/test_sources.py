@@ -59,6 +59,7 @@ def alone(model, folder):
     return driven.get("tip.displacement.y")[0]
 
 
+@pytest.mark.slow
 def test_two_fmus_stand_in_one_program_without_files(compiler, made, tmp_path):
     models, folder, parts = made
     names = [v.name for v in variable_table(models["left"])]
@@ -75,6 +76,7 @@ def test_two_fmus_stand_in_one_program_without_files(compiler, made, tmp_path):
     assert abs(found[0] - found[1]) > 1e-6 * abs(found[0])
 
 
+@pytest.mark.slow
 def test_no_name_in_a_program_is_without_the_prefix(made):
     if shutil.which("nm") is None:
         pytest.skip("no nm")

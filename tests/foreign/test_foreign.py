@@ -90,7 +90,11 @@ def test_the_linear_answer_of_both_bars_is_calculixs(bar):
     np.testing.assert_allclose(found, calculix(kind, "linear"), rtol=1e-5)
 
 
-@pytest.mark.parametrize("name", SETS)
+# Quick is the bar of the deck, which all files give.
+BARS = [pytest.param(name, marks=() if name.startswith("deck") else pytest.mark.slow) for name in SETS]
+
+
+@pytest.mark.parametrize("name", BARS)
 @pytest.mark.parametrize("kind", ["tets", "bricks"])
 def test_the_bar_of_every_file_bends_far_as_in_calculix(kind, name):
     root, tip, _ = SETS[name]

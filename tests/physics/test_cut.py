@@ -431,6 +431,7 @@ def test_damping_of_the_lowest_mode_is_what_was_asked_for(cut):
     assert ratio == pytest.approx(0.02, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_beam_clamped_at_both_ends_stretches(tmp_path):
     """Membrane action, 200 kN in the middle: in one piece every model is off by 70 % or more (`test_demos`)."""
     folder = DEMO / "clamped_clamped"

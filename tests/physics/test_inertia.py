@@ -124,6 +124,7 @@ def element_places(model, finite, q):
     return result
 
 
+@pytest.mark.slow
 def test_the_mass_comes_to_that_of_all_finite_element_nodes_with_the_square_of_the_lumps_size(whole, random):
     model, finite = whole()
     q, step = bent(model, random), 1e-5
@@ -365,7 +366,9 @@ MOTIONS = {
 }
 
 
-@pytest.mark.parametrize("motion", ["beam", pytest.param("L-frame", marks=pytest.mark.slow), "quarter arc"])
+@pytest.mark.parametrize(
+    "motion", ["quarter arc", *(pytest.param(name, marks=pytest.mark.slow) for name in ("beam", "L-frame"))]
+)
 def test_to_second_order_the_deformed_body_s_mass_follows_the_nonlinear_transient(bodies, motion):
     """CalculiX's, with one and two frames; the constant mass leaves what frames cannot mend."""
     folder, mesh, results, modes, residual, force, hertz, far, errors = MOTIONS[motion]

@@ -29,6 +29,7 @@ X, Y, Z = np.eye(3)
 LEAN = {"residual_flexibility": True, "second_order": True}
 CLAMPED, ARCH, PLATE = DEMO / "clamped_clamped", DEMO / "shallow_arch", DEMO / "plate"
 ROOF, TUBE, BRACKET = DEMO / "shallow_roof", DEMO / "thin_tube", DEMO / "bracket"
+SLOW = pytest.mark.slow
 CORNERS = ("corner_left", "corner_right")
 
 
@@ -57,8 +58,12 @@ def error(body, case, forces, column="force_N", row=-1):
 ROWS = [
     (CLAMPED, "static_y", {"middle": Y}, "force_N", 5e-4, 1.0),
     (ARCH, "static_y", {"crown": -Y}, "force_N", 5e-3, 0.15),
-    (PLATE, "static_bend", dict(zip(CORNERS, (Z, Z), strict=True)), "corner_left_fz_N", 5e-3, 0.01),
-    (PLATE, "static_twist", dict(zip(CORNERS, (Z, -Z), strict=True)), "corner_left_fz_N", 5e-3, 0.7),
+    pytest.param(
+        PLATE, "static_bend", dict(zip(CORNERS, (Z, Z), strict=True)), "corner_left_fz_N", 5e-3, 0.01, marks=SLOW
+    ),
+    pytest.param(
+        PLATE, "static_twist", dict(zip(CORNERS, (Z, -Z), strict=True)), "corner_left_fz_N", 5e-3, 0.7, marks=SLOW
+    ),
 ]
 
 
@@ -72,7 +77,8 @@ def test_bodies_that_stretch_when_they_bend(reduced, folder, case, forces, colum
 
 
 @pytest.mark.parametrize(
-    ("folder", "case", "way", "limit"), [(ARCH, "static_y", -Y, 5e-3), (ROOF, "static_z", -Z, 7e-3)]
+    ("folder", "case", "way", "limit"),
+    [(ARCH, "static_y", -Y, 5e-3), pytest.param(ROOF, "static_z", -Z, 7e-3, marks=SLOW)],
 )
 def test_shapes_by_which_a_body_evades_its_stretch_stay_coordinates(reduced, folder, case, way, limit):
     """At 90 % of the limit load; with all of w at second order arch and roof are too stiff."""
@@ -96,7 +102,7 @@ def test_a_body_whose_only_shape_along_itself_bends_as_well_is_not_locked_by_it(
     assert errors(scene, references(scene, Reporter()), FlexibleBody(body, SECOND)).static_displacement < 5e-3
 
 
-@pytest.mark.parametrize(("frames", "limit", "without"), [(1, 5e-3, 0.015), (2, 2e-3, 0.013)])
+@pytest.mark.parametrize(("frames", "limit", "without"), [(1, 5e-3, 0.015), pytest.param(2, 2e-3, 0.013, marks=SLOW)])
 def test_a_thin_tube_flattens_as_it_bends(reduced, frames, limit, without):
     """A quarter of the length at its tip; 10 mm across, wall 1 mm."""
     body = reduced(TUBE, frames)
@@ -119,18 +125,19 @@ def test_a_tube_in_bending_loses_the_stiffness_that_brazier_found(reduced):
     assert 0.65 * expected < found < 0.8 * expected
 
 
-@pytest.mark.parametrize("folder", [CLAMPED, ARCH])
+@pytest.mark.parametrize("folder", [CLAMPED, pytest.param(ARCH, marks=SLOW)])
 def test_more_frames_do_no_harm(reduced, folder):
     name, way = ("middle", Y) if folder == CLAMPED else ("crown", -Y)
     assert error(reduced(folder, 2), "static_y", {name: way}) < 6e-3
 
 
-@pytest.mark.parametrize("folder", [BEAM, L_FRAME])
+@pytest.mark.parametrize("folder", [BEAM, pytest.param(L_FRAME, marks=SLOW)])
 def test_bodies_that_are_held_at_one_place_do_without(reduced, folder):
     assert reduced(folder).membrane is None
     assert reduced(folder, membrane=True).membrane is not None
 
 
+@pytest.mark.slow
 def test_what_is_taken_along_and_why_is_said_in_a_line(bodies):
     class Listener(Reporter):
         def __init__(self):
@@ -173,7 +180,7 @@ def test_a_beam_held_at_both_ends_is_a_string_at_fourth_order(reduced):
     assert found == pytest.approx(expected, rel=0.02)
 
 
-@pytest.mark.parametrize(("folder", "case", "way"), [(ARCH, "path_y", Y), (ROOF, "path_z", Z)])
+@pytest.mark.parametrize(("folder", "case", "way"), [(ARCH, "path_y", Y), pytest.param(ROOF, "path_z", Z, marks=SLOW)])
 def test_a_body_that_snaps_is_borne_up_to_its_limit_load_and_refused_beyond(reduced, folder, case, way):
     path = calculix(folder / "calculix" / f"{case}.csv")
     peak = int(np.argmax(np.diff(path["force_N"]) > 0.0))

@@ -43,6 +43,7 @@ def swung(folder, model, force, count=60, course=constant, **start):
     return driven, np.array(told)
 
 
+@pytest.mark.slow
 def test_what_is_told_is_the_phase_that_runs_off_and_the_energy_that_is_missed(tmp_path, l_frame):
     """√κ|φ|/√3 + max|X|/2E, κ = max|v|²/2E, φ = ½ω₁ ∫X dt / mean|v|², X = v·ΔM v."""
     _, told = swung(tmp_path, l_frame, 800.0)

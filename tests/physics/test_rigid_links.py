@@ -62,6 +62,7 @@ def test_linear_theory_is_off_under_the_same_loads():
     assert all(errors(linear, load)[0] > 0.02 for load in ("force", "moment", "both", "all"))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:interface 'pin'")
 def test_a_bore_that_deforms_gives_way_by_far_more():
     soft = plate(rigid=False)
@@ -99,6 +100,7 @@ def test_an_interface_that_the_body_file_makes_rigid_is_that_of_a_rigid_coupling
     np.testing.assert_array_equal(tip(mesh), tip(linked, rigid=False))
 
 
+@pytest.mark.slow
 def test_links_that_share_a_reference_point_are_one_rigid_body():
     mesh = bar()
     top, end = mesh.node_sets["MIDDLE"], mesh.node_sets["TIP"]

@@ -50,7 +50,7 @@ def tangent(body, method, force):
 
 
 @pytest.mark.parametrize("folder", [BEAM, L_FRAME])
-@pytest.mark.parametrize("frames", [1, 2, 4])
+@pytest.mark.parametrize("frames", [2, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 4))])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_forces_stiffen_and_soften_as_the_whole_model_s_geometric_stiffness(reduced, folder, frames, axis):
     """Loads on the deformed body *are* the geometric stiffness of their stress, with motions right to second order."""
@@ -73,7 +73,10 @@ def test_bent_beam(reduced, frames, limit):
 
 
 @pytest.mark.parametrize(("case", "axis"), [("static_z", 2), ("static_x", 0)])
-@pytest.mark.parametrize(("frames", "limit"), [(1, 0.0065), (2, 3e-4), (3, 2e-4), (4, 2e-4)])
+@pytest.mark.parametrize(
+    ("frames", "limit"),
+    [(2, 3e-4), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((1, 0.0065), (3, 2e-4), (4, 2e-4)))],
+)
 def test_bent_and_twisted_frame(reduced, case, axis, frames, limit):
     table = calculix(L_FRAME / "calculix" / f"{case}.csv")[-1:]
     loads = table["force_N"][:, None] * np.eye(3)[axis]
@@ -90,6 +93,7 @@ def test_pressed_and_bent_in_two_planes(reduced):
     assert tip_errors(body, Method.FRAMES, table, loads)[0] > 5.0 * found[0]
 
 
+@pytest.mark.slow
 def test_weight_bends_the_beam_along_the_elastica(reduced):
     acceleration = 4.0 * STIFFNESS / MASS
     expected = heavy_elastica(acceleration)
@@ -120,7 +124,7 @@ def test_energy_is_kept_whatever_the_step(reduced):
 @pytest.mark.parametrize(
     ("folder", "force"), [(BEAM, [-2e3, 8e3, 3e3]), (L_FRAME, [2e3, 0.0, 0.0]), (L_FRAME, [0.0, 0.0, 2e3])]
 )
-@pytest.mark.parametrize("frames", [1, 2])
+@pytest.mark.parametrize("frames", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_free_body_fixed_by_the_scene_is_the_supported_one(reduced, folder, force, frames):
     """The L-frame's root turns at second order when its legs bend: only there it matters where the body is fixed."""
     basis = {"basis": Basis.CRAIG_BAMPTON, "modes": 8, "second_order": True}

@@ -71,6 +71,7 @@ def test_a_block_that_tumbles_keeps_its_angular_momentum(tmp_path, block, moment
     assert driven.log == []
 
 
+@pytest.mark.slow
 def test_a_body_that_tumbles_turns_by_euler_s_equations(block):
     """Over 50 turns and more; the reference integrates quaternion and spin to 1e-12."""
     body = FlexibleBody(block, Method.SECOND_ORDER, damping_scale=0.0, limits=StepLimits(2e-4))

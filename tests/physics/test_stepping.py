@@ -117,6 +117,7 @@ def test_the_internal_step_is_of_second_order(fine):
     assert errors[-1] < 1e-4
 
 
+@pytest.mark.slow
 def test_the_motion_is_that_of_an_independent_integrator():
     model = beam_body(3, modes=2, planes="y", damping=0.02)
     flexible = FlexibleBody(model, COROTATED, limits=StepLimits(0.0, 1e-8))

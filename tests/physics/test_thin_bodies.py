@@ -32,7 +32,7 @@ def strip(folder, thickness, kind=ElementType.C3D20R, turn=(0.0, 0.0, 0.0), **re
 
 
 @pytest.mark.parametrize("reduction", [{}, {"residual_flexibility": True}, {"basis": "craig_bampton"}])
-@pytest.mark.parametrize("kind", [ElementType.C3D20R, ElementType.C3D10])
+@pytest.mark.parametrize("kind", [ElementType.C3D20R, pytest.param(ElementType.C3D10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("thickness", [pytest.param(1e-3, marks=pytest.mark.slow), 0.6e-3])
 def test_a_steel_strip_swings_and_bends_as_beam_theory_says(tmp_path, thickness, kind, reduction):
     body, across = strip(tmp_path, thickness, kind, **reduction)
@@ -45,6 +45,7 @@ def test_a_steel_strip_swings_and_bends_as_beam_theory_says(tmp_path, thickness,
     assert moved == pytest.approx(force * LENGTH**3 / (3.0 * bending), rel=0.03)
 
 
+@pytest.mark.slow
 def test_round_off_moves_a_frequency_by_about_what_is_told(tmp_path):
     """The frequency of a strip does not depend on where it points, but for round-off."""
     told = []

@@ -65,6 +65,7 @@ def test_linear_kinematics_equal_a_body_without_frames(bodies):
     )
 
 
+@pytest.mark.slow
 def test_error_falls_with_the_square_of_the_number_of_frames(bodies):
     # Thirty modes, so that truncation does not hide the frames' own error.
     errors = np.array([tip_error(bodies.beam(frames=n, modes=30), 10e3) for n in (1, 2, 4, 8)])

@@ -12,7 +12,7 @@ from benchmarks.records import read_records
 from scipy.spatial.transform import Rotation
 
 BODIES = {make.__name__: make for make in EVERY}
-QUICK = ("fork", "stocky_rod")
+SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
 # Of the kept record: points that are wrong while nothing is said, the share that is right, and alarms without cause.
 SILENT, RIGHT_SHARE, FALSE_ALARMS = 1, 0.892, 4
 
@@ -23,9 +23,9 @@ def rows(name):
     return [{key: str(value) for key, value in row.items()} for row in measure(BODIES[name]())]
 
 
-def names():
-    """All bodies; slow ones are marked."""
-    return [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in BODIES]
+def names(bodies=BODIES):
+    """Of bodies, by default all; slow ones are marked."""
+    return [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in bodies]
 
 
 @cache
@@ -47,7 +47,7 @@ def test_the_shortest_body_file_is_right_or_the_fmu_says_that_it_is_not(name):
         assert told(row) or error(row) < 1.1 * silent().get(place(row), RIGHT), place(row)
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", names(SIMPLE))
 def test_simple_bodies_are_right_in_every_point(name):
     assert len(answered(rows(name))) == len(rows(name))
     assert max(map(error, rows(name))) < RIGHT

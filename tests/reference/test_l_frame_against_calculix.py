@@ -41,6 +41,7 @@ def test_linear_body_is_wrong(bodies, case, error):
     assert tip_error(bodies.l_frame(frames=0), case) == pytest.approx(error, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_error_falls_with_the_square_of_the_number_of_frames(bodies, case):
     # The levels do not end at the corner, so single halvings scatter; three of them together do not.

@@ -35,7 +35,7 @@ def linear_error(body):
     return relative(found, displacement(calculix(BEAM / "calculix" / "linear_y.csv")))
 
 
-@pytest.mark.parametrize("modes", [2, 6, 10])
+@pytest.mark.parametrize("modes", [2, *(pytest.param(count, marks=pytest.mark.slow) for count in (6, 10))])
 def test_residual_flexibility_makes_few_modes_statically_exact(beam, modes):
     assert linear_error(beam(modes=modes)) > 5e-4
     assert linear_error(beam(modes=modes, residual=True)) < 1e-6
@@ -53,6 +53,7 @@ def test_craig_bampton_is_statically_exact(beam, modes):
     assert linear_error(beam(Basis.CRAIG_BAMPTON, modes)) < 1e-6
 
 
+@pytest.mark.slow
 def test_craig_bampton_frequencies_come_down_to_those_of_the_body(beam):
     expected = calculix(BEAM / "calculix" / "frequencies.csv")["frequency_Hz"][:6]
     errors = []
@@ -65,6 +66,7 @@ def test_craig_bampton_frequencies_come_down_to_those_of_the_body(beam):
     assert errors[1] < 1e-3
 
 
+@pytest.mark.slow
 def test_craig_bampton_and_normal_modes_agree_when_the_beam_bends_far(beam):
     loads = {"tip": [-2e3, 10e3, 3e3, 50.0, -200.0, 300.0]}
     normal, craig_bampton = beam(modes=40), beam(Basis.CRAIG_BAMPTON, 12)

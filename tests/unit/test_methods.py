@@ -75,11 +75,15 @@ def tip_error(body, method, force):
     return relative(model.response(model.static({"tip": [0.0, force, 0.0]})).displacement[0], displacement(row))
 
 
-@pytest.mark.parametrize(("modes", "low", "high"), [(1, 1.06, 1.09), (3, 1.0, 1.01), (5, 1.0, 1.01), (10, 1.0, 1.01)])
+@pytest.mark.parametrize(
+    ("modes", "low", "high"),
+    [(1, 1.06, 1.09), (3, 1.0, 1.01), *(pytest.param(n, 1.0, 1.01, marks=pytest.mark.slow) for n in (5, 10))],
+)
 def test_geometric_stiffness_by_load_buckles_at_eulers_load(beam, modes, low, high):
     assert low < critical_load(beam(modes=modes), BY_LOAD) < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [Method.MODAL_ROTATION, Method.HALF_ROTATION])
 def test_corrective_moment_alone_buckles_at_two_ei_over_l_squared(beam, method):
     found = critical_load(beam(modes=30), method)
@@ -123,6 +127,7 @@ def test_axial_force_changes_the_first_frequency_as_beam_theory_says(beam, share
     assert (found > body.angular_frequency[0]) == (share > 0.0)
 
 
+@pytest.mark.slow
 def test_frequencies_under_axial_force_agree_with_calculix(beam):
     for row in calculix(BEAM / "calculix" / "axial_frequencies.csv"):
         squares = np.linalg.eigvalsh(tangent(beam(modes=20), BY_LOAD, row["force_N"]))
@@ -264,6 +269,7 @@ def test_kinds_of_bodies_refuse_methods_that_have_no_meaning_for_them():
     assert conflict(Variant(Method.FRAMES, Mass.CONFIGURATION), free=False, cut=True) is not None
 
 
+@pytest.mark.slow
 def test_stiffness_by_mode_stiffens_under_tension_as_by_load_does(beam):
     # The few axial modes carry the tension: near the root, where it stiffens most, they hold almost all of it.
     body = beam(modes=40)

@@ -75,7 +75,9 @@ def test_bodies_of_meshio_of_arrays_and_in_millimetres_are_the_same(built):
     np.testing.assert_allclose(body.model.angular_frequency, built.model.angular_frequency, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("kind", "tolerance"), [("MeshHex", 0.15), ("MeshTet2", 0.02)])
+@pytest.mark.parametrize(
+    ("kind", "tolerance"), [("MeshHex", 0.15), pytest.param("MeshTet2", 0.02, marks=pytest.mark.slow)]
+)
 def test_meshes_of_scikit_fem_bring_their_boundaries_and_subdomains(kind, tolerance):
     skfem = pytest.importorskip("skfem")
     grid = (np.linspace(0.0, LENGTH, 21), np.linspace(0.0, SIDE, 5), np.linspace(0.0, SIDE, 5))
@@ -181,6 +183,7 @@ def test_loads_that_make_no_table_are_refused(built):
         built.simulate({"time": [1.0, 0.0], "tip.force.y": [0.0, 0.0]})
 
 
+@pytest.mark.slow
 def test_the_example_of_the_docs_runs(tmp_path):
     (example,) = re.findall(r"^```python\n(.*?)^```$", DOCS.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
     done = subprocess.run(

@@ -97,6 +97,7 @@ def bent(tmp_path_factory, store):
     return scene, references(scene, Reporter(), store)["bend"]
 
 
+@pytest.mark.slow
 def test_the_static_reference_is_what_calculix_finds(bent):
     _, reference = bent
     table = calculix(BEAM / "calculix" / "static_y.csv")

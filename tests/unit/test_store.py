@@ -89,6 +89,7 @@ def test_what_depends_on_the_interfaces_is_found_again_when_they_change(store):
     assert build(store, residual=True, interface=[tip])[1] == ["normal modes"]
 
 
+@pytest.mark.slow
 def test_another_support_material_or_number_of_modes_takes_nothing(store):
     build(store)
     hinge = SupportTable(nodes="ROOT", stiffness=[1e9, 1e9, 1e9])
