@@ -3,6 +3,8 @@
 import json
 import math
 import re
+import subprocess
+import sys
 from contextlib import closing
 from dataclasses import replace
 
@@ -167,6 +169,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(bent_beam, tmp_path, stor
     assert len(tried) == 3
 
 
+@pytest.mark.slow
 def test_the_finite_element_model_is_on_record_with_its_error_and_its_time(tmp_path, store):
     results = calculix_results(tmp_path, BEAM / "calculix" / "static_y.csv", 10e3, (0.3, 1.0))
     small = SMALL_SWEEP.replace("[3, 6]", "[3]").replace("[1, 2]", "[1]").replace("finite_elements = false", "")
@@ -243,6 +246,7 @@ def test_a_file_of_another_kind_is_not_written_over(tmp_path):
     assert path.read_text(encoding="utf-8") == "one line without an end"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("basis", list(BasisChoice))
 def test_models_that_share_a_reduction_are_as_exact_as_those_of_their_own(bent_beam, store, basis):
     scene = replace(bent_beam, file=bent_beam.file.model_copy(update={"sweep": SweepTable(modes=[4, 9])}))
@@ -256,6 +260,7 @@ def test_models_that_share_a_reduction_are_as_exact_as_those_of_their_own(bent_b
     assert shared.body.mode_count < workshop.shared(replace(reduction, modes=9), [second]).body.mode_count
 
 
+@pytest.mark.slow
 def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_come_next(bent_beam, tmp_path, store, monkeypatch):
     """Of made-up timings, so that the front is known: cost grows with modes and frames."""
 
@@ -322,6 +327,17 @@ def test_a_body_is_packaged_once_for_all_its_methods(bent_beam, tmp_path, store,
             timer.times(body, bent_beam, 1e-3, Variant(Method.FRAMES_STIFFNESS), StepLimits())
         # It goes on after that.
         assert timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())["fmu_us"] > 0.0
+
+
+def test_a_script_that_times_is_run_once_whether_or_not_it_guards_its_main_module(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from flexfmu.study.fmu_cost import fmu_timer\nprint('once')\nwith fmu_timer() as timer:\n"
+        "    print(timer._ask(pow, 2, 3))\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False, timeout=120)
+    assert (done.stdout.split(), done.stderr) == (["once", "8"], "")
 
 
 def test_memory_grows_with_the_model_and_not_with_its_steps(bodies):

@@ -7,14 +7,13 @@ live in one process beside this one (`fmu_worker`).
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
 
 import fmpy
+from joblib.externals.loky import ProcessPoolExecutor
 from pythonfmu.builder import FmuBuilder
 
 from ..body.flexible_body import StepLimits
@@ -141,8 +140,8 @@ class FmuTimer:
     def _ask(self, work: Callable[..., T], *arguments: object) -> T:
         """Have the process do something."""
         if self._process is None:
-            # Ctrl-C is for this process, which ends the other.
-            self._process = ProcessPoolExecutor(1, get_context("spawn"), _prepare)
+            # Ctrl-C is for this process, which ends the other. A script that asks is not run there again.
+            self._process = ProcessPoolExecutor(1, initializer=_prepare)
         try:
             return self._process.submit(answer, work, *arguments).result()
         except BrokenProcessPool as error:
@@ -155,7 +154,7 @@ class FmuTimer:
         self._loaded = None
         self._empty.clear()
         if process is not None:
-            process.shutdown(cancel_futures=True)
+            process.shutdown(kill_workers=True)
 
 
 def _prepare() -> None:
