@@ -95,6 +95,7 @@ def test_a_step_allocates_nothing(kind, counted, tmp_path):
 # What tests do to a body: its workspace cut short, with a mark on every number beyond.
 CUT = """
 #include "body.h"
+#define FLEX_EXPORT __attribute__((visibility("default")))
 static const double MARK = 1234.5;
 FLEX_EXPORT int64_t body_room(const Body *body) { return body->work_size; }
 FLEX_EXPORT void body_cut(Body *body, int64_t size, int64_t whole) {

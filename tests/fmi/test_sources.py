@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from binary_files import libraries
 from bodies import beam_body
 from driven import Driven
 from flexfmu.core.building import FLAGS, system_compiler
@@ -84,6 +85,12 @@ def test_no_name_in_a_program_is_without_the_prefix(made):
     names = [line.split()[0] for line in told.splitlines() if re.match(r"\S+ [TDBRC] ", line)]
     assert len(names) > 100
     assert [name for name in names if "left_" not in name] == []
+
+
+def test_the_core_offers_names_of_fmi_alone():
+    (core,) = libraries(library_path().read_bytes())[:1]
+    assert "fmi2DoStep" in core.offered
+    assert [name for name in core.offered if not name.startswith(("fmi2", "_"))] == []
 
 
 def test_the_core_asks_for_no_newer_c_library_than_wheels_know():

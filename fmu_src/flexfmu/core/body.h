@@ -14,19 +14,19 @@
 #include "watch.h"
 
 /* Hash of the C files that this was compiled from; empty where the command did not say. */
-FLEX_EXPORT const char *core_sources(void);
+const char *core_sources(void);
 
 /* Make a body of an image, which is copied; null with words in `why` where it cannot be. */
-FLEX_EXPORT Body *body_open(const void *image, int64_t size, const char **why);
-FLEX_EXPORT void body_close(Body *body);
+Body *body_open(const void *image, int64_t size, const char **why);
+void body_close(Body *body);
 /* Bytes of the program and of all workspaces: no call takes more. */
-FLEX_EXPORT int64_t body_bytes(const Body *body);
+int64_t body_bytes(const Body *body);
 /* Options; FLEX_BAD_OPTION where one is out of range. */
-FLEX_EXPORT int body_options(Body *body, double damping_scale, const StepLimits *limits);
+int body_options(Body *body, double damping_scale, const StepLimits *limits);
 
 /* What a step was refused for, in words. */
-FLEX_EXPORT void body_refusal(const Body *body, int answer, double step, const Work *work, char *text, int64_t size);
+void body_refusal(const Body *body, int answer, double step, const Work *work, char *text, int64_t size);
 /* The same of an equilibrium that reached a share of the load. */
-FLEX_EXPORT void body_static_refusal(const Body *body, int answer, double share, char *text, int64_t size);
+void body_static_refusal(const Body *body, int answer, double share, char *text, int64_t size);
 
 #endif

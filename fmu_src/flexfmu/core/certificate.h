@@ -10,7 +10,7 @@ int is_shadow(const Body *shadow, const Body *body);
 /* Errors (I, 2) of displacements, m, and rotations, rad, of the interfaces at q under loads (L). `deflection`, the largest so
  * far, m, is followed; `share` is the largest error over it. Where the shadow tells no more than that the motion is wrong,
  * errors are the deflections themselves. */
-FLEX_EXPORT int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,
+int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,
                            double *share);
 /* The same, and a bound of the largest share, in which is what the shadow does not see: what warnings go by. */
 int bounded_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,

@@ -10,12 +10,6 @@
 #include "arena.h"
 #include "program.h"
 
-#if defined(_WIN32)
-#define FLEX_EXPORT __declspec(dllexport)
-#else
-#define FLEX_EXPORT __attribute__((visibility("default")))
-#endif
-
 /* How a call ended. */
 enum {
 #define ANSWER(symbol, ...) FLEX_##symbol,

@@ -10,9 +10,9 @@ void take_deformed(const Body *body, Arena *arena, Deformed *deformed);
 void find_reach(Body *body);
 
 /* Angle of each watched rotation within a frame, (turnings), rad; the largest. */
-FLEX_EXPORT double body_rotations(Body *body, const double *q, double *angles);
+double body_rotations(Body *body, const double *q, double *angles);
 /* The largest mean strain of a material in a frame. */
-FLEX_EXPORT double body_strain(Body *body, const double *q);
+double body_strain(Body *body, const double *q);
 /* Whether neither exceeds its limit; costs next to nothing until one nearly does. */
 int deforms_within(Body *body, const double *q, double rotation, double strain);
 

@@ -99,7 +99,7 @@ class _Wholes(_Numbers):
 
 _ANSWER, _WORK, _TEXT = ctypes.c_int, ctypes.POINTER(_Work), (ctypes.c_char_p, _WHOLE)
 # Of each function: what it returns, and its arguments after the body.
-_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+_OF_BODIES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_close": (None, ()),
     "body_options": (_ANSWER, (_NUMBER, ctypes.POINTER(_Limits))),
     "body_static": (_ANSWER, (_Numbers, _Numbers, _Numbers, _Wholes)),
@@ -121,6 +121,11 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_bytes": (_WHOLE, ()),
     "body_error": (_done, (_PLACE, *(_Numbers,) * 5)),
     "body_compliance": (_done, (_Numbers, _NUMBER, _Numbers, _Wholes, _WHOLE, _Numbers)),
+}
+_SIGNATURES = {name: (result, (_PLACE, *arguments)) for name, (result, arguments) in _OF_BODIES.items()}
+_SIGNATURES |= {
+    "body_open": (_PLACE, (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))),
+    "core_sources": (ctypes.c_char_p, ()),
 }
 
 
@@ -157,25 +162,21 @@ def library() -> ctypes.CDLL:
         found = ctypes.CDLL(str(path))
     except OSError as error:
         raise OptionError(f"{path} cannot be loaded: {error}; install flexfmu anew") from error
-    says = getattr(found, "core_sources", None)
-    if says is not None:
-        says.restype = ctypes.c_char_p
+    declared = hasattr(found, "fmi2FlexfmuCall") and declare(found)
     # A call by another layout of its structures could do anything.
-    if sources() and (says is None or says() != source_hash().encode()):
+    if sources() and (not declared or found.core_sources() != source_hash().encode()):
         raise OptionError(
             f"{path} was compiled from other C files than those beside it; install again (pip install -e . in a clone)"
         )
-    declare(found)
     return found
 
 
-def declare(found: ctypes.CDLL) -> None:
-    """Tell a loaded core's functions their types."""
+def declare(found: ctypes.CDLL) -> bool:
+    """Give a loaded core the functions beside those of FMI, which are its only names."""
+    found.fmi2FlexfmuCall.restype = _PLACE
     for name, (result, arguments) in _SIGNATURES.items():
-        function = getattr(found, name)
-        function.restype, function.argtypes = result, (_PLACE, *arguments)
-    found.body_open.restype = _PLACE
-    found.body_open.argtypes = (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))
+        setattr(found, name, ctypes.CFUNCTYPE(result, *arguments)(found.fmi2FlexfmuCall(name.encode()) or 0))
+    return True
 
 
 class Core:
@@ -360,9 +361,7 @@ class Core:
     def compliance(self, inputs: FloatArray, step: float, q: FloatArray, interfaces: Sequence[int]) -> FloatArray:
         """Derivative (6n, 6n) of interfaces' motion at a step's end by loads on them held over the step."""
         count = len(interfaces)
-        result = np.empty((6 * count, 6 * count))
-        self._ask("compliance", inputs, step, q, interfaces, count, result)
-        return result
+        return self._filled((6 * count, 6 * count), "compliance", inputs, step, q, interfaces, count)
 
     def error(self, shadow: "Core", inputs: FloatArray, q: FloatArray) -> tuple[FloatArray, float]:
         """Errors (I, 2) of displacements (m) and rotations (rad) by a shadow; the largest over the deflection."""

@@ -9,7 +9,7 @@ void internal_demand(const Body *body, Arena *arena);
 
 /* A step from (q, v), overwritten where the answer is FLEX_OK; `inputs_end` null for loads held over the step.
  * `hint` is the number of internal steps to begin with, and the one for the next step. */
-FLEX_EXPORT int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
+int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
                           int64_t *hint, Work *work);
 
 #endif

@@ -10,26 +10,26 @@ void judgement_demand(const Body *body, Arena *arena);
 void inertia_demand(const Body *body, Arena *arena);
 
 /* Smallest eigenvalue of the tangent over the unloaded one; its shape (m) unless null. */
-FLEX_EXPORT double body_stability(Body *body, const double *inputs, const double *q, double *shape);
-FLEX_EXPORT int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
+double body_stability(Body *body, const double *inputs, const double *q, double *shape);
+int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
 /* What loads alone take off the stability in a shape. */
-FLEX_EXPORT double body_softening(Body *body, const double *inputs, const double *q, const double *shape);
+double body_softening(Body *body, const double *inputs, const double *q, const double *shape);
 /* Error of deflections from stiffness that the method misses: whether it may exceed a limit; itself; its own margin. */
-FLEX_EXPORT int body_may_miss(Body *body, const double *inputs, double limit);
-FLEX_EXPORT double body_missed(Body *body, const double *inputs, double *margin);
+int body_may_miss(Body *body, const double *inputs, double limit);
+double body_missed(Body *body, const double *inputs, double *margin);
 /* Spin of a body that turns as a whole with constant mass over its lowest elastic frequency; 0 for others. */
-FLEX_EXPORT double body_spin(Body *body, const double *q, const double *v);
+double body_spin(Body *body, const double *q, const double *v);
 /* Its angular momentum so far, from rest: impulse of the moments, rotation vector and its derivative where it was last
  * looked at, the largest of impulse and momentum, and by what share of it they differ. Followed to a step's end. */
 typedef struct {
     double impulse[3], angle[3], rate[3], largest, drift;
 } Momentum;
-FLEX_EXPORT void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
+void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
 /* What constant mass leaves out of a motion so far: seconds that were looked at, integrals of v (M - 1) v and of v², the largest
  * of both and of twice the energy, and the error of the motion that follows. */
 typedef struct {
     double time, missed, moved, most_missed, most_moved, energy, error;
 } MissedInertia;
-FLEX_EXPORT void body_missed_inertia(Body *body, const double *q, const double *v, double step, MissedInertia *so_far);
+void body_missed_inertia(Body *body, const double *q, const double *v, double step, MissedInertia *so_far);
 
 #endif
