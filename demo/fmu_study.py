@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,9 +81,10 @@ def static_tip(variant: Variant, forces: FloatArray) -> FloatArray:
     references = {v.name: v.valueReference for v in description.modelVariables}
     inputs = [references[f"tip.force.{axis}"] for axis in AXES]
     outputs = [references[f"tip.{kind}.{axis}"] for kind in ("displacement", "rotation") for axis in AXES]
+    folder = fmpy.extract(str(variant.fmu))
     slave = FMU2Slave(
         guid=description.guid,
-        unzipDirectory=fmpy.extract(str(variant.fmu)),
+        unzipDirectory=folder,
         modelIdentifier=description.coSimulation.modelIdentifier,
         instanceName=variant.label,
     )
@@ -100,6 +102,7 @@ def static_tip(variant: Variant, forces: FloatArray) -> FloatArray:
         result[k] = slave.getReal(outputs)
     slave.terminate()
     slave.freeInstance()
+    shutil.rmtree(folder, ignore_errors=True)
     return result
 
 

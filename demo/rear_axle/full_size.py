@@ -121,9 +121,10 @@ def build(deck: Path, folder: Path, name: str, frames: int | None, cut: bool = F
 def step_cost(fmu: Path) -> tuple[float, float]:
     """Median seconds of a step with its inputs and outputs, and the largest travel of the left wheel, m."""
     description = fmpy.read_model_description(str(fmu))
+    folder = fmpy.extract(str(fmu))
     slave = FMU2Slave(
         guid=description.guid,
-        unzipDirectory=fmpy.extract(str(fmu)),
+        unzipDirectory=folder,
         modelIdentifier=description.coSimulation.modelIdentifier,
         instanceName="timed",
     )
@@ -144,6 +145,7 @@ def step_cost(fmu: Path) -> tuple[float, float]:
         travel = max(travel, abs(values[rise]))
     slave.terminate()
     slave.freeInstance()
+    shutil.rmtree(folder, ignore_errors=True)
     return statistics.median(times), travel
 
 
