@@ -15,6 +15,7 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND
 from flexfmu.reduction.division import Joints, distance_along, divide, divide_branches
+from flexfmu.reduction.subdomains import division_warnings
 from meshes import EVERY_TYPE, arc, bars, body_file, box, lattice, renumbered, with_sets
 from references import relative
 
@@ -67,6 +68,15 @@ def depth_in_tree(division):
 def children(division):
     parents = [domain.parent for domain in division.subdomains]
     return [parents.count(s) for s in range(len(parents))]
+
+
+def test_elements_in_no_frame_or_in_two_are_counted_and_no_others_told_of():
+    mesh = BODIES["bar"](BRICK)
+    frames = divided(mesh, 3).subdomains
+    assert division_warnings(mesh, frames) == ()
+    assert division_warnings(mesh, frames[:2]) == ("16 elements are in no frame",)
+    (told,) = division_warnings(mesh, [*frames, frames[1]])
+    assert told.startswith("16 elements are in more than one frame")
 
 
 @EVERY
