@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from decks import BODY, COUPLING
@@ -41,6 +42,29 @@ def test_init_writes_a_body_file_of_a_bare_mesh_that_is_held_and_loaded_at_its_e
     again = run("init", bar)
     assert again.exit_code == 1
     assert "is there already" in again.output
+
+
+@pytest.mark.parametrize(("size", "units", "modulus"), [(120.0, "mm-t-s", 2.1e5), (0.5, "m-kg-s", 2.1e11)])
+def test_init_guesses_units_by_the_size_and_avoids_words_of_c(tmp_path, size, units, modulus):
+    path = tmp_path / "double.inp"
+    write_deck(box(ElementType.C3D10, (4, 2, 2), (size, size / 5.0, size / 5.0)), path, materials=False)
+    assert run("init", path).exit_code == 0
+    config = read_body_file(tmp_path / "double.toml")
+    assert config.name == "body_double"
+    assert config.mesh.units.value == units
+    assert f"youngs_modulus = {modulus:.6g}" in (tmp_path / "double.toml").read_text()
+    assert run("build", tmp_path / "double.toml", "-o", tmp_path / "out.fmu").exit_code == 0
+
+
+def test_init_guesses_units_by_materials_that_the_mesh_tells(tmp_path):
+    """Half a metre is as likely as half a millimetre is not; steel of 7.85e-9 is steel in t and mm alone."""
+    path = tmp_path / "part.inp"
+    write_deck(box(ElementType.C3D10, (4, 2, 2), (9.0, 2.0, 2.0)), path)
+    tables = path.read_text().split("*ELASTIC")
+    tables[1] = "\n210000, 0.3\n*DENSITY\n7.85e-9\n*SOLID" + tables[1].split("*SOLID")[1]
+    path.write_text("*ELASTIC".join(tables))
+    assert run("init", path).exit_code == 0
+    assert read_body_file(tmp_path / "part.toml").mesh.units.value == "mm-t-s"
 
 
 def test_check_lists_sets_materials_ends_and_what_a_body_file_chooses(bar):
@@ -114,6 +138,22 @@ def test_a_bore_is_found_with_its_axis_and_radius(kind, turn):
     assert node_set(mesh, place, "bore").tolist() == np.flatnonzero(away < 0.01201).tolist()
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bore_is_found_where_faces_of_tetrahedra_lie_askew(seed):
+    """Nodes within the bore slide along it, so that its triangles have normals along the axis, too."""
+    mesh, random = lug(ElementType.C3D10), np.random.default_rng(seed)
+    away, height = np.hypot(mesh.points[:, 0], mesh.points[:, 1]), mesh.points[:, 2]
+    inside = (abs(away - 0.012) < 1e-6) & (height > 1e-6) & (height < 0.01 - 1e-6)
+    assert inside.sum() > 20
+    points = mesh.points.copy()
+    slide = random.uniform(-0.25, 0.25, (int(inside.sum()), 2))
+    turn = np.exp(0.4 * 1j * slide[:, 0]) * (points[inside, 0] + 1j * points[inside, 1])
+    points[inside] = np.column_stack([turn.real, turn.imag, points[inside, 2] + 0.01 * slide[:, 1]])
+    (place,) = bores(replace(mesh, points=points)).values()
+    assert place.radius == pytest.approx(0.012, rel=1e-6)
+    np.testing.assert_allclose(np.sort(np.array(place.cylinder), axis=0), [[0, 0, 0], [0, 0, 0.01]], atol=1e-7)
+
+
 def test_a_shaft_and_a_box_have_no_bore():
     assert bores(box(ElementType.C3D8, (4, 2, 2), (1.0, 0.2, 0.2))) == {}
     ring = lug(ElementType.C3D8)
@@ -124,6 +164,45 @@ def test_a_shaft_and_a_box_have_no_bore():
     turned[:, 2] *= -1.0
     found = bores(replace(ring, points=turned))
     assert all(place.radius < 0.0119 for place in found.values())
+
+
+def test_init_holds_a_body_without_plane_ends_where_its_longest_side_begins(tmp_path):
+    mesh = box(ElementType.C3D10, (8, 2, 2), (0.4, 0.1, 0.1))
+    turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    leaning = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])
+    mesh = replace(mesh, points=mesh.points @ (leaning @ turn).T)
+    path = write_deck(replace(mesh, node_sets={}), tmp_path / "bar.inp", materials=False)
+    assert run("init", path).exit_code == 0
+    body = reduce_body(read_body_file(path.with_suffix(".toml")), Reporter())
+    assert body.interface_names == ("x_max",)
+    assert run("init", write_deck(mesh, tmp_path / "named.inp", materials=False)).exit_code == 0
+    config = read_body_file(tmp_path / "named.toml")
+    assert (config.support[0].nodes, config.interface[0].nodes) == ("ROOT", "TIP")
+    assert body.interface_point[0, 0] > 0.9 * (mesh.points @ turn.T)[:, 0].max()
+
+
+def test_init_holds_one_bore_of_a_link_without_plane_ends_and_loads_the_other(tmp_path):
+    left = lug(ElementType.C3D10)
+    turned = left.points @ Rotation.from_euler("xyz", [0.3, 0.4, 0.5]).as_matrix().T
+    block = left.blocks[0]
+    both = replace(
+        left,
+        points=np.concatenate([turned, turned + np.array([0.2, 0.0, 0.0])]),
+        labels=1 + np.arange(2 * len(turned)),
+        fixed=np.concatenate([left.fixed] * 2),
+        blocks=(
+            replace(
+                block,
+                labels=1 + np.arange(2 * len(block.labels)),
+                connectivity=np.concatenate([block.connectivity, len(turned) + block.connectivity]),
+                material=np.concatenate([block.material] * 2),
+            ),
+        ),
+    )
+    assert run("init", write_deck(both, tmp_path / "link.inp", materials=False)).exit_code == 0
+    config = read_body_file(tmp_path / "link.toml")
+    assert [table.name for table in config.interface] == ["bore_2"]
+    assert config.support[0].nodes.radius == pytest.approx(0.012, rel=1e-6)
 
 
 def test_init_offers_bores_as_interfaces(tmp_path):

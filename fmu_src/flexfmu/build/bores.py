@@ -2,7 +2,9 @@
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.optimize import least_squares
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
 
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh
@@ -11,8 +13,9 @@ from ..reduction.surface import surface_nodes
 
 # Faces whose normals differ by less belong to one smooth piece: coarse bores of eight elements have 45° between them.
 _SMOOTH = np.cos(np.radians(50.0))
-# Share of normals along the axis, and of the radius by which nodes miss it, up to which a piece is a cylinder.
-_ALONG, _ROUND = 1e-3, 1e-2
+# Share of normals along the axis, which faces of tetrahedra have too, of those across it in the lesser direction, and
+# share of the radius by which nodes miss it, up to which a piece is a cylinder.
+_ALONG, _ACROSS, _ROUND = 0.15, 1e-2, 1e-2
 # The widest gap between nodes as seen from the axis: more is a fillet or a half bore.
 _GAP = np.radians(100.0)
 _DIGITS = 9
@@ -63,14 +66,12 @@ def _bore(points: FloatArray, faces: IntArray, normal: FloatArray) -> Place | No
     """The cylinder that a smooth piece of the surface is, if it is a bore."""
     values, turn = np.linalg.eigh(normal.T @ normal / len(normal))
     # A plane has one direction of normals only, a cylinder two.
-    if values[0] > _ALONG or values[1] < _ROUND:
+    if values[0] > _ALONG or values[1] < _ACROSS:
         return None
-    axis = turn[:, 0]
     at = points[np.unique(faces)]
-    flat = at @ turn[:, 1:]
-    system = np.column_stack([2.0 * flat, np.ones(len(flat))])
-    x, y, rest = np.linalg.lstsq(system, (flat**2).sum(axis=1), rcond=None)[0]
-    radius = float(np.sqrt(max(rest + x * x + y * y, 0.0)))
+    turn = _axes(at, turn)
+    axis, flat = turn[:, 0], at @ turn[:, 1:]
+    x, y, radius = _circle(flat)
     arm = flat - [x, y]
     if np.abs(np.linalg.norm(arm, axis=1) - radius).max() > _ROUND * radius:
         return None
@@ -80,5 +81,27 @@ def _bore(points: FloatArray, faces: IntArray, normal: FloatArray) -> Place | No
     if gap > _GAP or not np.all(towards < 0.0):
         return None
     low, high = (at @ axis).min(), (at @ axis).max()
-    ends = [tuple((turn[:, 1:] @ [x, y] + axis * along).round(_DIGITS).tolist()) for along in (low, high)]
+    # Adding zero takes the sign of −0.
+    ends = [tuple(((turn[:, 1:] @ [x, y] + axis * along).round(_DIGITS) + 0.0).tolist()) for along in (low, high)]
     return Place(cylinder=(ends[0], ends[1]), radius=round(radius, _DIGITS))
+
+
+def _axes(points: FloatArray, start: FloatArray) -> FloatArray:
+    """Directions (3, 3) of a cylinder, its axis first, by points on it and directions nearby."""
+
+    def turned(tilt: FloatArray) -> FloatArray:
+        return Rotation.from_rotvec(start[:, 1:] @ tilt).as_matrix() @ start
+
+    def missed(tilt: FloatArray) -> FloatArray:
+        flat = points @ turned(tilt)[:, 1:]
+        x, y, radius = _circle(flat)
+        return np.hypot(*(flat - [x, y]).T) - radius
+
+    return turned(least_squares(missed, np.zeros(2), xtol=1e-15, ftol=1e-15, gtol=1e-15).x)
+
+
+def _circle(flat: FloatArray) -> tuple[float, float, float]:
+    """Centre and radius of the circle that fits points (k, 2) best."""
+    system = np.column_stack([2.0 * flat, np.ones(len(flat))])
+    x, y, rest = np.linalg.lstsq(system, (flat**2).sum(axis=1), rcond=None)[0]
+    return float(x), float(y), float(np.sqrt(max(rest + x * x + y * y, 0.0)))

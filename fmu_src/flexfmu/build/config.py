@@ -13,10 +13,11 @@ from ..model.methods import ASKED_BY, Data, Mass, Method, Variant, conflict, has
 from ..reduction import options as plain
 from . import tables
 
-_C_KEYWORDS = """
+C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
 """
+"""Names that no body may have."""
 
 
 class BodySpec(Table):
@@ -59,7 +60,7 @@ class BodySpec(Table):
     @field_validator("name")
     @classmethod
     def _identifier(cls, value: str) -> str:
-        if value in _C_KEYWORDS.split():
+        if value in C_KEYWORDS.split():
             raise ValueError(f"{value!r} is a word of the C language, which an FMU's model identifier may not be")
         return value
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..files.progress import Reporter
 from ..files.store import Store
+from ..files.threads import in_one_thread
 from ..files.version import __version__
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
@@ -54,6 +55,7 @@ def reduce_body(
     return reduce_mesh(mesh, config, file_origin(file), report, store, levels)
 
 
+@in_one_thread
 def reduce_mesh(
     mesh: Mesh,
     config: BodySpec,

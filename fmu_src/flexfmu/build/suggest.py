@@ -1,23 +1,29 @@
 """What a mesh offers to a body file: its sets, materials and reference points, and plane ends by place."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
 
 from ..fe.faces import select
 from ..files.array_types import FloatArray, IntArray
+from ..files.errors import DeckError
 from ..files.toml_files import toml_value
 from ..files.units import UnitSystem
+from ..mesh.formats import read_mesh
 from ..mesh.model import NO_MATERIAL, Mesh
+from ..mesh.plausibility import is_likely
 from ..reduction.materials import KEYS, missing
 from ..reduction.options import Nodes, Place
 from ..reduction.places import node_set
 from .bores import bores
-from .config import BodyFile
+from .config import C_KEYWORDS, BodyFile
 
 _AXES = ("x", "y", "z")
 # Distance from a plane end of the body, over its longest side, of nodes that lie in it.
 _ON_END = 1e-6
+# How deep a round end is, over half that side.
+_DEEP = 0.05
 
 
 def plane_ends(mesh: Mesh) -> dict[str, Place]:
@@ -141,6 +147,26 @@ def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
     return {title: node_set(mesh, nodes, title) for title, nodes in choices}
 
 
+def likely_mesh(path: Path) -> tuple[Mesh, UnitSystem]:
+    """Read a mesh in the units in which it is likely, kg, m and s if in none.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    mesh : Mesh
+    units : UnitSystem
+    """
+    for system in UnitSystem:
+        with contextlib.suppress(DeckError):  # densities beyond all meaning
+            mesh = read_mesh(path, system)
+            if is_likely(mesh):
+                return mesh, system
+    return read_mesh(path), UnitSystem.SI
+
+
 def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     """Body file to begin with: what the mesh names, its bores, or its plane ends, as support and interfaces.
 
@@ -158,11 +184,10 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
         TOML.
     """
     ends = [(name, _toml(place)) for name, place in plane_ends(mesh).items()]
-    named = [(_name(name), f'"{name}"') for name in mesh.references] or [
-        (_name(name), f'"{name}"') for name in list(mesh.node_sets)[:1] if not ends
-    ]
+    named, sets = ([(_name(name), f'"{name}"') for name in names] for names in (mesh.references, mesh.node_sets))
     holes = [(name, _toml(place)) for name, place in bores(mesh).items()]
-    support, interfaces = ends[:1], named or holes or ends[1:2] or ends[:1]
+    places = [*ends[:1], *holes] if holes else ends or (sets[1:] and sets) or _round_ends(mesh)
+    support, interfaces = places[:1], named or (places[1:] if holes else places[1:2]) or places[:1]
     lines = [f'name = "{_name(file.stem)}"', "", "[mesh]", f'file = "{file.as_posix()}"']
     lines.append(f'units = "{units.value}"   # the mesh\'s own; others: {", ".join(u.value for u in UnitSystem)}')
     bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
@@ -175,14 +200,28 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
         lines += ["", "[[support]]", *(f"nodes = {nodes}" for _, nodes in support), 'fix = ["x", "y", "z"]']
     for name, nodes in interfaces:
         lines += ["", "[[interface]]", f'name = "{name}"', f"nodes = {nodes}"]
-    sets = ", ".join(mesh.node_sets) or "none"
-    return "\n".join([*lines, "", f"# node sets of the mesh: {sets}", ""])
+    every = ", ".join(mesh.node_sets) or "none"
+    return "\n".join([*lines, "", f"# node sets of the mesh: {every}", ""])
+
+
+def _round_ends(mesh: Mesh) -> list[tuple[str, str]]:
+    """Boxes about the ends of the longest side, by name, of a body that has no plane one."""
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    axis = int(np.argmax(high - low))
+    margin = _DEEP * (high[axis] - low[axis])
+    first, last = high.copy(), low.copy()
+    first[axis], last[axis] = low[axis] + margin, high[axis] - margin
+    boxes = {"min": (low - margin, first + margin), "max": (last - margin, high + margin)}
+    return [
+        (f"{_AXES[axis]}_{end}", toml_value({"box": [p.round(9).tolist() for p in pair]}))
+        for end, pair in boxes.items()
+    ]
 
 
 def _name(text: str) -> str:
     """Letters, digits and _ of a text, a letter first."""
     found = "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in text).strip("_")
-    return found if found[:1].isalpha() else f"body_{found}"
+    return found if found[:1].isalpha() and found not in C_KEYWORDS.split() else f"body_{found}"
 
 
 def _centre(mesh: Mesh, rows: IntArray) -> str:

@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import AccuracyError, ModelError
 from ..files.progress import Reporter
+from ..files.threads import in_one_thread
 from ..mesh.model import Mesh
 from .assembly import CHUNK, assembled, summed
 from .cells import Cells
@@ -119,6 +120,7 @@ def _tangent(part: Cells, slopes: FloatArray, work: FloatArray) -> FloatArray:
     return result
 
 
+@in_one_thread
 def load_path(
     mesh: Mesh, unknowns: Unknowns, spring: FloatArray, load: FloatArray, factors: Sequence[float], report: Reporter
 ) -> LoadPath:

@@ -60,14 +60,22 @@ def is_likely_density(density: float) -> bool:
     return _within(density, _LIKELY_DENSITY)
 
 
+def is_likely(mesh: Mesh) -> bool:
+    """Whether a mesh (SI units) has the size of machine parts, of materials that they may be of if it tells."""
+    known = (one for one in mesh.materials if not np.isnan(one.youngs_modulus + one.density))
+    return _within(_size(mesh), _LIKELY_SIZE) and all(_likely(one.youngs_modulus, one.density) for one in known)
+
+
 def _plausible_in(other: UnitSystem, mesh: Mesh, units: UnitSystem) -> bool:
     """Whether the same numbers are a likely body throughout in another system."""
     stress, density = other.stress / units.stress, other.density / units.density
     return _within(_size(mesh) * other.length / units.length, _LIKELY_SIZE) and all(
-        _solid(material.youngs_modulus * stress, material.density * density)
-        and is_likely_density(material.density * density)
-        for material in mesh.materials
+        _likely(material.youngs_modulus * stress, material.density * density) for material in mesh.materials
     )
+
+
+def _likely(modulus: float, density: float) -> bool:
+    return _solid(modulus, density) and is_likely_density(density)
 
 
 def _solid(modulus: float, density: float) -> bool:
