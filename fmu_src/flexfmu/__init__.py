@@ -4,54 +4,49 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .api import Body
-    from .body.flexible_body import FlexibleBody, Response, State, StepLimits
-    from .build.choices import Interface, Support
-    from .files.errors import FlexfmuError, SimulationError
-    from .files.units import UnitSystem
-    from .files.version import __version__
-    from .fmu.built_body import BuiltBody, SimulationResult, load
-    from .given.matrices import linear_body
-    from .given.modes import GivenModes, read_given
-    from .given.packing import pack
-    from .given.sid import read_sid, write_sid
-    from .mesh.formats import read_mesh
-    from .mesh.model import Mesh
-    from .mesh.shells import shell_mesh
-    from .model.errors import EquilibriumError, RuntimeBodyError, StepError
-    from .model.methods import Mass, Method
-    from .reduction.options import Basis
-__all__ = [
-    "Basis",
-    "Body",
-    "BuiltBody",
-    "EquilibriumError",
-    "FlexfmuError",
-    "FlexibleBody",
-    "GivenModes",
-    "Interface",
-    "Mass",
-    "Mesh",
-    "Method",
-    "Response",
-    "RuntimeBodyError",
-    "SimulationError",
-    "SimulationResult",
-    "State",
-    "StepError",
-    "StepLimits",
-    "Support",
-    "UnitSystem",
-    "__version__",
-    "linear_body",
-    "load",
-    "pack",
-    "read_given",
-    "read_mesh",
-    "read_sid",
-    "shell_mesh",
-    "write_sid",
-]
+    from .api import Body as Body
+    from .body.flexible_body import (
+        FlexibleBody as FlexibleBody,
+    )
+    from .body.flexible_body import (
+        Response as Response,
+    )
+    from .body.flexible_body import (
+        State as State,
+    )
+    from .body.flexible_body import (
+        StepLimits as StepLimits,
+    )
+    from .build.choices import Interface as Interface
+    from .build.choices import Support as Support
+    from .files.errors import FlexfmuError as FlexfmuError
+    from .files.errors import SimulationError as SimulationError
+    from .files.units import UnitSystem as UnitSystem
+    from .files.version import __version__ as __version__
+    from .fmu.built_body import BuiltBody as BuiltBody
+    from .fmu.built_body import SimulationResult as SimulationResult
+    from .fmu.built_body import load as load
+    from .given.matrices import linear_body as linear_body
+    from .given.modes import GivenModes as GivenModes
+    from .given.modes import read_given as read_given
+    from .given.packing import pack as pack
+    from .given.sid import read_sid as read_sid
+    from .given.sid import write_sid as write_sid
+    from .mesh.formats import read_mesh as read_mesh
+    from .mesh.model import Mesh as Mesh
+    from .mesh.shells import shell_mesh as shell_mesh
+    from .model.errors import (
+        EquilibriumError as EquilibriumError,
+    )
+    from .model.errors import (
+        RuntimeBodyError as RuntimeBodyError,
+    )
+    from .model.errors import (
+        StepError as StepError,
+    )
+    from .model.methods import Mass as Mass
+    from .model.methods import Method as Method
+    from .reduction.options import Basis as Basis
 
 # Imported when first asked for.
 _MODULES = {
@@ -73,6 +68,13 @@ _MODULES = {
     ".model.methods": ("Mass", "Method"),
     ".reduction.options": ("Basis",),
 }
+
+__all__ = [name for names in _MODULES.values() for name in names]
+
+
+def __dir__() -> list[str]:
+    """Every public name, for completion."""
+    return sorted({*globals(), *__all__})
 
 
 def __getattr__(name: str) -> object:

@@ -2,6 +2,8 @@
 
 import doctest
 import importlib
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -65,3 +67,14 @@ def test_each_function_that_is_offered_has_an_example():
     functions = [each for each in offered if callable(each) and not isinstance(each, type)]
     assert len(functions) > 5
     assert [each.__name__ for each in functions if ">>>" not in (each.__doc__ or "")] == []
+
+
+def test_completion_shows_every_public_name():
+    done = subprocess.run(
+        [sys.executable, "-c", "import flexfmu; print(set(flexfmu.__all__) - set(dir(flexfmu)), len(flexfmu.__all__))"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith("set() ")
+    assert int(done.stdout.split()[-1]) > 20
