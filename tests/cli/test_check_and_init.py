@@ -12,17 +12,18 @@ from flexfmu.build.bores import bores
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.files.errors import BodyFileError
+from flexfmu.files.errors import AccuracyError, BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.options import Place
 from flexfmu.reduction.places import node_set
-from meshes import box, grid, lattice, write_deck
+from meshes import body_file, box, grid, lattice, write_deck
+from scene_tools import Listening
 
 
 @pytest.fixture
 def bar(tmp_path):
-    """A bar without sets, materials or supports; two elements across, since one moves without energy."""
+    """A bar without sets, materials or supports; two elements across."""
     mesh = box(ElementType.C3D20R, (2, 2, 1), (0.5, 0.05, 0.02))
     path = write_deck(mesh, tmp_path / "bar.inp", materials=False)
     path.write_text(path.read_text().split("*NSET")[0])
@@ -212,6 +213,25 @@ def test_init_offers_bores_as_interfaces(tmp_path):
     config = read_body_file(path.with_suffix(".toml"))
     assert config.interface[0].name == "bore_1"
     assert reduce_body(config, Reporter()).interface_point[0] == pytest.approx([0.0, 0.0, 0.005], abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_of_single_elements_of_reduced_integration_init_writes_what_build_accepts(tmp_path, count):
+    path = write_deck(box(ElementType.C3D20R, (count, 1, 1), (3.0, 0.3, 0.4)), tmp_path / "bar.inp")
+    assert run("init", path).exit_code == 0
+    config, listening = read_body_file(path.with_suffix(".toml")), Listening()
+    more = config.model_copy(update={"reduction": config.reduction.model_copy(update={"modes": 12})})
+    first = [reduce_body(each, listening).angular_frequency[0] / (2.0 * np.pi) for each in (config, more)]
+    assert sum(f"{count} C3D20R with two pairs of opposite faces free" in note for note in listening.notes) == 2
+    # Euler and Bernoulli: 1.875² / 2π √(EI/ρA) / L²; few elements are stiff.
+    np.testing.assert_allclose(first, 27.2, rtol=0.3 if count == 1 else 0.06)
+
+
+def test_more_modes_than_those_with_mass_are_refused(tmp_path):
+    """Eight points of an element hold its mass, too few for so many modes."""
+    mesh = box(ElementType.C3D20R, (3, 2, 2), (3.0, 0.3, 0.4))
+    with pytest.raises(AccuracyError, match=r"have no mass.*ask for fewer modes"):
+        reduce_body(body_file(mesh, tmp_path, interface=["TIP"], reduction={"modes": 120}), Reporter())
 
 
 @pytest.mark.parametrize(
