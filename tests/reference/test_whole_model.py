@@ -26,9 +26,9 @@ FACTORS = (0.4, 1.0)
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
 
 
-def bar_and_load(folder, kind=ElementType.C3D20):
+def bar_and_load(folder, kind=ElementType.C3D20, layers=None):
     """A slender bar, clamped at one end and on springs near the other, of two materials, under forces at its tip."""
-    layers = 2 if kind is ElementType.C3D20R else 1
+    layers = layers or (2 if kind is ElementType.C3D20R else 1)
     soft = STEEL.__class__("SOFT", 1.0e11, 0.25, 2700.0)
     mesh = box(
         kind, (6, layers, layers), (1.2, 0.05, 0.04), materials=(STEEL, soft), material=lambda c: (c[:, 0] > 3.0) * 1
@@ -120,3 +120,14 @@ def test_calculix_and_our_own_solve_agree_for_every_element(tmp_path, kind):
     expected = our_equilibria(model, load).reshape(2, -1, 3)[:, tip]
     found = done.displacement.reshape(2, -1, 3)[:, tip]
     np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
+
+
+@needs_ccx
+def test_single_elements_of_reduced_integration_stop_calculix_and_do_not_as_those_that_they_are_taken_as(tmp_path):
+    model, load, tip = bar_and_load(tmp_path, ElementType.C3D20R, layers=1)
+    deck, count = calculix.deck(model, load, FACTORS, tip, "bar"), len(model.mesh.points)
+    found = calculix.run(deck, FACTORS, count, Reporter()).displacement.reshape(2, -1, 3)[:, tip]
+    expected = our_equilibria(model, load).reshape(2, -1, 3)[:, tip]
+    np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
+    with pytest.raises(SceneError, match="does not converge at the first part of the load"):
+        calculix.run(deck.replace("TYPE=C3D20,", "TYPE=C3D20R,"), FACTORS, count, Reporter())
