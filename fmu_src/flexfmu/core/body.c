@@ -5,10 +5,14 @@
 #include <string.h>
 
 #include "algebra.h"
+#include "files.h"
 #include "propagation.h"
 #include "tree.h"
 
-/* What each call takes of the workspace. */
+static const char NO_MEMORY[] = "there is not enough memory";
+
+/* What each call takes of the workspace: first, those of a step. */
+enum { OF_STEPS = 2 };
 static void (*const demands[])(const Body *body, Arena *arena) = {
     step_demand, internal_demand, statics_demand, motion_demand, pushes_demand,
     stability_demand, judgement_demand, inertia_demand, compliance_demand, certificate_demand,
@@ -37,6 +41,7 @@ static void lay_out(Body *body, Arena *arena) {
         Arena count = {0};
         demands[i](body, &count);
         body->work_size = larger(body->work_size, count.used);
+        if (i < OF_STEPS) body->step_size = body->work_size;
     }
     body->work = take(arena, body->work_size);
 }
@@ -77,33 +82,15 @@ static void pack_bends(Body *body) {
     }
 }
 
-Body *body_open(const void *image, int64_t size, const char **why) {
-    *why = "there is not enough memory";
-    Body *body = calloc(1, sizeof *body);
-    if (!body) return 0;
-    body->image = size > 0 ? malloc((size_t)size) : 0;
-    if (!body->image) {
-        body_close(body);
-        return 0;
-    }
-    memcpy(body->image, image, (size_t)size);
-    body->image_size = size;
-    const char *wrong = open_program(body->image, size, &body->p);
-    if (wrong) {
-        *why = wrong;
-        body_close(body);
-        return 0;
-    }
+/* Give the body its arrays, and what follows from its program once; 0 without memory. */
+static int furnish(Body *body) {
     Arena arena = {0};
     const int64_t nodes = body->p.nodes;
     body->bends = calloc((size_t)body->p.parts + 1, sizeof *body->bends);
     body->bent_row = calloc((size_t)(6 * nodes), sizeof *body->bent_row);
     body->turned_start = calloc((size_t)(6 * nodes), sizeof *body->turned_start);
     body->need = calloc((size_t)(3 * nodes), sizeof *body->need);
-    if (!body->bends || !body->bent_row || !body->turned_start || !body->need) {
-        body_close(body);
-        return 0;
-    }
+    if (!body->bends || !body->bent_row || !body->turned_start || !body->need) return 0;
     body->memo_need = body->need + nodes;
     body->lumped = body->memo_need + nodes;
     memset(body->lumped, 1, (size_t)body->p.frames * sizeof *body->lumped);
@@ -113,10 +100,7 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     lay_out(body, &arena);
     body->arena = calloc((size_t)arena.used, sizeof(double));
     body->pivot = calloc((size_t)(2 * body->p.modes + body->p.pulls), sizeof(int64_t));
-    if (!body->arena || !body->pivot) {
-        body_close(body);
-        return 0;
-    }
+    if (!body->arena || !body->pivot) return 0;
     body->arena_size = arena.used;
     arena = (Arena){body->arena, 0, body->arena_size, 0};
     lay_out(body, &arena);
@@ -128,9 +112,44 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     find_reach(body);
     const StepLimits usual = {0.0, 1e-3, 4096.0};
     body_options(body, 1.0, &usual);
-    *why = "";
-    return body;
+    return 1;
 }
+
+/* The body with the program that its image is; closed, with words in `why`, where it cannot be. */
+static Body *opened(Body *body, const char **why) {
+    *why = open_program(body->image, body->image_size, &body->p);
+    if (!*why && furnish(body)) return body;
+    if (!*why) *why = NO_MEMORY;
+    body_close(body);
+    return 0;
+}
+
+Body *body_open(const void *image, int64_t size, const char **why) {
+    *why = NO_MEMORY;
+    Body *body = calloc(1, sizeof *body);
+    if (!body) return 0;
+    body->image = body->copy = size > 0 ? malloc((size_t)size) : 0;
+    if (!body->copy) {
+        body_close(body);
+        return 0;
+    }
+    memcpy(body->copy, image, (size_t)size);
+    body->image_size = size;
+    return opened(body, why);
+}
+
+Body *body_open_file(const char *folder, const char *name, const char **why) {
+    *why = NO_MEMORY;
+    Body *body = calloc(1, sizeof *body);
+    if (!body) return 0;
+    body->image = map_file(folder, name, &body->image_size);
+    if (body->image) return opened(body, why);
+    *why = 0;
+    body_close(body);
+    return 0;
+}
+
+uint64_t body_mark(const Body *body) { return program_mark(body->image); }
 
 int64_t body_bytes(const Body *body) {
     return body->image_size + 8 * body->arena_size;
@@ -144,7 +163,8 @@ void body_close(Body *body) {
     free(body->turned_start);
     free(body->need);
     free(body->pivot);
-    free(body->image);
+    if (body->image && !body->copy) unmap_file(body->image, body->image_size);
+    free(body->copy);
     free(body);
 }
 
@@ -166,12 +186,12 @@ int body_options(Body *body, double damping_scale, const StepLimits *limits) {
      * frames stretch the modes' linear springs without any cause. */
     double *share = body->square, *weighed = body->coupled;
     for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m; j++) share[i * m + j] = (i == j ? 1.0 : 0.0) - p->tie_welded[i * m + j] / body->stiffness[j];
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m; j++) {
-            double sum = 0.0;
-            for (int64_t k = 0; k < m; k++) sum += share[i * m + k] * 2.0 * body->zeta[k] * p->omega[k] * share[j * m + k];
-            weighed[i * m + j] = sum;
+        for (int64_t k = 0; k < m; k++) share[k * m + i] = (i == k ? 1.0 : 0.0) - p->tie_welded[i * m + k] / body->stiffness[k];
+    memset(weighed, 0, (size_t)(m * m) * sizeof(double));
+    for (int64_t k = 0; k < m; k++)
+        for (int64_t i = 0; i < m; i++) {
+            const double factor = share[k * m + i] * 2.0 * body->zeta[k] * p->omega[k];
+            add_rows(&factor, share + k * m, weighed + i * m, 1, m);
         }
     for (int64_t j = 0; j < m; j++) {
         body->rate[j] = weighed[j * m + j];

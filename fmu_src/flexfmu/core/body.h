@@ -18,6 +18,10 @@ const char *core_sources(void);
 
 /* Make a body of an image, which is copied; null with words in `why` where it cannot be. */
 Body *body_open(const void *image, int64_t size, const char **why);
+/* Make a body of the file `name` in a folder, whose memory it shares with others; `why` is null where there is no such file. */
+Body *body_open_file(const char *folder, const char *name, const char **why);
+/* What tells a program from others: the checksum in its head. */
+uint64_t body_mark(const Body *body);
 void body_close(Body *body);
 /* Bytes of the program and of all workspaces: no call takes more. */
 int64_t body_bytes(const Body *body);

@@ -92,10 +92,11 @@ typedef struct Body {
     double *end_q, *end_v; /* (m): where a step that is not accepted yet ends */
     double *work;         /* arrays of one call */
     int64_t *pivot;       /* (2m) */
-    int64_t work_size;
+    int64_t work_size, step_size; /* of any call, and of a step */
     double *arena;
     int64_t arena_size;   /* numbers */
-    void *image;          /* the program's bytes, this body's own copy */
+    const void *image;    /* the program's bytes: of a file, or a copy of its own */
+    void *copy;
     int64_t image_size;
 } Body;
 

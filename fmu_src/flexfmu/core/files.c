@@ -1,8 +1,22 @@
+#if !defined(_WIN32)
+#define _POSIX_C_SOURCE 200809L
+#endif
 #include "files.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#if defined(FLEX_BODY)
+/* The bytes of body.prog as C, by `xxd -i body.prog`: for targets without files. */
+extern unsigned char body_prog[] __attribute__((aligned(8)));
+#include FLEX_BODY
+#elif defined(_WIN32)
+#include <windows.h>
+#else
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+#endif
 
 static int hexadecimal(char c) {
     if (c >= '0' && c <= '9') return c - '0';
@@ -44,9 +58,29 @@ char *path_of_location(const char *location) {
 }
 
 #if defined(FLEX_BODY)
-#elif defined(_WIN32)
+const void *map_file(const char *folder, const char *name, int64_t *size) {
+    (void)folder;
+    *size = (int64_t)sizeof body_prog;
+    return strcmp(name, "body.prog") == 0 ? body_prog : 0;
+}
+
+void unmap_file(const void *bytes, int64_t size) {
+    (void)bytes;
+    (void)size;
+}
+#else
+static char *path_in(const char *folder, const char *name) {
+    const size_t length = strlen(folder), extra = strlen(name);
+    char *path = malloc(length + extra + 2);
+    if (!path) return 0;
+    memcpy(path, folder, length);
+    path[length] = '/';
+    memcpy(path + length + 1, name, extra + 1);
+    return path;
+}
+#if defined(_WIN32)
 /* Windows takes paths in UTF-16. */
-static FILE *open_file(const char *path) {
+static wchar_t *wide_path(const char *path) {
     const size_t length = strlen(path);
     wchar_t *wide = malloc((length + 1) * sizeof *wide);
     if (!wide) return 0;
@@ -64,46 +98,45 @@ static FILE *open_file(const char *path) {
         wide[n++] = (wchar_t)code;
     }
     wide[n] = 0;
-    FILE *file = _wfopen(wide, L"rb");
-    free(wide);
-    return file;
+    return wide;
 }
-#else
-static FILE *open_file(const char *path) { return fopen(path, "rb"); }
-#endif
 
-#if defined(FLEX_BODY)
-/* The bytes of body.prog as C, by `xxd -i body.prog`: for targets without files. */
-#include FLEX_BODY
-
-void *read_whole(const char *folder, const char *name, int64_t *size) {
-    (void)folder;
-    void *data = strcmp(name, "body.prog") == 0 ? malloc(sizeof body_prog) : 0;
-    if (data) memcpy(data, body_prog, sizeof body_prog);
-    *size = (int64_t)sizeof body_prog;
-    return data;
-}
-#else
-void *read_whole(const char *folder, const char *name, int64_t *size) {
-    const size_t length = strlen(folder), extra = strlen(name);
-    char *path = malloc(length + extra + 2);
-    if (!path) return 0;
-    memcpy(path, folder, length);
-    path[length] = '/';
-    memcpy(path + length + 1, name, extra + 1);
-    FILE *file = open_file(path);
+const void *map_file(const char *folder, const char *name, int64_t *size) {
+    char *path = path_in(folder, name);
+    wchar_t *wide = path ? wide_path(path) : 0;
     free(path);
-    if (!file) return 0;
-    char *data = 0;
-    long end = -1;
-    if (fseek(file, 0, SEEK_END) == 0) end = ftell(file);
-    if (end > 0 && fseek(file, 0, SEEK_SET) == 0) data = malloc((size_t)end);
-    if (data && fread(data, 1, (size_t)end, file) != (size_t)end) {
-        free(data);
-        data = 0;
-    }
-    fclose(file);
-    *size = end;
-    return data;
+    if (!wide) return 0;
+    const HANDLE file = CreateFileW(wide, GENERIC_READ, FILE_SHARE_READ | FILE_SHARE_DELETE, 0, OPEN_EXISTING, FILE_ATTRIBUTE_NORMAL, 0);
+    free(wide);
+    if (file == INVALID_HANDLE_VALUE) return 0;
+    LARGE_INTEGER length = {0};
+    const HANDLE mapping = GetFileSizeEx(file, &length) && length.QuadPart > 0 ? CreateFileMappingW(file, 0, PAGE_READONLY, 0, 0, 0) : 0;
+    /* The view keeps both open. */
+    const void *bytes = mapping ? MapViewOfFile(mapping, FILE_MAP_READ, 0, 0, 0) : 0;
+    if (mapping) CloseHandle(mapping);
+    CloseHandle(file);
+    *size = (int64_t)length.QuadPart;
+    return bytes;
 }
+
+void unmap_file(const void *bytes, int64_t size) {
+    (void)size;
+    UnmapViewOfFile(bytes);
+}
+#else
+const void *map_file(const char *folder, const char *name, int64_t *size) {
+    char *path = path_in(folder, name);
+    if (!path) return 0;
+    const int file = open(path, O_RDONLY | O_CLOEXEC);
+    free(path);
+    if (file < 0) return 0;
+    const off_t length = lseek(file, 0, SEEK_END);
+    void *bytes = length > 0 ? mmap(0, (size_t)length, PROT_READ, MAP_PRIVATE, file, 0) : MAP_FAILED;
+    close(file);
+    *size = (int64_t)length;
+    return bytes == MAP_FAILED ? 0 : bytes;
+}
+
+void unmap_file(const void *bytes, int64_t size) { munmap((void *)(uintptr_t)bytes, (size_t)size); }
+#endif
 #endif

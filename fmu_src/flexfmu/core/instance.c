@@ -50,17 +50,14 @@ static int64_t parameter_variable(const Instance *x, int64_t index) {
 }
 
 static Body *open_named(Instance *x, const char *name, char *why) {
-    int64_t size = 0;
-    const char *wrong = "";
-    void *image = read_whole(x->folder, name, &size);
-    if (!image) {
+    const char *wrong;
+    Body *body = body_open_file(x->folder, name, &wrong);
+    if (body) return body;
+    if (wrong)
+        snprintf(why, TEXT_SIZE, "%s cannot be used: %s; build the FMU again", name, wrong);
+    else
         snprintf(why, TEXT_SIZE, "%s is not in the FMU's resources (%.600s)", name, x->folder);
-        return 0;
-    }
-    Body *body = body_open(image, size, &wrong);
-    free(image);
-    if (!body) snprintf(why, TEXT_SIZE, "%s cannot be used: %s; build the FMU again", name, wrong);
-    return body;
+    return 0;
 }
 
 /* Whether the variables of a description are consistent with its body. */
@@ -147,7 +144,7 @@ Instance *instance_open(const char *location, const char *guid, char *why) {
         instance_close(x);
         return 0;
     }
-    x->owner = checksum(x->described->image, x->described->image_size / 8);
+    x->owner = body_mark(x->described);
     x->modes = p->modes;
     x->loads = p->loads;
     x->fixable = p->interfaces;

@@ -27,6 +27,9 @@ uint64_t checksum(const void *words, int64_t count);
  * Returns null where every byte is as it must be, else what is wrong with it. */
 const char *open_program(const void *image, int64_t size, Program *program);
 
+/* Of an image that was opened: the checksum in its head. */
+uint64_t program_mark(const void *image);
+
 /* The text number `index` of several that end in zero bytes; "" where there are fewer. */
 const char *text_at(const char *texts, int64_t bytes, int64_t index);
 

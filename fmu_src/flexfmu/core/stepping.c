@@ -188,8 +188,9 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
     return FLEX_OK;
 }
 
-int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
-              int64_t *hint, Work *work) {
+/* A step with its arrays in the body's workspace. */
+static int step_in_workspace(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
+                             int64_t *hint, Work *work) {
     const int64_t m = body->p.modes;
     const size_t size = (size_t)m * sizeof(double);
     if (!(isfinite(step) && step > 0.0)) return FLEX_BAD_STEP;
@@ -217,4 +218,20 @@ int body_step(Body *body, const double *inputs, const double *inputs_end, double
     *hint = next;
     *work = done;
     return FLEX_OK;
+}
+
+/* Numbers of a step's arrays that may lie on the stack: of many bodies in turn they stay in the processor's cache there. */
+enum { ON_STACK = 8192 };
+
+int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
+              int64_t *hint, Work *work) {
+    if (body->step_size > ON_STACK) return step_in_workspace(body, inputs, inputs_end, step, q, v, hint, work);
+    double room[ON_STACK], *own = body->work;
+    const int64_t size = body->work_size;
+    body->work = room;
+    if (size > ON_STACK) body->work_size = ON_STACK;
+    const int answer = step_in_workspace(body, inputs, inputs_end, step, q, v, hint, work);
+    body->work = own;
+    body->work_size = size;
+    return answer;
 }
