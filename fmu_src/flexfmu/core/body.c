@@ -34,6 +34,7 @@ static void lay_out(Body *body, Arena *arena) {
     take_configuration(body, arena, &body->memo);
     take_rules(body, arena);
     take_deformed(body, arena, &body->deformed);
+    body->softens = take(arena, (body->p.loads + 2) / 3);
     body->end_q = take(arena, m);
     body->end_v = take(arena, m);
     body->work_size = 0;

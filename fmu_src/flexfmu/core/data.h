@@ -89,6 +89,7 @@ typedef struct Body {
     Rule rules[RULES];
     int rule_count, rule_next, rule_limit;
     Deformed deformed;
+    double *softens;      /* (L / 3): bounds of what unit forces and moments take off the stability */
     double *end_q, *end_v; /* (m): where a step that is not accepted yet ends */
     double *work;         /* arrays of one call */
     int64_t *pivot;       /* (2m) */

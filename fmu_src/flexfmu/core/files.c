@@ -16,6 +16,9 @@ extern unsigned char body_prog[] __attribute__((aligned(8)));
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <unistd.h>
+#ifndef O_CLOEXEC
+#define O_CLOEXEC 0
+#endif
 #endif
 
 static int hexadecimal(char c) {

@@ -287,6 +287,7 @@ static Answer choose(Instance *x, char *why) {
         return ANSWER_FAILED;
     }
     x->body = body;
+    find_softening(body);
     return open_shadow(x, why);
 }
 
@@ -357,6 +358,7 @@ static Answer inspect(Instance *x, const double *q, const double *v, double step
     memcpy(kept, x->single, S_COUNT * sizeof(double));
     memcpy(x->kept, x->seen, (size_t)x->loads * sizeof(double));
     x->memory.largest = x->single[S_LARGEST];
+    x->memory.beyond = x->single[S_BEYOND];
     memcpy(x->memory.warned, x->single + S_WARNED, sizeof x->memory.warned);
     memcpy(&x->memory.momentum, x->single + S_MOMENTUM, sizeof x->memory.momentum);
     memcpy(&x->memory.inertia, x->single + S_INERTIA, sizeof x->memory.inertia);
@@ -364,6 +366,7 @@ static Answer inspect(Instance *x, const double *q, const double *v, double step
     look(&monitor, &end, &x->memory, &found);
     memcpy(x->single + S_SEEN, &x->memory.error, sizeof x->memory.error);
     x->single[S_LARGEST] = x->memory.largest;
+    x->single[S_BEYOND] = x->memory.beyond;
     memcpy(x->single + S_MOMENTUM, &x->memory.momentum, sizeof x->memory.momentum);
     memcpy(x->single + S_INERTIA, &x->memory.inertia, sizeof x->memory.inertia);
     memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);

@@ -8,8 +8,9 @@
 #include "algebra.h"
 #include "messages.h"
 
-/* Share of the largest loads' norm by which loads must have changed for stability to be looked at again. */
-static const double CHANGED = 0.05;
+/* Share of the largest loads' norm by which loads must have changed for stability to be looked at again: where it is near
+ * its limit, and far above. */
+static const double CHANGED = 0.05, CHANGED_FAR = 0.2;
 static const double DEGREES = 57.29577951308232;
 
 enum { ADVICE_ROTATION, ADVICE_MISSED, SOURCE_MISSED, ADVICE_SPIN, ADVICE_ERROR };
@@ -107,7 +108,10 @@ int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *wh
 static void stability(Body *body, const Watch *watch, const double *q, const double *inputs, Memory *memory, double *alone,
                       double *shape, Findings *found) {
     const Program *p = &body->p;
-    if (!(watch->limit > 0.0) || body_is_stable(body, inputs, q, watch->limit)) return;
+    if (!(watch->limit > 0.0) || silenced(watch, memory->warned[WATCH_STABILITY])) return;
+    memory->beyond = body_stable_beyond(body, inputs, q, watch->limit);
+    if (memory->beyond >= watch->limit) return;
+    memory->beyond = watch->limit;
     const double margin = body_stability(body, inputs, q, shape);
     int64_t mode = 0, worst = 0;
     double most = -HUGE_VAL;
@@ -180,8 +184,12 @@ static void inertia(Body *body, const Watch *watch, const StepEnd *end, Memory *
     snprintf(text, FINDING_TEXT, SAY_INERTIA, 100.0 * memory->inertia.error, 100.0 * watch->limit);
 }
 
-/* Strain energy over the largest so far by which it has grown, or changed, when the error is looked at again. */
-static const double GROWN = 1.1, MOVED = 0.05;
+/* Strain energy over the largest so far by which it has grown, or changed, when the error is looked at again: it grows no
+ * faster than the energy, and is looked at in time for a fraction of its limit. */
+static const double GROWN = 1.1, GROWN_FAR = 2.0, MOVED = 0.05, IN_TIME = 0.25;
+/* Intervals that pass at most between looks at an error far below its limit; coordinates of a shadow whose looks may take an
+ * interval each, and of larger ones in proportion more. */
+static const double PATIENCE = 5.0, QUICK = 40.0;
 /* Share of the deflection beyond which one step of Newton's method tells no more than that the motion is wrong. */
 static const double WRONG = 0.1;
 
@@ -193,24 +201,41 @@ static void error(const Monitor *monitor, const StepEnd *end, Memory *memory, Fi
     ErrorMemory *seen = &memory->error;
     if (!monitor->shadow || !(watch->limit > 0.0)) return;
     double energy = 0.0;
+    int64_t worst = 0;
     for (int64_t j = 0; j < p->modes; j++) energy += body->stiffness[j] * q[j] * q[j];
     seen->steps += 1.0;
-    const int waited = seen->steps >= monitor->interval && fabs(energy - seen->energy) > MOVED * seen->largest;
-    if (!waited && !(energy > GROWN * seen->largest)) return;
+    if (!p->rigid) seen->deflection = fmax(seen->deflection, farthest(p, end->motion, &worst));
+    const double far = IN_TIME * watch->limit / seen->bound, always = monitor->interval <= 1.0;
+    const double patience = fmin(fmax(far, 1.0), PATIENCE) * monitor->interval * fmax(1.0, (double)monitor->shadow->p.modes / QUICK);
+    const int waited = seen->steps >= patience && fabs(energy - seen->energy) > MOVED * seen->largest;
+    if (!always && !waited && !(energy > fmin(fmax(far, GROWN), p->rigid ? GROWN : GROWN_FAR) * seen->largest)) return;
     seen->energy = energy;
     seen->largest = fmax(seen->largest, fmin(energy, DBL_MAX));
     seen->steps = 0.0;
     if (memory->warned[WATCH_ERROR] != 0.0 && watch->action == ON_WARN) return;
     double share, bound;
     if (bounded_error(body, monitor->shadow, end->inputs, q, monitor->errors, &seen->deflection, &share, &bound) != FLEX_OK) return;
+    seen->bound = fmax(seen->bound, bound);
     if (!(bound > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_ERROR]);
     if (!text) return;
-    int64_t worst = 0;
+    worst = 0;
     for (int64_t i = 1; i < p->interfaces; i++)
         if (monitor->errors[2 * i] > monitor->errors[2 * worst]) worst = i;
     snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), bound > WRONG ? "more than " : "up to ", 100.0 * fmin(bound, WRONG),
              100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
+}
+
+/* Whether stability, and stiffness that is missed, may have changed since they were last looked at. */
+static int changed(const Monitor *monitor, const double *inputs, const Memory *memory) {
+    const int64_t loads = monitor->body->p.loads;
+    const double limit = monitor->watch[WATCH_STABILITY].limit, above = memory->beyond - limit;
+    double *change = monitor->inputs;
+    for (int64_t i = 0; i < loads; i++) change[i] = inputs[i] - memory->inputs[i];
+    const double square = dot(change, change, loads), share = above > limit ? CHANGED_FAR : CHANGED;
+    if (!(square > share * share * memory->largest)) return 0;
+    if (monitor->body->p.judged && monitor->watch[WATCH_MISSED].limit > 0.0 && !memory->warned[WATCH_MISSED]) return 1;
+    return !(body_softening_bound(monitor->body, change) < above);
 }
 
 void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
@@ -230,9 +255,7 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
     }
     if (end->step > 0.0 && body->p.mass_forms && !body->p.inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
     if (!(watch[WATCH_STABILITY].limit > 0.0 || watch[WATCH_MISSED].limit > 0.0)) return;
-    double change = 0.0;
-    for (int64_t i = 0; i < loads; i++) change += (inputs[i] - memory->inputs[i]) * (inputs[i] - memory->inputs[i]);
-    if (!(change > CHANGED * CHANGED * memory->largest)) return;
+    if (!changed(monitor, inputs, memory)) return;
     stability(body, watch + WATCH_STABILITY, q, inputs, memory, monitor->inputs, monitor->shape, found);
     if (!(memory->warned[WATCH_MISSED] != 0.0 && watch[WATCH_MISSED].action == ON_WARN))
         missed(body, watch + WATCH_MISSED, inputs, memory, found);

@@ -33,15 +33,16 @@ typedef struct {
 } Bounds;
 
 /* Of the error: the largest deflection of the interfaces so far, m; strain energy when it was last looked at, and the largest
- * then; steps since. */
+ * then; steps since; its largest bound so far. */
 typedef struct {
-    double deflection, energy, largest, steps;
+    double deflection, energy, largest, steps, bound;
 } ErrorMemory;
 
 /* What the monitor remembers: all of it is state. */
 typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
     double largest;          /* square of the largest loads so far */
+    double beyond;           /* what stability was known to lie above then */
     Momentum momentum;
     MissedInertia inertia;
     ErrorMemory error;

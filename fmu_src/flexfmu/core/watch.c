@@ -124,15 +124,69 @@ double body_stability(Body *body, const double *inputs, const double *q, double 
     return room.values[0];
 }
 
-int body_is_stable(Body *body, const double *inputs, const double *q, double margin) {
+/* Beyond this the smallest eigenvalue is not looked at more closely. */
+static const double FAR_ABOVE = 0.5;
+
+double body_stable_beyond(Body *body, const double *inputs, const double *q, double margin) {
+    const int64_t tied = body->p.tied;
     Arena arena = work_arena(body);
     Room room;
     take_room(body, &arena, &room);
-    if (arena.refused) return 0;
+    if (arena.refused) return -HUGE_VAL;
+    spread(body, inputs, &room.loads);
+    /* The tangent of loads that turn with nothing is that of the unloaded body. */
+    if (!room.loads.active && !tied) return margin < 1.0 ? 1.0 : -HUGE_VAL;
     const int64_t e = scaled_tangent(body, inputs, q, &room);
-    if (room.loads.following && !body->p.tied) return follower_stability(body, &room) > margin;
-    for (int64_t i = 0; i < e; i++) room.scaled[i * e + i] -= margin;
-    return cholesky(room.scaled, e);
+    if (room.loads.following && !tied) return follower_stability(body, &room) > margin ? margin : -HUGE_VAL;
+    double *kept = room.shapes;
+    memcpy(kept, room.scaled, (size_t)(e * e) * sizeof(double));
+    for (double least = fmax(margin, FAR_ABOVE);; least = margin) {
+        for (int64_t i = 0; i < e; i++) room.scaled[i * e + i] -= least;
+        if (cholesky(room.scaled, e)) return least;
+        if (least == margin) return -HUGE_VAL;
+        memcpy(room.scaled, kept, (size_t)(e * e) * sizeof(double));
+    }
+}
+
+int body_is_stable(Body *body, const double *inputs, const double *q, double margin) {
+    return body_stable_beyond(body, inputs, q, margin) >= margin;
+}
+
+/* Whether the tangent is that of the unloaded body and a sum over the loads, whatever the body's shape. */
+static int softened_by_loads_alone(const Program *p) {
+    return !p->tied && !p->stretches && !p->by_mode_given && !p->followers;
+}
+
+/* What a bent body adds to the bound of the undeformed one. */
+static const double BENT = 2.0;
+
+void find_softening(Body *body) {
+    const Program *p = &body->p;
+    Arena arena = work_arena(body);
+    Room room;
+    take_room(body, &arena, &room);
+    if (!softened_by_loads_alone(p) || arena.refused) return;
+    double *rest = body->end_q;
+    memset(rest, 0, (size_t)p->modes * sizeof(double));
+    memset(body->softens, 0, (size_t)((p->loads + 2) / 3) * sizeof(double));
+    for (int64_t l = 0; l < p->loads; l++) {
+        memset(room.none, 0, (size_t)p->loads * sizeof(double));
+        room.none[l] = 1.0;
+        const int64_t e = scaled_tangent(body, room.none, rest, &room);
+        for (int64_t i = 0; i < e; i++) room.scaled[i * (e + 1)] -= 1.0;
+        body->softens[l / 3] += dot(room.scaled, room.scaled, e * e);
+    }
+    for (int64_t k = 0; 3 * k < p->loads; k++) body->softens[k] = BENT * sqrt(body->softens[k]);
+}
+
+/* Weyl's inequality: no eigenvalue changes by more than the norm of what is added. A force or moment may turn against the
+ * body, so that its three components count alike. */
+double body_softening_bound(const Body *body, const double *inputs) {
+    const Program *p = &body->p;
+    if (!softened_by_loads_alone(p)) return HUGE_VAL;
+    double bound = 0.0;
+    for (int64_t k = 0; 3 * k < p->loads; k++) bound += body->softens[k] * norm(inputs + 3 * k, 3);
+    return bound;
 }
 
 double body_softening(Body *body, const double *inputs, const double *q, const double *shape) {

@@ -12,6 +12,12 @@ void inertia_demand(const Body *body, Arena *arena);
 /* Smallest eigenvalue of the tangent over the unloaded one; its shape (m) unless null. */
 double body_stability(Body *body, const double *inputs, const double *q, double *shape);
 int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
+/* Number that the smallest eigenvalue is known to lie above: `margin`, or more; -HUGE_VAL where it may lie below the margin. */
+double body_stable_beyond(Body *body, const double *inputs, const double *q, double margin);
+/* Bound of what loads, or a change of loads, can take off it; HUGE_VAL where nothing but a look tells. */
+double body_softening_bound(const Body *body, const double *inputs);
+/* Find what that bound is made of, once. */
+void find_softening(Body *body);
 /* What loads alone take off the stability in a shape. */
 double body_softening(Body *body, const double *inputs, const double *q, const double *shape);
 /* Error of deflections from stiffness that the method misses: whether it may exceed a limit; itself; its own margin. */

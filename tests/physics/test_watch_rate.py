@@ -1,0 +1,79 @@
+"""Looks that are left out: over random loads the FMU says what looks at every step would say, within its rate."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bodies import COROTATED, Beam, beam_body
+from driven import Driven
+from flexfmu.api import Body
+from flexfmu.mesh.elements import ElementType
+from meshes import box
+
+STEPS, STEP, MOST_WAITED = 400, 1e-3, 100
+FORCES = [f"tip.force.{axis}" for axis in "xyz"]
+# Other watches say nothing.
+QUIET = {f"watch.{name}.limit": 0.0 for name in ("rotation", "strain", "stiffness_missed")}
+
+
+@pytest.fixture(scope="module")
+def bar():
+    mesh = box(ElementType.C3D20, (8, 1, 1), (0.4, 0.02, 0.01))
+    body = Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="bar").build(surface=False, modes=4).reduced
+    # Vibrations would pass limits for moments, between any looks.
+    return replace(body, damping_ratio=np.full(body.damping_ratio.shape, 0.7))
+
+
+def walk(seed, size):
+    """Loads (STEPS, 3) that grow to `size` while their direction wanders."""
+    rng = np.random.default_rng(seed)
+    way = rng.standard_normal(3) + np.cumsum(0.15 * rng.standard_normal((STEPS, 3)), axis=0)
+    growth = np.linspace(0.0, 1.0, STEPS + 1)[1:] ** rng.uniform(0.5, 2.0)
+    return size * growth[:, None] * way / np.linalg.norm(way, axis=1)[:, None]
+
+
+def warned(driven, loads, asked=()):
+    """The step with the first warning, STEPS where there is none, and values asked for after each."""
+    found = []
+    for number, load in enumerate(loads):
+        driven.set(**dict(zip(FORCES, load, strict=True)))
+        assert driven.taken(STEP)
+        found.append(driven.get(*asked))
+        if driven.get("status.code") != [0]:
+            return number, found
+    return STEPS, found
+
+
+@pytest.mark.parametrize(
+    ("method", "seed", "limit"),
+    [("linear", 0, 0.01), ("linear", 1, 0.005), ("linear", 2, 0.02), ("second_order", 2, 6e-4)],
+)
+def test_an_error_is_told_when_a_look_at_every_step_would_have_told_it(bar, method, seed, limit, tmp_path):
+    start = QUIET | {"method": method, "watch.stability.limit": 0.0, "watch.error.limit": limit}
+    loads = walk(seed, 300.0 if method == "linear" else 1000.0)
+    (every, _), (some, _) = (
+        warned(Driven(bar, tmp_path, **start, **{"error.interval": interval}), loads) for interval in (1.0, 20.0)
+    )
+    assert 0 < every < STEPS
+    assert every <= some <= every + MOST_WAITED
+
+
+@pytest.mark.parametrize("limit", [0.05, 0.3])
+@pytest.mark.parametrize("seed", range(4))
+def test_stability_is_told_as_soon_as_loads_have_changed_by_a_twentieth(seed, limit, tmp_path):
+    beam = Beam()
+    loads = walk(seed, 0.5 * beam.critical_load)
+    # Pressed along its axis, which the bound cannot leave out.
+    loads[:, 0] = -1.3 * beam.critical_load * np.linspace(0.0, 1.0, STEPS)
+    loads[:, 1:] *= 0.02
+    driven = Driven(
+        beam_body(3, modes=4, method=COROTATED, damping=0.2), tmp_path, **QUIET, **{"watch.stability.limit": limit}
+    )
+    told, seen = warned(driven, loads, ["diagnostics.stability"])
+    first = next(number for number, (value,) in enumerate(seen) if value < limit)
+    assert first > 100
+    assert first <= told < STEPS
+    assert np.linalg.norm(loads[told] - loads[first]) <= 0.05 * np.linalg.norm(loads[told]) + np.linalg.norm(
+        loads[1] - loads[0]
+    )
