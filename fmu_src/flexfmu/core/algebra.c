@@ -68,6 +68,16 @@ void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64
     }
 }
 
+void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n) {
+    for (int64_t i = 0; i < n; i++) {
+        const double kept = b[i];
+        b[i] = b[pivot[i]];
+        b[pivot[i]] = kept;
+    }
+    for (int64_t i = 1; i < n; i++) b[i] -= dot(a + i * n, b, i);
+    for (int64_t i = n - 1; i >= 0; i--) b[i] = (b[i] - dot(a + i * n + i + 1, b + i + 1, n - 1 - i)) / a[i * n + i];
+}
+
 int cholesky(double *a, int64_t n) {
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j <= i; j++) {

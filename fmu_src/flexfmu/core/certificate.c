@@ -118,7 +118,7 @@ static double softest(Room *room, const Body *shadow, int64_t e) {
         const double size = norm(shape, e);
         if (!(size > 0.0)) return 1.0;
         for (int64_t i = 0; i < e; i++) shape[i] /= size;
-        lu_solve(room->scaled, shadow->pivot, shape, e, 1);
+        lu_solve_one(room->scaled, shadow->pivot, shape, e);
         grown = norm(shape, e);
     }
     return 1.0 / fmax(grown, 1.0);
@@ -139,7 +139,7 @@ static double newton_step(Body *shadow, Room *room, const double *inputs) {
     }
     if (!stable_tangent(room->scaled, room->factor, e) || !lu_factor(room->scaled, shadow->pivot, e)) return 0.0;
     const double soft = softest(room, shadow, e);
-    lu_solve(room->scaled, shadow->pivot, room->left + first, e, 1);
+    lu_solve_one(room->scaled, shadow->pivot, room->left + first, e);
     for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
     for (int64_t i = 0; i < m; i++)
         if (!isfinite(room->q[i])) return 0.0;
