@@ -208,7 +208,8 @@ static void error(const Monitor *monitor, const StepEnd *end, Memory *memory, Fi
     const double far = IN_TIME * watch->limit / seen->bound, always = monitor->interval <= 1.0;
     const double patience = fmin(fmax(far, 1.0), PATIENCE) * monitor->interval * fmax(1.0, (double)monitor->shadow->p.modes / QUICK);
     const int waited = seen->steps >= patience && fabs(energy - seen->energy) > MOVED * seen->largest;
-    if (!always && !waited && !(energy > fmin(fmax(far, GROWN), p->rigid ? GROWN : GROWN_FAR) * seen->largest)) return;
+    const double growth = fmin(fmax(far, GROWN), p->rigid ? GROWN : GROWN_FAR);
+    if (!always && !waited && !(energy > growth * seen->largest)) return;
     seen->energy = energy;
     seen->largest = fmax(seen->largest, fmin(energy, DBL_MAX));
     seen->steps = 0.0;
