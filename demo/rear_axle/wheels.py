@@ -38,11 +38,14 @@ class Wheel:
         Coordinates of its nodes, m.
     weight : sparse, shape (k, k)
         Weight of the fit, ∫ N_a N_b dA.
+    numbers : ndarray of int, shape (k,)
+        Its nodes in the deck.
     """
 
     interface: InterfaceFit
     points: FloatArray
     weight: csr_array
+    numbers: np.ndarray
 
     def nodal_forces(self, force: FloatArray) -> FloatArray:
         """Forces on the nodes, shape (k, 3), of a force (3,) at the wheel's centre, N."""
@@ -78,5 +81,5 @@ def wheels(deck: Path) -> dict[str, Wheel]:
     for name, nodes in FLANGES.items():
         interface = fit_interface(InterfaceNodes(name, nodes, weights="area"), mesh, faces, ())
         weight = area_matrix(mesh.points, select(faces, interface.nodes, outer=True), interface.nodes)
-        result[name] = Wheel(interface, mesh.points[interface.nodes], weight)
+        result[name] = Wheel(interface, mesh.points[interface.nodes], weight, mesh.labels[interface.nodes])
     return result

@@ -70,6 +70,10 @@ class Case:
         Whether the bushings are springs.
     keep : int
         Every so many-th increment is kept.
+    tolerance : float
+        Force out of balance over the mean force, up to which CalculiX iterates.
+    iterations : int
+        Up to which residuals may grow; 0: CalculiX's own limit.
     """
 
     title: str
@@ -77,6 +81,8 @@ class Case:
     increments: int = 0
     bushings: bool = False
     keep: int = 1
+    tolerance: float = FORCE_TOLERANCE
+    iterations: int = 0
 
 
 LEFT_FORCE = 1800.0  # N, vertical
@@ -109,9 +115,8 @@ CASES = {
 }
 
 
-def deck(model: Path, case: Case, fitted: dict[str, Wheel]) -> str:
-    """Deck of a case; it includes the model deck from one folder above."""
-    sets = read_mesh(model, UnitSystem.SI).node_sets
+def deck(model: Path, case: Case, fitted: dict[str, Wheel], sets: dict[str, np.ndarray]) -> str:
+    """Deck of a case; it includes the model deck from one folder above. Node sets hold indices."""
     lines = [f"** {_title(case)}", f"*INCLUDE, INPUT=../{model.name}"]
     springs = [(f"SEAT_{side}", 3, SEAT_STIFFNESS) for side in "LR"]
     if case.bushings:
@@ -128,15 +133,18 @@ def deck(model: Path, case: Case, fitted: dict[str, Wheel]) -> str:
         number += len(nodes)
     if case.increments:
         lines += [f"*STEP, NLGEOM, INC={case.increments + 1}", "*STATIC, DIRECT", f"{1 / case.increments:.9g}, 1."]
-        lines += ["*CONTROLS, PARAMETERS=FIELD", f"{FORCE_TOLERANCE:.9g}"]
+        lines += ["*CONTROLS, PARAMETERS=FIELD", f"{case.tolerance:.9g}"]
+        if case.iterations:
+            limits = f"{case.iterations}, {case.iterations + 1}, 9, {2 * case.iterations}, 10, 4, , 5, , "
+            lines += ["*CONTROLS, PARAMETERS=TIME INCREMENTATION", limits]
     else:
         lines += ["*STEP", "*STATIC"]
     lines.append("*CLOAD")
     for name, force in case.forces.items():
         wheel = fitted[name]
         lines += [
-            f"{node + 1}, {axis + 1}, {value:.9e}"
-            for node, values in zip(wheel.interface.nodes, wheel.nodal_forces(force), strict=True)
+            f"{node}, {axis + 1}, {value:.9e}"
+            for node, values in zip(wheel.numbers, wheel.nodal_forces(force), strict=True)
             for axis, value in enumerate(values)
             if abs(value) > 1e-12 * np.linalg.norm(force)
         ]
@@ -145,9 +153,11 @@ def deck(model: Path, case: Case, fitted: dict[str, Wheel]) -> str:
     return "\n".join([*lines, "*END STEP"]) + "\n"
 
 
-def run(name: str, case: Case, model: Path, folder: Path, fitted: dict[str, Wheel]) -> None:
+def run(
+    name: str, case: Case, model: Path, folder: Path, fitted: dict[str, Wheel], sets: dict[str, np.ndarray]
+) -> None:
     """Write the deck of a case, run it and keep the wheels' motion."""
-    text = deck(model, case, fitted)
+    text = deck(model, case, fitted, sets)
     (folder / f"{name}.inp").write_text(text, encoding="ascii")
     with tempfile.TemporaryDirectory() as top:
         work = Path(top) / "run"
@@ -224,12 +234,12 @@ def main() -> None:
     if unknown:
         parser.error(f"unknown case {', '.join(unknown)}: choose from {', '.join(CASES)}")
     choice.folder.mkdir(parents=True, exist_ok=True)
-    fitted = wheels(choice.model)
+    fitted, sets = wheels(choice.model), read_mesh(choice.model, UnitSystem.SI).node_sets
     for name in names:
         case = CASES[name]
         if choice.increments and case.increments:
             case = replace(case, increments=choice.increments, keep=1)
-        run(name, case, choice.model, choice.folder, fitted)
+        run(name, case, choice.model, choice.folder, fitted, sets)
 
 
 if __name__ == "__main__":

@@ -11,9 +11,11 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...fe.assembly import stiffness
-from ...files.array_types import FloatArray, IntArray
+from ...files.array_types import BoolArray, FloatArray, IntArray
 from ...files.errors import BodyFileError
 from ...mesh.checks import connected_parts
+from ...mesh.equations import coupled_nodes
+from ...mesh.links import Simplices
 from ...mesh.listing import listed
 from ...mesh.model import Mesh
 from ...model.rotations import skew
@@ -146,11 +148,6 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes
         A section that is missing, that is no section across the body, or that leaves a part without any support.
     """
     mesh, fixed, spring = model.mesh, model.fixed, model.spring
-    if mesh.equations is not None:
-        raise BodyFileError(
-            "the mesh file joins nodes by equations (*TIE, *EQUATION, *MPC), which [[cut]] does not know: leave the "
-            "body in one piece, or join its parts by common nodes"
-        )
     first = np.arange(len(mesh.points))
     for cut in cuts:
         mesh, origin = _opened(mesh, cut)
@@ -205,6 +202,10 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
     closed = tuple(replace(b, beyond=np.where(chosen, -1, b.beyond)) for b, chosen in zip(faces, across, strict=True))
     touching = np.flatnonzero(np.concatenate([np.any(member[b.connectivity], axis=1) for b in mesh.blocks]))
     link = sp.csr_array(neighbours(mesh.points, closed, mesh.element_count))[touching][:, touching]
+    if mesh.equations is not None:
+        # Sheets of shells that meet beside the section.
+        uses = _nodes_of_elements(mesh)[touching] @ sp.diags_array((~member).astype(float))
+        link = link + uses @ coupled_nodes(mesh.equations) @ uses.T
     count, side = connected_components(link, directed=False)
     if count != 2:
         raise BodyFileError(
@@ -225,10 +226,40 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
             replace(block, connectivity=np.where(here[:, None], copy[block.connectivity], block.connectivity))
         )
     opened = replace(mesh, points=mesh.points[origin], labels=mesh.labels[origin], blocks=tuple(blocks))
-    opened = replace(opened, fixed=mesh.fixed[origin])
+    opened = _tied(replace(opened, fixed=mesh.fixed[origin]), member, copy, key)
     sets = {name: _on_its_side(mesh, opened, members, copy) for name, members in mesh.node_sets.items()}
     sets |= {side_set(cut, "a"): nodes, side_set(cut, "b"): copy[nodes]}
     return replace(opened, node_sets=sets), origin
+
+
+def _nodes_of_elements(mesh: Mesh) -> sp.csr_array:
+    """Which nodes each element has, (e, n)."""
+    columns = np.concatenate([b.connectivity.ravel() for b in mesh.blocks])
+    ends = np.cumsum(np.concatenate([[0], *(np.full(len(b.labels), b.type.node_count) for b in mesh.blocks)]))
+    return sp.csr_array((np.ones(columns.size), columns, ends), shape=(mesh.element_count, len(mesh.points)))
+
+
+def _tied(opened: Mesh, member: BoolArray, copy: IntArray, key: str) -> Mesh:
+    """The opened mesh with equations and rigid links among the nodes of the section on both of its sides."""
+    parts = [one.nodes for one in opened.simplices]
+    if opened.equations is not None:
+        rows = coupled_nodes(opened.equations).tocoo()
+        parts.append(np.stack([rows.row, rows.col], axis=1))
+    if any((member[nodes].any(axis=1) & ~member[nodes].all(axis=1)).any() for nodes in parts):
+        raise BodyFileError(f"{key}: equations or rigid links join nodes of the section with others; cut elsewhere")
+    simplices, equations = [], opened.equations
+    for one in opened.simplices:
+        every = np.concatenate([np.arange(len(one.nodes)), np.flatnonzero(member[one.nodes[:, 0]])])
+        nodes = np.concatenate([one.nodes, copy[one.nodes[member[one.nodes[:, 0]]]]])
+        simplices.append(Simplices(nodes, one.gradient[every], one.stiffness[every]))
+    if equations is not None:
+        size = (equations.shape[0], 3 * len(opened.points))
+        equations = sp.csr_array((equations.data, equations.indices, equations.indptr), shape=size)
+        again = equations[np.flatnonzero(abs(equations[:, : 3 * member.size]) @ np.repeat(member, 3))].tocoo()
+        moved = (again.data, (again.row, 3 * copy[again.col // 3] + again.col % 3))
+        equations = sp.csr_array(sp.vstack([equations, sp.coo_array(moved, shape=again.shape)]))
+    links = [replace(one, nodes=copy[one.nodes]) for one in opened.links if member[one.nodes[0]]]
+    return replace(opened, equations=equations, simplices=tuple(simplices), links=(*opened.links, *links))
 
 
 def _on_its_side(before: Mesh, after: Mesh, members: IntArray, copy: IntArray) -> IntArray:
@@ -275,7 +306,17 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
         fixed=mesh.fixed[nodes],
         notes=(),
         masses=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.masses if np.all(place[one.nodes] >= 0)),
+        links=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.links if place[one.nodes[0]] >= 0),
+        simplices=tuple(
+            Simplices(place[one.nodes[own]], one.gradient[own], one.stiffness[own])
+            for one in mesh.simplices
+            if (own := place[one.nodes[:, 0]] >= 0).any()
+        ),
     )
+    if mesh.equations is not None:
+        own = mesh.equations[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
+        rows = np.flatnonzero(np.diff(own.indptr))
+        part = replace(part, equations=sp.csr_array(own[rows]) if rows.size else None)
     return part, np.flatnonzero(inside)
 
 
