@@ -9,9 +9,11 @@ import pytest
 from demo.rear_axle.alignment import LEFT, RIGHT, alignment, arm_angle
 from demo.rear_axle.run import CASES, HERE, WHEELS, read_reference
 from demo.rear_axle.run import solve as solve_axle
+from demo.rear_axle.shells import make_mesh
 from scipy.spatial import cKDTree
 
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import CutTable, MeshTable, SupportTable
 from flexfmu.core.image import read_image
@@ -34,6 +36,7 @@ from meshes import bars, body_file, box, with_sets
 from references import body_without_error
 
 DEMO = Path(__file__).parents[2] / "demo"
+SHELL_AXLE = DEMO / "rear_axle" / "shells"
 LINEAR = Method.LINEAR
 CORNER = {"corner": [0.0, 40.0, 100.0]}
 
@@ -713,3 +716,50 @@ def test_frames_and_masses_of_a_cut_body_move_at_second_order_as_in_their_parts(
         np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
         assert np.abs(found[part.frame_count :]).max() > 0.0
         frames, masses, points = frames + part.frame_count, masses + part.masses.mass.size, points + count
+
+
+def gutter(folder, **tables):
+    """A channel of shells, clamped at both ends; its top in the middle is an interface."""
+    x = np.linspace(0.0, 0.6, 13)
+    points = [(a, b, 0.0) for a in x for b in (-0.02, 0.0, 0.02)] + [(a, b, -0.02) for a in x for b in (-0.02, 0.02)]
+    quads = [[3 * i + j, 3 * i + j + 1, 3 * i + j + 4, 3 * i + j + 3] for i in range(12) for j in range(2)]
+    quads += [[3 * i + 2 * j, 3 * i + 3 + 2 * j, 41 + 2 * i + j, 39 + 2 * i + j] for i in range(12) for j in range(2)]
+    place = np.array(points)
+    sets = {"FEET": np.isin(x_of := place[:, 0], [0.0, 0.6]), "MID": np.isclose(x_of, 0.2)}
+    sets["CORNER"] = (np.abs(x_of - 0.3) < 0.03) & (place[:, 2] == 0.0)
+    lines = ["*NODE", *(f"{n}, {a}, {b}, {c}" for n, (a, b, c) in enumerate(points, 1)), "*ELEMENT, TYPE=S4, ELSET=E"]
+    lines += [", ".join(map(str, [n, *(np.array(quad) + 1)])) for n, quad in enumerate(quads, 1)]
+    for name, inside in sets.items():
+        lines += [f"*NSET, NSET={name}", *(f"{n + 1}," for n in np.flatnonzero(inside))]
+    lines += ["*MATERIAL, NAME=M", "*ELASTIC", "2e11, 0.3", "*DENSITY", "7800", "*SHELL SECTION, ELSET=E, MATERIAL=M"]
+    (folder / "gutter.inp").write_text("\n".join([*lines, "0.002"]) + "\n")
+    (folder / "body.toml").write_text(
+        'name = "gutter"\nframes = 2\n[mesh]\nfile = "gutter.inp"\n[[support]]\nnodes = "FEET"\nfix = ["x", "y", "z"]\n'
+        '[[interface]]\nname = "corner"\nnodes = "CORNER"\n'
+        "[reduction]\nmodes = 10\nresidual_flexibility = true\nmembrane = false\n"
+    )
+    return reduce_body(read_body_file(folder / "body.toml").model_copy(update=tables), Reporter())
+
+
+def test_a_cut_goes_through_folded_shells(tmp_path):
+    """Knots of the section stand on both of its sides."""
+    whole, halves = gutter(tmp_path), gutter(tmp_path, cut=[CutTable(nodes="MID")])
+    assert difference(compliance(halves), compliance(whole)) < 1e-3
+    assert halves.angular_frequency[:3] == pytest.approx(whole.angular_frequency[:3], rel=2e-3)
+
+
+@pytest.mark.slow
+def test_an_axle_of_shells_and_solids_is_calculix_s_in_large_rotation(tmp_path):
+    """S4 and C3D8I of 15 mm against S8R and C3D20R of 30 mm, the arm turned by 16 degrees."""
+    make_mesh.write(tmp_path / "axle.inp", make_mesh.build(make_mesh.SIZES["coarse"]))
+    config = read_body_file(SHELL_AXLE / "body.toml")
+    body = reduce_body(config.model_copy(update={"mesh": MeshTable(file=tmp_path / "axle.inp")}), Reporter())
+    reference = read_reference(SHELL_AXLE / "calculix" / "coarse_left.csv", "z")
+    size = np.linalg.norm(reference.motion[-1, :, :3], axis=1).max()
+    linear, found = (solve_axle(FlexibleBody(body, method), reference) for method in (LINEAR, Method.SECOND_ORDER))
+    for place, side in enumerate((LEFT, RIGHT)):
+        own, expected = (alignment(m[:, place, :3], m[:, place, 3:], side) for m in (found, reference.motion))
+        assert own.toe[-1] == pytest.approx(expected.toe[-1], abs=0.01)
+        assert own.camber[-1] == pytest.approx(expected.camber[-1], abs=0.02)
+    assert np.linalg.norm(found[-1, :, :3] - reference.motion[-1, :, :3], axis=1).max() < 0.005 * size
+    assert np.linalg.norm(linear[-1, :, :3] - reference.motion[-1, :, :3], axis=1).max() > 0.1 * size

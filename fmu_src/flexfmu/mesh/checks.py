@@ -93,6 +93,13 @@ def without_mechanisms(mesh: Mesh) -> Mesh:
     return replace(mesh, blocks=tuple(blocks), element_sets=sets, notes=(*mesh.notes, note))
 
 
+def nodes_of_elements(mesh: Mesh) -> sparse.csr_array:
+    """Which nodes each element has, ones (e, n)."""
+    columns = np.concatenate([np.zeros(0, int), *(block.connectivity.ravel() for block in mesh.blocks)])
+    ends = np.cumsum(np.concatenate([[0], *([block.type.node_count] * len(block.labels) for block in mesh.blocks)]))
+    return sparse.csr_array((np.ones(columns.size), columns, ends), shape=(mesh.element_count, len(mesh.points)))
+
+
 def connected_parts(mesh: Mesh) -> IntArray:
     """Return the part that each node belongs to; nodes of one element or equation belong together.
 
@@ -105,19 +112,9 @@ def connected_parts(mesh: Mesh) -> IntArray:
     (n,) int
         Counted from zero without gaps. A node that no element uses is a part of its own.
     """
-    count = len(mesh.points)
-    start = count
-    nodes, elements = [], []
-    for block in mesh.blocks:
-        size = block.type.node_count
-        nodes.append(block.connectivity.ravel())
-        elements.append(np.repeat(np.arange(start, start + len(block.labels)), size))
-        start += len(block.labels)
-    pairs = (np.concatenate(nodes), np.concatenate(elements)) if nodes else (np.zeros(0, int), np.zeros(0, int))
-    if mesh.equations is not None:
-        joined = coupled_nodes(mesh.equations).tocoo()
-        pairs = (np.concatenate([pairs[0], joined.row]), np.concatenate([pairs[1], joined.col]))
-    graph = sparse.coo_matrix((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=(start, start))
+    uses, count = nodes_of_elements(mesh), len(mesh.points)
+    joined = sparse.csr_array((count, count)) if mesh.equations is None else coupled_nodes(mesh.equations)
+    graph = sparse.block_array([[joined, None], [uses, sparse.csr_array((len(uses.indptr) - 1,) * 2)]])
     # Nodes and elements are the graph's vertices: far fewer edges than between the nodes themselves.
     _, parts = sparse.csgraph.connected_components(graph, directed=False)
     _, numbered = np.unique(parts[:count], return_inverse=True)

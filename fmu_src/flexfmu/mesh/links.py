@@ -64,6 +64,12 @@ class Simplices:
         return found
 
 
+def renumbered(simplices: Sequence[Simplices], place: IntArray) -> tuple[Simplices, ...]:
+    """Simplices of the nodes that have a place (n,), there; −1: none."""
+    kept = [(one, (place[one.nodes] >= 0).all(axis=1)) for one in simplices]
+    return tuple(Simplices(place[s.nodes[own]], s.gradient[own], s.stiffness[own]) for s, own in kept if own.any())
+
+
 def merged(links: Sequence[RigidLink], joining: BoolArray) -> tuple[RigidLink, ...]:
     """Links as they are when those that share any of the nodes `joining` (n,) are one."""
     member = [np.flatnonzero(joining[link.nodes]) for link in links]

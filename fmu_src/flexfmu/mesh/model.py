@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.blocks import ElementBlock, FaceBlock, by_block, faces_of, volume_matrices
@@ -173,6 +174,10 @@ class Mesh:
     def volumes(self) -> FloatArray:
         """Volumes (n_elements,) over all blocks, m³."""
         return np.concatenate([np.zeros(0), *(matrices.sum(axis=(1, 2)) for matrices in self.volume_matrices)])
+
+    def split(self, values: NDArray[Any]) -> list[NDArray[Any]]:
+        """Values (n_elements, …) over all blocks, by block."""
+        return np.split(values, self.starts[1:-1])
 
     def by_block(self, elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
         """Each block that has some of the elements, counted over all blocks, and their places in it."""

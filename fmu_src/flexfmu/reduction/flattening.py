@@ -47,10 +47,8 @@ def slices(mesh: Mesh, anchored: IntArray) -> list[IntArray]:
     middle = _across(mesh, link, np.concatenate([distance[b.connectivity].mean(axis=1) for b in mesh.blocks]), way)
     level = np.floor(np.round(_LEVELS * middle / way, _DIGITS)).astype(np.int64)
     piece = connected_components(link.multiply(equal_labels(link, level)), directed=False)[1]
-    owner, first = np.full(len(mesh.points), -1), 0
-    for block in mesh.blocks:
-        own = piece[first : first + len(block.labels)]
-        first += len(block.labels)
+    owner = np.full(len(mesh.points), -1)
+    for block, own in zip(mesh.blocks, mesh.split(piece), strict=True):
         owner[block.connectivity] = own[:, None]
     found = [np.flatnonzero(owner == number) for number in np.unique(owner[owner >= 0])]
     return [one for one in found if np.linalg.norm(np.ptp(mesh.points[one], axis=0)) <= SLENDER * way]

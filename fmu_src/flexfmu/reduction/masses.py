@@ -121,11 +121,8 @@ def _shares(mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Su
     owner = element_owner(mesh, subdomains)
     density = np.array([material.density for material in mesh.materials])
     share = np.zeros((len(subdomains) + 1, len(mesh.points)))
-    first = 0
-    for block, matrices in zip(mesh.blocks, volumes, strict=True):
+    for block, matrices, rows in zip(mesh.blocks, volumes, mesh.split(owner), strict=True):
         nodal = density[block.material][:, None] * matrices.sum(axis=1)
-        rows = owner[first : first + len(block.labels)][:, None]
         # Row GROUND is the last.
-        np.add.at(share, (np.broadcast_to(rows, nodal.shape), block.connectivity), nodal)
-        first += len(block.labels)
+        np.add.at(share, (np.broadcast_to(rows[:, None], nodal.shape), block.connectivity), nodal)
     return share

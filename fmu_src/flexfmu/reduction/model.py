@@ -151,15 +151,13 @@ def _link_strains(mesh: Mesh, motions: FloatArray) -> list[FloatArray]:
 def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: BoolArray) -> FloatArray:
     """Rigid motions (3k, r) of nodes (k,) that equations join; refused where pieces can move against each other."""
     count = len(mesh.points)
-    piece = connected_parts(replace(mesh, equations=None))[nodes]
-    _, piece = np.unique(piece, return_inverse=True)
+    piece = np.unique(connected_parts(replace(mesh, equations=None))[nodes], return_inverse=True)[1]
     free = np.zeros((count, 3), dtype=bool)
     whole = free_motions(mesh.points[nodes], free[nodes])
     # A column for each motion of each piece, in the same units all over.
     blocks = np.zeros((count, 3, 6 * (int(piece.max()) + 1)))
-    for number in range(int(piece.max()) + 1):
-        rows = np.flatnonzero(piece == number)
-        blocks[nodes[rows], :, 6 * number : 6 * number + 6] = whole.reshape(-1, 3, 6)[rows]
+    column = 6 * piece[:, None, None] + np.arange(6)
+    blocks[nodes[:, None, None], np.arange(3)[:, None], column] = whole.reshape(-1, 3, 6)
     own: FloatArray = blocks.reshape(3 * count, -1)
     resisted = np.concatenate([own[held.ravel()], equations @ own, *_link_strains(mesh, own)])
     # The triangle alone: there may be far more rows than motions.

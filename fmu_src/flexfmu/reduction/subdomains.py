@@ -131,16 +131,11 @@ def volume_weighted(mesh: Mesh, volumes: tuple[FloatArray, ...], elements: IntAr
     """
     size = len(mesh.points)
     total = sp.csr_array((size, size))
-    first = 0
     used = np.zeros(size, dtype=bool)
-    for block, matrices in zip(mesh.blocks, volumes, strict=True):
-        chosen = np.zeros(len(block.labels), dtype=bool)
-        inside = elements[(elements >= first) & (elements < first + len(block.labels))]
-        chosen[inside - first] = True
-        part = type(block)(block.type, block.labels[chosen], block.connectivity[chosen], block.material[chosen])
-        total = total + scatter(part.connectivity, matrices[chosen], size)
-        used[part.connectivity] = True
-        first += len(block.labels)
+    inside = np.isin(np.arange(mesh.element_count), elements)
+    for block, matrices, chosen in zip(mesh.blocks, volumes, mesh.split(inside), strict=True):
+        total = total + scatter(block.connectivity[chosen], matrices[chosen], size)
+        used[block.connectivity[chosen]] = True
     nodes = np.flatnonzero(used)
     return Weighted(nodes, sp.csr_array(total[nodes][:, nodes]))
 

@@ -315,10 +315,7 @@ def _centres(points: FloatArray, blocks: tuple[ElementBlock, ...]) -> FloatArray
 
 
 def _with_materials(blocks: tuple[ElementBlock, ...], made: Assigned) -> tuple[ElementBlock, ...]:
-    first, found = 0, []
-    for block in blocks:
-        chosen = slice(first, first + len(block.labels))
-        first += len(block.labels)
-        axes = None if made.axes is None else made.axes[chosen]
-        found.append(replace(block, material=made.rows[chosen], axes=axes))
-    return tuple(found)
+    ends = np.cumsum([len(block.labels) for block in blocks])[:-1]
+    axes = [None] * len(blocks) if made.axes is None else np.split(made.axes, ends)
+    every = zip(blocks, np.split(made.rows, ends), axes, strict=True)
+    return tuple(replace(block, material=rows, axes=own) for block, rows, own in every)

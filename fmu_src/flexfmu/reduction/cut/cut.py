@@ -13,9 +13,9 @@ from scipy.sparse.csgraph import connected_components
 from ...fe.assembly import stiffness
 from ...files.array_types import BoolArray, FloatArray, IntArray
 from ...files.errors import BodyFileError
-from ...mesh.checks import connected_parts
+from ...mesh.checks import connected_parts, nodes_of_elements
 from ...mesh.equations import coupled_nodes
-from ...mesh.links import Simplices
+from ...mesh.links import renumbered
 from ...mesh.listing import listed
 from ...mesh.model import Mesh
 from ...model.rotations import skew
@@ -204,7 +204,7 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
     link = sp.csr_array(neighbours(mesh.points, closed, mesh.element_count))[touching][:, touching]
     if mesh.equations is not None:
         # Sheets of shells that meet beside the section.
-        uses = _nodes_of_elements(mesh)[touching] @ sp.diags_array((~member).astype(float))
+        uses = nodes_of_elements(mesh)[touching] @ sp.diags_array((~member).astype(float))
         link = link + uses @ coupled_nodes(mesh.equations) @ uses.T
     count, side = connected_components(link, directed=False)
     if count != 2:
@@ -218,13 +218,10 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
     copy = np.arange(len(mesh.points))
     copy[nodes] = len(mesh.points) + np.arange(nodes.size)
     origin = np.concatenate([np.arange(len(mesh.points)), nodes])
-    blocks, first = [], 0
-    for block in mesh.blocks:
-        here = second[first : first + len(block.labels)]
-        first += len(block.labels)
-        blocks.append(
-            replace(block, connectivity=np.where(here[:, None], copy[block.connectivity], block.connectivity))
-        )
+    blocks = [
+        replace(block, connectivity=np.where(here[:, None], copy[block.connectivity], block.connectivity))
+        for block, here in zip(mesh.blocks, mesh.split(second), strict=True)
+    ]
     opened = replace(mesh, points=mesh.points[origin], labels=mesh.labels[origin], blocks=tuple(blocks))
     opened = _tied(replace(opened, fixed=mesh.fixed[origin]), member, copy, key)
     sets = {name: _on_its_side(mesh, opened, members, copy) for name, members in mesh.node_sets.items()}
@@ -232,34 +229,20 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
     return replace(opened, node_sets=sets), origin
 
 
-def _nodes_of_elements(mesh: Mesh) -> sp.csr_array:
-    """Which nodes each element has, (e, n)."""
-    columns = np.concatenate([b.connectivity.ravel() for b in mesh.blocks])
-    ends = np.cumsum(np.concatenate([[0], *(np.full(len(b.labels), b.type.node_count) for b in mesh.blocks)]))
-    return sp.csr_array((np.ones(columns.size), columns, ends), shape=(mesh.element_count, len(mesh.points)))
-
-
 def _tied(opened: Mesh, member: BoolArray, copy: IntArray, key: str) -> Mesh:
     """The opened mesh with equations and rigid links among the nodes of the section on both of its sides."""
-    parts = [one.nodes for one in opened.simplices]
-    if opened.equations is not None:
-        rows = coupled_nodes(opened.equations).tocoo()
-        parts.append(np.stack([rows.row, rows.col], axis=1))
-    if any((member[nodes].any(axis=1) & ~member[nodes].all(axis=1)).any() for nodes in parts):
+    equations, count = opened.equations, 3 * len(copy)
+    if equations is None:
+        return opened
+    size = abs(equations[:, :count]) @ np.stack([member, ~member]).repeat(3, axis=1).T > 0.0
+    if size.all(axis=1).any():
         raise BodyFileError(f"{key}: equations or rigid links join nodes of the section with others; cut elsewhere")
-    simplices, equations = [], opened.equations
-    for one in opened.simplices:
-        every = np.concatenate([np.arange(len(one.nodes)), np.flatnonzero(member[one.nodes[:, 0]])])
-        nodes = np.concatenate([one.nodes, copy[one.nodes[member[one.nodes[:, 0]]]]])
-        simplices.append(Simplices(nodes, one.gradient[every], one.stiffness[every]))
-    if equations is not None:
-        size = (equations.shape[0], 3 * len(opened.points))
-        equations = sp.csr_array((equations.data, equations.indices, equations.indptr), shape=size)
-        again = equations[np.flatnonzero(abs(equations[:, : 3 * member.size]) @ np.repeat(member, 3))].tocoo()
-        moved = (again.data, (again.row, 3 * copy[again.col // 3] + again.col % 3))
-        equations = sp.csr_array(sp.vstack([equations, sp.coo_array(moved, shape=again.shape)]))
-    links = [replace(one, nodes=copy[one.nodes]) for one in opened.links if member[one.nodes[0]]]
-    return replace(opened, equations=equations, simplices=tuple(simplices), links=(*opened.links, *links))
+    equations = equations.copy()
+    equations.resize(equations.shape[0], 3 * len(opened.points))
+    again = equations[np.flatnonzero(size[:, 0])]
+    again.indices = (3 * copy[again.indices // 3] + again.indices % 3).astype(again.indices.dtype)
+    simplices = (*opened.simplices, *renumbered(opened.simplices, np.where(member, copy, -1)))
+    return replace(opened, equations=sp.csr_array(sp.vstack([equations, again])), simplices=simplices)
 
 
 def _on_its_side(before: Mesh, after: Mesh, members: IntArray, copy: IntArray) -> IntArray:
@@ -284,13 +267,11 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
     place[nodes] = np.arange(nodes.size)
     inside = np.concatenate([place[block.connectivity[:, 0]] >= 0 for block in mesh.blocks])
     number = np.where(inside, np.cumsum(inside) - 1, -1)
-    blocks, first = [], 0
-    for block in mesh.blocks:
-        here = inside[first : first + len(block.labels)]
-        first += len(block.labels)
-        if here.any():
-            connectivity = place[block.connectivity[here]]
-            blocks.append(replace(block.part(here), connectivity=connectivity))
+    blocks = [
+        replace(block.part(here), connectivity=place[block.connectivity[here]])
+        for block, here in zip(mesh.blocks, mesh.split(inside), strict=True)
+        if here.any()
+    ]
 
     def kept(sets: dict[str, IntArray], places: IntArray) -> dict[str, IntArray]:
         found = {name: places[members][places[members] >= 0] for name, members in sets.items()}
@@ -307,11 +288,7 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
         notes=(),
         masses=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.masses if np.all(place[one.nodes] >= 0)),
         links=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.links if place[one.nodes[0]] >= 0),
-        simplices=tuple(
-            Simplices(place[one.nodes[own]], one.gradient[own], one.stiffness[own])
-            for one in mesh.simplices
-            if (own := place[one.nodes[:, 0]] >= 0).any()
-        ),
+        simplices=renumbered(mesh.simplices, place),
     )
     if mesh.equations is not None:
         own = mesh.equations[:, (3 * nodes[:, None] + np.arange(3)).ravel()]

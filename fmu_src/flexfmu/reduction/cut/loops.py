@@ -206,10 +206,7 @@ def _sides_hang_together(contacts: _Contacts, side: IntArray) -> bool:
 def _straddled(mesh: Mesh, side: IntArray, sets: Sequence[IntArray]) -> bool:
     """Whether one of some node sets has nodes on both sides."""
     touched = np.zeros((2, len(mesh.points)), dtype=bool)
-    first = 0
-    for block in mesh.blocks:
-        own = side[first : first + len(block.labels)]
-        first += len(block.labels)
+    for block, own in zip(mesh.blocks, mesh.split(side), strict=True):
         for one in (0, 1):
             touched[one, block.connectivity[own == one]] = True
     return any(touched[0, members].any() and touched[1, members].any() for members in sets)
