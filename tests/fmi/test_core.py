@@ -247,6 +247,24 @@ def test_files_of_the_core_call_those_before_them_only(symbols):
     assert len(wanted) > 2 * len(order)
 
 
+def test_a_body_at_rest_without_loads_takes_no_work_and_any_load_or_motion_moves_it():
+    core = FlexibleBody(beam_body(3, modes=3)).core
+    rest, none = np.zeros(core.modes), np.zeros(core.loads)
+    answer, q, v, hint, work = core.step(rest, rest, none, 1e-3)
+    assert answer.ok
+    assert (hint, work) == (1, (1, 0, 0.0))
+    assert not np.any([q, v])
+    little = np.ones(core.loads)
+    for case in (
+        (rest, rest, little),
+        (rest, rest, none, 1e-3, little),
+        (rest, 1e-3 + rest, none),
+        (1e-6 + rest, rest, none),
+    ):
+        moved = core.step(*case) if len(case) > 3 else core.step(*case, 1e-3)
+        assert np.any([moved[1], moved[2]])
+
+
 @pytest.mark.parametrize("interfaces", [[0, 0], [1], [-1]])
 def test_the_compliance_of_what_is_no_interface_or_more_than_there_are_is_refused(interfaces):
     body, q = FlexibleBody(beam_body(3, modes=3)), np.zeros(3)
