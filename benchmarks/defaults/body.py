@@ -39,6 +39,8 @@ class Body:
         Nodes that are held along x, y or z alone.
     shares : tuple of float
         Of the full loads, growing.
+    frames : int
+        That the body file asks for; 0: none, as in the shortest body file.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Body:
     inlay: tuple[Material, Where] | None = None
     guides: Mapping[str, Where] = field(default_factory=dict)
     shares: tuple[float, ...] = (0.1, 0.4, 1.0)
+    frames: int = 0
     sets: dict[str, NDArray[np.int64]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -83,9 +86,10 @@ class Body:
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def write(self, folder: Path) -> Path:
-        """Write the deck and the shortest body file; its path."""
+        """Write the deck and the shortest body file, or one with frames; its path."""
         (folder / f"{self.name}.inp").write_text(self.deck(), encoding="ascii")
-        text = [f'name = "{self.name}"', "[mesh]", f'file = "{self.name}.inp"']
+        text = [f'name = "{self.name}"', *([f"frames = {self.frames}"] if self.frames else [])]
+        text += ["[mesh]", f'file = "{self.name}.inp"']
         text += ["[[support]]", 'nodes = "HELD"', 'fix = ["x", "y", "z"]']
         for axis in self.guides:
             text += ["[[support]]", f'nodes = "GUIDE_{axis.upper()}"', f'fix = ["{axis}"]']

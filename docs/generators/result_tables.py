@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from benchmarks.defaults.frames import FRAMES
+from benchmarks.defaults.frames import RECORDS as FRAME_RECORDS
 from benchmarks.defaults.published import ALL
 from benchmarks.defaults.table import RECORDS, summary
 from benchmarks.field.records import Record, read, tables
@@ -93,6 +95,16 @@ def defaults_in_full() -> str:
         counts = (s["bodies"], s["points"], s["right"], s["told"] + s["refused"], silent)
         rows.append([kind, *(f"{count:g}" for count in counts), f"{worst} %" if silent else ""])
     return markdown(["", "bodies", "points", "right", "warned, refused", "silent", "worst silent"], rows)
+
+
+def defaults_by_frames() -> str:
+    """Errors of some of these bodies with other numbers of frames, %."""
+    rows = []
+    for row in read_records(FRAME_RECORDS):
+        found = [_two_digits(100.0 * float(row[f"frames_{count}"])) for count in FRAMES]
+        case = "" if row["case"] == "worst" else f", {row['case']}"
+        rows.append([row["body"].replace("_", " ") + case, *("refused" if v == "nan" else v for v in found)])
+    return markdown(["% at full load", *(f"{count} frame" + "s" * (count > 1) for count in FRAMES)], rows)
 
 
 def defaults_in_short() -> str:

@@ -17,7 +17,7 @@ from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.membrane import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane
-from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING
+from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING, _SHELL
 from flexfmu.study.scene.measure import errors
 from flexfmu.study.scene.reference import references
 from flexfmu.view.tables import describe
@@ -281,6 +281,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_begun(bodies, mon
 def test_limits_lie_between_bodies_that_need_it_and_those_that_do_not(reduced):
     assert _NOTHING == 0.02
     assert _FLAT == 0.09
+    assert _SHELL == 4.0
     assert _LARGE == 3.3
     assert not np.any(reduced(PLATE).membrane.linear)
     assert not np.any(reduced(CLAMPED).membrane.linear)
