@@ -18,7 +18,7 @@ from benchmarks.records import numbers, read_records
 
 def reference(body: Body) -> dict[tuple[str, str], FloatArray]:
     """CalculiX's motion (interfaces, 6) by case and share."""
-    rows = [row for row in read_records(RESULTS) if row["body"] == body.name]
+    rows = [row for row in read_records(RESULTS) if row["body"] == body.name and row["case"] in body.cases]
     if any(row["deck"] != body.digest(row["case"]) for row in rows):
         raise ValueError(
             f"{RESULTS.name} has {body.name} with another mesh or load: run benchmarks.defaults.run_calculix"
