@@ -37,10 +37,9 @@ _NOTHING = 0.02
 _TURN, _LEAST, _AMPLITUDE = 0.5, 1e-3, 0.1
 # The same of flattening: 0.001 to 0.07 in solid bars, frames, arches and plates, 0.12 in tubes with a wall of a tenth
 # of their diameter.
-_FLAT = 0.09
-# Stretching from which there is no flattening: stress of shells that stretch is no bending of a slender member. With it
+# Stretching from which there is none: stress of shells that stretch is no bending of a slender member. With it
 # a cap, at 36, was off by 4.2 % instead of 0.9, a half-cylinder, at 5, had no equilibrium; tubes and channels have 0.2.
-_SHELL = 4.0
+_FLAT, _SHELL = 0.09, 4.0
 _LOW_MODES = 6
 # Turn by w over the square of the angle beyond which w is a motion of its own: 0.3 to 1.4 in cantilevers, curved bars
 # and flat plates, 1.1 to 2.3 in a portal frame, by the basis, 5 in a shallow arch, 9 in a roof.
