@@ -32,8 +32,8 @@ def stiffness(mesh: Mesh) -> sp.csr_array:
         assembled(some.nodes, some.eliminated(some.stiffness())[0], size)
         for some in elastic_cells(mesh, CHUNK, means=True)
     )
-    moved = np.ones(len(mesh.points))
-    moved[mesh.lines] = np.sqrt(2.0), 0.0
+    node, share = mesh.mixed
+    moved: FloatArray = np.bincount(node.ravel(), share.ravel()).astype(float)
     return _without_forces_of_translations(sp.csr_array(0.5 * (total + total.T)), moved)
 
 

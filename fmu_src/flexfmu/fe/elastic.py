@@ -32,7 +32,7 @@ def elastic_cells(mesh: Mesh, elements: int, points: int = 0, means: bool = Fals
     """
     for block in mesh.blocks:
         size = max(1, elements, points // len(block.type.stiffness.weights))
-        if block.type.shell:
+        if block.type.natural:
             yield from (some.in_means() if means else some for some in shell_cells(mesh, block, size))
         else:
             yield from (some for _, some in cells(mesh, block, size))
@@ -44,14 +44,11 @@ def elastic_cells(mesh: Mesh, elements: int, points: int = 0, means: bool = Fals
 
 
 def _in_means(mesh: Mesh, one: Simplices) -> tuple[IntArray, FloatArray]:
-    """Nodes (e, 2 a) and gradients (e, 2 a, 3) of simplices for means and differences, some nodes twice."""
-    other, side = np.arange(len(mesh.points)), np.zeros(len(mesh.points))
-    other[mesh.lines] = mesh.lines[:, ::-1]
-    side[mesh.lines] = -1.0, 1.0
-    mean, across = np.minimum(one.nodes, other[one.nodes]), np.maximum(one.nodes, other[one.nodes])
-    sign = side[one.nodes][:, :, None]
-    part = np.where(sign == 0.0, 1.0, np.sqrt(0.5)) * one.gradient
-    return np.concatenate([mean, across], axis=1), np.concatenate([part, sign * part], axis=1)
+    """Nodes (e, 4 a) and gradients (e, 4 a, 3) of simplices for means and differences, some nodes several times."""
+    node, share = mesh.mixed
+    count, corners = one.nodes.shape
+    gradient = share[one.nodes][..., None] * one.gradient[:, :, None]
+    return node[one.nodes].reshape(count, 4 * corners), gradient.reshape(count, 4 * corners, 3)
 
 
 def _projected(onto: FloatArray, stiffness: FloatArray) -> FloatArray:

@@ -18,8 +18,10 @@ from ..files.array_types import FloatArray, IntArray
 from ..files.errors import ModelError
 from ..mesh.blocks import ElementBlock, jacobians
 from ..mesh.elements import ElementType
-from ..mesh.model import Mesh
+from ..mesh.model import SECTION_SHARES, Mesh
 from ..mesh.shapes import brick_rule, wedge_rule
+from .beams import ROWS as BEAM_ROWS
+from .beams import beam_law
 from .cells import Cells, turning
 
 # Share of the shear that is constant across the thickness and is not; and, of triangles, by how much shear of elements
@@ -60,7 +62,7 @@ shell_rule = cache(ShellRule)
 
 @dataclass(frozen=True, slots=True)
 class ShellCells(Cells):
-    """Shells of one type, for their stiffness.
+    """Shells of one type, or beams, for their stiffness.
 
     Attributes
     ----------
@@ -107,6 +109,8 @@ class ShellCells(Cells):
 
         But for gradients in global axes. Rows of the means are the lower ones of both faces.
         """
+        if len(self.rule.merged) == len(BEAM_ROWS):
+            return replace(self, slope=self.slope @ np.kron(np.eye(2), SECTION_SHARES))
         low, high = np.split(self.nodes, 2, axis=1)
         sign = np.where(low < high, 1.0, -1.0)
 
@@ -139,34 +143,38 @@ def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
     inverse, determinant = jacobians(corners, slope)
     materials = [mesh.materials[k] for k in block.material]
     if any(material.constants is not None for material in materials):
-        raise ModelError("shells of anisotropic material are not supported: give Young's modulus and Poisson's ratio")
+        raise ModelError("shells and beams of anisotropic material are not supported: give Young's modulus and ν")
     constants = np.array([(material.youngs_modulus, material.poissons_ratio) for material in materials])
     return ShellCells(
         block.connectivity,
         shape.value(rule.points),
         slope @ inverse,
-        determinant * rule.weights,
+        determinant * rule.weights * block.filling,
         np.zeros((len(corners), 6, 6)),
         strains,
         strains.slope[None],
         strains.slope @ corners,
-        _law(block.type, corners, strains, constants),
+        _law(block, corners, strains, constants),
     )
 
 
 def _rows(kind: ElementType) -> IntArray:
     """Place and both components of each natural strain (r, 3)."""
+    if kind.beam:
+        return np.array(BEAM_ROWS)
     flat, shear, count = (8, _QUAD_SHEAR, 12) if kind is ElementType.S4 else (2, _TRIANGLE_SHEAR, 5)
     corners = len(kind.stiffness.weights) - count
     inside = [(place, i, j) for place in range(flat) for i, j in _IN_PLANE]
     return np.array([*inside, *shear, *((count + k, 2, 2) for k in range(corners))])
 
 
-def _law(kind: ElementType, corners: FloatArray, strains: ShellRule, constants: FloatArray) -> FloatArray:
+def _law(block: ElementBlock, corners: FloatArray, strains: ShellRule, constants: FloatArray) -> FloatArray:
     """D (e, r, r) of elements with corners (e, a, 3) and E, ν (e, 2)."""
-    quad = kind is ElementType.S4
+    if block.section is not None:
+        return beam_law(corners, strains.merged, constants, block.section)
+    quad = block.type is ElementType.S4
     rule = brick_rule(2) if quad else wedge_rule(2, 2)
-    slope = kind.shape.gradient(np.concatenate([rule.points, [[0.0, 0.0, 0.0] if quad else [1 / 3, 1 / 3, 0.0]]]))
+    slope = block.type.shape.gradient(np.concatenate([rule.points, [[0.0, 0.0, 0.0] if quad else [1 / 3, 1 / 3, 0.0]]]))
     base = np.einsum("qaJ,eai->eqJi", slope, corners)
     determinant = np.linalg.det(base)
     # Local axes: first along the element, third across it.

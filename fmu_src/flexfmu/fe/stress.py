@@ -35,8 +35,8 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
     u = fields.reshape(len(mesh.points), 3, -1)
     places, stresses = [], []
     for block, inside in mesh.by_block(elements):
-        if block.type.shell:
-            raise ModelError("stress of shells is not offered: leave the stress of these elements out of the body file")
+        if block.type.natural:
+            raise ModelError("stress of shells and beams is not offered: leave it out of the body file")
         for _, some in cells(mesh, block.part(inside), CHUNK):
             found = some.work(some.strains(u)).reshape(len(some.nodes), 6, -1, u.shape[2]).swapaxes(1, 2)
             stresses.append((found / some.volume[:, :, None, None]).reshape(-1, 6, u.shape[2]))

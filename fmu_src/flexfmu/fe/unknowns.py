@@ -3,7 +3,7 @@
 All displacements are u = T z. T has a row of the unit matrix for each unknown, zeros for what supports hold, and the
 solved equations for the rest. So stiffness and mass become TᵀKT and TᵀMT, and nodal forces Tᵀf.
 
-Of shells the unknowns are mean and difference of both faces, u = Q v with QᵀQ = 1: of displacements of the faces
+Of shells (and beams) the unknowns are mean and difference of faces, u = Q v with QᵀQ = 1: of displacements of the faces
 themselves, stretch of a thin shell's thickness leaves nothing but round-off for its bending. So v = QᵀT z.
 """
 
@@ -82,17 +82,9 @@ class Unknowns:
         return result
 
 
-def face_means(lines: IntArray, count: int) -> sp.csr_array:
-    """Q (3n, 3n): displacements of both faces (√½ (m − d), √½ (m + d)) by m and d, of lines (l, 2); others stay."""
-    low, high = lines.T
-    diagonal = np.ones(count)
-    diagonal[lines] = np.sqrt(0.5)
-    across = np.full(len(lines), np.sqrt(0.5))
-    aside = sp.coo_array((np.concatenate([-across, across]), ((np.r_[low, high]), (np.r_[high, low]))), (count, count))
-    return sp.csr_array(sp.kron(sp.diags_array(diagonal) + aside, sp.eye_array(3), format="csr"))
-
-
-def unknowns(fixed: BoolArray, equations: sp.csr_array | None, lines: IntArray | None = None) -> Unknowns:
+def unknowns(
+    fixed: BoolArray, equations: sp.csr_array | None, mixed: tuple[IntArray, FloatArray] | None = None
+) -> Unknowns:
     """The unknowns of a model.
 
     Parameters
@@ -100,19 +92,22 @@ def unknowns(fixed: BoolArray, equations: sp.csr_array | None, lines: IntArray |
     fixed : (n, 3) bool
         Translations held at zero.
     equations : (r, 3n) sparse or None
-    lines : (l, 2) int, optional
-        `Mesh.lines`.
+    mixed : tuple of (n, 4) int and (n, 4) float, optional
+        `Mesh.mixed`.
 
     Returns
     -------
     Unknowns
     """
     held, means = fixed.ravel(), None
-    if lines is not None and len(lines):
-        means = face_means(lines, len(fixed))
-        # Where one face alone is held, neither the mean nor the difference is.
-        both = fixed.copy()
-        both[lines] &= fixed[lines[:, ::-1]]
+    if mixed is not None and np.any(mixed[1][:, 1:]):
+        node, share = mixed
+        start = np.arange(0, node.size + 1, node.shape[1])
+        whole = sp.csr_array((share.flatten(), node.flatten(), start), shape=(len(fixed), len(fixed)))
+        whole.eliminate_zeros()
+        means = sp.csr_array(sp.kron(whole, sp.eye_array(3), format="csr"))
+        # Where one point of several alone is held, neither the mean nor the difference is.
+        both = fixed[node].all(axis=1)
         alone = sp.eye_array(held.size, format="csr")[np.flatnonzero((fixed & ~both).ravel())]
         rows = alone if equations is None else sp.vstack([equations, alone])
         equations, held = sp.csr_array(rows @ means), both.ravel()

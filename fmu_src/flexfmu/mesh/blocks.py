@@ -25,6 +25,8 @@ class ElementBlock:
         Rows of `Mesh.materials`; `NO_MATERIAL` where the file gives none.
     axes : (n_elements, 3, 3) float, optional
         Axes of the material as columns, global frame; by default the global axes.
+    section : (n_elements, 6) float, optional
+        Of beams: area, ∫x₁² dA, ∫x₂² dA, torsion constant, shear areas along both axes; m², m⁴.
     """
 
     type: ElementType
@@ -32,6 +34,15 @@ class ElementBlock:
     connectivity: IntArray
     material: IntArray
     axes: FloatArray | None = None
+    section: FloatArray | None = None
+
+    @property
+    def filling(self) -> FloatArray:
+        """Volume over that of the brick between the nodes (n_elements, 1); one but of beams."""
+        if self.section is None:
+            return np.ones((len(self.labels), 1))
+        area, first, second = self.section[:, :3].T
+        return (area**2 / np.sqrt(144.0 * first * second))[:, None]
 
     def part(self, chosen: IntArray | BoolArray) -> "ElementBlock":
         """Return some of the elements.
@@ -45,7 +56,9 @@ class ElementBlock:
         ElementBlock
         """
         axes = None if self.axes is None else self.axes[chosen]
-        return ElementBlock(self.type, self.labels[chosen], self.connectivity[chosen], self.material[chosen], axes)
+        section = None if self.section is None else self.section[chosen]
+        rows = self.labels[chosen], self.connectivity[chosen], self.material[chosen]
+        return ElementBlock(self.type, *rows, axes, section)
 
 
 def by_block(blocks: Sequence[ElementBlock], elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
@@ -181,5 +194,6 @@ def volume_matrices(points: FloatArray, blocks: Sequence[ElementBlock]) -> tuple
         rule, shape = block.type.mass, block.type.shape
         value = shape.value(rule.points)
         volume = jacobians(points[block.connectivity], shape.gradient(rule.points))[1] * rule.weights
+        volume *= block.filling
         found.append(np.einsum("qa,qb,eq->eab", value, value, volume, optimize=True))
     return tuple(found)

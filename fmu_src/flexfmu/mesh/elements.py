@@ -13,6 +13,7 @@ from flexfmu.mesh.shapes import (
     WEDGE_15,
     Quadrature,
     Shape,
+    beam_rule,
     brick_rule,
     shell_rule,
     tetrahedron_rule,
@@ -38,6 +39,10 @@ class ElementType(Enum):
         Whether three shape functions 1 − ξ² of the element's own are added, docs/theory.md section 2.
     shell : bool
         Whether a brick or wedge of one layer is a shell: its nodes are on both faces, bottom first.
+    beam : bool
+        Whether a brick is a piece of a beam between two rigid sections, `mesh.beams`.
+    natural : bool
+        Whether its stiffness is that of natural strains: a shell or a beam.
     """
 
     C3D4 = "C3D4", TETRAHEDRON_4, tetrahedron_rule(1), tetrahedron_rule(2)
@@ -50,6 +55,7 @@ class ElementType(Enum):
     C3D20R = "C3D20R", BRICK_20, brick_rule(2), brick_rule(2)
     S3 = "S3", WEDGE_6, shell_rule(WEDGE), wedge_rule(2, 2), False, False, True
     S4 = "S4", BRICK_8, shell_rule(BRICK), brick_rule(2), False, False, True
+    B31 = "B31", BRICK_8, beam_rule(), brick_rule(2), False, False, False, True
 
     def __new__(cls, name: str, *_: object) -> "ElementType":
         """Let the name be the value."""
@@ -66,6 +72,7 @@ class ElementType(Enum):
         assumed: bool = True,
         incompatible: bool = False,
         shell: bool = False,
+        beam: bool = False,
     ):
         self.shape = shape
         self.stiffness = stiffness
@@ -73,6 +80,8 @@ class ElementType(Enum):
         self.assumed = assumed
         self.incompatible = incompatible
         self.shell = shell
+        self.beam = beam
+        self.natural = shell or beam
 
     @property
     def node_count(self) -> int:

@@ -13,8 +13,11 @@ from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.blocks import ElementBlock, FaceBlock, by_block, faces_of, volume_matrices
 from flexfmu.mesh.links import RigidLink, Simplices
 from flexfmu.mesh.listing import listed
+from flexfmu.mesh.shapes import BRICK
 
 NO_MATERIAL = -1
+SECTION_SHARES = 0.5 * np.array([[1.0, x, y, x * y] for x, y in BRICK.corners[:4, :2].tolist()])
+"""Displacements of the corners of a beam's section by their mean, both slopes and twist."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,11 +157,24 @@ class Mesh:
         return np.cumsum([0, *(len(block.labels) for block in self.blocks)])
 
     @cached_property
-    def lines(self) -> IntArray:
-        """Rows (l, 2) of points on both faces of shells that face each other, ascending."""
-        shells = [b.connectivity.reshape(len(b.labels), 2, -1) for b in self.blocks if b.type.shell]
-        pairs = [np.sort(ends.swapaxes(1, 2).reshape(-1, 2), axis=1) for ends in shells]
-        return np.unique(np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs]), axis=0)
+    def mixed(self) -> tuple[IntArray, FloatArray]:
+        """Points (n, 4), and shares (n, 4), QᵀQ = 1: displacements u = Q v of unknowns that leave thin bodies digits.
+
+        Mean and difference of both faces of shells; mean, both slopes and twist of corners of beams' sections. Of other
+        points the displacements themselves. The means take the place of the first point.
+        """
+        count = len(self.points)
+        node, share = np.repeat(np.arange(count)[:, None], 4, axis=1), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+        for block in self.blocks:
+            if block.type.shell:
+                ends = block.connectivity.reshape(len(block.labels), 2, -1).swapaxes(1, 2).reshape(-1, 2)
+                ends = np.unique(np.sort(ends, axis=1), axis=0)
+                node[ends, :2] = ends[:, None]
+                share[ends, :2] = np.sqrt(0.5) * np.array([[1.0, -1.0], [1.0, 1.0]])
+            elif block.type.beam:
+                corners = block.connectivity.reshape(-1, 4)
+                node[corners], share[corners] = corners[:, None], SECTION_SHARES
+        return node, share
 
     @cached_property
     def faces(self) -> tuple[FaceBlock, ...]:

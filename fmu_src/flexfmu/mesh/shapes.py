@@ -257,5 +257,11 @@ def shell_rule(polytope: Polytope) -> Quadrature:
     return Quadrature(points, np.full(len(points), whole / len(points)))
 
 
+def beam_rule() -> Quadrature:
+    """Places in the middle section at which beams take their strains: the axis, and where the section's axes end."""
+    ends = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)]
+    return Quadrature(np.array(ends), np.full(5, 8.0 / 5.0))
+
+
 FACE_RULES = {3: triangle_rule(2), 6: triangle_rule(5), 4: rectangle_rule(), 8: rectangle_rule()}
 """Rules that integrate a face's mass matrix exactly, by the number of its nodes."""

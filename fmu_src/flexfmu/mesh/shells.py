@@ -142,7 +142,10 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
     origin = np.concatenate([kept, np.repeat(lines.node, 2)])
     fixed, held = _supports(mesh, turning, lines, row, len(origin))
     rows = _joined(lines, row)
-    parts = [] if mesh.equations is None else [_on_lines(mesh.equations, row, lines, len(origin))]
+    parts, own = (
+        [] if part is None else [_on_lines(part, row, lines, len(origin))] for part in (mesh.equations, mesh.supports)
+    )
+    own += [matrix_of(held, 3 * len(origin))] if held else []
     parts += [matrix_of(rows, 3 * len(origin))] if rows else []
     return replace(
         mesh,
@@ -154,7 +157,7 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
         masses=tuple(replace(one, nodes=moved(one.nodes)) for one in mesh.masses),
         links=(*(RigidLink(one.name, moved(one.nodes)) for one in mesh.links), *knots),
         equations=sp.csr_array(sp.vstack(parts)) if parts else None,
-        supports=matrix_of(held, 3 * len(origin)) if held else None,
+        supports=sp.csr_array(sp.vstack(own)) if own else None,
         notes=(*mesh.notes, *_notes(blocks, len(lines.node), len(knots), int((solid & shell).sum()))),
     )
 

@@ -4,11 +4,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from ..fe.unknowns import Unknowns, unknowns
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import ModelError
 from ..mesh.checks import connected_parts, without_mechanisms
+from ..mesh.links import simplex
 from ..mesh.model import Mesh
 from .materials import completed
 from .options import BodyOptions
@@ -45,7 +47,7 @@ class Model:
 
     def __post_init__(self) -> None:
         """Solve the equations."""
-        object.__setattr__(self, "unknowns", unknowns(self.fixed, self.mesh.equations, self.mesh.lines))
+        object.__setattr__(self, "unknowns", unknowns(self.fixed, self.mesh.equations, self.mesh.mixed))
 
     @property
     def free(self) -> IntArray:
@@ -148,10 +150,25 @@ def _link_strains(mesh: Mesh, motions: FloatArray) -> list[FloatArray]:
     return found
 
 
+def _rigidly_joined(mesh: Mesh, piece: IntArray) -> IntArray:
+    """Pieces (n,) as one that have three points off a line each in a rigid link, so do not move against each other."""
+    first = int(piece.max()) + 1
+    pairs = [
+        (number, first + place)
+        for place, link in enumerate(mesh.links)
+        for number in np.unique(piece[link.nodes]).tolist()
+        if simplex(mesh.points, link.nodes[piece[link.nodes] == number])[0].size > 2
+    ]
+    rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    graph = sp.coo_array((np.ones(len(pairs)), (rows, columns)), shape=2 * (first + len(mesh.links),))
+    return np.array(connected_components(graph, directed=False)[1][piece])
+
+
 def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: BoolArray) -> FloatArray:
     """Rigid motions (3k, r) of nodes (k,) that equations join; refused where pieces can move against each other."""
     count = len(mesh.points)
-    piece = np.unique(connected_parts(replace(mesh, equations=None))[nodes], return_inverse=True)[1]
+    piece = _rigidly_joined(mesh, connected_parts(replace(mesh, equations=None)))[nodes]
+    piece = np.unique(piece, return_inverse=True)[1]
     free = np.zeros((count, 3), dtype=bool)
     whole = free_motions(mesh.points[nodes], free[nodes])
     # A column for each motion of each piece, in the same units all over.

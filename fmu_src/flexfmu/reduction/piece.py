@@ -329,7 +329,7 @@ def _tell(modes: Modes, report: Reporter) -> None:
 
 def _tell_coarse(model: Model, modes: Modes, report: Reporter) -> None:
     """Warn of a mesh of solids that is far too stiff for the first mode."""
-    if any(block.type.shell for block in model.mesh.blocks):
+    if any(block.type.natural for block in model.mesh.blocks):
         return
     share = stress_jumps(model.mesh, modes.shapes[:, np.argmax(modes.angular_frequency > 0.0)])
     if share > _JUMPS:

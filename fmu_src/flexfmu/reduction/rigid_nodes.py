@@ -93,7 +93,8 @@ def _surroundings(mesh: Mesh, links: Sequence[RigidLink]) -> FloatArray:
     for block, first in zip(mesh.blocks, mesh.starts, strict=False):
         nodes, own = block.connectivity, mesh.volumes[first : first + len(block.labels), None]
         np.maximum.at(modulus, nodes, np.broadcast_to(moduli[block.material][:, None], nodes.shape))
-        np.maximum.at(size, nodes, np.broadcast_to(np.cbrt(own), nodes.shape))
+        length = np.cbrt(own) if block.section is None else own / block.section[:, :1]
+        np.maximum.at(size, nodes, np.broadcast_to(length, nodes.shape))
         np.add.at(volume, nodes, np.broadcast_to(own / nodes.shape[1], nodes.shape))
     found = np.zeros(len(links))
     for number, link in enumerate(links):

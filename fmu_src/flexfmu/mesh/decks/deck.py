@@ -10,8 +10,11 @@ import numpy as np
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.assembly import Assembly
+from flexfmu.mesh.decks.beams import KEYS as BEAMS
+from flexfmu.mesh.decks.beams import take_beams
 from flexfmu.mesh.decks.boundary import hold
 from flexfmu.mesh.decks.cards import Card, read_cards
 from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
@@ -58,16 +61,21 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     content.sort(content.assembly.flat(read_cards(path)))
     elements = content.elements.resolved(content.nodes)
     heights: dict[int, tuple[float, float]] = {}
-    if sections := [card for card in content.structures if card.key == SHELLS]:
+    beams: dict[int, Beam] = {}
+    if content.structures:
         _, element_sets = _resolved_sets(content, elements)
-        heights = take_shells(sections, element_sets, elements, content.elements, content.materials)
+        cards, table, materials = content.structures, content.elements, content.materials
+        heights = take_shells([k for k in cards if k.key == SHELLS], element_sets, elements, table, materials)
+        beams = take_beams([k for k in cards if k.key in BEAMS], element_sets, elements, table, materials, units)
         elements = content.elements.resolved(content.nodes)
     if not content.nodes.rows or not elements.blocks:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
         raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
     _refuse_early_end(content, elements)
     mesh, turning = _mesh(content, elements, units)
-    return expanded(mesh, units.length * by_element(heights, elements), turning) if heights else mesh
+    if beams:
+        mesh, turning = with_beams(mesh, beams, turning)
+    return expanded(mesh, units.length * by_element(heights, mesh.blocks), turning) if heights else mesh
 
 
 def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[Mesh, BoolArray]:
@@ -87,7 +95,8 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     rows = _equations(content, elements, surfaces, node_sets, points)
     couplings = content.couplings.resolved(node_sets, element_sets, elements, own)
     used = {row for block in blocks for row in block.connectivity.ravel().tolist()}
-    carriers = Carriers(points * units.length, used, couplings)
+    turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
+    carriers = Carriers(points * units.length, used, turning, couplings)
     heavy = [*content.cards["MASS"], *content.cards["ROTARYINERTIA"]]
     masses = point_masses(heavy, element_sets, elements, carriers, units, content.notes)
     coupled, references, links, told = offered(couplings, points * units.length, fixed)
@@ -235,22 +244,22 @@ def _resolved_sets(content: _Content, elements: Elements) -> tuple[SetTable, Set
 
 
 def _refuse_structures(content: _Content, element_sets: SetTable, elements: Elements) -> None:
-    """Refuse sections that make shells, membranes or beams of what would otherwise serve sets."""
+    """Refuse sections that make membranes, frames or bars of what would otherwise serve sets."""
     for card in content.structures:
-        if card.key == SHELLS:
+        if card.key in (SHELLS, *BEAMS):
             continue
         if "ELSET" in card.parameters and element_sets.find(card.parameters["ELSET"], card.line, card.scope):
             raise card.line.error(
-                f"*{card.keyword} makes a membrane or beam of elements of set '{card.parameters['ELSET']}': only "
-                "solids and shells are supported; mesh this part of the body with these"
+                f"*{card.keyword} makes a membrane or frame of elements of set '{card.parameters['ELSET']}': only "
+                "solids, shells and beams are supported; mesh this part of the body with these"
             )
     for section in content.materials.sections:
         members = element_sets.find(section.element_set, section.line, section.scope)
         bars = [other for other in elements.others_of(members) if other.dimension == 1]
         if bars:
             raise section.line.error(
-                f"*SOLID SECTION makes bars of {len(bars)} elements of type {bars[0].name}: only solid elements are "
-                "supported; mesh this part of the body with solids"
+                f"*SOLID SECTION makes bars of {len(bars)} elements of type {bars[0].name}: bars are "
+                "not supported; make beams of them by *BEAM SECTION"
             )
 
 
@@ -280,7 +289,7 @@ def _equations(
         shells = elements.shell_nodes_of(range(elements.solid_count))
         if any(key // 3 in shells for row in tied for key in row):
             raise card.line.error(
-                "*TIE joins shells, which would turn freely there: let parts share nodes, or join them by *RIGID BODY"
+                "*TIE joins shells, or beams, which would turn freely there: let parts share nodes, or use *RIGID BODY"
             )
         found += tied
     content.notes.extend(table.notes)

@@ -157,8 +157,8 @@ class Elements:
         return list(by_block(self.blocks, np.array(sorted(positions), dtype=np.int64)))
 
     def shell_nodes_of(self, positions: Iterable[int]) -> set[int]:
-        """Rows of the nodes of those that are shells."""
-        chosen = [block.connectivity[inside] for block, inside in self.solids_of(positions) if block.type.shell]
+        """Rows of the nodes of those that are shells or beams."""
+        chosen = [block.connectivity[inside] for block, inside in self.solids_of(positions) if block.type.natural]
         return {row for rows in chosen for row in rows.ravel().tolist()}
 
     def others_of(self, positions: Iterable[int]) -> list[Element]:

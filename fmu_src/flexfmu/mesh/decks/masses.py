@@ -55,10 +55,10 @@ def point_masses(
         one, on = given[row], carriers.of(row)
         if on is None:
             raise one.line.error(
-                f"node {labels[row]} has a mass and belongs to no solid and no coupling, which would carry it; "
+                f"node {labels[row]} has a mass and belongs to no element and no coupling, which would carry it; "
                 "couple it (*COUPLING), or take the mass out"
             )
-        if on.size == 1 and np.any(one.inertia):
+        if on.size == 1 and np.any(one.inertia) and row not in carriers.turning:
             place = f"{one.line.place}: node {labels[row]}"
             notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
         found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, one.mass, one.inertia))
@@ -106,12 +106,15 @@ class Carriers:
     points : (n, 3) float
         m.
     used : set of int
-        Rows of nodes of solid elements.
+        Rows of nodes of elements.
+    turning : set of int
+        Those of beams.
     couplings : sequence of Coupling
     """
 
     points: FloatArray
     used: set[int]
+    turning: set[int]
     couplings: Sequence[Coupling]
 
     def of(self, row: int) -> IntArray | None:

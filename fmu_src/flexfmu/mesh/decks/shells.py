@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfmu.files.array_types import FloatArray
+from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.geometry import Elements, ElementTable
 from flexfmu.mesh.decks.materials import DeckMaterials
@@ -87,7 +88,7 @@ def _faces(card: Card) -> tuple[float, float]:
     return (offset - 0.5) * value, (offset + 0.5) * value
 
 
-def by_element(heights: dict[int, tuple[float, float]], elements: Elements) -> FloatArray:
+def by_element(heights: dict[int, tuple[float, float]], blocks: Sequence[ElementBlock]) -> FloatArray:
     """Heights (n_elements, 2) of the faces of the elements of the body; not numbers for solids."""
-    labels = np.concatenate([block.labels for block in elements.blocks])
+    labels = np.concatenate([block.labels for block in blocks])
     return np.array([heights.get(label, (np.nan, np.nan)) for label in labels.tolist()])

@@ -72,7 +72,7 @@ def _faces(members: set[int], name: str, elements: Elements, line: Line) -> list
     """Nodes (f, a) of a face of each solid element among some, by kind."""
     found: list[IntArray] = []
     for block, inside in elements.solids_of(members):
-        if block.type.shell:
+        if block.type.natural:
             continue
         faces = {f"S{number}": nodes for number, nodes in enumerate(block.type.shape.faces, start=1)}
         if name not in faces:

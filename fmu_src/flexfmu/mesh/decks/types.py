@@ -15,7 +15,7 @@ READ_AS: dict[str, tuple[ElementType, str]] = {
         "reduced integration with enhanced hourglass control bends alike; other hourglass control is softer or stiffer",
     ),
 }
-_SOLIDS = [kind for kind in ElementType if not kind.shell]
+_SOLIDS = [kind for kind in ElementType if not kind.natural]
 for _kind in _SOLIDS:
     READ_AS[f"{_kind.name}H"] = (_kind, _HYBRID)
     READ_AS[f"{_kind.name}T"] = (_kind, _THERMAL)
@@ -76,8 +76,7 @@ def reading(name: str) -> Reading | None:
     Reading or None
         None where it is not known, or not supported.
     """
-    if name in ElementType.__members__ and not ElementType[name].shell:
-        kind = ElementType[name]
+    if (kind := next((one for one in _SOLIDS if one.name == name), None)) is not None:
         return Reading(kind, kind.node_count, 3)
     if name in READ_AS:
         kind, note = READ_AS[name]
