@@ -16,13 +16,12 @@ from .build.choices import (
     material_table,
     plain,
     support_table,
-    unit_system,
 )
 from .build.config import read_body_file
 from .build.reduce import reduce_mesh
 from .files.progress import Reporter, ScriptReporter
 from .files.store import Store
-from .files.units import UnitSystem
+from .files.units import UnitSystem, unit_system
 from .fmu.built_body import BuiltBody
 from .mesh.formats import file_origin, read_mesh
 from .mesh.in_memory import as_mesh

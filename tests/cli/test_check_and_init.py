@@ -15,6 +15,7 @@ from flexfmu.commands.cli import app
 from flexfmu.files.errors import AccuracyError, BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.formats import read_mesh
 from flexfmu.reduction.options import Place
 from flexfmu.reduction.places import node_set
 from meshes import body_file, box, grid, lattice, write_deck
@@ -277,3 +278,9 @@ def test_a_place_without_nodes_says_how_far_the_body_is():
     mesh = box(ElementType.C3D8, (2, 2, 1), (0.5, 0.05, 0.02))
     with pytest.raises(BodyFileError, match=r"reaches from \(0, 0, 0\) to \(0.5, 0.05, 0.02\) m.*misses it by 0.1 m"):
         node_set(mesh, Place(plane=[0.6, 0.0, 0.0], normal=[1.0, 0.0, 0.0]), "tip")
+
+
+def test_units_that_are_none_are_answered_with_those_that_are(bar):
+    with pytest.raises(BodyFileError, match=r"units are 'mm', expected one of 'm-kg-s', 'mm-t-s', 'in-lbf-s'"):
+        read_mesh(bar, "mm")
+    assert "expected one of 'm-kg-s'" in run("init", bar, "--units", "mm").output

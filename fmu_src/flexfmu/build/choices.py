@@ -93,15 +93,6 @@ class NodeChoices:
         return title
 
 
-def unit_system(given: UnitSystem | str) -> UnitSystem:
-    """Unit system of its name; BodyFileError without one."""
-    try:
-        return UnitSystem(given)
-    except ValueError as error:
-        known = ", ".join(repr(system.value) for system in UnitSystem)
-        raise BodyFileError(f"units are {given!r}, expected one of {known}") from error
-
-
 def support_table(sets: NodeChoices, given: Support | Nodes, title: str) -> dict[str, Any]:
     """A table of `[[support]]`; its nodes become a set of the mesh where they are not one."""
     support = given if isinstance(given, Support) else Support(given)

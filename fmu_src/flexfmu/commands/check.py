@@ -12,9 +12,9 @@ def check(
 ) -> None:
     """List what a mesh holds: mass, sets, materials, plane ends, bores; of a body file its supports and interfaces."""
     from ..build.body_model import body_model
-    from ..build.choices import unit_system
     from ..build.config import read_body_file
     from ..build.suggest import chosen_nodes, mass_lines, mesh_lines
+    from ..files.units import unit_system
     from ..mesh.checks import checked
     from ..mesh.formats import read_mesh
 

@@ -12,9 +12,9 @@ def init(
     units: Annotated[str, typer.Option(help="Units of the mesh; default: those in which the body is likely.")] = "",
 ) -> None:
     """Write a body file to start from: supports and interfaces at reference points and plane ends of a mesh."""
-    from ..build.choices import unit_system
     from ..build.suggest import likely_mesh, starting_body_file
     from ..files.errors import OutputError
+    from ..files.units import unit_system
     from ..mesh.checks import checked
     from ..mesh.formats import read_mesh
 

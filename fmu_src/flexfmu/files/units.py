@@ -4,6 +4,8 @@ import math
 from enum import Enum
 from typing import Any
 
+from .errors import BodyFileError
+
 # Exact by definition: the inch, and the pound-force.
 _DEGREE, _INCH, _POUND = math.pi / 180.0, 0.0254, 4.4482216152605
 UNITS: dict[str, dict[str, float]] = {
@@ -68,3 +70,12 @@ class UnitSystem(Enum):
         self.length_name, self.stress_name, self.density_name = _NAMES[name]
         self.length, self.stress = UNITS["m"][self.length_name], UNITS["Pa"].get(self.stress_name, 1.0)
         self.density = UNITS["kg/m³"][self.density_name]
+
+
+def unit_system(given: UnitSystem | str) -> UnitSystem:
+    """Unit system of its name; BodyFileError without one."""
+    try:
+        return UnitSystem(given)
+    except ValueError as error:
+        known = ", ".join(repr(system.value) for system in UnitSystem)
+        raise BodyFileError(f"units are {given!r}, expected one of {known}") from error

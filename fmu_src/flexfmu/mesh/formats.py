@@ -11,7 +11,7 @@ import meshio
 
 from flexfmu.files.errors import MeshError
 from flexfmu.files.inputs import Kind, check_input
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.units import UnitSystem, unit_system
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.in_memory import Contents, from_contents
 from flexfmu.mesh.model import Mesh
@@ -70,7 +70,7 @@ def read_mesh(
     >>> sorted(mesh.node_sets)
     ['ROOT', 'TIP']
     """
-    path, units = Path(path), UnitSystem(units)
+    path, units = Path(path), unit_system(units)
     check_input(path, MeshError, Kind.MESH)
     suffix = path.suffix.lower()
     if suffix in _SHARED_SUFFIXES:
