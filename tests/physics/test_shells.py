@@ -417,7 +417,7 @@ def test_stress_of_shells_is_refused():
     cells = {"quad": np.array(middle.cells)}
     mesh = flexfmu.shell_mesh(middle.points, cells, middle.thickness, ROOT=middle.root, TIP=middle.tip)
     body = flexfmu.Body(mesh, (2e11, 0.3, 7850.0), ["ROOT"], {"tip": "TIP"})
-    with pytest.raises(ModelError, match="stress of shells is not offered"):
+    with pytest.raises(ModelError, match="stress of shells and beams is not offered"):
         body.build("frames", modes=2, surface=True, stress=True)
 
 
