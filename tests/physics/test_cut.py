@@ -748,12 +748,20 @@ def test_a_cut_goes_through_folded_shells(tmp_path):
     assert halves.angular_frequency[:3] == pytest.approx(whole.angular_frequency[:3], rel=2e-3)
 
 
+def test_where_to_cut_is_found_in_folded_shells(tmp_path):
+    """Its section goes through all three sheets, which share no node."""
+    whole, halves = gutter(tmp_path), gutter(tmp_path, cut="auto")
+    assert {name.split("_frame")[0] for name in halves.frame_names} == {"part_1", "part_2"}
+    assert difference(compliance(halves), compliance(whole)) < 1e-3
+
+
 @pytest.mark.slow
-def test_an_axle_of_shells_and_solids_is_calculix_s_in_large_rotation(tmp_path):
+@pytest.mark.parametrize("told", [{}, {"cut": None, "frames": None}], ids=["by hand", "by default"])
+def test_an_axle_of_shells_and_solids_is_calculix_s_in_large_rotation(told, tmp_path):
     """S4 and C3D8I of 15 mm against S8R and C3D20R of 30 mm, the arm turned by 16 degrees."""
     make_mesh.write(tmp_path / "axle.inp", make_mesh.build(make_mesh.SIZES["coarse"]))
     config = read_body_file(SHELL_AXLE / "body.toml")
-    body = reduce_body(config.model_copy(update={"mesh": MeshTable(file=tmp_path / "axle.inp")}), Reporter())
+    body = reduce_body(config.model_copy(update={"mesh": MeshTable(file=tmp_path / "axle.inp"), **told}), Reporter())
     reference = read_reference(SHELL_AXLE / "calculix" / "coarse_left.csv", "z")
     size = np.linalg.norm(reference.motion[-1, :, :3], axis=1).max()
     linear, found = (solve_axle(FlexibleBody(body, method), reference) for method in (LINEAR, Method.SECOND_ORDER))

@@ -14,6 +14,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ...files.array_types import FloatArray, IntArray
 from ...mesh.blocks import FaceBlock
+from ...mesh.checks import nodes_of_elements
+from ...mesh.equations import coupled_nodes
 from ...mesh.model import Mesh
 from ..division import distance_along
 
@@ -47,11 +49,16 @@ class LoopSection:
 
 @dataclass(frozen=True, slots=True)
 class _Contacts:
-    """Faces inside a body: their two elements (f, 2), area vectors from the first to the second (f, 3), m², nodes."""
+    """Faces inside a body: their two elements (f, 2), area vectors from the first to the second (f, 3), m², nodes.
+
+    Elements whose nodes equations couple, such as those of sheets at a fold, are last, without area and nodes. Coupled
+    are nodes (n, n) with themselves and with those.
+    """
 
     elements: IntArray
     area: FloatArray
     incidence: sp.csr_array
+    coupled: sp.csr_array
 
 
 def loop_sections(
@@ -130,11 +137,19 @@ def _contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> _Contacts:
         rows.append(np.repeat(first + np.arange(len(members)), members.shape[1]))
         columns.append(members.ravel())
         first += len(members)
+    coupled = sp.csr_array(sp.eye_array(len(mesh.points)))
+    if mesh.equations is not None:
+        coupled = coupled + coupled_nodes(mesh.equations)
+        uses = nodes_of_elements(mesh)
+        beside = sp.triu(uses @ coupled_nodes(mesh.equations) @ uses.T, 1).tocoo()
+        elements.append(np.stack(beside.coords, axis=1))
+        areas.append(np.zeros((beside.nnz, 3)))
     if not elements:
-        return _Contacts(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)), sp.csr_array((0, len(mesh.points))))
-    r, c = np.concatenate(rows), np.concatenate(columns)
-    incidence = sp.csr_array(sp.coo_array((np.ones(r.size), (r, c)), shape=(first, len(mesh.points))))
-    return _Contacts(np.concatenate(elements), np.concatenate(areas), incidence)
+        return _Contacts(np.zeros((0, 2), int), np.zeros((0, 3)), sp.csr_array((0, len(mesh.points))), coupled)
+    r, c = (np.concatenate([*parts, np.zeros(0, int)]) for parts in (rows, columns))
+    pairs = np.concatenate(elements)
+    incidence = sp.csr_array(sp.coo_array((np.ones(r.size), (r, c)), shape=(len(pairs), len(mesh.points))))
+    return _Contacts(pairs, np.concatenate(areas), incidence, coupled)
 
 
 def _means(mesh: Mesh, values: FloatArray) -> FloatArray:
@@ -178,11 +193,12 @@ def _sections(mesh: Mesh, contacts: _Contacts, side: IntArray) -> tuple[list[Loo
     Flat is projected area over area, one for a plane.
     """
     ends = side[contacts.elements]
-    faces = np.flatnonzero((ends.min(axis=1) == 0) & (ends.max(axis=1) == 1))
+    across = (ends.min(axis=1) == 0) & (ends.max(axis=1) == 1)
+    faces = np.flatnonzero(across & contacts.area.any(axis=1))
     if not faces.size:
         return [], 0.0, 0.0
     touch = contacts.incidence[faces]
-    count, number = connected_components(touch @ touch.T, directed=False)
+    count, number = connected_components(touch @ contacts.coupled @ touch.T, directed=False)
     area = contacts.area[faces] * np.where(ends[faces, 0] == 0, 1.0, -1.0)[:, None]
     size = np.linalg.norm(area, axis=1)
     found, flat = [], []
