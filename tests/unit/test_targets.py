@@ -2,6 +2,8 @@
 
 import os
 import stat
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from bodies import beam_body
 from flexfmu.files.errors import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
-from flexfmu.files.targets import whole_file
+from flexfmu.files.targets import check_target, whole_file
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.modal_file import write_modal_file
 from flexfmu.view.curves import plot_result
@@ -82,3 +84,9 @@ def test_a_file_that_is_not_finished_leaves_the_one_before_it(tmp_path):
     with pytest.raises(OutputError, match="cannot be written"):
         fail()
     assert [(path.name, path.read_text(encoding="utf-8")) for path in tmp_path.iterdir()] == [("result.csv", "old")]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a folder in which nobody may make files")
+def test_a_folder_that_takes_no_files_is_found_before_the_work():
+    with pytest.raises(OutputError, match="the folder /proc cannot be written to"):
+        check_target(Path("/proc/body.fmu"), (".fmu",))

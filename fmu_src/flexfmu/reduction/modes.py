@@ -296,7 +296,7 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
     masses = np.einsum("ij,ij->j", vectors, m @ vectors)
     if not np.all(masses > 0.0):
         raise AccuracyError(
-            "some of the modes have no mass, which C3D20R have at eight points alone: ask for fewer modes"
+            "some modes have no mass, since a C3D20R element has it at eight points alone: ask for fewer modes"
         )
     vectors = vectors / np.sqrt(masses)
     try:

@@ -55,7 +55,7 @@ class Heard(Reporter):
         self.warnings.append(text)
 
     def doubt(self, text: str) -> None:
-        """Pass it on before it is kept, since it may end the job."""
+        """Keep it as a warning, and pass it on as what it is, which may end the job."""
         if self._report is not None and text not in self.warnings:
             self._report.doubt(text)
         self.warnings.append(text)

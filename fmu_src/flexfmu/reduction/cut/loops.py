@@ -120,7 +120,7 @@ def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
 def _contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> _Contacts:
     """The faces inside a body."""
     centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
-    elements, areas, rows, columns = [], [], [], []
+    elements, areas, rows, columns = ([np.zeros(shape, int)] for shape in ((0, 2), (0, 3), 0, 0))
     first = 0
     for block in faces:
         inner = block.beyond >= 0
@@ -139,15 +139,12 @@ def _contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> _Contacts:
         first += len(members)
     coupled = sp.csr_array(sp.eye_array(len(mesh.points)))
     if mesh.equations is not None:
-        coupled = coupled + coupled_nodes(mesh.equations)
-        uses = nodes_of_elements(mesh)
-        beside = sp.triu(uses @ coupled_nodes(mesh.equations) @ uses.T, 1).tocoo()
+        uses, others = nodes_of_elements(mesh), coupled_nodes(mesh.equations)
+        coupled = coupled + others
+        beside = sp.triu(uses @ others @ uses.T, 1).tocoo()
         elements.append(np.stack(beside.coords, axis=1))
         areas.append(np.zeros((beside.nnz, 3)))
-    if not elements:
-        return _Contacts(np.zeros((0, 2), int), np.zeros((0, 3)), sp.csr_array((0, len(mesh.points))), coupled)
-    r, c = (np.concatenate([*parts, np.zeros(0, int)]) for parts in (rows, columns))
-    pairs = np.concatenate(elements)
+    r, c, pairs = (np.concatenate(parts) for parts in (rows, columns, elements))
     incidence = sp.csr_array(sp.coo_array((np.ones(r.size), (r, c)), shape=(len(pairs), len(mesh.points))))
     return _Contacts(pairs, np.concatenate(areas), incidence, coupled)
 
