@@ -144,7 +144,7 @@ def test_a_run_ends_with_its_largest_motion_and_its_warnings(fmu, tmp_path):
 def test_quiet_leaves_warnings_and_results(fmu, tmp_path, place):
     (tmp_path / "loads.csv").write_text(LOADS)
     words = ["simulate", fmu, "-i", tmp_path / "loads.csv", "-o", tmp_path / "r.csv", "--stop", "0.03"]
-    usual = run(*words)
+    usual = run(*words, "--verbose")
     assert "✓" in usual.stderr
     quiet = run(*(["-q", *words] if place == "before" else [*words, "--quiet"]))
     assert "✓" not in quiet.stderr

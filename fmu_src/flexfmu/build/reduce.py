@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..files.counts import plural
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.threads import in_one_thread
@@ -16,6 +17,7 @@ from ..mesh.plausibility import implausible
 from ..model.methods import Mass, Variant
 from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, summary
+from ..model.variants import chosen
 from ..program.mass_polynomial import mass_polynomial
 from ..reduction.cut.loop_choice import chosen_cuts
 from ..reduction.cut.parts import reduced_parts
@@ -112,7 +114,7 @@ def reduce_mesh(
     if use.variant.mass is Mass.POLYNOMIAL and body.polynomial is None:
         use = replace(use, variant=Variant(use.variant.method))
     body = used_body(body, use)
-    _tell(body, report)
+    _tell(config, body, report)
     return body
 
 
@@ -124,17 +126,25 @@ def _tell_doubts(mesh: Mesh, config: BodySpec, properties: Properties, report: R
         report.warning(text)
 
 
-def _tell(body: ReducedBody, report: Reporter) -> None:
-    """Say how the body swings, and what pictures of it take."""
+def _tell(config: BodySpec, body: ReducedBody, report: Reporter) -> None:
+    """Say what the model is and why, how the body swings, and what pictures of it take."""
     first = float(body.damping_ratio[body.rigid_count])
     if first > _HEAVY_DAMPING:
         report.warning(
             f"damping.ratio = {first:g} of the first mode: it hardly swings; the ratio is a share of critical damping, "
             "1 % is 0.01"
         )
+    asked = config.formulation.method is not None, config.frames is not None or config.frame or config.branch
+    said, divided = ("body file" if one else "default" for one in asked)
+    report.note(
+        f"method {chosen(body).words} ({'no frames' if config.frames == 0 else said}), "
+        f"{plural(body.frame_count, 'frame')} ({divided}), {plural(body.mode_count, 'mode')}"
+    )
+    if body.membrane is not None:
+        report.note(f"membrane energy: {body.membrane.words}")
     report.note(f"first frequency {first_frequency(body.angular_frequency)}")
     if body.surface is not None:
-        report.note(_surface_words(body.surface))
+        report.detail(_surface_words(body.surface))
 
 
 def _surface_words(surface: Surface) -> str:

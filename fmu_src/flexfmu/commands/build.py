@@ -35,20 +35,22 @@ def build(
     from ..build.config import read_body_file
     from ..build.pipeline import build_fmu
     from ..files.store import Store, default_folder
+    from ..study.candidates import times
+    from ..study.smallest import own_error, smallest
 
     target = output or Path(f"{read_body_file(body).name}.fmu")
     store = Store(None if fresh else default_folder())
     names = [name.strip() for name in platforms.split(",") if name.strip()]
-    if not tolerance:
-        build_fmu(body, target, modal_file, reporter(not force), store, runtime, names)
-        show_written(target)
-        return
-    from ..study.candidates import times
-    from ..study.smallest import smallest
-
-    config, share = smallest(body, _share(tolerance), scene, reporter(not force), store)
-    built = build_fmu(config, target, modal_file, reporter(not force), store, runtime, names)
+    config, share = (body, 0.0)
+    if tolerance:
+        config, share = smallest(body, _share(tolerance), scene, reporter(not force), store)
+    report = reporter(not force)
+    built = build_fmu(config, target, modal_file, report, store, runtime, names)
+    for text in filter(None, [own_error(built)]):
+        report.note(text)
     show_written(target)
+    if not tolerance:
+        return
     typer.echo(
         f"{plural(built.frame_count, 'frame')}, {plural(built.mode_count, 'mode')}: {times(share)} × the tolerance"
     )

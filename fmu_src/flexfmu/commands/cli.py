@@ -57,7 +57,8 @@ def _options(
         bool, typer.Option("--quiet", "-q", help="Say nothing but warnings, errors and results; also after a command.")
     ] = False,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Show where in the code an error arose; also after a command.")
+        bool,
+        typer.Option("--verbose", "-v", help="Say all that is done and found, and where in the code an error arose."),
     ] = False,
 ) -> None:
     """Options of all commands."""

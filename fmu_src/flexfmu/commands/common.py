@@ -38,7 +38,8 @@ def reporter(strict: bool = False) -> "ConsoleReporter":
     """What tells of the job, as loud as the user asked for, and perhaps ends it in doubt."""
     from ..files.console import ConsoleReporter
 
-    return ConsoleReporter(quiet=LOUDNESS.get() is Loudness.QUIET, strict=strict)
+    loudness = LOUDNESS.get()
+    return ConsoleReporter(quiet=loudness is Loudness.QUIET, strict=strict, verbose=loudness is Loudness.VERBOSE)
 
 
 def show_written(path: Path) -> None:

@@ -14,12 +14,12 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 from .errors import BodyFileError
 from .progress import Reporter, Tell, end_if_interrupted, progress_words
 
-# Seconds between two states of a line on a terminal, and between two lines elsewhere.
-_REFRESH, _PAUSE = 0.1, 10.0
+# Seconds between two states of a line on a terminal, and between two lines elsewhere; of a stage that leaves a line.
+_REFRESH, _PAUSE, _LONG = 0.1, 10.0, 5.0
 
 
 class ConsoleReporter(Reporter):
-    """Writes to the terminal: a moving line while a stage runs, its time when it is done.
+    """Writes to the terminal: a moving line while a stage runs, its time when it is done and took long.
 
     Parameters
     ----------
@@ -31,6 +31,8 @@ class ConsoleReporter(Reporter):
         Whether nothing is written but warnings.
     strict : bool
         Whether a doubt ends the job.
+    verbose : bool
+        Whether details and short stages are written, too.
     """
 
     def __init__(
@@ -39,10 +41,11 @@ class ConsoleReporter(Reporter):
         clock: Callable[[], float] = time.perf_counter,
         quiet: bool = False,
         strict: bool = False,
+        verbose: bool = False,
     ):
         self._console = console or Console(stderr=True, highlight=False)
         self._clock = clock
-        self._quiet, self._strict = quiet, strict
+        self._quiet, self._strict, self._verbose = quiet, strict, verbose
         self.warnings = 0
         # One display for all stages that are open at a time.
         self._lines = Progress(
@@ -57,7 +60,7 @@ class ConsoleReporter(Reporter):
 
     @contextmanager
     def stage(self, title: str) -> Iterator[None]:
-        """Show `title` with a spinner, then with the time it took."""
+        """Show `title` with a spinner, then with the time it took if that was long."""
         start = self._clock()
         with self._line(title, None):
             yield
@@ -87,6 +90,11 @@ class ConsoleReporter(Reporter):
         if not self._quiet:
             self._console.print(f"  [dim]{escape(text)}[/]")
 
+    def detail(self, text: str) -> None:
+        """Print an indented line for those who asked for all."""
+        if self._verbose:
+            self.note(text)
+
     def warning(self, text: str) -> None:
         """Print a line that stands out, and count it."""
         self.warnings += 1
@@ -112,8 +120,9 @@ class ConsoleReporter(Reporter):
 
     def _done(self, title: str, start: float) -> None:
         end_if_interrupted()
-        if not self._quiet:
-            self._console.print(f"[green]✓[/] {escape(title)} [dim]{self._clock() - start:.2f} s[/]")
+        took = self._clock() - start
+        if not self._quiet and (self._verbose or took >= _LONG):
+            self._console.print(f"[green]✓[/] {escape(title)} [dim]{took:.2f} s[/]")
 
     def _show(self, line: TaskID, done: float, words: str) -> None:
         if self._console.is_terminal:

@@ -53,6 +53,10 @@ class Reporter:
     def note(self, text: str) -> None:
         """Say what was found or chosen."""
 
+    def detail(self, text: str) -> None:
+        """Say what few ask for; a terminal shows it with `--verbose` only."""
+        self.note(text)
+
     def warning(self, text: str) -> None:
         """Say what the user should look at."""
 

@@ -102,7 +102,7 @@ class Store:
         """
         found = self._read(key)
         if found:
-            report.note(f"{what}: {REUSED}")
+            report.detail(f"{what}: {REUSED}")
             return found
         if found is not None:
             report.warning(f"{what}: what was kept of it is damaged; made anew")

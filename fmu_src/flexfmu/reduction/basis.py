@@ -136,7 +136,7 @@ def _numbered_basis(
     key = content_key(__name__, "normal", matrices.key, count)
     modes = kept(key, "normal modes", f"Find {count} normal modes", lambda model: normal_modes(model, count))
     if few:
-        report.note(f"kept of {count} normal modes: {', '.join(map(str, numbers))}")
+        report.detail(f"kept of {count} normal modes: {', '.join(map(str, numbers))}")
         modes, key = chosen_modes(modes, chosen), content_key(__name__, "chosen", key, numbers)
     return completed_basis(matrices, modes, key, residual, store, report, MISSED if table.by_need else 0.0)
 

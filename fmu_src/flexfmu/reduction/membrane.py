@@ -243,7 +243,7 @@ def membrane_energy(
         forces = stretching.loads[:, : stretching.loads.shape[1] // 2]
         held, freed = energy_shares(stretching.matrices, forces, store, report).tolist()
         stretched, flattened = held > _NOTHING, freed > _FLAT and held < _SHELL
-        report.note(
+        report.detail(
             "membrane energy over that of bending at a turn of 1 rad (rms): "
             f"{held:.2g} of stretching, {_taken(stretched)}; {freed:.2g} of flattening, {_taken(flattened)}"
         )
@@ -255,7 +255,7 @@ def membrane_energy(
         return {"quadratic": made.quadratic, "linear": made.linear, "sign": made.sign}
 
     membrane = Membrane(**store.arrays(f"{key}-{stretched}-{flattened}", "membrane energy", report, make))
-    report.note(membrane.words)
+    report.detail(membrane.words)
     return membrane
 
 

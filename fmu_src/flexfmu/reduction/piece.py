@@ -274,7 +274,7 @@ def _divided(config: BodyOptions, model: Model, report: Reporter) -> _Divided:
         _tell_interface(interface, model, subdomains, report)
     for text in cuts:
         report.warning(text)
-    report.note(f"{plural(len(subdomains), 'frame')}, {plural(len(interfaces), 'interface')}")
+    report.detail(f"{plural(len(subdomains), 'frame')}, {plural(len(interfaces), 'interface')}")
     if config.levels_asked and len(subdomains) < config.levels:
         report.warning(
             f"frames = {config.levels} were asked for, the body has layers of elements for {len(subdomains)} only: "
@@ -315,7 +315,7 @@ def _tell(modes: Modes, report: Reporter) -> None:
     """Say what modes there are."""
     hertz = modes.angular_frequency[modes.angular_frequency > 0.0] / (2.0 * np.pi)
     rigid = modes.angular_frequency.size - hertz.size
-    report.note(
+    report.detail(
         f"{f'{rigid} rigid motions, ' if rigid else ''}{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; "
         f"|ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, "
         f"frequencies to {modes.frequency_error:.1e}"

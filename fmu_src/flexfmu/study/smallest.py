@@ -11,11 +11,13 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..build.config import BodyFile, read_body_file
 from ..build.tables import FormulationTable
+from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.errors import BodyFileError
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..model.errors import EquilibriumError
+from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
 from .candidates import times
 from .scene.config import AcceptedTable, SceneError, SceneFile, StaticTable, ToleranceTable, read_scene_file
@@ -28,6 +30,8 @@ _TURN, _MOVE = 0.5, 0.2
 _STIFF = 100.0
 # Where the body has no equilibrium a load is halved, so often at most.
 _HALVES = 6
+# An error of its own that a build says what to do about.
+_MUCH = 0.01
 _FRAMES = (0, 1, 2, None, 8, 16)
 """Numbers of frames in the order of the search; None: the build decides, of cuts too."""
 
@@ -103,8 +107,30 @@ def reference_scene(given: BodyFile, store: Store) -> SceneFile:
     body = build(given.without_pictures, store).body
     if body.rigid_count or body.properties is None:
         raise SceneError("a body that is free to move has no equilibrium: give loads over time by --scene")
-    model, size = FlexibleBody(body), float(np.ptp(np.array(body.properties.box), axis=0).max())
-    cases = []
+    cases = [
+        StaticTable(name=name, loads=dict(zip((f"{of}.force.{axis}" for axis in AXES), force.tolist(), strict=True)))
+        for name, of, force in reference_loads(FlexibleBody(body))
+    ]
+    return SceneFile(static=cases)
+
+
+def reference_loads(model: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]]:
+    """Forces on each interface across the directions in which it is stiff, as far as the body bears them.
+
+    Parameters
+    ----------
+    model : FlexibleBody
+        Held, with its properties.
+
+    Yields
+    ------
+    name : str
+    interface : str
+    force : (3,) float
+        N.
+    """
+    body = model.model
+    size = float(np.ptp(np.array(body.properties.box), axis=0).max()) if body.properties else 0.0
     for name, moved, turned in zip(
         body.interface_names, body.interface_displacement, body.interface_rotation, strict=True
     ):
@@ -122,6 +148,22 @@ def reference_scene(given: BodyFile, store: Store) -> SceneFile:
                     break
                 except EquilibriumError:
                     force = 0.5 * force
-            loads = {f"{name}.force.{axis}": float(part) for axis, part in zip(AXES, force, strict=True)}
-            cases.append(StaticTable(name=f"{name}_{3 - number}", loads=loads))
-    return SceneFile(static=cases)
+            yield f"{name}_{3 - number}", name, force
+
+
+def own_error(body: ReducedBody) -> str:
+    """The largest error under reference loads that the body tells of itself, in words; none of a free body."""
+    if body.rigid_count or body.properties is None or body.shadow is None:
+        return ""
+    model, worst = FlexibleBody(body), (-1.0, "")
+    for _, name, force in reference_loads(model):
+        try:
+            state = model.static({name: force})
+        except EquilibriumError:
+            continue
+        found = model.error(state, {name: force})
+        moved = np.linalg.norm(model.response(state).displacement[body.interface_names.index(name)])
+        words = f"{100.0 * found.relative:.2g} % under {np.linalg.norm(force):.3g} N on {name}, which moves by "
+        worst = max(worst, (found.relative, f"{words}{moved:.3g} m"))
+    hint = "; more frames or modes, or --tolerance, lower it" if worst[0] > _MUCH else ""
+    return f"own error: up to {worst[1]}{hint}" if worst[1] else ""

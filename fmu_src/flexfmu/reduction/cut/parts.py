@@ -55,7 +55,7 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
         warping[one] = warping[other] = section_tractions(part, one, fields)
     bodies, ends = [], {}
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
-        report.note(
+        report.detail(
             f"part {number + 1} of {len(parts)}: {part.elements.size} elements, interfaces "
             f"{', '.join(table.name for table in own.interfaces)}"
         )
@@ -77,7 +77,7 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
     with report.stage(f"Join {len(parts)} parts"):
         body, note = _joined(bodies, pairs, loose, [table.name for table in config.interfaces])
     hertz = body.angular_frequency / (2.0 * np.pi)
-    report.note(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
+    report.detail(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
     return body
 
 
