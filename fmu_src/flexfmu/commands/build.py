@@ -38,10 +38,10 @@ def build(
     from ..study.candidates import times
     from ..study.smallest import own_error, smallest
 
-    target = output or Path(f"{read_body_file(body).name}.fmu")
+    config, share = read_body_file(body), 0.0
+    target = output or Path(f"{config.name}.fmu")
     store = Store(None if fresh else default_folder())
     names = [name.strip() for name in platforms.split(",") if name.strip()]
-    config, share = (body, 0.0)
     if tolerance:
         config, share = smallest(body, _share(tolerance), scene, reporter(not force), store)
     report = reporter(not force)

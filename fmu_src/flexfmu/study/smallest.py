@@ -157,11 +157,12 @@ def own_error(body: ReducedBody) -> str:
         return ""
     model, worst = FlexibleBody(body), (-1.0, "")
     for _, name, force in reference_loads(model):
+        loads = {name: force.tolist()}
         try:
-            state = model.static({name: force})
+            state = model.static(loads)
         except EquilibriumError:
             continue
-        found = model.error(state, {name: force})
+        found = model.error(state, loads)
         moved = np.linalg.norm(model.response(state).displacement[body.interface_names.index(name)])
         words = f"{100.0 * found.relative:.2g} % under {np.linalg.norm(force):.3g} N on {name}, which moves by "
         worst = max(worst, (found.relative, f"{words}{moved:.3g} m"))
