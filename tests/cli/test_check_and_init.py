@@ -125,6 +125,18 @@ def lug(kind, counts=(16, 2, 2), turn=0.0):
                    fixed=mesh.fixed[first], node_sets={})  # fmt: skip
 
 
+def twice(mesh, way, turn=None):
+    """The mesh and itself moved by `way`, nodes at one place joined; all of it turned."""
+    points = np.concatenate([mesh.points, mesh.points + way])
+    _, first, row = np.unique(points.round(9), axis=0, return_index=True, return_inverse=True)
+    (block,) = mesh.blocks
+    rows = np.concatenate([block.connectivity, len(mesh.points) + block.connectivity])
+    labels, material = 1 + np.arange(len(rows)), np.concatenate([block.material] * 2)
+    block = replace(block, labels=labels, material=material, connectivity=row.ravel()[rows])
+    points, fixed = points[first] @ (np.eye(3) if turn is None else turn), np.concatenate([mesh.fixed] * 2)[first]
+    return replace(mesh, points=points, labels=1 + np.arange(len(first)), fixed=fixed, blocks=(block,), node_sets={})
+
+
 @pytest.mark.parametrize("kind", [ElementType.C3D8, ElementType.C3D20R, ElementType.C3D10])
 @pytest.mark.parametrize("turn", [0.0, 0.5])
 def test_a_bore_is_found_with_its_axis_and_radius(kind, turn):
@@ -184,23 +196,8 @@ def test_init_holds_a_body_without_plane_ends_where_its_longest_side_begins(tmp_
 
 
 def test_init_holds_one_bore_of_a_link_without_plane_ends_and_loads_the_other(tmp_path):
-    left = lug(ElementType.C3D10)
-    turned = left.points @ Rotation.from_euler("xyz", [0.3, 0.4, 0.5]).as_matrix().T
-    block = left.blocks[0]
-    both = replace(
-        left,
-        points=np.concatenate([turned, turned + np.array([0.2, 0.0, 0.0])]),
-        labels=1 + np.arange(2 * len(turned)),
-        fixed=np.concatenate([left.fixed] * 2),
-        blocks=(
-            replace(
-                block,
-                labels=1 + np.arange(2 * len(block.labels)),
-                connectivity=np.concatenate([block.connectivity, len(turned) + block.connectivity]),
-                material=np.concatenate([block.material] * 2),
-            ),
-        ),
-    )
+    turn = Rotation.from_euler("xyz", [0.3, 0.4, 0.5]).as_matrix().T
+    both = twice(lug(ElementType.C3D10), np.array([0.06, 0.0, 0.0]), turn)
     assert run("init", write_deck(both, tmp_path / "link.inp", materials=False)).exit_code == 0
     config = read_body_file(tmp_path / "link.toml")
     assert [table.name for table in config.interface] == ["bore_2"]
@@ -284,3 +281,33 @@ def test_units_that_are_none_are_answered_with_those_that_are(bar):
     with pytest.raises(BodyFileError, match=r"units are 'mm', expected one of 'm-kg-s', 'mm-t-s', 'in-lbf-s'"):
         read_mesh(bar, "mm")
     assert "expected one of 'm-kg-s'" in run("init", bar, "--units", "mm").output
+
+
+def test_init_refuses_a_mesh_in_parts_and_says_how_many(tmp_path):
+    """Build would hold one of them alone."""
+    apart = twice(lug(ElementType.C3D10), np.array([0.2, 0.0, 0.0]))
+    found = run("init", write_deck(apart, tmp_path / "two.inp", materials=False))
+    assert found.exit_code == 1
+    assert "in 2 parts that share no nodes (of 800, 800 nodes)" in " ".join(found.output.split())
+    assert not (tmp_path / "two.toml").exists()
+
+
+def test_bores_that_the_held_end_cuts_are_held_with_it(tmp_path):
+    """A tube on end: its bore begins in the foot."""
+    flat = lug(ElementType.C3D10)
+    path = write_deck(replace(flat, points=flat.points * [1.0, 1.0, 8.0]), tmp_path / "foot.inp", materials=False)
+    assert run("init", path).exit_code == 0
+    config = read_body_file(tmp_path / "foot.toml")
+    assert config.support[0].nodes.normal == [0.0, 0.0, 1.0]
+    assert [table.name for table in config.interface] == ["z_max"]
+
+
+def test_an_open_ring_is_no_bore_and_a_slotted_eye_is():
+    """A third of the ring gone; and 20° of it."""
+    ring = lug(ElementType.C3D10, counts=(36, 1, 1))
+    (block,) = ring.blocks
+    middle = ring.points[block.connectivity].mean(axis=1)
+    angle = np.abs(np.arctan2(middle[:, 1], middle[:, 0]))
+    for half, count in ((60.0, 0), (10.0, 1)):
+        kept = angle > np.radians(half)
+        assert len(bores(replace(ring, blocks=(block.part(kept),)))) == count

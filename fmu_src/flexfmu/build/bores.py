@@ -16,8 +16,8 @@ _SMOOTH = np.cos(np.radians(50.0))
 # Share of normals along the axis, which faces of tetrahedra have too, of those across it in the lesser direction, and
 # share of the radius by which nodes miss it, up to which a piece is a cylinder.
 _ALONG, _ACROSS, _ROUND = 0.15, 1e-2, 1e-2
-# The widest gap between nodes as seen from the axis: more is a fillet or a half bore.
-_GAP = np.radians(100.0)
+# The widest gap as seen from the axis that no face spans, a keyway's or a slot's: more is a fillet or an open ring.
+_GAP = np.radians(40.0)
 _DIGITS = 9
 
 
@@ -78,7 +78,9 @@ def _bore(points: FloatArray, faces: IntArray, normal: FloatArray) -> Place | No
     angle = np.sort(np.arctan2(arm[:, 1], arm[:, 0]))
     gap = np.diff(np.append(angle, angle[0] + 2.0 * np.pi)).max()
     towards = np.einsum("fi,fi->f", points[faces].mean(axis=1) @ turn[:, 1:] - [x, y], normal @ turn[:, 1:])
-    if gap > _GAP or not np.all(towards < 0.0):
+    chord = np.linalg.norm(np.ptp(points[faces] @ turn[:, 1:], axis=1), axis=1).max()
+    span = 2.0 * np.arcsin(min(0.5 * chord / radius, 1.0))
+    if gap > max(_GAP, span) + 1e-9 or not np.all(towards < 0.0):
         return None
     low, high = (at @ axis).min(), (at @ axis).max()
     # Adding zero takes the sign of −0.

@@ -4,12 +4,14 @@ import contextlib
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ..fe.faces import select
 from ..files.array_types import FloatArray, IntArray
-from ..files.errors import DeckError
+from ..files.errors import DeckError, MeshError
 from ..files.toml_files import toml_value
 from ..files.units import UnitSystem
+from ..mesh.checks import connected_parts, nodes_of_elements
 from ..mesh.formats import read_mesh
 from ..mesh.model import NO_MATERIAL, Mesh
 from ..mesh.plausibility import is_likely
@@ -22,8 +24,8 @@ from .config import C_KEYWORDS, BodyFile
 _AXES = ("x", "y", "z")
 # Distance from a plane end of the body, over its longest side, of nodes that lie in it.
 _ON_END = 1e-6
-# How deep a round end is, over half that side.
-_DEEP = 0.05
+# How deep a round end is, over that side, and how far a box goes beyond its nodes, over that depth.
+_DEEP, _MARGIN = 0.05, 0.01
 
 
 def plane_ends(mesh: Mesh) -> dict[str, Place]:
@@ -182,12 +184,22 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     -------
     str
         TOML.
+
+    Raises
+    ------
+    MeshError
+        The mesh is in parts that do not hang together.
     """
-    ends = [(name, _toml(place)) for name, place in plane_ends(mesh).items()]
+    parts = np.sort(np.bincount(connected_parts(mesh)))[::-1]
+    if len(parts) > 1:
+        raise MeshError(
+            f"the mesh is in {len(parts)} parts that share no nodes (of {', '.join(map(str, parts[:3]))}"
+            f"{' …' if len(parts) > 3 else ''} nodes): join them in the mesher, by *TIE or by *EQUATION, or leave out "
+            "what does not belong to the body"
+        )
     named, sets = ([(_name(name), f'"{name}"') for name in names] for names in (mesh.references, mesh.node_sets))
-    holes = [(name, _toml(place)) for name, place in bores(mesh).items()]
-    places = [*ends[:1], *holes] if holes else ends or (sets[1:] and sets) or _round_ends(mesh)
-    support, interfaces = places[:1], named or (places[1:] if holes else places[1:2]) or places[:1]
+    support, *places = _ends_and_bores(mesh) or (sets[1:] and sets[:2]) or _round_ends(mesh)
+    interfaces = named or places or _round_ends(mesh)[1:]
     lines = [f'name = "{_name(file.stem)}"', "", "[mesh]", f'file = "{file.as_posix()}"']
     lines.append(f'units = "{units.value}"   # the mesh\'s own; others: {", ".join(u.value for u in UnitSystem)}')
     bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
@@ -197,25 +209,37 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
         lines += ["", "[material]   # steel: the mesh file does not tell"]
         lines += [f"{key} = {steel[key]:.6g}" for key in lacking]
     if not mesh.fixed.any():
-        lines += ["", "[[support]]", *(f"nodes = {nodes}" for _, nodes in support), 'fix = ["x", "y", "z"]']
+        lines += ["", "[[support]]", f"nodes = {support[1]}", 'fix = ["x", "y", "z"]']
     for name, nodes in interfaces:
         lines += ["", "[[interface]]", f'name = "{name}"', f"nodes = {nodes}"]
     every = ", ".join(mesh.node_sets) or "none"
     return "\n".join([*lines, "", f"# node sets of the mesh: {every}", ""])
 
 
+def _ends_and_bores(mesh: Mesh) -> list[tuple[str, str]]:
+    """A plane end to hold, then the bores, or one plane end more, that share no nodes with it; by name."""
+    holes = bores(mesh)
+    places = plane_ends(mesh) | holes
+    rows = {name: node_set(mesh, place, name) for name, place in places.items()}
+    held = list(places)[:1]
+    apart = [name for name in places if not any(np.isin(rows[name], rows[end]).any() for end in held)]
+    chosen = [*held, *([name for name in apart if name in holes] or apart[:1])]
+    return [(name, _toml(places[name])) for name in chosen]
+
+
 def _round_ends(mesh: Mesh) -> list[tuple[str, str]]:
-    """Boxes about the ends of the longest side, by name, of a body that has no plane one."""
+    """Boxes about the ends of the longest side, by name, of a body that has no plane one; about one of several tips."""
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     axis = int(np.argmax(high - low))
-    margin = _DEEP * (high[axis] - low[axis])
-    first, last = high.copy(), low.copy()
-    first[axis], last[axis] = low[axis] + margin, high[axis] - margin
-    boxes = {"min": (low - margin, first + margin), "max": (last - margin, high + margin)}
-    return [
-        (f"{_AXES[axis]}_{end}", toml_value({"box": [p.round(9).tolist() for p in pair]}))
-        for end, pair in boxes.items()
-    ]
+    depth, along, found = _DEEP * (high[axis] - low[axis]), mesh.points[:, axis], []
+    for end, near in (("min", along < low[axis] + depth), ("max", along > high[axis] - depth)):
+        rows = np.flatnonzero(near)
+        touched = nodes_of_elements(mesh)[:, rows]
+        tip = connected_components(touched.T @ touched, directed=False)[1]
+        points = mesh.points[rows[tip == np.bincount(tip).argmax()]]
+        box = [(points.min(axis=0) - _MARGIN * depth), (points.max(axis=0) + _MARGIN * depth)]
+        found.append((f"{_AXES[axis]}_{end}", toml_value({"box": [corner.round(9).tolist() for corner in box]})))
+    return found
 
 
 def _name(text: str) -> str:

@@ -34,7 +34,7 @@ def chart(
     ] = False,
     bare: Annotated[bool, typer.Option("--bare", help="Time the models without their FMUs.")] = False,
     every: Annotated[
-        bool, typer.Option("--all", help="Try every combination of [sweep], not only those near the best.")
+        bool, typer.Option("--all", help=r"Try every combination of \[sweep], not only those near the best.")
     ] = False,
     jobs: Jobs = "1",
     as_json: Json = False,

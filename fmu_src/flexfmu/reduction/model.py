@@ -207,7 +207,8 @@ def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool) -> FloatArray:
         if not motions.shape[1]:
             continue
         if parts > 1 or not may_float:
-            which = "the body" if parts == 1 else f"the part of the mesh with node {mesh.labels[nodes[0]]}"
+            one = f"the part of the mesh with node {mesh.labels[nodes[0]]} ({len(nodes)} nodes of {len(part)})"
+            which = "the body" if parts == 1 else one
             floating = ", or let it float with free = true" if parts == 1 else ", or join the parts to share nodes"
             raise ModelError(
                 f"{which} is free to move in {motions.shape[1]} rigid motions: the supports hold "

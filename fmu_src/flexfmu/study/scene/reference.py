@@ -18,7 +18,6 @@ from ...files.progress import Reporter, Tell, tell_nobody
 from ...files.store import Store, content_key
 from ...model.errors import EquilibriumError, StepError
 from ...model.methods import Mass, Method
-from ...reduction.options import Basis
 from .config import SceneError
 from .scene import Scene, StaticCase, TransientCase, read_results
 from .whole_model import Equilibria, WholeModel
@@ -133,12 +132,13 @@ def _complete(motion: FloatArray, path: Path) -> FloatArray:
     return motion
 
 
-def by_default(config: BodyFile, mass: Mass | None = None) -> BodyFile:
-    """A body file that says nothing of basis, frames and method, with its error and without pictures."""
+def by_default(config: BodyFile, mass: Mass | None = None, modes: int | None = None, error: bool = True) -> BodyFile:
+    """A body file that says nothing of basis, frames and method, without pictures; `error`: with its error."""
     method = FormulationTable(method=None if mass is None else Method.SECOND_ORDER, mass=mass)
-    usual: dict[str, object] = {"frames": None, "frame": [], "branch": [], "reduction": ReductionTable()}
+    reduction = ReductionTable() if modes is None else ReductionTable(modes=modes)
+    usual: dict[str, object] = {"frames": None, "frame": [], "branch": [], "reduction": reduction}
     plain = config.without_pictures
-    output = plain.output.model_copy(update={"error": True})
+    output = plain.output.model_copy(update={"error": error})
     return plain.model_copy(update=usual | {"formulation": method, "output": output})
 
 
@@ -199,17 +199,13 @@ def _tight_model(
     scene: Scene, case: TransientCase, known: Mapping[str, Reference], report: Reporter, store: Store
 ) -> Reference:
     """Motion of a model with more modes and frames than any that will be delivered."""
-    settings, config = scene.file.reference, scene.config
-    mass = Mass.CONSTANT if config.cut or settings.frames == 0 else settings.mass
-    changes = {"basis": Basis.NORMAL, "modes": settings.modes, "residual_flexibility": True, "geometric_stiffness": []}
-    reduction = config.reduction.model_copy(update={**changes, "inertia": mass is Mass.CONFIGURATION})
-    method = FormulationTable(method=Method.FRAMES, mass=mass)
-    tight = config.model_copy(
-        update={"frames": settings.frames, "frame": [], "reduction": reduction, "formulation": method}
-    ).without_pictures
+    settings = scene.file.reference
+    mass = Mass.CONSTANT if scene.config.cut else settings.mass
+    tight = by_default(scene.config, mass, settings.modes, error=False)
 
     def run() -> dict[str, FloatArray]:
-        body = reduce_body(tight, report, store)
+        with report.stage(f"Reduce the body with {settings.frames} frames, to follow {case.name} with"):
+            body = reduce_body(tight, Reporter(), store, settings.frames)
         model = FlexibleBody(body, limits=StepLimits(tolerance=settings.tolerance))
         steps = len(case.start_loads)
         title = f"Follow {case.name} with {body.mode_count} modes and {body.frame_count} frames, {steps} steps"
@@ -225,7 +221,7 @@ def _tight_model(
     start = np.array([loads.packed(True) for loads in case.start_loads])
     end = np.array([loads.packed(True) for loads in case.end_loads])
     statics = [part for one in scene.static for part in (one.peak.packed(True), known[one.name].motion)]
-    key = _key(tight, "scene transient", settings.tolerance, case.step, start, end, *statics)
+    key = _key(tight, "scene transient", settings.frames, settings.tolerance, case.step, start, end, *statics)
     kept = store.arrays(key, f"reference motion under {case.name}", report, run)
     doubt, accepted = float(kept["doubt"]), scene.file.tolerance.transient.displacement
     if not math.isnan(doubt):
@@ -236,9 +232,7 @@ def _tight_model(
             f"{100.0 * accepted:g} % are accepted over time: errors over time say little; give [reference] more modes "
             "or frames, or bring results"
         )
-    words = (
-        f"reduced model, {settings.modes} modes and residual flexibility, frames = {settings.frames}, mass {mass.value}"
-    )
+    words = f"reduced model, {settings.modes} modes and static shapes, frames = {settings.frames}, mass {mass.value}"
     return Reference(kept["motion"][:, scene.read_index], words, doubt=doubt)
 
 

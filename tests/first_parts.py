@@ -1,0 +1,61 @@
+"""The three parts of `first_hour`: their decks, what a user changes in the files that `flexfmu init` writes, scenes."""
+
+import gzip
+from pathlib import Path
+
+FOLDER = Path(__file__).parent / "first_hour"
+SHARES = (0.3, 1.0)
+# Loads of each part's interface, N: they move it by 10 to 20 % of the part's size.
+LOADS = {
+    "wishbone": ("bore_1", {"x": -4000.0, "z": 5000.0}),
+    "clip": ("tip", {"x": 150.0, "y": -1200.0}),
+    "pedal": ("pad", {"x": -500.0, "y": 800.0, "z": 700.0}),
+}
+_HUB = "nodes = { cylinder = [[0.0, 0.0, -0.015], [0.0, 0.0, 0.015]], radius = 0.008 }"
+_PAD = "nodes = { plane = [0.215313697, -0.094012456, 0.0], normal = [0.644826528, -0.764328937, 0.0] }"
+
+
+def write_mesh(part, folder):
+    """Deck of a part, as gmsh wrote it."""
+    path = folder / f"{part}.inp"
+    path.write_bytes(gzip.decompress((FOLDER / f"{part}.inp.gz").read_bytes()))
+    return path
+
+
+def edited(part, text):
+    """A body file as its user wants it: the clip's interface named, the pedal held at its hub and trodden on."""
+    if part == "clip":
+        text = text.replace('"x_max"', '"tip"')
+    if part == "pedal":
+        head = text[: text.index("[[support]]")]
+        text = f'{head}[[support]]\n{_HUB}\nfix = ["x", "y", "z"]\n\n[[interface]]\nname = "pad"\n{_PAD}\n'
+    return f"{text}\n[damping]\nratio = 0.02\n"
+
+
+def scene(part):
+    """Scene file of a part: its load, and a third of it at once."""
+    interface, load = LOADS[part]
+    whole, third = (
+        ", ".join(f'"{interface}.force.{axis}" = {size * share:.6g}' for axis, size in load.items())
+        for share in (1.0, 1.0 / 3.0)
+    )
+    return f"""read = ["{interface}"]
+
+[[static]]
+name = "bent"
+loads = {{ {whole} }}
+factors = {list(SHARES)}
+
+[[transient]]
+name = "sudden"
+loads = {{ {third} }}
+duration = 0.02
+step = 5e-4
+
+[tolerance.static]
+displacement = 0.01
+rotation = 0.02
+
+[tolerance.transient]
+displacement = 0.03
+"""
