@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "body.h"
+#include "coupling.h"
 #include "fmi2_types.h"
 
 typedef void (*Call)(void);
@@ -34,6 +35,12 @@ static const struct {
     CALL(body_is_stable)
     CALL(body_may_miss)
     CALL(body_missed)
+    CALL(coupling_open)
+    CALL(coupling_begin)
+    CALL(coupling_run)
+    CALL(coupling_record)
+    CALL(coupling_slope)
+    CALL(coupling_close)
 #undef CALL
 };
 

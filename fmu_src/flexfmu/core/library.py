@@ -123,6 +123,15 @@ _OF_BODIES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_compliance": (_done, (_Numbers, _NUMBER, _Numbers, _Wholes, _WHOLE, _Numbers)),
 }
 _SIGNATURES = {name: (result, (_PLACE, *arguments)) for name, (result, arguments) in _OF_BODIES.items()}
+# The master's loop: structures of master/loop.py.
+_SIGNATURES |= {
+    "coupling_open": (_PLACE, (_PLACE,)),
+    "coupling_begin": (None, (_PLACE, _PLACE)),
+    "coupling_run": (None, (_PLACE, _WHOLE, _WHOLE, _PLACE)),
+    "coupling_record": (None, (_PLACE, _PLACE)),
+    "coupling_slope": (_ANSWER, (_PLACE, _PLACE, _PLACE)),
+    "coupling_close": (None, (_PLACE, _WHOLE)),
+}
 _SIGNATURES |= {
     "body_open": (_PLACE, (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))),
     "core_sources": (ctypes.c_char_p, ()),

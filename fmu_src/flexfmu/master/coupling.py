@@ -1,31 +1,27 @@
 """Coupling FMUs from a file or from Python: set up, run, keep what came out also where a run stops early."""
 
 import math
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
-
-from ..files.array_types import FloatArray
 from ..files.errors import INTERRUPTED, SimulationError
 from ..files.progress import Reporter, Tell, ends_on_interrupt
 from ..files.targets import check_target
 from ..fmu.runtime import own_log
 from ..fmu.simulation import MOST_VALUES
 from .config import CouplingFile, Scheme, read_coupling_file
-from .exchange import EnergyCount, counted
+from .doubts import FED, Words
 from .foreign import ForeignProcess
-from .growth import FED, GrowthWatch, fed
 from .layout import Wiring
+from .loop import GROWS, Loop
 from .participants import Participant
-from .resolution import ResolutionWatch
 from .results import CREATED_ENERGY, ITERATIONS, SUFFIXES, Result, write_result
-from .schemes import Point, Stage, scheme
 from .wiring import wire
 
-# Answer of springs to their own loads beyond which explicit schemes are warned of.
-_STIFF = 0.1
+# s that the loop runs without a word: so soon Ctrl-C ends it.
+_PATIENCE = 0.02
 
 
 class CouplingStoppedError(SimulationError):
@@ -45,32 +41,6 @@ class CouplingStoppedError(SimulationError):
         self.result = result
         if interrupted:
             self.exit_code = INTERRUPTED
-
-
-class _Recorder:
-    """Rows of results as they come."""
-
-    def __init__(self, wiring: Wiring, participants: list[Participant]):
-        self._recorded = wiring.recorded
-        self._of = [
-            (participant, [k for k, variable in enumerate(wiring.recorded) if variable.role == role])
-            for role, participant in enumerate(participants)
-        ]
-        self._times: list[float] = []
-        self._rows: list[FloatArray] = []
-
-    def record(self, time: float, iterations: float, created: float) -> None:
-        row = np.empty(len(self._recorded) + 2)
-        for participant, places in self._of:
-            row[places] = participant.recorded([self._recorded[k] for k in places])
-        row[-2:] = iterations, created
-        self._times.append(time)
-        self._rows.append(row)
-
-    def result(self) -> Result:
-        names = (*(variable.name for variable in self._recorded), ITERATIONS, CREATED_ENERGY)
-        units = (*(variable.unit for variable in self._recorded), None, "J")
-        return Result(names, units, np.array(self._times), np.array(self._rows).reshape(-1, len(names)))
 
 
 def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
@@ -108,9 +78,9 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
             stack.callback(participants[-1].close)
         for participant in participants:
             participant.initialize(settings.stop)
-        # What grows without bound is told of in words.
-        with np.errstate(all="ignore"):
-            result = _march(coupling, Stage(wiring, participants, settings.step), report, tell, pressed)
+        loop = Loop(wiring, participants, settings, coupling.output.every)
+        stack.callback(loop.close)
+        result = _march(coupling, wiring, loop, Words(wiring, settings, report), tell, pressed)
         for participant in participants:
             for text in participant.warnings():
                 report.warning(f"{participant.name}: {text}")
@@ -126,68 +96,53 @@ def _check_size(coupling: CouplingFile, columns: int) -> None:
             f"output.every = {coupling.output.every * math.ceil(rows / most)}, fewer output.variables, or an earlier "
             "experiment.stop"
         )
+    settings = coupling.experiment
+    if settings.scheme is Scheme.ITERATED and (settings.reuse + 1) * settings.max_iterations * columns > MOST_VALUES:
+        raise SimulationError(
+            f"experiment.max_iterations = {settings.max_iterations} with reuse = {settings.reuse} are more differences "
+            "than can be kept: take less of one"
+        )
 
 
-def _march(coupling: CouplingFile, stage: Stage, report: Reporter, tell: Tell, pressed: Callable[[], bool]) -> Result:
-    """Step by step to the end, or until Ctrl-C was pressed."""
-    settings, recorder = coupling.experiment, _Recorder(stage.wiring, list(stage.participants))
-    point = stage.initial()
-    recorder.record(0.0, 0.0, 0.0)
-    advance, rounds = scheme(stage, settings), 0
-    energies, odd = EnergyCount(0.0, 0.0, 0.0), set[str]()
-    growth = GrowthWatch(report.warning, settings.scheme is Scheme.ITERATED)
-    resolution = ResolutionWatch(stage.wiring, report.warning)
+def _march(
+    coupling: CouplingFile, wiring: Wiring, loop: Loop, words: Words, tell: Tell, pressed: Callable[[], bool]
+) -> Result:
+    """Go on to the end, or until Ctrl-C was pressed, in runs of steps so short that a person does not wait for them."""
+    settings = coupling.experiment
+
+    def result() -> Result:
+        names = (*(variable.name for variable in wiring.recorded), ITERATIONS, CREATED_ENERGY)
+        units = (*(variable.unit for variable in wiring.recorded), None, "J")
+        return Result(names, units, loop.times, loop.rows)
+
+    loop.begin()
+    done, count = loop.outcome, 1
     try:
-        while point.number < settings.steps:
-            point = advance(point)
-            rounds += point.iterations
-            _watch(stage, point, odd, report)
-            energies = counted(energies, stage.wiring, point.signals, point.before, point.held, settings.step)
-            if point.number == 1 and settings.scheme is not Scheme.ITERATED:
-                _warn_of_stiff_springs(stage, point, report)
-            ended = pressed() and point.number < settings.steps
-            if ended or point.number % coupling.output.every == 0 or point.number == settings.steps:
-                recorder.record(point.number * settings.step, point.iterations, energies.created)
-            resolution.look(point.signals, point.number * settings.step)
-            if (runaway := growth.look(energies, point.number * settings.step)) is not None:
-                raise SimulationError(runaway)
-            tell(point.number * settings.step)
-            if ended:
-                words = f"stopped at {point.number * settings.step:.9g} s of {settings.stop:g} s: ended by Ctrl-C"
-                raise CouplingStoppedError(words, recorder.result(), interrupted=True)
+        while done.steps < settings.steps:
+            begun = time.perf_counter()
+            try:
+                loop.run(min(done.steps + count, settings.steps))
+            finally:
+                words.notices(loop)
+            if done.ending == GROWS:
+                raise SimulationError(words.runaway(done))
+            if count == done.steps == 1 and settings.scheme is not Scheme.ITERATED:
+                words.stiff_springs(loop.slope())
+            tell(done.steps * settings.step)
+            if pressed() and done.steps < settings.steps:
+                loop.record()
+                at = f"stopped at {done.steps * settings.step:.9g} s of {settings.stop:g} s: ended by Ctrl-C"
+                raise CouplingStoppedError(at, result(), interrupted=True)
+            spent = time.perf_counter() - begun
+            count = 2 * count if spent < 0.5 * _PATIENCE else max(count // 2, 1) if spent > _PATIENCE else count
     except CouplingStoppedError:
         raise
     except SimulationError as error:
-        at = point.number * settings.step
-        told = FED in str(error) or not fed(energies)
-        words = f"stopped at {at:.9g} s: {error}" + ("" if told else f"\n{FED}")
-        raise CouplingStoppedError(words, recorder.result()) from error
-    growth.end(energies)
-    if settings.scheme is Scheme.ITERATED:
-        report.note(f"{rounds / settings.steps:.2f} iterations a step")
-    return recorder.result()
-
-
-def _watch(stage: Stage, point: Point, odd: set[str], report: Reporter) -> None:
-    """Say once of each FMU that its status is no longer sound."""
-    for participant in stage.participants:
-        if participant.status() and participant.name not in odd:
-            odd.add(participant.name)
-            at = point.number * stage.step
-            report.warning(f"{participant.name}: status.code is {participant.status()} from {at:.6g} s on")
-
-
-def _warn_of_stiff_springs(stage: Stage, point: Point, report: Reporter) -> None:
-    """Say so where the interfaces' compliance tells that an explicit scheme will grow."""
-    model = stage.response(point.signals, point.before)
-    if model is None:
-        return
-    size = float(np.max(np.abs(np.linalg.eigvals(model.slope))))
-    if size > _STIFF:
-        report.warning(
-            f"springs answer their own loads {size:.2g}-fold within a step; explicit coupling grows where that is not "
-            'small against 1: take scheme = "iterated", or a shorter step'
-        )
+        told = FED in str(error) or done.feeds <= 0
+        at = f"stopped at {done.steps * settings.step:.9g} s: {error}" + ("" if told else f"\n{FED}")
+        raise CouplingStoppedError(at, result()) from error
+    words.end(done)
+    return result()
 
 
 def run(path: Path, output: Path, report: Reporter) -> None:

@@ -9,8 +9,7 @@ from ..files.errors import SimulationError
 from ..files.units import QUANTITIES
 from .config import SpringTable
 from .descriptions import Description, split
-from .layout import EndResponse, Ends
-from .springs import Springs
+from .layout import EndResponse, Ends, Springs
 
 AXES = ("x", "y", "z")
 ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")

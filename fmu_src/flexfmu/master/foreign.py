@@ -1,11 +1,13 @@
 """FMUs of other programs at work in a process of their own: what exits, crashes or never returns ends its run only."""
 
+import ctypes
 import pickle
 import queue
 import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,8 @@ from .log import hand_on
 
 # s, to end by itself.
 _LAST = 2.0
+# FMI 2.0: after this status nothing may be called.
+_FATAL = 4
 
 
 class ForeignProcess:
@@ -128,15 +132,66 @@ class ForeignSlave:
         Of the instance.
     construction : str by name
         Arguments of `FMU2Slave`.
+
+    Attributes
+    ----------
+    raised : BaseException or None
+        What ended a call to one of its functions, beside FMI.
     """
 
     def __init__(self, process: ForeignProcess, name: str, **construction: str):
         self._process, self._name = process, name
+        self.raised: BaseException | None = None
         process.ask(name, "instantiate", (), construction)
 
     def __getattr__(self, call: str) -> Any:
         """Carry out a call there."""
         return lambda *arguments, **named: self._process.ask(self._name, call, arguments, named)
+
+    def functions(self) -> dict[str, Any]:
+        """What the core's loop calls in place of the library's functions, by the names of core/participant.h."""
+
+        def set_real(references: Any, count: int, values: Any) -> None:
+            self.setReal(references[:count], values[:count])
+
+        def getter(kind: str) -> Callable[..., None]:
+            def get(references: Any, count: int, values: Any) -> None:
+                for k, value in enumerate(getattr(self, f"get{kind}")(references[:count])):
+                    values[k] = value
+
+            return get
+
+        def get_state(state: Any) -> None:
+            state[0] = self.getFMUstate()
+
+        numbers = (ctypes.POINTER(ctypes.c_uint), ctypes.c_size_t, ctypes.POINTER(ctypes.c_double))
+        wholes, states = (*numbers[:2], ctypes.POINTER(ctypes.c_int)), ctypes.POINTER(ctypes.c_void_p)
+        return {
+            "set_real": self._function(set_real, *numbers),
+            "get_real": self._function(getter("Real"), *numbers),
+            "get_integer": self._function(getter("Integer"), *wholes),
+            "get_boolean": self._function(getter("Boolean"), *wholes),
+            "end_initialization": self._function(self.exitInitializationMode),
+            "do_step": self._function(self.doStep, ctypes.c_double, ctypes.c_double, ctypes.c_int),
+            "get_state": self._function(get_state, states),
+            "set_state": self._function(self.setFMUstate, ctypes.c_void_p),
+            "free_state": self._function(lambda state: self.freeFMUstate(state[0]), states),
+        }
+
+    def _function(self, call: Callable[..., Any], *kinds: Any) -> Any:
+        """A function of C, with an instance before its arguments, that answers by FMI's status."""
+
+        def answered(_: object, *arguments: Any) -> int:
+            try:
+                call(*arguments)
+            except FMICallException as error:
+                return int(error.status)
+            except BaseException as error:  # C knows no exceptions: whoever called it raises this one
+                self.raised = error
+                return _FATAL
+            return 0
+
+        return ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, *kinds)(answered)
 
 
 def _ending(code: int) -> str:

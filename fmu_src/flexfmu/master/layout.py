@@ -12,7 +12,6 @@ import numpy as np
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from .config import StartValue
 from .descriptions import Description
-from .springs import Springs
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +30,26 @@ class SignalTable:
     time: FloatArray
     values: FloatArray
     inputs: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Springs:
+    """N spring-dampers between E ends.
+
+    Attributes
+    ----------
+    a, b : (N,) int
+        Ends; E is the ground.
+    stiffness : (N, 6) float
+        N/m, then N m/rad; along the axes that turn with b.
+    damping : (N, 6) float
+        N s/m, then N m s/rad.
+    """
+
+    a: IntArray
+    b: IntArray
+    stiffness: FloatArray
+    damping: FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,11 @@
 """What FMUs write to their logs: refusals, to be quoted where a run stops, and warnings, to be handed on."""
 
 from collections import deque
-from collections.abc import Mapping
 
+import numpy as np
 from fmpy.fmi2 import fmi2CallbackLoggerTYPE
+
+from ..files.array_types import IntArray
 
 _WARNING, _DISCARD = 1, 2
 # Lines that a message quotes, and warnings that are handed on.
@@ -11,33 +13,34 @@ _QUOTED, _HANDED_ON = 3, 20
 
 _refusals: dict[str, deque[str]] = {}
 _warnings: dict[str, dict[str, None]] = {}
+_kept: dict[str, dict[str, None]] = {}
+# Of each instance: tries of steps so far, and whether it warned since its state was kept, both by the loop; and the try
+# of its last refusal.
+_marks: dict[str, IntArray] = {}
+_refused_at: dict[str, int] = {}
 
 
-def open_log(name: str) -> None:
+def open_log(name: str) -> IntArray:
     """Begin an instance's log.
 
     Parameters
     ----------
     name : str
         Of the instance.
+
+    Returns
+    -------
+    (2,) int
+        Marks: the loop counts tries of steps in the first, and clears the second when it keeps a state.
     """
     _refusals[name] = deque(maxlen=_QUOTED)
-    _warnings[name] = {}
-
-
-def forget_refusals(name: str) -> None:
-    """Drop what an instance refused so far.
-
-    Parameters
-    ----------
-    name : str
-        Of the instance.
-    """
-    _refusals[name].clear()
+    _warnings[name], _kept[name] = {}, {}
+    _marks[name], _refused_at[name] = np.zeros(2, dtype=np.int64), 0
+    return _marks[name]
 
 
 def quoted(name: str) -> str:
-    """The last lines in which an instance said why it refused a call.
+    """The last lines in which an instance said why it refused a call, since its last try of a step began.
 
     Parameters
     ----------
@@ -49,7 +52,7 @@ def quoted(name: str) -> str:
     str
         Empty: it said nothing.
     """
-    return "; ".join(dict.fromkeys(_refusals[name]))
+    return "; ".join(dict.fromkeys(_refusals[name])) if _refused_at[name] == _marks[name][0] else ""
 
 
 def warnings_of(name: str) -> dict[str, None]:
@@ -68,17 +71,15 @@ def warnings_of(name: str) -> dict[str, None]:
     return dict(_warnings[name])
 
 
-def take_back_warnings(name: str, to: Mapping[str, None]) -> None:
-    """Go back to earlier warnings: what a step taken back warned of did not happen.
+def take_back_warnings(name: str) -> None:
+    """Go back to the warnings before the state was kept: what a step taken back warned of did not happen.
 
     Parameters
     ----------
     name : str
         Of the instance.
-    to : mapping with str keys
-        From `warnings_of`.
     """
-    _warnings[name] = dict(to)
+    _warnings[name] = dict(_kept[name])
 
 
 def hand_on(instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
@@ -98,8 +99,14 @@ def hand_on(instance: bytes | None, status: int, category: bytes | None, text: b
     name = instance.decode(errors="replace")
     words = text.decode(errors="replace").removeprefix(f"{name}: ")
     if status >= _DISCARD and name in _refusals:
+        if _refused_at[name] != _marks[name][0]:
+            _refusals[name].clear()
+            _refused_at[name] = int(_marks[name][0])
         _refusals[name].append(words)
     elif status == _WARNING and name in _warnings and len(_warnings[name]) < _HANDED_ON:
+        if not _marks[name][1]:
+            _kept[name] = dict(_warnings[name])
+            _marks[name][1] = 1
         _warnings[name][words] = None
 
 
