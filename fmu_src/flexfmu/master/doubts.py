@@ -50,8 +50,8 @@ class Words:
             return f"{name}: status.code is {figure:.0f} from {time:.6g} s on"
         if notice.kind == _COARSE:
             return (
-                f"the step does not resolve the motion of {self._wiring.ends.names[notice.who]}: with {figure:.3g} steps "
-                f"a period it lags by some {other:.2g} rad at {time:.6g} s: take a shorter step"
+                f"the step does not resolve the motion of {self._wiring.ends.names[notice.who]}: with {figure:.3g} "
+                f"steps a period it lags by some {other:.2g} rad at {time:.6g} s: take a shorter step"
             )
         if notice.kind == _FED:
             return _energies(FED, "created", figure, other, f" from {time:.6g} s on")

@@ -2,6 +2,7 @@
 
 import ctypes
 from collections.abc import Sequence
+from ctypes import Structure
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..core.library import library
 from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
 from .config import ExperimentTable, Held, Scheme
-from .layout import Ends, Wiring
+from .layout import Ends, Recorded, Springs, Wiring
 from .participants import FUNCTIONS, Participant, StepRefusedError
 
 _PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
@@ -26,13 +27,13 @@ def _named(kind: Any, names: str) -> list[tuple[str, Any]]:
     return [(name, kind) for name in names.split()]
 
 
-class _Joints(ctypes.Structure):
+class _Joints(Structure):
     """`Joints` of core/joints.h."""
 
     _fields_ = [*_named(_WHOLE, "count ends"), *_named(_PLACE, "a b stiffness damping")]
 
 
-class _Wiring(ctypes.Structure):
+class _Wiring(Structure):
     """`Wiring` of core/exchange.h."""
 
     _fields_ = [
@@ -45,7 +46,7 @@ class _Wiring(ctypes.Structure):
     ]
 
 
-class _Participant(ctypes.Structure):
+class _Participant(Structure):
     """`Participant` of core/participant.h."""
 
     _fields_ = [
@@ -61,13 +62,13 @@ class _Participant(ctypes.Structure):
     ]
 
 
-class Notice(ctypes.Structure):
+class Notice(Structure):
     """`Notice` of core/doubts.h: what a run is told of, once each."""
 
     _fields_ = [*_named(_WHOLE, "kind step who"), ("figures", _NUMBER * 2)]
 
 
-class _Setup(ctypes.Structure):
+class _Setup(Structure):
     """`Setup` of core/coupling.h."""
 
     _fields_ = [
@@ -81,7 +82,7 @@ class _Setup(ctypes.Structure):
     ]
 
 
-class Outcome(ctypes.Structure):
+class Outcome(Structure):
     """`Outcome` of core/coupling.h: why a call came back, and how far the run is."""
 
     _fields_ = [
@@ -90,6 +91,23 @@ class Outcome(ctypes.Structure):
         *_named(_WHOLE, "steps rows rounds notices feeds"),
         *_named(_NUMBER, "created stored exchanged now"),
     ]
+
+
+class Arrays:
+    """Keeps what structures point to."""
+
+    def __init__(self) -> None:
+        self._kept: list[Any] = []
+
+    def place(self, array: Any) -> int:
+        """Address of an array of ctypes."""
+        self._kept.append(array)
+        return ctypes.addressof(array)
+
+    def at(self, values: Any, kind: Any = np.float64) -> int:
+        """Address of an array of numbers of a kind."""
+        self._kept.append(np.ascontiguousarray(values, dtype=kind))
+        return int(self._kept[-1].ctypes.data)
 
 
 class Loop:
@@ -122,16 +140,21 @@ class Loop:
 
     def __init__(self, wiring: Wiring, participants: Sequence[Participant], settings: ExperimentTable, every: int):
         self._wiring, self._participants, self._settings = wiring, tuple(participants), settings
-        self._kept: list[Any] = []
+        self._arrays = arrays = Arrays()
         self.outcome = Outcome()
         self.notices = (Notice * (len(participants) + 3))()
         most, columns = settings.steps // every + 3, len(wiring.recorded) + 2
         self._times, self._rows = np.empty(most), np.empty((most, columns))
+        recorded = list(enumerate(wiring.recorded))
+        ours = [
+            participating(one, [pair for pair in recorded if pair[1].role == k], arrays)
+            for k, one in enumerate(participants)
+        ]
         mean = settings.scheme is Scheme.ITERATED and settings.held is Held.MEAN
         self._setup = _Setup(
-            wiring=self._wired(settings.step),
-            participants=self._place((_Participant * len(participants))(*map(self._participant, range(len(participants))))),
-            response_references=self._at([r.references for r in wiring.responses], np.uint32),
+            wiring=wired(wiring, settings.step, arrays),
+            participants=arrays.place((_Participant * len(participants))(*ours)),
+            response_references=arrays.at([r.references for r in wiring.responses], np.uint32),
             scheme=list(Scheme).index(settings.scheme),
             every=every,
             columns=columns,
@@ -145,12 +168,12 @@ class Loop:
             times=self._times.ctypes.data,
             rows=self._rows.ctypes.data,
             most_rows=most,
-            notices=self._place(self.notices),
+            notices=arrays.place(self.notices),
         )
         self._core = library()
         self._handle = self._core.coupling_open(ctypes.byref(self._setup))
         if not self._handle:
-            raise SimulationError("the coupling needs more memory than there is: take a smaller max_iterations or reuse")
+            raise SimulationError("a coupling needs more memory than there is: take a smaller max_iterations or reuse")
 
     @property
     def times(self) -> FloatArray:
@@ -222,9 +245,9 @@ class Loop:
         if self.outcome.ending == _UNSETTLED:
             raise SimulationError(
                 f"the coupled inputs do not settle in the step from {self._time:.9g} s: after "
-                f"{self._settings.max_iterations} iterations {self._wiring.input_names[self.outcome.who]} still changes by "
-                f"{self.outcome.figure:.1e} of its size, expected {self._settings.tolerance:g}; take a shorter step, a "
-                "larger max_iterations or tolerance, or a smaller relaxation"
+                f"{self._settings.max_iterations} iterations {self._wiring.input_names[self.outcome.who]} still "
+                f"changes by {self.outcome.figure:.1e} of its size, expected {self._settings.tolerance:g}; take a "
+                "shorter step, a larger max_iterations or tolerance, or a smaller relaxation"
             )
         return int(answer or 0)
 
@@ -235,12 +258,12 @@ class Loop:
 
     def _failure(self, participant: Participant) -> SimulationError:
         """What an FMU did wrong, in words."""
-        found, name = self.outcome, participant.name
+        found, name, said = self.outcome, participant.name, participant.said
         where = f"the step from {self._time:.9g} s by {self._settings.step:g} s"
         if found.ending == _STEP_REFUSED:
-            return StepRefusedError(f"fmu {name!r} refused {where}: {participant.said or 'without a reason in its log'}")
+            return StepRefusedError(f"fmu {name!r} refused {where}: {said or 'without a reason in its log'}")
         if found.ending == _FAILURE_TOLD:
-            return SimulationError(f"fmu {name!r}: status.code is {found.what}, a failure: {participant.said or 'no log'}")
+            return SimulationError(f"fmu {name!r}: status.code is {found.what}, a failure: {said or 'no log'}")
         if found.ending == _NOT_FINITE:
             reference = participant.role.signals[found.what]
             variables = participant.role.description.variables.values()
@@ -251,79 +274,88 @@ class Loop:
             )
         return participant.failed((*_ASKED, _HOLD)[found.what].format(where), found.status)
 
-    def _place(self, array: Any) -> int:
-        """Address of an array of ctypes, which is kept."""
-        self._kept.append(array)
-        return ctypes.addressof(array)
 
-    def _at(self, values: Any, kind: Any = np.float64) -> int:
-        """Address of an array of a kind, which is kept."""
-        self._kept.append(np.ascontiguousarray(values, dtype=kind))
-        return int(self._kept[-1].ctypes.data)
+def wired(w: Wiring, step: float, arrays: "Arrays") -> Structure:
+    """A coupling's layout as the core takes it.
 
-    def _wired(self, step: float) -> _Wiring:
-        w, ends, springs = self._wiring, self._wiring.ends, self._wiring.springs
-        to, source = np.nonzero(w.matrix)
-        whole = np.int64
-        return _Wiring(
-            inputs=len(w.base),
-            signals=w.matrix.shape[1],
-            participants=len(w.roles),
-            tables=len(w.tables),
-            links=len(to),
-            responses=len(w.responses),
-            step=step,
-            base=self._at(w.base),
-            coupled=self._at(w.coupled, whole),
-            kind=self._at(w.kind, whole),
-            input_role=self._at(w.input_role, whole),
-            signal_role=self._at(w.signal_role, whole),
-            nominal=self._at(w.nominal),
-            table_rows=self._at([len(table.time) for table in w.tables], whole),
-            table_columns=self._at([len(table.inputs) for table in w.tables], whole),
-            table_times=self._at(np.concatenate([np.zeros(0), *(table.time for table in w.tables)])),
-            table_values=self._at(np.concatenate([np.zeros(0), *(table.values.ravel() for table in w.tables)])),
-            table_inputs=self._at(np.concatenate([np.zeros(0), *(table.inputs for table in w.tables)]), whole),
-            link_to=self._at(to, whole),
-            link_from=self._at(source, whole),
-            link_factor=self._at(w.matrix[to, source]),
-            joints=_Joints(
-                count=len(springs.a),
-                ends=len(ends.names),
-                a=self._at(springs.a, whole),
-                b=self._at(springs.b, whole),
-                stiffness=self._at(springs.stiffness),
-                damping=self._at(springs.damping),
-            ),
-            end_motion=self._at(ends.motion, whole),
-            end_rates=self._at(ends.rates, whole),
-            end_loads=self._at(ends.loads, whole),
-            response_role=self._at([r.role for r in w.responses], whole),
-            response_end=self._at([_end(ends, r.moved) if r.moved == r.loaded else -1 for r in w.responses], whole),
-            response_places=self._at([(*r.motion, *r.rates, *r.loads) for r in w.responses], whole),
-        )
+    Parameters
+    ----------
+    w : Wiring
+    step : float
+        Communication step, s.
+    arrays : Arrays
+        Keeps what the structure points to.
 
-    def _participant(self, k: int) -> _Participant:
-        one = self._participants[k]
-        role = one.role
-        recorded = [(column, v) for column, v in enumerate(self._wiring.recorded) if v.role == k]
-        recorded.sort(key=lambda pair: _TYPES.index(pair[1].type))
-        return _Participant(
-            instance=one.instance,
-            **{name: ctypes.cast(function, _PLACE).value for name, function in one.functions.items()},
-            first_input=role.first_input,
-            inputs=len(role.inputs),
-            first_signal=role.first_signal,
-            signals=len(role.signals),
-            recorded=(_WHOLE * 3)(*(sum(v.type == kind for _, v in recorded) for kind in _TYPES)),
-            input_references=self._at(role.inputs, np.uint32),
-            signal_references=self._at(role.signals, np.uint32),
-            recorded_references=self._at([v.reference for _, v in recorded], np.uint32),
-            recorded_columns=self._at([column for column, _ in recorded], np.int64),
-            **one.bookkeeping,
-            marks=one.marks.ctypes.data,
-            tried=1,
-        )
+    Returns
+    -------
+    Structure
+    """
+    ends, springs, whole = w.ends, w.springs, np.int64
+    to, source = np.nonzero(w.matrix)
+    return _Wiring(
+        inputs=len(w.base),
+        signals=w.matrix.shape[1],
+        participants=len(w.roles),
+        tables=len(w.tables),
+        links=len(to),
+        responses=len(w.responses),
+        step=step,
+        base=arrays.at(w.base),
+        coupled=arrays.at(w.coupled, whole),
+        kind=arrays.at(w.kind, whole),
+        input_role=arrays.at(w.input_role, whole),
+        signal_role=arrays.at(w.signal_role, whole),
+        nominal=arrays.at(w.nominal),
+        table_rows=arrays.at([len(table.time) for table in w.tables], whole),
+        table_columns=arrays.at([len(table.inputs) for table in w.tables], whole),
+        table_times=arrays.at(np.concatenate([np.zeros(0), *(table.time for table in w.tables)])),
+        table_values=arrays.at(np.concatenate([np.zeros(0), *(table.values.ravel() for table in w.tables)])),
+        table_inputs=arrays.at(np.concatenate([np.zeros(0), *(table.inputs for table in w.tables)]), whole),
+        link_to=arrays.at(to, whole),
+        link_from=arrays.at(source, whole),
+        link_factor=arrays.at(w.matrix[to, source]),
+        joints=joined(springs, len(ends.names), arrays),
+        end_motion=arrays.at(ends.motion, whole),
+        end_rates=arrays.at(ends.rates, whole),
+        end_loads=arrays.at(ends.loads, whole),
+        response_role=arrays.at([r.role for r in w.responses], whole),
+        response_end=arrays.at([_end(ends, r.moved) if r.moved == r.loaded else -1 for r in w.responses], whole),
+        response_places=arrays.at([(*r.motion, *r.rates, *r.loads) for r in w.responses], whole),
+    )
+
+
+def joined(springs: Springs, ends: int, arrays: "Arrays") -> Structure:
+    """Springs between so many ends as the core takes them; arguments else as of `wired`."""
+    return _Joints(
+        count=len(springs.a),
+        ends=ends,
+        a=arrays.at(springs.a, np.int64),
+        b=arrays.at(springs.b, np.int64),
+        stiffness=arrays.at(springs.stiffness),
+        damping=arrays.at(springs.damping),
+    )
+
+
+def participating(one: Participant, variables: list[tuple[int, Recorded]], arrays: "Arrays") -> _Participant:
+    """An FMU as the core takes it, with columns and variables of its results; arrays as of `wired`."""
+    variables = sorted(variables, key=lambda pair: _TYPES.index(pair[1].type))
+    role = one.role
+    return _Participant(
+        instance=one.instance,
+        **{name: ctypes.cast(function, _PLACE).value for name, function in one.functions.items()},
+        first_input=role.first_input,
+        inputs=len(role.inputs),
+        first_signal=role.first_signal,
+        signals=len(role.signals),
+        recorded=(_WHOLE * 3)(*(sum(v.type == kind for _, v in variables) for kind in _TYPES)),
+        input_references=arrays.at(role.inputs, np.uint32),
+        signal_references=arrays.at(role.signals, np.uint32),
+        recorded_references=arrays.at([v.reference for _, v in variables], np.uint32),
+        recorded_columns=arrays.at([column for column, _ in variables], np.int64),
+        **one.bookkeeping,
+        marks=one.marks.ctypes.data,
+        tried=1,
+    )
 
 
 def _end(ends: Ends, name: str) -> int:

@@ -127,12 +127,12 @@ class Participant:
     def _bookkeeping(self) -> dict[str, float]:
         """References of what flexfmu's bodies tell, −1 where an FMU has it not."""
         variables = self.role.description.variables
-        status, count, fewest = (variables.get(name) for name in (STATUS_CODE, _SUBSTEPS, _FEWEST))
-        held = count is not None and fewest is not None and fewest.variability == "tunable"
+        status = STATUS_CODE in variables and variables[STATUS_CODE].type == "Integer"
+        held = _SUBSTEPS in variables and _FEWEST in variables and variables[_FEWEST].variability == "tunable"
         return {
-            "status": int(status.valueReference) if status is not None and status.type == "Integer" else -1,
-            "substeps": int(count.valueReference) if held else -1,
-            "fewest": int(fewest.valueReference) if held else -1,
+            "status": int(variables[STATUS_CODE].valueReference) if status else -1,
+            "substeps": int(variables[_SUBSTEPS].valueReference) if held else -1,
+            "fewest": int(variables[_FEWEST].valueReference) if held else -1,
             "fewest_start": float(self.role.start.get(_FEWEST, 1.0)),
         }
 

@@ -1,0 +1,209 @@
+"""What the core's coupling is made of, function by function: its files compiled with names that a test may call."""
+
+import ctypes
+import subprocess
+import tempfile
+from ctypes import c_double, c_int64, c_void_p
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfmu.core.building import FLAGS, FOLDER, system_compiler
+from flexfmu.master.foreign import ForeignProcess
+from flexfmu.master.loop import Arrays, joined, participating, wired
+from flexfmu.master.participants import Participant
+
+FILES = ("vectors", "algebra", "arena", "joints", "acceleration", "exchange", "doubts", "participant")
+# Calls with the work arrays that they need.
+MORE = """
+#include <stdlib.h>
+#include "doubts.h"
+static double *room(Arena *arena) {
+    *arena = (Arena){calloc((size_t)arena->used + 1, 8), 0, arena->used, 0};
+    return arena->start;
+}
+void updated(int64_t n, const double *residual, const Secants *sets, int64_t count, const double *scale,
+             double relaxation, const double *slope, const int64_t *known, double *change, double *estimate) {
+    Arena arena = {0};
+    Update update;
+    const Secants *each[2] = {sets, sets + 1};
+    KnownResponse model = {(double *)slope, (int64_t *)known, 0};
+    take_update(&arena, &update, n);
+    double *start = room(&arena);
+    take_update(&arena, &update, n);
+    quasi_newton_update(&update, residual, each, count, scale, relaxation, slope ? &model : 0, change, estimate);
+    free(start);
+}
+void asked(const Wiring *wiring, const double *signals, const double *before, int64_t what, double *out) {
+    Arena arena = {0};
+    Exchange exchange;
+    take_exchange(&arena, wiring, &exchange);
+    double *start = room(&arena);
+    take_exchange(&arena, wiring, &exchange);
+    if (before) coupled_inputs(wiring, &exchange, signals, before, (Dampers)what, out);
+    else round_off(wiring, &exchange, signals, (int)what, out);
+    free(start);
+}
+"""
+
+
+@dataclass
+class Secants:
+    """Differences (n, K) of residuals and of inputs, the newest first."""
+
+    residuals: np.ndarray
+    inputs: np.ndarray
+
+    def before(self, older):
+        """All differences of both, these first."""
+        return Secants(np.hstack([self.residuals, older.residuals]), np.hstack([self.inputs, older.inputs]))
+
+
+class _Rows(ctypes.Structure):
+    """`Secants` of core/acceleration.h."""
+
+    _fields_ = [("count", c_int64), ("residuals", c_void_p), ("inputs", c_void_p)]
+
+
+@cache
+def core():
+    """The files, compiled."""
+    if system_compiler() is None:
+        pytest.skip("needs a C compiler")
+    folder = Path(tempfile.mkdtemp(prefix="coupling-"))
+    (folder / "more.c").write_text(MORE, encoding="utf-8")
+    flags = [*(flag for flag in FLAGS if flag not in ("-O3", "-fvisibility=hidden")), "-O1", "-fPIC", f"-I{FOLDER}"]
+    files = [folder / "more.c", *(FOLDER / f"{name}.c" for name in FILES)]
+    words = [*system_compiler(), *flags, "-shared", "-o", folder / "core.so", *files, "-lm"]
+    subprocess.run(list(map(str, words)), check=True)
+    found = ctypes.CDLL(str(folder / "core.so"))
+    found.joint_energy.restype = found.joint_losses.restype = c_double
+    return found
+
+
+def _called(name, size, *arguments):
+    """What a function writes to its last argument."""
+    out = np.zeros(size)
+    getattr(core(), name)(*arguments, c_void_p(out.ctypes.data))
+    return out
+
+
+def _at(arrays, *values):
+    return [c_void_p(arrays.at(value)) for value in values]
+
+
+def relative_motion(a, b):
+    arrays, relative, matrix = Arrays(), np.zeros(6), np.zeros((12, 6))
+    core().relative_motion(*_at(arrays, a, b), *(c_void_p(out.ctypes.data) for out in (relative, matrix)))
+    return relative, matrix
+
+
+def backward_rates(motion, before, step):
+    arrays, rates = Arrays(), np.zeros(motion.shape)
+    places = _at(arrays, motion, before)
+    core().backward_rates(*places, c_double(step), c_void_p(rates.ctypes.data), c_int64(len(motion)))
+    return rates
+
+
+def _joints(springs, motion, arrays):
+    return ctypes.byref(joined(springs, len(motion), arrays))
+
+
+def loads(springs, motion, rates):
+    arrays = Arrays()
+    return _called("joint_loads", motion.shape, _joints(springs, motion, arrays), *_at(arrays, motion, rates))
+
+
+def tangent(springs, motion, by_motion):
+    arrays = Arrays()
+    size = (motion.size, motion.size)
+    return _called("joint_tangent", size, _joints(springs, motion, arrays), None, *_at(arrays, motion, by_motion))
+
+
+def energy(springs, motion):
+    arrays = Arrays()
+    return core().joint_energy(_joints(springs, motion, arrays), *_at(arrays, motion))
+
+
+def losses(springs, motion, before, step):
+    arrays = Arrays()
+    return core().joint_losses(_joints(springs, motion, arrays), *_at(arrays, motion, before), c_double(step))
+
+
+def base_inputs(wiring, time, step, before=False):
+    arrays = Arrays()
+    place = ctypes.byref(wired(wiring, step, arrays))
+    return _called("base_inputs", len(wiring.base), place, c_double(time), int(before))
+
+
+def coupled_inputs(wiring, signals, before, step, dampers=0):
+    arrays = Arrays()
+    place = ctypes.byref(wired(wiring, step, arrays))
+    return _called("asked", len(wiring.base), place, *_at(arrays, signals, before), c_int64(dampers))
+
+
+def noise(wiring, signals, step, nominal=False):
+    arrays = Arrays()
+    place = ctypes.byref(wired(wiring, step, arrays))
+    return _called("asked", len(wiring.base), place, *_at(arrays, signals), None, c_int64(nominal))
+
+
+def quasi_newton_update(residual, secants, scale, relaxation, slope=None, known=None, earlier=None):
+    """Change of the inputs and estimate of their error; secants of this step and of earlier ones, the newest first."""
+    arrays, change, estimate = Arrays(), np.zeros(len(residual)), np.zeros(len(residual))
+    sets = [secants] if earlier is None else [secants, earlier]
+    rows = [_Rows(s.inputs.shape[1], *(arrays.at(v[:, ::-1].T) for v in (s.residuals, s.inputs))) for s in sets]
+    model = (None, None)
+    if slope is not None:
+        model = (*_at(arrays, slope), c_void_p(arrays.at(known, np.int64)))
+    places = _at(arrays, residual, scale)
+    outs = (c_void_p(out.ctypes.data) for out in (change, estimate))
+    both = (_Rows * len(rows))(*rows)
+    core().updated(
+        c_int64(len(residual)), places[0], both, c_int64(len(rows)), places[1], c_double(relaxation), *model, *outs
+    )
+    return change, estimate
+
+
+class Driven:
+    """The first FMU of a coupling, initialised, in the hands of the loop's functions."""
+
+    def __init__(self, wiring):
+        self._size = wiring.matrix.shape[1]
+        self._one, self._arrays = Participant(wiring.roles[0], ForeignProcess(60.0)), Arrays()
+        self._one.initialize(1.0)
+        self._place = participating(self._one, [], self._arrays)
+        self._call("begin")
+
+    def _call(self, name, *arguments):
+        answer = (c_double * 4)()
+        assert getattr(core(), f"participant_{name}")(ctypes.byref(self._place), *arguments, answer) == 1
+
+    @property
+    def tried(self):
+        """Internal steps that the last step took."""
+        return self._place.tried
+
+    def take(self, inputs):
+        self._call("take", c_void_p(inputs.ctypes.data))
+
+    def give(self):
+        values = np.zeros(self._size)
+        self._call("give", c_void_p(values.ctypes.data))
+        return values.tolist()
+
+    def step(self, time, size):
+        self._call("step", c_double(time), c_double(size))
+
+    def save(self):
+        self._call("save")
+
+    def restore(self, hold=False):
+        self._call("restore", int(hold))
+
+    def close(self):
+        core().participant_forget(ctypes.byref(self._place))
+        self._one.close()
