@@ -4,8 +4,9 @@ The FMU tells a master only how its interfaces move. It runs the same core as `F
 the same times give the same motion to the last bit; here its state is at hand.
 """
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..model.errors import StepError
 from ..model.reduced_body import ReducedBody
 from ..program.variables import (
     DAMPING_SCALE,
+    DENSITY_SCALE,
     FIXED,
     INITIALIZATION,
     INTERPOLATION,
@@ -25,6 +27,7 @@ from ..program.variables import (
     STEP_LIMIT,
     STEP_MOST,
     STEP_TOLERANCE,
+    STIFFNESS_SCALE,
 )
 from .flexible_body import FlexibleBody
 from .loads import Loads
@@ -53,7 +56,7 @@ class Replay:
 
 
 def body_with(model: ReducedBody, parameters: Mapping[str, object], method: str | None = None) -> FlexibleBody:
-    """The body as an FMU with some parameters has it; those of watches do not change the motion.
+    """The body as an FMU with some parameters has it; those of watches do not change the motion, scales `replay` takes.
 
     Parameters
     ----------
@@ -67,19 +70,28 @@ def body_with(model: ReducedBody, parameters: Mapping[str, object], method: str 
     -------
     FlexibleBody
     """
-
-    def number(name: str, usual: float) -> float:
-        return float(str(parameters.get(name, usual)))
-
-    usual = StepLimits()
+    usual, (stiffer, _, pace) = StepLimits(), _scales(parameters)
     limits = StepLimits(
-        number(STEP_LIMIT, usual.longest), number(STEP_TOLERANCE, usual.tolerance), number(STEP_MOST, usual.most)
+        pace * _number(parameters, STEP_LIMIT, usual.longest),
+        _number(parameters, STEP_TOLERANCE, usual.tolerance),
+        _number(parameters, STEP_MOST, usual.most),
     )
+    if model.surface is not None and model.surface.stress is not None:
+        model = replace(model, surface=replace(model.surface, stress=stiffer * model.surface.stress))
     held = [name for name in model.interface_names if str(parameters.get(name + FIXED, "")).lower() in _YES]
     chosen = method or parameters.get(METHOD)
-    return FlexibleBody(
-        model, None if chosen is None else str(chosen), None, number(DAMPING_SCALE, 1.0), limits, tuple(held)
-    )
+    damping = _number(parameters, DAMPING_SCALE, 1.0)
+    return FlexibleBody(model, None if chosen is None else str(chosen), None, damping, limits, tuple(held))
+
+
+def _number(parameters: Mapping[str, object], name: str, usual: float) -> float:
+    return float(str(parameters.get(name, usual)))
+
+
+def _scales(parameters: Mapping[str, object]) -> tuple[float, float, float]:
+    """Factors of stiffness and density, and how many times faster all goes by them."""
+    stiffness, density = (_number(parameters, name, 1.0) for name in (STIFFNESS_SCALE, DENSITY_SCALE))
+    return stiffness, density, math.sqrt(stiffness / density)
 
 
 _YES = ("true", "1", "1.0")
@@ -116,6 +128,9 @@ def replay(
     Replay
     """
     interpolation = word_of("INTERPOLATION", parameters.get(INTERPOLATION))
+    stiffness, density, pace = _scales(parameters)
+    table = np.column_stack([table[:, :1], table[:, 1:] / stiffness])
+    table[:, 1 + 6 * body.model.interface_count :] *= density
     # fmpy sets the values before a jump for the start, those after it for the first step.
     before = table[0, 1:]
     state = body.rest()
@@ -132,7 +147,7 @@ def replay(
                 finish = now + (now - before) * ((end - begin) / length)
             try:
                 same = np.array_equal(start, finish)
-                state, _ = body.step_packed(state, start, float(end - begin), None if same else finish)
+                state, _ = body.step_packed(state, start, pace * float(end - begin), None if same else finish)
             except StepError as error:
                 ended = str(error)
                 break

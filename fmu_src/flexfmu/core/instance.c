@@ -116,6 +116,7 @@ void instance_reset(Instance *x) {
     const Program *p = description(x);
     instance_forget_body(x);
     memset(x->numbers, 0, (size_t)x->number_count * sizeof(double));
+    x->parameter[P_STIFFNESS_SCALE] = x->parameter[P_DENSITY_SCALE] = 1.0;
     for (int64_t i = 0; i < p->variables; i++)
         if (p->variable_role[i] == ROLE_PARAMETER) x->parameter[p->variable_index[i]] = p->variable_start[i];
     x->single[S_HINT] = 1.0;
@@ -264,6 +265,12 @@ static Answer open_shadow(Instance *x, char *why) {
     return ANSWER_FAILED;
 }
 
+int find_motion_at(Instance *x, const double *q, const double *v) {
+    if (body_motion(x->body, q, v, x->motion, x->rates) != FLEX_OK) return 0;
+    for (int64_t i = 0; i < 6 * description(x)->interfaces; i++) x->rates[i] *= x->scale.pace;
+    return 1;
+}
+
 /* Body of the parameters chosen. */
 static Answer choose(Instance *x, char *why) {
     if (x->body) return ANSWER_OK;
@@ -279,10 +286,11 @@ static Answer choose(Instance *x, char *why) {
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
     }
-    const StepLimits limits = {x->parameter[P_STEP_LIMIT], x->parameter[P_STEP_TOLERANCE], x->parameter[P_STEP_MOST]};
+    x->scale = scale_of(x->parameter[P_STIFFNESS_SCALE], x->parameter[P_DENSITY_SCALE]);
+    const StepLimits limits = {x->scale.pace * x->parameter[P_STEP_LIMIT], x->parameter[P_STEP_TOLERANCE], x->parameter[P_STEP_MOST]};
     if (body_options(body, x->parameter[P_DAMPING_SCALE], &limits) != FLEX_OK) {
         snprintf(why, TEXT_SIZE, "a parameter of the steps is out of range: damping.scale %g, internal_step.limit %g, tolerance %g, most %g",
-                 x->parameter[P_DAMPING_SCALE], limits.longest, limits.tolerance, x->parameter[P_STEP_MOST]);
+                 x->parameter[P_DAMPING_SCALE], x->parameter[P_STEP_LIMIT], limits.tolerance, x->parameter[P_STEP_MOST]);
         if (body != x->described) body_close(body);
         return ANSWER_FAILED;
     }
@@ -316,7 +324,8 @@ Answer instance_begin(Instance *x, char *why) {
             }
         double share;
         int64_t rounds;
-        const int answer = body_static(x->body, x->input, x->q1, &share, &rounds);
+        scale_inputs(&x->scale, description(x), x->input, x->start_inputs);
+        const int answer = body_static(x->body, x->start_inputs, x->q1, &share, &rounds);
         if (answer != FLEX_OK) {
             char words[TEXT_SIZE];
             body_static_refusal(x->body, answer, share, words, TEXT_SIZE);
@@ -333,7 +342,7 @@ Answer instance_begin(Instance *x, char *why) {
 
 /* What is looked for; limits and what happens beyond them follow each other in turn. */
 static Monitor monitor_of(const Instance *x) {
-    Monitor monitor = {x->body, x->shadow, {{0}}, x->parameter[P_ERROR_INTERVAL], x->room, x->shape, x->errors};
+    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], x->room, x->shape, x->errors};
     const double *limit = x->parameter + P_ROTATION_LIMIT;
     for (int i = 0; i < WATCHES; i++, limit += 2) monitor.watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
     return monitor;
@@ -344,7 +353,7 @@ static Answer step_refused(const Instance *x) {
     return x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED;
 }
 
-/* Look at where a step ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
+/* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
 static Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, char *why) {
     const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
     const StepEnd end = {q, v, x->motion, inputs, step};
@@ -352,7 +361,7 @@ static Answer inspect(Instance *x, const double *q, const double *v, double step
     Findings found;
     Answer answer = ANSWER_OK;
     x->cached = 0;
-    if (body_motion(x->body, q, v, x->motion, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
+    if (!find_motion_at(x, q, v)) return instance_lacks_room(x, why);
     if (!within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
     double *kept = x->room + x->loads;
     memcpy(kept, x->single, S_COUNT * sizeof(double));
@@ -401,7 +410,8 @@ Answer instance_lacks_room(Instance *x, char *why) {
 Answer instance_start(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
-    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->previous, why) != ANSWER_OK) {
+    scale_inputs(&x->scale, description(x), x->previous, x->start_inputs);
+    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->start_inputs, why) != ANSWER_OK) {
         char text[TEXT_SIZE];
         memcpy(text, why, TEXT_SIZE);
         snprintf(why, TEXT_SIZE, "static initialisation: %.900s", text);
@@ -411,7 +421,7 @@ Answer instance_start(Instance *x, char *why) {
     return ANSWER_OK;
 }
 
-/* Inputs at a step's start and end; whether the latter are others. */
+/* Inputs at a step's start and end, as the master means them; whether the latter are others. */
 static int over_step(Instance *x, double step) {
     const int64_t kind = (int64_t)x->parameter[P_INTERPOLATION];
     int differ = 0;
@@ -458,22 +468,25 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
         snprintf(why, TEXT_SIZE, SAY_FEWEST, fewest);
         return instance_failed(x, ANSWER_REFUSED);
     }
+    scale_inputs(&x->scale, description(x), x->start_inputs, x->start_inputs);
+    scale_inputs(&x->scale, description(x), x->end_inputs, x->end_inputs);
+    const double within = x->scale.pace * step;
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
     Work work = {0, 0, 0.0};
     memcpy(x->q1, x->q, (size_t)m * sizeof(double));
     memcpy(x->v1, x->v, (size_t)m * sizeof(double));
-    const int answer = body_step(x->body, x->start_inputs, ramps ? x->end_inputs : 0, step, x->q1, x->v1, &hint, &work);
+    const int answer = body_step(x->body, x->start_inputs, ramps ? x->end_inputs : 0, within, x->q1, x->v1, &hint, &work);
     if (answer != FLEX_OK) {
         body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
         return instance_failed(x, step_refused(x));
     }
-    const Answer verdict = inspect(x, x->q1, x->v1, step, ramps ? x->end_inputs : x->start_inputs, why);
+    const Answer verdict = inspect(x, x->q1, x->v1, within, ramps ? x->end_inputs : x->start_inputs, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     memcpy(x->q, x->q1, (size_t)m * sizeof(double));
     memcpy(x->v, x->v1, (size_t)m * sizeof(double));
     /* A derivative holds for one step, at whose end the input stays where it has grown to. */
     for (int64_t i = 0; i < x->loads; i++) {
-        if (x->input_rate[i] != 0.0) x->input[i] = x->end_inputs[i];
+        if (x->input_rate[i] != 0.0) x->input[i] += x->input_rate[i] * step;
         x->input_rate[i] = 0.0;
         x->previous[i] = x->input[i];
     }

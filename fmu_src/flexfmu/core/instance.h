@@ -37,6 +37,8 @@ Answer instance_begin(Instance *instance, char *why);
 Answer instance_failed(Instance *instance, Answer answer);
 /* The same where the core refuses a call for want of room. */
 Answer instance_lacks_room(Instance *instance, char *why);
+/* Motion and rates at q and v, in times of the body; 0 where the core lacks room. */
+int find_motion_at(Instance *instance, const double *q, const double *v);
 /* The last time that was reached. */
 double instance_time(const Instance *instance);
 void instance_begin_at(Instance *instance, double time);

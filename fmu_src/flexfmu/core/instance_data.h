@@ -58,6 +58,7 @@ typedef struct {
     uint64_t owner;  /* what states are known by */
     Teller teller;
     void *told;
+    Scale scale;     /* of the parameters, where the body is known */
     int64_t modes, loads, parameters, fixable;
     double *arena;
     /* All that the future depends on, one run of numbers from here on. */

@@ -4,8 +4,15 @@
 #include <stdio.h>
 #include <string.h>
 
+/* In times of the body. */
 static double usual_step(const Instance *x) {
-    return x->single[S_LAST_STEP] > 0.0 ? x->single[S_LAST_STEP] : description(x)->suggested_step[0];
+    return x->single[S_LAST_STEP] > 0.0 ? x->scale.pace * x->single[S_LAST_STEP] : description(x)->suggested_step[0];
+}
+
+/* Inputs of the last step as they act on the body, in a workspace. */
+static const double *acting(Instance *x) {
+    scale_inputs(&x->scale, description(x), x->previous, x->end_inputs);
+    return x->end_inputs;
 }
 
 /* Diagnostics: `diagnose_symbol` of each in interface.def. Of the state alone. */
@@ -14,8 +21,8 @@ static double diagnose_rotation(Instance *x) { return body_rotations(x->body, x-
 static double diagnose_strain(Instance *x) { return body_strain(x->body, x->q); }
 
 /* Inputs set since the last step have not acted yet, and need not be finite. */
-static double diagnose_stability(Instance *x) { return body_stability(x->body, x->previous, x->q, 0); }
-static double diagnose_missed(Instance *x) { return body_missed(x->body, x->previous, 0); }
+static double diagnose_stability(Instance *x) { return body_stability(x->body, acting(x), x->q, 0); }
+static double diagnose_missed(Instance *x) { return body_missed(x->body, acting(x), 0); }
 
 /* Errors by the shadow; -1 where there is none. */
 static void judge(Instance *x) {
@@ -24,7 +31,7 @@ static void judge(Instance *x) {
     x->cached |= CACHED_ERROR;
     x->error = -1.0;
     for (int64_t i = 0; i < 2 * description(x)->interfaces; i++) x->errors[i] = -1.0;
-    if (x->shadow) body_error(x->body, x->shadow, x->previous, x->q, x->errors, &deflection, &x->error);
+    if (x->shadow) body_error(x->body, x->shadow, acting(x), x->q, x->errors, &deflection, &x->error);
 }
 
 static double diagnose_error(Instance *x) {
@@ -43,13 +50,13 @@ static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }
 static double diagnose_strain_energy(Instance *x) {
     double strain, kinetic;
     body_energies(x->body, x->q, x->v, &strain, &kinetic);
-    return strain;
+    return x->scale.stiffness * strain;
 }
 
 static double diagnose_kinetic_energy(Instance *x) {
     double strain, kinetic;
     body_energies(x->body, x->q, x->v, &strain, &kinetic);
-    return kinetic;
+    return x->scale.stiffness * kinetic;
 }
 
 static double diagnose_iterations(Instance *x) { return x->single[S_ITERATIONS]; }
@@ -73,14 +80,16 @@ static Answer instance_begun(Instance *x, char *why) {
 
 static Answer find_motion(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
-    if (!(x->cached & CACHED_MOTION) && body_motion(x->body, x->q, x->v, x->motion, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
+    if (!(x->cached & CACHED_MOTION) && !find_motion_at(x, x->q, x->v)) return instance_lacks_room(x, why);
     x->cached |= CACHED_MOTION;
     return ANSWER_OK;
 }
 
 static Answer find_stress(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
-    if (!(x->cached & CACHED_STRESS)) body_stress(x->body, x->q, x->stress);
+    if (x->cached & CACHED_STRESS) return ANSWER_OK;
+    body_stress(x->body, x->q, x->stress);
+    for (int64_t i = 0; i < description(x)->stress_sets; i++) x->stress[i] *= x->scale.stiffness;
     x->cached |= CACHED_STRESS;
     return ANSWER_OK;
 }
@@ -88,9 +97,10 @@ static Answer find_stress(Instance *x, char *why) {
 static Answer find_compliance(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     const Program *p = description(x);
-    if (!(x->cached & CACHED_COMPLIANCE) &&
-        body_compliance(x->body, x->previous, usual_step(x), x->q, p->compliance_interface, p->compliances, x->compliance) != FLEX_OK)
+    if (x->cached & CACHED_COMPLIANCE) return ANSWER_OK;
+    if (body_compliance(x->body, acting(x), usual_step(x), x->q, p->compliance_interface, p->compliances, x->compliance) != FLEX_OK)
         return instance_lacks_room(x, why);
+    for (int64_t i = 0; i < 36 * p->compliances * p->compliances; i++) x->compliance[i] *= x->scale.force;
     x->cached |= CACHED_COMPLIANCE;
     return ANSWER_OK;
 }
@@ -138,7 +148,8 @@ Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_c
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     memset(x->start_inputs, 0, (size_t)x->loads * sizeof(double));
     for (int64_t i = 0; i < input_count; i++) x->start_inputs[p->variable_index[inputs[i]]] += direction[i];
-    if (body_derivative(x->body, x->previous, usual_step(x), x->q, x->start_inputs, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
+    scale_inputs(&x->scale, p, x->start_inputs, x->start_inputs);
+    if (body_derivative(x->body, acting(x), usual_step(x), x->q, x->start_inputs, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
     x->cached &= ~CACHED_MOTION;
     for (int64_t i = 0; i < output_count; i++) {
         result[i] = x->rates[p->variable_index[outputs[i]]];

@@ -18,6 +18,22 @@ enum { ADVICE_ROTATION, ADVICE_MISSED, SOURCE_MISSED, ADVICE_SPIN, ADVICE_ERROR 
 static const char *name_of(const Program *p, int64_t index) { return text_at(p->names, p->name_bytes, index); }
 static const char *input_name(const Program *p, int64_t input) { return name_of(p, p->interfaces + p->frames + input); }
 
+Scale scale_of(double stiffness, double density) {
+    return (Scale){stiffness, 1.0 / stiffness, density / stiffness, sqrt(stiffness / density)};
+}
+
+void scale_inputs(const Scale *scale, const Program *p, const double *inputs, double *out) {
+    const int64_t forces = 6 * p->interfaces;
+    if (out == inputs && scale->force == 1.0 && scale->acceleration == 1.0) return;
+    for (int64_t i = 0; i < p->loads; i++) out[i] = inputs[i] * (i < forces ? scale->force : scale->acceleration);
+}
+
+/* An input as the master has set it. */
+static double given(const Monitor *monitor, const double *inputs, int64_t input) {
+    const int accelerates = input >= 6 * monitor->body->p.interfaces;
+    return inputs[input] / (accelerates ? monitor->scale.acceleration : monitor->scale.force);
+}
+
 /* What was warned of is not said again. */
 static int silenced(const Watch *watch, double warned) { return watch->action == ON_WARN && warned != 0.0; }
 
@@ -105,8 +121,10 @@ int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *wh
     return 0;
 }
 
-static void stability(Body *body, const Watch *watch, const double *q, const double *inputs, Memory *memory, double *alone,
-                      double *shape, Findings *found) {
+static void stability(const Monitor *monitor, const double *q, const double *inputs, Memory *memory, Findings *found) {
+    Body *body = monitor->body;
+    const Watch *watch = monitor->watch + WATCH_STABILITY;
+    double *alone = monitor->inputs, *shape = monitor->shape;
     const Program *p = &body->p;
     if (!(watch->limit > 0.0) || silenced(watch, memory->warned[WATCH_STABILITY])) return;
     memory->beyond = body_stable_beyond(body, inputs, q, watch->limit);
@@ -131,10 +149,12 @@ static void stability(Body *body, const Watch *watch, const double *q, const dou
     if (!text) return;
     snprintf(text, FINDING_TEXT, SAY_STABILITY,
              margin <= 0.0 ? "beyond the critical load" : "near the critical load", margin, watch->limit,
-             input_name(p, worst), inputs[worst], most, (long long)mode + 1, p->omega[mode] / 6.283185307179586);
+             input_name(p, worst), given(monitor, inputs, worst), most, (long long)mode + 1, monitor->scale.pace * p->omega[mode] / 6.283185307179586);
 }
 
-static void missed(Body *body, const Watch *watch, const double *inputs, Memory *memory, Findings *found) {
+static void missed(const Monitor *monitor, const double *inputs, Memory *memory, Findings *found) {
+    Body *body = monitor->body;
+    const Watch *watch = monitor->watch + WATCH_MISSED;
     const Program *p = &body->p;
     if (!(watch->limit > 0.0) || !body_may_miss(body, inputs, watch->limit)) return;
     double margin;
@@ -151,16 +171,18 @@ static void missed(Body *body, const Watch *watch, const double *inputs, Memory 
              100.0 * error);
     snprintf(text, FINDING_TEXT, SAY_MISSED,
              text_at(p->advice, p->advice_bytes, SOURCE_MISSED), words, 100.0 * watch->limit, input_name(p, worst),
-             inputs[worst], text_at(p->advice, p->advice_bytes, ADVICE_MISSED));
+             given(monitor, inputs, worst), text_at(p->advice, p->advice_bytes, ADVICE_MISSED));
 }
 
-static void spinning(Body *body, const Watch *watch, const double *q, const double *v, Memory *memory, Findings *found) {
+static void spinning(const Monitor *monitor, const double *q, const double *v, Memory *memory, Findings *found) {
+    Body *body = monitor->body;
+    const Watch *watch = monitor->watch + WATCH_SPIN;
     const Program *p = &body->p;
     const double ratio = body_spin(body, q, v);
     if (!(watch->limit > 0.0) || !(ratio > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_SPIN]);
     if (!text) return;
-    const double first = p->omega[p->rigid];
+    const double first = monitor->scale.pace * p->omega[p->rigid];
     snprintf(text, FINDING_TEXT, SAY_SPIN,
              ratio * first, 100.0 * ratio, first / 6.283185307179586, 100.0 * watch->limit,
              text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
@@ -251,14 +273,14 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
     strain(body, watch + WATCH_STRAIN, q, memory, found);
     error(monitor, end, memory, found);
     if (end->step > 0.0 && body->p.spins) {
-        spinning(body, watch + WATCH_SPIN, q, v, memory, found);
+        spinning(monitor, q, v, memory, found);
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
     if (end->step > 0.0 && body->p.mass_forms && !body->p.inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
     if (!(watch[WATCH_STABILITY].limit > 0.0 || watch[WATCH_MISSED].limit > 0.0)) return;
     if (!changed(monitor, inputs, memory)) return;
-    stability(body, watch + WATCH_STABILITY, q, inputs, memory, monitor->inputs, monitor->shape, found);
+    stability(monitor, q, inputs, memory, found);
     if (!(memory->warned[WATCH_MISSED] != 0.0 && watch[WATCH_MISSED].action == ON_WARN))
-        missed(body, watch + WATCH_MISSED, inputs, memory, found);
+        missed(monitor, inputs, memory, found);
     memcpy(memory->inputs, inputs, (size_t)loads * sizeof(double));
 }

@@ -21,7 +21,7 @@ typedef struct {
     OnLimit action;
 } Watch;
 
-/* Where a step, s, ends; of 0 s where none was taken yet. */
+/* Where a step, s, ends; of 0 s where none was taken yet: in times of the body, and loads as they act on it. */
 typedef struct {
     const double *q, *v, *motion, *inputs; /* (m), (m), (6I) and (L) */
     double step;
@@ -58,10 +58,21 @@ typedef struct {
 
 /* Whether a step's end is within the bounds; else why not, in `why` (size). */
 int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size);
+/* Material `stiffness` times as stiff as the body's, and denser: loads act on the body by the factors `force` and `acceleration`,
+ * and its time runs `pace` times as fast (docs/theory.md section 6). */
+typedef struct {
+    double stiffness, force, acceleration, pace;
+} Scale;
+
+Scale scale_of(double stiffness, double density);
+/* Inputs (L) as they act on the body. */
+void scale_inputs(const Scale *scale, const Program *program, const double *inputs, double *out);
+
 /* A body with its shadow, or null, and what is looked for; `interval` of steps between looks at the error. `inputs`, `shape`
  * and `errors` are workspaces of L, m and 2I numbers. */
 typedef struct {
     Body *body, *shadow;
+    Scale scale;
     Watch watch[WATCHES];
     double interval, *inputs, *shape, *errors;
 } Monitor;

@@ -156,6 +156,7 @@ PROPERTIES = (
     Entry("poissons_ratio", "properties/poissons_ratio", "k", "1", "of each material"),
     Entry("density", "properties/density", "k", "kg/m^3", "of each material"),
     Entry("point_mass", "properties/point_mass", "P", "kg", "masses at points", optional=True),
+    Entry("spring", "properties/spring", "3", "N/m", "all springs to the ground", optional=True),
 )
 # The shadow's own arrays are those of a body, in the same group.
 SHADOW = (Entry("embedding", "shadow/embedding", "M m", "1", "coordinates of the shadow per coordinate of the body"),)

@@ -212,6 +212,8 @@ class Properties:
         kg/m³.
     point_mass : (P,) float or None
         Masses at points, kg.
+    spring : (3,) float or None
+        All springs to the ground, N/m.
     """
 
     box: FloatArray
@@ -221,6 +223,7 @@ class Properties:
     poissons_ratio: FloatArray
     density: FloatArray
     point_mass: FloatArray | None = None
+    spring: FloatArray | None = None
 
     @property
     def mass(self) -> float:

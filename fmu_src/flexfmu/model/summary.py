@@ -25,6 +25,7 @@ def summary(properties: Properties) -> list[tuple[str, str]]:
     lines = [
         ("mass", f"{properties.mass:.4g} kg"),
         *_points(properties),
+        *_springs(properties),
         ("volume", f"{volume:.4g} m³"),
         ("size", f"{' × '.join(f'{side:.4g}' for side in high - low)} m, from {point(low)} to {point(high)}"),
     ]
@@ -40,6 +41,13 @@ def _points(properties: Properties) -> list[tuple[str, str]]:
     if properties.point_mass is None:
         return []
     return [("masses at points", f"{properties.point_mass.sum():.4g} kg, {properties.point_mass.size} of them")]
+
+
+def _springs(properties: Properties) -> list[tuple[str, str]]:
+    """What springs to the ground there are."""
+    if properties.spring is None:
+        return []
+    return [("springs to the ground", f"{', '.join(f'{k:.4g}' for k in properties.spring)} N/m along x, y, z")]
 
 
 def first_frequency(angular_frequency: FloatArray) -> str:
