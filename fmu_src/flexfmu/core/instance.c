@@ -463,14 +463,13 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
         snprintf(why, TEXT_SIZE, SAY_GROWS, step);
         return instance_failed(x, ANSWER_REFUSED);
     }
-    const double fewest = x->parameter[P_STEP_FEWEST];
+    const double fewest = x->parameter[P_STEP_FEWEST], within = x->scale.pace * step;
     if (!(fewest >= 1.0 && fewest < 1e15)) {
         snprintf(why, TEXT_SIZE, SAY_FEWEST, fewest);
         return instance_failed(x, ANSWER_REFUSED);
     }
     scale_inputs(&x->scale, description(x), x->start_inputs, x->start_inputs);
     scale_inputs(&x->scale, description(x), x->end_inputs, x->end_inputs);
-    const double within = x->scale.pace * step;
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
     Work work = {0, 0, 0.0};
     memcpy(x->q1, x->q, (size_t)m * sizeof(double));
