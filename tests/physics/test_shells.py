@@ -11,10 +11,12 @@ import flexfmu
 from decks import read
 from flexfmu.fe.assembly import stiffness
 from flexfmu.fe.elastic import elastic_cells
+from flexfmu.fe.gradients import geometric_stiffness, quadratic_strain
 from flexfmu.fe.nonlinear import load_path
+from flexfmu.fe.stressed import stress_stiffness
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import DeckError, FlexfmuError, MeshError, ModelError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.progress import Reporter, tell_nobody
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material, Mesh
@@ -403,6 +405,19 @@ def test_bulk_data_that_say_more_of_shells_than_a_thickness_are_refused(tmp_path
     (tmp_path / "body.bdf").write_text(bulk_data(Middle("strip"), shell=shell, own=own))
     with pytest.raises(MeshError, match=message):
         flexfmu.read_mesh(tmp_path / "body.bdf")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_geometric_stiffness_of_shells_is_that_of_the_assembled_matrix_and_of_the_strain_of_second_order(kind):
+    mesh = shell(*grid(5, 7, lambda x, y: (x, y, 0.3 * x * y), kind, 0.1), 0.02, constants=(1.0, 0.3))
+    u, shapes = np.split(np.random.default_rng(5).standard_normal((3 * len(mesh.points), 7)), [2], axis=1)
+    found = geometric_stiffness(mesh, u, shapes)
+    whole = np.array([shapes.T @ (stress_stiffness(mesh, one) @ shapes) for one in u.T])
+    np.testing.assert_allclose(found, whole, atol=1e-12 * np.abs(whole).max())
+    # Pairs in any order, some of them twice.
+    pairs = np.array([[3, 0], [1, 1], [0, 3], [4, 2], [1, 1]])
+    forces, _ = quadratic_strain(mesh, shapes, pairs, tell_nobody)
+    np.testing.assert_allclose(2.0 * u.T @ forces, found[:, *pairs.T], atol=1e-12 * np.abs(whole).max())
 
 
 def test_supports_of_the_deck_that_do_not_count_hold_no_rotations_either():

@@ -65,9 +65,10 @@ class Cells:
         return matrices[:, :last, :last] + coupling.swapaxes(1, 2) @ own, own
 
     @property
-    def directions(self) -> tuple[tuple[slice, slice], ...]:
-        """Both slopes of strains X_i·u_j + X_j·u_i, half of which they are where i is j: of as many each time."""
-        return tuple((slice(i, None, 3), slice(j, None, 3)) for i, j in VOIGT)
+    def rows(self) -> IntArray:
+        """Both slopes (r, 2) of strains X_i·u_j + X_j·u_i, half of which they are where i is j."""
+        found: IntArray = np.array(VOIGT)[:, None] + 3 * np.arange(self.gradient.shape[1])[None, :, None]
+        return found.reshape(-1, 2)
 
     @property
     def shape_slopes(self) -> FloatArray:
@@ -94,13 +95,13 @@ class Cells:
 
     def products(self, slopes: FloatArray, pairs: IntArray) -> FloatArray:
         """Strains (e, r, p), shear twice, of second order of pairs (p, 2) of fields: ½ sym G_aᵀ G_b."""
-        a, b = slopes[..., pairs[:, 0]], slopes[..., pairs[:, 1]]
-        found = []
-        for i, j in self.directions:
-            found.append(0.5 * np.einsum("...ip,...ip->...p", a[:, i], b[:, j]))
-            if i != j:
-                found[-1] += 0.5 * np.einsum("...ip,...ip->...p", a[:, j], b[:, i])
-        return np.concatenate(found, axis=1)
+        i, j = self.rows.T
+        first, second = (np.unique(one, return_inverse=True) for one in pairs.T)
+        # Products of all that are in any pair: small matrices, several times as fast as pair by pair.
+        left = np.where(i == j, 0.25, 0.5)[:, None, None] * np.concatenate([slopes[:, i], slopes[:, j]], axis=2)
+        right = np.concatenate([slopes[:, j], slopes[:, i]], axis=2)
+        every = left[..., first[0]].swapaxes(2, 3) @ right[..., second[0]]
+        return every.reshape(*every.shape[:2], -1)[..., first[1] * len(second[0]) + second[1]]
 
     def strains(self, fields: FloatArray) -> FloatArray:
         """Strains (e, r, k), shear twice, of displacements (n, 3, k)."""
@@ -124,8 +125,8 @@ class Cells:
         Where the places have slopes (e, 3q, 3), by default those of the undeformed elements.
         """
         base, slope = (self.undeformed if slopes is None else slopes)[:, :, None], self.shape_slopes[..., None]
-        rows = [slope[:, i] * base[:, j] + (slope[:, j] * base[:, i] if i != j else 0.0) for i, j in self.directions]
-        b = np.concatenate(rows, axis=1)
+        i, j = self.rows.T
+        b = slope[:, i] * base[:, j] + slope[:, j] * np.where(i == j, 0.0, 1.0)[:, None, None] * base[:, i]
         return b.reshape(*b.shape[:2], -1)
 
     @property
@@ -135,13 +136,10 @@ class Cells:
 
     def geometric(self, work: FloatArray) -> FloatArray:
         """Stiffness (e, a + b, a + b), in each direction, of what works on strains (e, r)."""
-        slope = self.shape_slopes
-        result = np.zeros((len(work), slope.shape[2], slope.shape[2]))
-        parts = np.split(work[..., None], len(self.directions), axis=1)
-        for part, (i, j) in zip(parts, self.directions, strict=True):
-            found = (slope[:, i] * part).swapaxes(1, 2) @ slope[:, j]
-            result += found if i == j else found + found.swapaxes(1, 2)
-        return result
+        (i, j), slope = self.rows.T, self.shape_slopes
+        half = (slope[:, i] * (work * np.where(i == j, 0.5, 1.0))[..., None]).swapaxes(1, 2) @ slope[:, j]
+        found: FloatArray = half + half.swapaxes(1, 2)
+        return found
 
     def turned(self, turn: FloatArray) -> FloatArray:
         """Slopes (e, s, 3, k) that turns (e, q, 3, 3, k) give to the undeformed places."""

@@ -8,21 +8,21 @@ from ..files.array_types import FloatArray, IntArray
 from ..mesh.links import Simplices
 from ..mesh.model import Mesh
 from .cells import Cells, cells, turning
-from .shells import shell_cells
+from .shells import shell_cells, shell_rule
 
 # m³; of what has energy and shall count in no mean over a volume.
 _NO_VOLUME = 1e-30
 
 
-def elastic_cells(mesh: Mesh, elements: int, points: int = 0, means: bool = False) -> Iterator[Cells]:
+def elastic_cells(mesh: Mesh, elements: int, strains: int = 0, means: bool = False) -> Iterator[Cells]:
     """Yield all that has strain energy, elements and simplices of rigid links, some at a time.
 
     Parameters
     ----------
     mesh : Mesh
         Every element with a material.
-    elements, points : int
-        How many at a time at most, of integration points unless that is less than one element has.
+    elements, strains : int
+        How many at a time at most, of strains unless that is less than one element has.
     means : bool
         Whether the fields of shells are in means and differences of both faces (`fe.unknowns`), not displacements.
 
@@ -31,8 +31,9 @@ def elastic_cells(mesh: Mesh, elements: int, points: int = 0, means: bool = Fals
     Cells
     """
     for block in mesh.blocks:
-        size = max(1, elements, points // len(block.type.stiffness.weights))
-        if block.type.natural:
+        natural, places = block.type.natural, block.type.stiffness.weights
+        size = max(1, elements, strains // (len(shell_rule(block.type).rows) if natural else 6 * len(places)))
+        if natural:
             yield from (some.in_means() if means else some for some in shell_cells(mesh, block, size))
         else:
             yield from (some for _, some in cells(mesh, block, size))

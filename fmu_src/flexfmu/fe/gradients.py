@@ -19,7 +19,7 @@ _STRIP = 128
 def _some(mesh: Mesh, pairs: int, tell: Callable[[float], None] = tell_nobody) -> Iterator[Cells]:
     """Elements, few at a time: of so many pairs or fields."""
     done = 0
-    for some in elastic_cells(mesh, 0, _NUMBERS // (9 * pairs)):
+    for some in elastic_cells(mesh, 0, _NUMBERS // pairs):
         yield some
         done += len(some.nodes)
         tell(done)
@@ -47,7 +47,8 @@ def geometric_stiffness(mesh: Mesh, fields: FloatArray, shapes: FloatArray) -> F
     u, phi, m = *(some.reshape(len(mesh.points), 3, -1) for some in (fields, shapes)), shapes.shape[1]
     pairs = np.stack(np.triu_indices(m), axis=1)
     found = np.zeros((u.shape[2], len(pairs)))
-    for some in _some(mesh, max(len(pairs), u.shape[2])):
+    # Larger pieces: what is summed up is as large as what it is summed from.
+    for some in _some(mesh, max(len(pairs), u.shape[2]) // 4 + 1):
         strain, work = some.products(some.slopes(phi), pairs), some.work(some.strains(u))
         found += work.reshape(-1, u.shape[2]).T @ strain.reshape(-1, len(pairs))
     result = np.empty((u.shape[2], m, m))

@@ -81,9 +81,9 @@ class ShellCells(Cells):
     law: FloatArray
 
     @property
-    def directions(self) -> tuple[tuple[slice, slice], ...]:
-        """As of solids, one by one."""
-        return tuple((slice(i, i + 1), slice(j, j + 1)) for i, j in self.rule.rows.tolist())
+    def rows(self) -> IntArray:
+        """As of solids."""
+        return self.rule.rows
 
     @property
     def undeformed(self) -> FloatArray:

@@ -35,7 +35,7 @@ def stressed_gradients(mesh: Mesh, fields: FloatArray, responses: FloatArray, pa
     count, m = len(mesh.points), fields.shape[1]
     u, w = fields.reshape(count, 3, -1), responses.reshape(count, 3, -1)
     result = np.zeros((count, 3, m, m + len(pairs)))
-    for some in elastic_cells(mesh, 0, _NUMBERS // (9 * (m + len(pairs)))):
+    for some in elastic_cells(mesh, 0, _NUMBERS // (m + len(pairs))):
         slopes = some.slopes(u)
         strain = some.products(slopes, pairs)
         # What responses and the elements' own shape functions leave; each of two different motions comes first once.
