@@ -215,7 +215,7 @@ def test_a_beam_bends_the_plate_that_it_stands_on(tmp_path):
 
 
 REFUSED = {
-    "L": (("RECT\n0.02", "L\n0.02"), "SECTION=L is not supported"),
+    "hexagon": (("RECT\n0.02", "HEX\n0.02"), "SECTION=HEX is not supported"),
     "numbers": (("0.02, 0.02", "0.02"), "2 positive numbers"),
     "direction": (("0, 1, 0", "1, 0, 0"), "direction"),
     "two": (("0, 1, 0", "0, 1"), "three of the first axis"),

@@ -94,8 +94,8 @@ def test_membranes_beside_solids_are_refused_instead_of_lost(tmp_path):
 
 
 def test_bars_of_a_solid_section_are_refused_instead_of_lost(tmp_path):
-    text = BODY + "*ELEMENT, TYPE=T3D2, ELSET=Rod\n21, 1, 2\n*SOLID SECTION, ELSET=Rod, MATERIAL=Steel\n1.\n"
-    refuse(tmp_path, text, "*SOLID SECTION, ELSET=Rod", "bars of 1 elements of type T3D2")
+    text = BODY + "*ELEMENT, TYPE=T2D2, ELSET=Rod\n21, 1, 2\n*SOLID SECTION, ELSET=Rod, MATERIAL=Steel\n1.\n"
+    refuse(tmp_path, text, "*SOLID SECTION, ELSET=Rod", "T3D2", "T2D2")
 
 
 @pytest.mark.parametrize(

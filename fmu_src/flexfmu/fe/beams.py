@@ -28,7 +28,7 @@ def beam_law(corners: FloatArray, merged: FloatArray, constants: FloatArray, sec
         Natural strains at `ROWS`, shear twice, of those that differ.
     constants : (e, 2) float
         E, ν.
-    section : (e, 6) float
+    section : (e, 8) float
         As of `ElementBlock`.
 
     Returns
@@ -43,5 +43,7 @@ def beam_law(corners: FloatArray, merged: FloatArray, constants: FloatArray, sec
     soft = [1.0 / (shear * section[:, 4 + k]) + length**2 / (12.0 * modulus * section[:, 1 + k]) for k in (0, 1)]
     stiff = np.array([*(modulus * section[:, :3].T), shear * section[:, 3], 1.0 / soft[0], 1.0 / soft[1]])
     found = (2.0 / length * scale).T[:, :, None] * (_STRAINS @ merged)
+    # Shear is that at the shear centre, which twist moves.
+    found[:, 4:] += section[:, [7, 6], None] * np.array([[1.0], [-1.0]]) * found[:, 3:4]
     result: FloatArray = found.swapaxes(1, 2) @ ((length * stiff).T[:, :, None] * found)
     return result

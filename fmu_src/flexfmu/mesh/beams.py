@@ -4,7 +4,7 @@ The brick of a section has its radii of gyration, so that mass and rotary inerti
 is the beam itself.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,18 +18,56 @@ from .equations import matrix_of
 from .links import RigidLink, merged
 from .listing import listed
 from .model import Mesh
+from .sections import CrossSection, principal
 from .shapes import BRICK
 
 # Lengths below this part of the section are none; cosine of the angle up to which beams go on straight: 20 degrees.
 _SAME, _SMOOTH = 1e-6, np.cos(np.radians(20.0))
 _CORNERS = BRICK.corners[:4, :2]
+# Radius of gyration, over the length, of bars that carry nothing but stretch: bending is a millionth of it.
+_HAIR = 1e-3
 
 
 class Beam(NamedTuple):
-    """What makes a beam of nodes: section as of `ElementBlock`, and what the first axis is at right angles to it."""
+    """What makes a beam of two nodes.
 
-    section: tuple[float, ...]
+    Attributes
+    ----------
+    section : CrossSection
+        m. A bar, which stretches and may twist, has no second moments.
+    direction : (3,) float
+        What the section's first axis is at right angles to the beam; zeros where any is right.
+    place : (2,) float
+        Where the nodes are in the section's coordinates.
+    offsets : (6,) float
+        From both nodes to where the beam has its ends, m.
+    """
+
+    section: CrossSection
     direction: tuple[float, ...]
+    place: tuple[float, float] = (0.0, 0.0)
+    offsets: tuple[float, ...] = (0.0,) * 6
+
+    @property
+    def aside(self) -> tuple[float, float]:
+        """From the nodes, or the ends, to the centroid, in the section's coordinates."""
+        (x, y), (a, b) = self.section.centroid, self.place
+        return x - a, y - b
+
+
+class _Uses(NamedTuple):
+    """Which nodes (n,) belong to solids, shells, beams, beams that bend, beams that are not centred on their nodes."""
+
+    solid: BoolArray
+    shell: BoolArray
+    beam: BoolArray
+    bent: BoolArray
+    aside: BoolArray
+
+    @property
+    def kept(self) -> BoolArray:
+        """What remains a point beside the corners of beams."""
+        return ~self.beam | self.solid | self.shell | self.aside
 
 
 def with_beams(mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray) -> tuple[Mesh, BoolArray]:
@@ -48,15 +86,11 @@ def with_beams(mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray) -> tup
     -------
     mesh, turning : Mesh, (m, 3) bool
         Of three nodes two beams are made; nodes of beams alone are the means of their corners.
-
-    Raises
-    ------
-    MeshError
-        A beam has no length, or its direction runs along it.
     """
-    blocks, source, used = _split(mesh, beams)
-    kept = np.flatnonzero(used)
-    row = np.where(used, np.cumsum(used) - 1, -1)
+    blocks, source = _split(mesh, beams)
+    uses = _uses(len(mesh.points), blocks, beams)
+    kept = np.flatnonzero(uses.kept)
+    row = np.where(uses.kept, np.cumsum(uses.kept) - 1, -1)
     blocks, node, place, half = _bricks(mesh.points, blocks, beams, kept.size)
     origin = np.concatenate([kept, np.repeat(node, 4)])
     order, count = np.argsort(origin, kind="stable"), origin.size
@@ -65,18 +99,19 @@ def with_beams(mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray) -> tup
     def moved(nodes: IntArray) -> IntArray:
         return np.unique(np.concatenate([order[:0], *(order[first[k] : first[k + 1]] for k in nodes.tolist())]))
 
-    alone, chosen = np.unique(node, return_index=True)
+    every, chosen = np.unique(node, return_index=True)
     links = [RigidLink(one.name, moved(one.nodes)) for one in mesh.links]
-    links += [RigidLink(f"beams at {mesh.labels[one]}", moved(np.array([one]))) for one in alone.tolist()]
-    words = (
-        f"{alone.size} nodes of beams; {used[alone].sum()} are shared: shells turn with them, solids only move there"
-    )
-    chosen, alone = chosen[~used[alone]], alone[~used[alone]]
+    hinged = _hinged(mesh, uses)
+    links += [RigidLink(f"beams at {mesh.labels[k]}", moved(np.array([k]))) for k in every[~hinged[every]].tolist()]
+    corners = kept.size + np.flatnonzero(hinged[origin[kept.size :]])
+    hinges = [{3 * k + i: 1.0, 3 * row[origin[k]] + i: -1.0} for k in corners.tolist() for i in range(3)]
     there = kept.size + 4 * chosen[:, None] + np.arange(4)
-    places = np.concatenate([kept, np.repeat(alone, 4)]), np.concatenate([row[kept], there.ravel()])
-    share = sp.coo_array((np.repeat([1.0, 0.25], [kept.size, there.size]), places), (len(row), count))
-    fixed, rows = _supports(mesh.fixed[alone], turning[alone], there, half[chosen], count)
+    fixed, rows = _supports(mesh.fixed, turning, uses, every, there, half[chosen], count)
     fixed[: kept.size] = mesh.fixed[kept]
+    equations = [] if mesh.equations is None else [mesh.equations @ _shares(row, every, there, count)]
+    equations += [matrix_of(hinges, 3 * count)] if hinges else []
+    # Corners of beams beside their nodes are not around these.
+    aside = {name: mesh.points[nodes].mean(axis=0) for name, nodes in mesh.node_sets.items() if uses.aside[nodes].any()}
     result = replace(
         mesh,
         points=np.concatenate([mesh.points[kept], place]),
@@ -85,32 +120,72 @@ def with_beams(mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray) -> tup
         node_sets={name: moved(nodes) for name, nodes in mesh.node_sets.items()},
         element_sets={name: np.flatnonzero(np.isin(source, rows)) for name, rows in mesh.element_sets.items()},
         fixed=fixed,
+        references={**aside, **mesh.references},
         masses=tuple(replace(one, nodes=moved(one.nodes)) for one in mesh.masses),
         links=merged(links, np.arange(count) >= kept.size),
-        equations=None if mesh.equations is None else sp.csr_array(mesh.equations @ sp.kron(share, sp.eye_array(3))),
+        equations=sp.csr_array(sp.vstack(equations)) if equations else None,
         supports=matrix_of(rows, 3 * count) if rows else None,
-        notes=(*mesh.notes, words),
+        notes=(*mesh.notes, *_words(uses, every, blocks, beams)),
     )
     return result, np.concatenate([turning[kept], np.zeros((count - kept.size, 3), dtype=bool)])
 
 
-def _split(mesh: Mesh, beams: Mapping[int, Beam]) -> tuple[list[ElementBlock], IntArray, BoolArray]:
-    """Blocks whose beams have two nodes and a section, the elements that theirs were, and nodes that are kept."""
-    blocks, source, used = [], [], np.ones(len(mesh.points), dtype=bool)
+def _shares(row: IntArray, every: IntArray, corners: IntArray, count: int) -> sp.coo_array:
+    """Displacements of nodes by those of points (3n, 3 count): their own where they have a row, else their corners'."""
+    kept, alone = np.flatnonzero(row >= 0), row[every] < 0
+    places = np.concatenate([kept, np.repeat(every[alone], 4)]), np.concatenate([row[kept], corners[alone].ravel()])
+    share = np.repeat([1.0, 0.25], [kept.size, 4 * alone.sum()])
+    return sp.kron(sp.coo_array((share, places), (len(row), count)), sp.eye_array(3))
+
+
+def _hinged(mesh: Mesh, uses: _Uses) -> BoolArray:
+    """Nodes (n,) where bars hang on solids by hinges; nothing else would keep them from spinning."""
+    found = uses.beam & uses.solid & ~uses.shell & ~uses.bent
+    for link in mesh.links:
+        found[link.nodes] = False
+    return found
+
+
+def _words(uses: _Uses, every: IntArray, blocks: Sequence[ElementBlock], beams: Mapping[int, Beam]) -> Iterator[str]:
+    """What beams have become."""
+    shared = int((uses.solid | uses.shell)[every].sum())
+    yield f"{every.size} nodes of beams; {shared} are shared: shells turn with them, solids only move there"
+    labels = [label for block in blocks if block.type.beam for label in block.labels.tolist()]
+    if bars := sum(not any(beams[label].section.constants[1:3]) for label in labels):
+        yield f"{bars} beams do not bend: they get a millionth of their stiffness for that; hold hinges by supports"
+
+
+def _split(mesh: Mesh, beams: Mapping[int, Beam]) -> tuple[list[ElementBlock], IntArray]:
+    """Blocks whose beams have two nodes and a section, and the elements that theirs were."""
+    blocks, source = [], []
     for block, start in zip(mesh.blocks, mesh.starts, strict=False):
         whole = np.arange(len(block.labels))
         if block.type.beam:
-            used[block.connectivity] = False
             ends = np.stack([block.connectivity[:, :-1], block.connectivity[:, 1:]], axis=2)
             between = ends[..., 0] != ends[..., 1]
             whole = np.nonzero(between)[0]
-            section = np.array([beams[label].section for label in block.labels.tolist()])
-            block = replace(replace(block, section=section).part(whole), connectivity=ends[between])
+            block = replace(block.part(whole), connectivity=ends[between])
+            labels = block.labels.tolist()
+            section = np.array([principal(beams[label].section)[0] for label in labels])
+            offsets = np.array([beams[label].offsets for label in labels]).reshape(-1, 2, 3)
+            length = np.linalg.norm(np.diff(mesh.points[block.connectivity] + offsets, axis=1), axis=2)
+            least = section[:, :1] * (_HAIR * length) ** 2 * np.array([1.0, 1.0, 2.0])
+            section[:, 1:4] = np.where(section[:, 1:4] > 0.0, section[:, 1:4], least)
+            block = replace(block, section=section)
         blocks.append(block)
         source.append(start + whole)
-    for block in (one for one in blocks if not one.type.beam):
-        used[block.connectivity] = True
-    return blocks, np.concatenate(source), used
+    return blocks, np.concatenate(source)
+
+
+def _uses(count: int, blocks: Sequence[ElementBlock], beams: Mapping[int, Beam]) -> _Uses:
+    found = _Uses(*np.zeros((5, count), dtype=bool))
+    for block in blocks:
+        (found.beam if block.type.beam else found.shell if block.type.shell else found.solid)[block.connectivity] = True
+        if block.type.beam:
+            own = [beams[label] for label in block.labels.tolist()]
+            found.bent[block.connectivity[[any(one.section.constants[1:3]) for one in own]]] = True
+            found.aside[block.connectivity[[any((*one.offsets, *one.aside)) for one in own]]] = True
+    return found
 
 
 def _bricks(
@@ -129,11 +204,14 @@ def _sections(
 ) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
     """Sections: node (s,), corners' places (4s, 3), half axes (s, 2, 3); and those at the ends of beams (e, 2)."""
     ends, labels = np.concatenate([one.connectivity for one in bars]), np.concatenate([one.labels for one in bars])
-    section = np.array([beams[label].section for label in labels.tolist()])
-    along = np.diff(points[ends], axis=1)[:, 0]
+    section, given = np.concatenate([one.section for one in bars]), [beams[label] for label in labels.tolist()]
+    offsets = np.array([one.offsets for one in given]).reshape(-1, 2, 3)
+    along = np.diff(points[ends] + offsets, axis=1)[:, 0]
     length = np.linalg.norm(along, axis=1)
     along /= np.maximum(length, 1e-300)[:, None]
-    direction = np.array([beams[label].direction for label in labels.tolist()])
+    direction = np.array([one.direction for one in given])
+    any_is_right = ~direction.any(axis=1)
+    direction[any_is_right] = np.eye(3)[np.abs(along[any_is_right]).argmin(axis=1)]
     across = np.linalg.norm(np.cross(along, direction), axis=1) <= _SAME * np.linalg.norm(direction, axis=1)
     if (wrong := across | (length <= 0.0)).any():
         words = "beams have no length, or the direction of their section's first axis runs along them"
@@ -153,9 +231,13 @@ def _sections(
     first = np.repeat(direction, 2, axis=0)
     first = first - np.sum(first * normal, axis=1, keepdims=True) * normal
     first /= np.linalg.norm(first, axis=1, keepdims=True)
+    axes = np.stack([first, np.cross(normal, first)], axis=1)
+    aside = np.repeat([one.aside for one in given], 2, axis=0)[:, None] @ axes + offsets.reshape(-1, 1, 3)
+    angle = np.repeat([principal(one.section)[1] for one in given], 2)
+    axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1) @ axes
     size = np.repeat(np.sqrt(3.0 * section[:, 1:3] / section[:, :1]), 2, axis=0)
-    half = size[..., None] * np.stack([first, np.cross(normal, first)], axis=1)
-    arm = _CORNERS @ half
+    half = size[..., None] * axes
+    arm = _CORNERS @ half + aside
     near = np.rint(arm / (_SAME * size.max(axis=1)[:, None, None])).reshape(len(arm), 12)
     key = np.column_stack([ends.ravel(), np.log(size), near])
     _, index, which = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -164,19 +246,27 @@ def _sections(
 
 
 def _supports(
-    fixed: BoolArray, turning: BoolArray, corners: IntArray, half: FloatArray, count: int
+    fixed: BoolArray,
+    turning: BoolArray,
+    uses: _Uses,
+    nodes: IntArray,
+    corners: IntArray,
+    half: FloatArray,
+    count: int,
 ) -> tuple[BoolArray, list[dict[int, float]]]:
-    """Translations (count, 3) held at zero, and equations for what is held of beams' nodes (k, 3) otherwise."""
+    """Translations (count, 3) held at zero, and equations for what is held of beams' nodes (k,) otherwise."""
     held, rows = np.zeros((count, 3), dtype=bool), []
-    for moves, turns, own, (one, two) in zip(fixed, turning, corners.tolist(), half, strict=True):
-        if moves.all() and turns.all():
+    for node, own, (one, two) in zip(nodes.tolist(), corners.tolist(), half, strict=True):
+        if fixed[node].all() and turning[node].all():
             held[own] = True
             continue
+        moves = fixed[node] & ~uses.kept[node]
         rows += [{3 * corner + axis: 0.25 for corner in own} for axis in np.flatnonzero(moves).tolist()]
         size = np.linalg.norm([one, two], axis=1)
         one, two = one / size[0], two / size[1]
         along = np.cross(one, two)
-        for axis in np.flatnonzero(turns).tolist():
+        # Shells hold their own turns.
+        for axis in np.flatnonzero(turning[node] & ~uses.shell[node]).tolist():
             # ω of how both axes turn, ω × n.
             parts = 0.5 * along[axis] * two - two[axis] * along, one[axis] * along - 0.5 * along[axis] * one
             value = (_CORNERS / size) @ np.stack(parts)

@@ -25,8 +25,9 @@ class ElementBlock:
         Rows of `Mesh.materials`; `NO_MATERIAL` where the file gives none.
     axes : (n_elements, 3, 3) float, optional
         Axes of the material as columns, global frame; by default the global axes.
-    section : (n_elements, 6) float, optional
-        Of beams: area, ∫x₁² dA, ∫x₂² dA, torsion constant, shear areas along both axes; m², m⁴.
+    section : (n_elements, 8) float, optional
+        Of beams: area, ∫x₁² dA, ∫x₂² dA, torsion constant, shear areas along both axes; m², m⁴; where the shear centre
+        is from the centroid, m.
     """
 
     type: ElementType

@@ -11,6 +11,7 @@ from meshio._mesh import topological_dimension
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.elements import ASSUMED, ElementType
 from flexfmu.mesh.equations import matrix_of
@@ -54,6 +55,8 @@ class Contents:
     shells : mapping of str to (2,) float
         Cell sets whose triangles and quads are shells, "" being all: heights of both faces over their nodes, in the
         file's units.
+    beams : mapping of int to Beam
+        By the cell number of lines; SI units.
     """
 
     mesh: Any
@@ -67,6 +70,7 @@ class Contents:
     masses: tuple[PointMass, ...] = ()
     links: tuple[RigidLink, ...] = ()
     shells: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    beams: Mapping[int, Beam] = field(default_factory=dict)
 
 
 class Member(NamedTuple):
@@ -141,13 +145,14 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
     """
     found = contents.mesh
     points = _points(found, title)
-    places = _volume_blocks(found, title, bool(contents.shells))
+    places = _volume_blocks(found, title, bool(contents.shells or contents.beams))
     notes = [*contents.notes, *_turned(found, points, places)]
     blocks, positions = _element_blocks(contents, places)
     groups = cell_groups(found)
     solids = sum(len(block.labels) for block in blocks)
     shells, heights, on_shells = _shell_blocks(contents, groups, solids, title)
-    positions |= on_shells
+    bars, on_bars = _beam_blocks(contents, solids + len(heights))
+    positions |= on_shells | on_bars
     node_sets, more = node_sets_of(found, groups)
     element_sets = {}
     for name, group in groups.items():
@@ -158,7 +163,7 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
     mesh = Mesh(
         points=points * units.length,
         labels=labels,
-        blocks=(*blocks, *shells),
+        blocks=(*blocks, *shells, *bars),
         node_sets=node_sets,
         element_sets=element_sets,
         materials=contents.materials,
@@ -169,10 +174,17 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
         links=contents.links,
         equations=matrix_of(contents.equations, 3 * len(points)) if contents.equations else None,
     )
-    if not shells:
-        return mesh
-    heights = np.concatenate([np.full((solids, 2), np.nan), heights])
-    return expanded(mesh, units.length * heights, np.zeros_like(mesh.fixed))
+    return _filled(mesh, contents, units.length * heights, solids)
+
+
+def _filled(mesh: Mesh, contents: Contents, heights: FloatArray, solids: int) -> Mesh:
+    """Give beams their sections, and shells their heights (k, 2), of which elements `solids` and on are."""
+    turning = np.zeros_like(mesh.fixed)
+    if contents.beams:
+        mesh, turning = with_beams(mesh, contents.beams, turning)
+    every = np.full((mesh.element_count, 2), np.nan)
+    every[solids : solids + len(heights)] = heights
+    return expanded(mesh, every, turning) if len(heights) else mesh
 
 
 def _turned(found: Any, points: FloatArray, places: Sequence[int]) -> list[str]:
@@ -352,3 +364,15 @@ def _shell_blocks(
         blocks.append(ElementBlock(_SHELLS[cells[place].type], labels[rows], data[rows], material[rows]))
         found.append(heights[place][rows])
     return blocks, np.concatenate(found), positions
+
+
+def _beam_blocks(contents: Contents, first: int) -> tuple[list[ElementBlock], dict[int, IntArray]]:
+    """Blocks of lines that are beams, and the positions of their cells, from `first` on."""
+    blocks, positions = [], {}
+    for place, cell in enumerate(contents.mesh.cells if contents.beams else ()):
+        if cell.type == "line" and contents.cell_labels is not None and contents.material is not None:
+            positions[place] = np.arange(first, first + len(cell.data))
+            first += len(cell.data)
+            data, own = np.asarray(cell.data, dtype=np.int64), (contents.cell_labels[place], contents.material[place])
+            blocks.append(ElementBlock(ElementType.B31, own[0], data, own[1]))
+    return blocks, positions

@@ -151,13 +151,13 @@ def _link_strains(mesh: Mesh, motions: FloatArray) -> list[FloatArray]:
 
 
 def _rigidly_joined(mesh: Mesh, piece: IntArray) -> IntArray:
-    """Pieces (n,) as one that have three points off a line each in a rigid link, so do not move against each other."""
-    first = int(piece.max()) + 1
+    """Pieces (n,) as one that have three points off a line each in a rigid link, or no more than one, so move as it."""
+    first, size = int(piece.max()) + 1, np.bincount(piece)
     pairs = [
         (number, first + place)
         for place, link in enumerate(mesh.links)
         for number in np.unique(piece[link.nodes]).tolist()
-        if simplex(mesh.points, link.nodes[piece[link.nodes] == number])[0].size > 2
+        if size[number] == 1 or simplex(mesh.points, link.nodes[piece[link.nodes] == number])[0].size > 2
     ]
     rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     graph = sp.coo_array((np.ones(len(pairs)), (rows, columns)), shape=2 * (first + len(mesh.links),))

@@ -62,11 +62,12 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     elements = content.elements.resolved(content.nodes)
     heights: dict[int, tuple[float, float]] = {}
     beams: dict[int, Beam] = {}
-    if content.structures:
+    if content.structures or any(one.dimension == 1 for one in content.elements.known.values()):
         _, element_sets = _resolved_sets(content, elements)
         cards, table, materials = content.structures, content.elements, content.materials
         heights = take_shells([k for k in cards if k.key == SHELLS], element_sets, elements, table, materials)
-        beams = take_beams([k for k in cards if k.key in BEAMS], element_sets, elements, table, materials, units)
+        long = [*(k for k in cards if k.key in BEAMS), *content.cards["SOLIDSECTION"]]
+        beams = take_beams(long, element_sets, elements, table, materials, units)
         elements = content.elements.resolved(content.nodes)
     if not content.nodes.rows or not elements.blocks:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
@@ -82,7 +83,7 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     """The mesh, of shells the middle surface, and the rotations (n, 3) that are held."""
     blocks = elements.blocks
     node_sets, element_sets = _resolved_sets(content, elements)
-    _refuse_structures(content, element_sets, elements)
+    _refuse_structures(content, element_sets)
     surfaces = {
         card.scope.qualified(card.required("NAME")): surface(card, node_sets, element_sets, elements)
         for card in content.cards["SURFACE"]
@@ -177,6 +178,7 @@ class _Content:
             self.sets.append((card, []))
         elif card.key in of_material:
             of_material[card.key](card)
+            self.cards[card.key].append(card)
         elif card.key in COUPLINGS:
             self.couplings.add(card)
         else:
@@ -243,7 +245,7 @@ def _resolved_sets(content: _Content, elements: Elements) -> tuple[SetTable, Set
     return node_sets, element_sets
 
 
-def _refuse_structures(content: _Content, element_sets: SetTable, elements: Elements) -> None:
+def _refuse_structures(content: _Content, element_sets: SetTable) -> None:
     """Refuse sections that make membranes, frames or bars of what would otherwise serve sets."""
     for card in content.structures:
         if card.key in (SHELLS, *BEAMS):
@@ -252,14 +254,6 @@ def _refuse_structures(content: _Content, element_sets: SetTable, elements: Elem
             raise card.line.error(
                 f"*{card.keyword} makes a membrane or frame of elements of set '{card.parameters['ELSET']}': only "
                 "solids, shells and beams are supported; mesh this part of the body with these"
-            )
-    for section in content.materials.sections:
-        members = element_sets.find(section.element_set, section.line, section.scope)
-        bars = [other for other in elements.others_of(members) if other.dimension == 1]
-        if bars:
-            raise section.line.error(
-                f"*SOLID SECTION makes bars of {len(bars)} elements of type {bars[0].name}: bars are "
-                "not supported; make beams of them by *BEAM SECTION"
             )
 
 

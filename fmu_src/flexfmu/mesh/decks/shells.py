@@ -10,6 +10,7 @@ from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.geometry import Elements, ElementTable
 from flexfmu.mesh.decks.materials import DeckMaterials
 from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.decks.structures import take
 from flexfmu.mesh.elements import ElementType
 
 KEY = "SHELLSECTION"
@@ -54,19 +55,7 @@ def take_shells(
     """
     heights: dict[int, tuple[float, float]] = {}
     for card in sections:
-        members = element_sets.find(card.required("ELSET"), card.line, card.scope)
-        value = _faces(card)
-        chosen = elements.others_of(members)
-        if len(chosen) < len(members) or any(one.name not in _READ_AS for one in chosen):
-            names = ", ".join(sorted({one.name for one in chosen} - set(_READ_AS))) or "solids"
-            raise card.line.error(
-                f"*SHELL SECTION is for elements of type {', '.join(_READ_AS)}, set '{card.parameters['ELSET']}' holds "
-                f"{names}; mesh these with the others, or with solids"
-            )
-        for one in chosen:
-            if heights.setdefault(one.label, value) != value:
-                raise card.line.error(f"element {one.label} has another *SHELL SECTION already; give it one")
-            table.known[one.label] = one._replace(solid=_READ_AS[one.name])
+        take(card, element_sets, elements, table, _READ_AS, heights, _faces(card))
         materials.section(card)
     return heights
 

@@ -1,8 +1,8 @@
-"""Nastran bulk data through pyNastran: solids, sets, properties, MAT1, coordinate systems, included files."""
+"""Nastran bulk data through pyNastran: elements, sets, properties, MAT1, coordinate systems, included files."""
 
 import contextlib
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material
+from flexfmu.mesh.nastran.line_cards import CARDS, LineCard, is_line, lines
 from flexfmu.mesh.nastran.node_cards import (
     SPIDERS,
     multi_point_rows,
@@ -43,9 +44,9 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
     """Read bulk data, with or without the sections before it.
 
     Sets of the case control and SET1 and SET3 are node sets and element sets "SET n"; each property's elements are the
-    element set "PSOLID n" or "PSHELL n"; faces without a property are node sets "Faces n"; nodes of RBE2 and RBE3 are
-    node sets "RBE2 n" with their reference point; MPC are equations; single-point constraints are node sets "SPC n" and
-    hold nothing by themselves.
+    element set "PSOLID n", "PSHELL n", "PBAR n" and so on; faces without a property are node sets "Faces n"; nodes of
+    RBE2 and RBE3 are node sets "RBE2 n" with their reference point; MPC are equations; single-point constraints are
+    node sets "SPC n" and hold nothing by themselves.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
     Raises
     ------
     MeshError
-        pyNastran is not there or cannot read the file, or the body has parts that are neither solids nor shells.
+        pyNastran is not there or cannot read the file, or the body has parts that are no solids, shells or beams.
     """
     if _by_meshio(path):
         with quiet(path, "check the file"):
@@ -146,11 +147,11 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     equations, links = multi_point_rows(model, row, path), rigid_links(model, row)
     used = {node for element in model.elements.values() for node in getattr(element, "nodes", ())}
     masses = point_masses(model, points, row, used, path, units, notes)
-    shells = _faces_of_shells(model, path)
-    materials, of_property = _materials(model, path, units)
+    shells, bars = _faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))
+    materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
     for element in model.elements.values():
-        if element.type not in _DRAWN:
+        if element.type not in (*_DRAWN, *CARDS):
             card = _SHELLS.get(element.type, element.type)
             flat = card in _SHELLS or _is_face(element, model)
             count = len(element.nodes) if flat else _node_count(element, path)
@@ -158,14 +159,19 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
             nodes = [element.nodes[k] for k in shape.layered]
             kinds.setdefault((card, count), []).append(Member(element.eid, nodes, element.pid))
     named = {(_SOLIDS | _FACES)[key].name: members for key, members in kinds.items()}
+    named |= {"line": [Member(one.number, one.nodes, one.property) for one in bars]} if bars else {}
+    if idle := [one.eid for one in model.elements.values() if one.type in CARDS and not is_line(one, model)]:
+        notes.append(f"bars {listed(idle)} have no property: they hold nothing")
     cells, cell_labels, material = cells_of(named, row, of_property, f"{path}: an element names GRID")
-    properties = [np.array([one.material for one in members], dtype=np.int64) for members in kinds.values()]
+    properties = [np.array([one.material for one in members], dtype=np.int64) for members in named.values()]
     sets: dict[str, list[IntArray]] = {}
     for name, kept in (("PSOLID", _SOLIDS), ("Faces", _FACES)):
-        inside = [key in kept for key in kinds]
+        inside = [*(key in kept for key in kinds), *([False] if bars else [])]
         for number in np.unique(np.concatenate([np.zeros(0, dtype=int), *properties])).tolist():
             known = f"PSHELL {number}" if f"PSHELL {number}" in shells and kept is _FACES else f"{name} {number}"
             sets[known] = [np.flatnonzero((pids == number) & use) for pids, use in zip(properties, inside, strict=True)]
+    for number in {one.property for one in bars if one.property > 0}:
+        sets[f"{model.properties[number].type} {number}"] = [np.flatnonzero(pids == number) for pids in properties]
     for name, numbers in element_numbers.items():
         sets[name] = [np.flatnonzero(np.isin(eids, numbers)) for eids in cell_labels]
     points_by_name = {
@@ -178,7 +184,7 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
         point_sets={name: rows for name, rows in points_by_name.items() if rows.size},
         cell_sets={name: parts for name, parts in sets.items() if any(part.size for part in parts)},
     )
-    more = tuple(notes), references, equations, masses, links, shells
+    more = tuple(notes), references, equations, masses, links, shells, {one.number: one.beam for one in bars}
     return Contents(mesh, labels, cell_labels, materials, material, *more)
 
 
@@ -214,7 +220,7 @@ def _refuse_others(model: Any, path: Path) -> None:
     masses = [(number, one) for number, one in model.masses.items() if one.type != "CONM2"]
     for number, element in [*model.elements.items(), *masses]:
         shell = element.type in _SHELLS and element.pid in model.properties
-        if element.type not in (*_DRAWN, *_CORNERS) and not shell and not _is_face(element, model):
+        if element.type not in (*_DRAWN, *_CORNERS, *CARDS) and not shell and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():
         if element.type not in SPIDERS:
@@ -224,8 +230,8 @@ def _refuse_others(model: Any, path: Path) -> None:
     if found:
         parts = "; ".join(f"{name} {listed(numbers)}" for name, numbers in found.items())
         raise MeshError(
-            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS])} (RBE2 and RBE3 "
-            "become node sets). Model these parts by these; what only shows results can go"
+            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2 "
+            "and RBE3 become node sets). Model these parts by these; what only shows results can go"
         )
 
 
@@ -264,29 +270,30 @@ def _numbered_sets(model: Any) -> tuple[dict[str, list[int]], dict[str, list[int
     return nodes, elements
 
 
-def _materials(model: Any, path: Path, units: UnitSystem) -> tuple[tuple[Material, ...], Mapping[int, int]]:
+def _materials(
+    model: Any, bars: Sequence[LineCard], path: Path, units: UnitSystem
+) -> tuple[tuple[Material, ...], Mapping[int, int]]:
     """Materials, and the material of each property by its number."""
-    weight = unit_of_mass(model)
+    weight = unit_of_mass(model) * units.density
     materials: list[Material] = []
-    rows: dict[int, int] = {}
+    rows: dict[tuple[int, float], int] = {}
     of_property: dict[int, int] = {}
+    wanted = {one.property: (one.material, one.more) for one in bars}
     for number in {element.pid for element in model.elements.values() if element.type in (*_CORNERS, *_SHELLS)}:
         given = model.properties.get(number)
-        if given is None:
-            of_property[number] = NO_MATERIAL
-            continue
-        if given.type not in ("PSOLID", "PSHELL"):
+        if given is not None and given.type not in ("PSOLID", "PSHELL"):
             raise MeshError(f"{path}: property {number} is a {given.type}, expected PSOLID or PSHELL")
-        material = given.mid if given.type == "PSOLID" else given.mid1
+        wanted[number] = (0 if given is None else given.mid if given.type == "PSOLID" else given.mid1), 0.0
+    for number, (material, more) in wanted.items():
         found = model.materials.get(material)
         if found is not None and found.type != "MAT1":
             raise MeshError(f"{path}: material {material} is a {found.type}, expected MAT1 (isotropic)")
-        if found is None or not found.rho:
+        if found is None or not (found.rho or more):
             of_property[number] = NO_MATERIAL
             continue
-        if material not in rows:
-            rows[material] = len(materials)
-            density = found.rho * weight * units.density
-            materials.append(Material(f"MAT1 {material}", found.e * units.stress, found.nu, density))
-        of_property[number] = rows[material]
+        if (material, more) not in rows:
+            rows[material, more] = len(materials)
+            name = f"MAT1 {material}{' with the mass of a section' if more else ''}"
+            materials.append(Material(name, found.e * units.stress, found.nu, found.rho * weight + more))
+        of_property[number] = rows[material, more]
     return tuple(materials), of_property

@@ -1,0 +1,189 @@
+"""Nastran's cards of bars, beams and rods: CBAR, CBEAM, CROD, CTUBE, CONROD with their properties."""
+
+from collections.abc import Callable
+from math import inf
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexfmu.files.array_types import FloatArray
+from flexfmu.files.errors import MeshError
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.beams import Beam
+from flexfmu.mesh.sections import CrossSection, box, channel, ellipse, i_section, l_section, pipe, rectangle
+
+PROPERTIES = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
+CARDS = (*PROPERTIES, "CONROD")
+# First axis y, up in the pictures of the manuals, second z, to the right.
+_SHAPES: dict[str, Callable[..., CrossSection]] = {
+    "ROD": lambda r: CrossSection(ellipse(2.0 * r, 2.0 * r)),
+    "TUBE": lambda outer, inner: CrossSection(pipe(outer, outer - inner)),
+    "TUBE2": lambda outer, wall: CrossSection(pipe(outer, wall)),
+    "BAR": lambda width, height: CrossSection(rectangle(height, width)),
+    "BOX": lambda width, height, flange, side: CrossSection(box(height, width, flange, side)),
+    "I": lambda height, low, high, web, below, above: i_section(height, (low, high), (below, above), web).transposed,
+    "I1": lambda over, web, inside, height: (
+        i_section(height, (over + web,) * 2, (0.5 * (height - inside),) * 2, web).transposed
+    ),
+    "H": lambda inside, both, height, web: i_section(inside + both, (height,) * 2, (0.5 * both,) * 2, web),
+    "T": lambda width, height, flange, web: i_section(height, (0.0, width), (0.0, flange), web).transposed,
+    "T2": lambda width, height, flange, web: i_section(height, (width, 0.0), (flange, 0.0), web).transposed,
+    "L": lambda width, height, foot, leg: l_section(width, height, foot, leg).transposed,
+    "CHAN": lambda width, height, web, flange: channel(width, height, web, flange).transposed,
+    "CHAN1": lambda over, web, inside, height: channel(over + web, height, web, 0.5 * (height - inside)).transposed,
+}
+
+
+class LineCard(NamedTuple):
+    """A beam of bulk data: its numbers, what it is, and mass per volume beside that of its material, kg/m³."""
+
+    number: int
+    nodes: list[int]
+    property: int
+    material: int
+    more: float
+    beam: Beam
+
+
+def is_line(element: Any, model: Any) -> bool:
+    """Whether an element is a bar, beam or rod; without a property it has no stiffness."""
+    return element.type == "CONROD" or (element.type in CARDS and element.pid in model.properties)
+
+
+def lines(model: Any, path: Path, units: UnitSystem, weight: float) -> list[LineCard]:
+    """Return all bars, beams and rods.
+
+    Parameters
+    ----------
+    model : pyNastran.bdf.bdf.BDF
+    path : Path
+    units : UnitSystem
+    weight : float
+        What masses of the file are multiplied with.
+
+    Returns
+    -------
+    list of LineCard
+        A CONROD has its own number, negative, as property.
+
+    Raises
+    ------
+    MeshError
+        Tapered sections, pins, shapes that are not supported, or vectors in systems that are not rectangular.
+    """
+    found: list[LineCard] = []
+    known: dict[int, tuple[CrossSection, tuple[float, float], float]] = {}
+    for element in (one for one in model.elements.values() if is_line(one, model)):
+        number = -element.eid if element.type == "CONROD" else element.pid
+        given = element if number < 0 else model.properties[number]
+        title = f"{path}: {given.type} {abs(number)}"
+        if number > 0 and given.type not in PROPERTIES[element.type]:
+            raise MeshError(
+                f"{title} is the property of {element.type} {element.eid}, expected "
+                f"{' or '.join(PROPERTIES[element.type])}; give it one"
+            )
+        if number not in known:
+            known[number] = _section(given, title, model)
+        section, place, more = known[number]
+        scaled = place[0] * units.length, place[1] * units.length
+        directed = not element.type.endswith(("ROD", "TUBE"))
+        direction, offsets = _directed(element, model, path) if directed else (np.zeros(3), np.zeros(6))
+        beam = Beam(section.scaled(units.length), tuple(direction), scaled, tuple(units.length * offsets))
+        nodes = [element.ga, element.gb] if directed else list(element.nodes)
+        found.append(LineCard(element.eid, nodes, number, given.mid, more * weight * units.density, beam))
+    return found
+
+
+def _section(given: Any, title: str, model: Any) -> tuple[CrossSection, tuple[float, float], float]:
+    """Section of a property or a CONROD, where the grid points are in it, mass per volume beside the material."""
+    place = 0.0, 0.0
+    if given.type in ("PBARL", "PBEAML"):
+        values, shape = np.atleast_2d(np.array(given.dim, dtype=float)), given.Type
+        if shape not in _SHAPES:
+            raise MeshError(
+                f"{title} is a {shape}, supported are {', '.join(_SHAPES)}: give A, I1, I2, J by PBAR or PBEAM"
+            )
+        section = _SHAPES[shape](*_constant(values, title).tolist())
+        # Grid points are at the shear centre of a CBEAM, and where all centres are of a CBAR.
+        place = section.shear_centre if given.type == "PBEAML" else section.centroid
+        section = section._replace(shear_centre=place)
+    elif given.type == "PBEAM":
+        values = np.column_stack([given.A, given.i1, given.i2, given.j, given.i12])
+        *constants, mixed = _constant(values, title).tolist()
+        first, second = _constant(
+            np.array([[given.n1a, given.n2a], [given.n1b, given.n2b]], dtype=float), title
+        ).tolist()
+        section = CrossSection((*constants, *_sheared(given, constants[0])), mixed, (first, second))
+    elif given.type == "PBAR":
+        section = CrossSection((given.A, given.i1, given.i2, given.j, *_sheared(given, given.A)), given.i12)
+    elif given.type == "PTUBE":
+        outer = _constant(np.array([[given.OD1], [given.OD2]]), title).item()
+        area, _, _, torsion, *_ = pipe(0.5 * outer, given.t or 0.5 * outer)
+        section = CrossSection((area, 0.0, 0.0, torsion, inf, inf))
+    else:
+        section = CrossSection((given.A, 0.0, 0.0, given.j, inf, inf))
+    if not section.constants[0] > 0.0 or min(section.constants) < 0.0:
+        raise MeshError(
+            f"{title} has the area {section.constants[0]:g} and constants {section.constants[1:4]}: give it one"
+        )
+    material = model.materials.get(given.mid)
+    if material is not None and material.type == "MAT1" and material.g and material.e:
+        # G may be given beside E and NU.
+        over = 2.0 * material.g * (1.0 + material.nu) / material.e
+        section = section._replace(constants=(*section.constants[:3], *(over * one for one in section.constants[3:])))
+    more = float(_constant(np.reshape(given.nsm, (-1, 1)).astype(float), title).item())
+    return section, place, more / section.constants[0]
+
+
+def _constant(stations: FloatArray, title: str) -> FloatArray:
+    """What all stations (s, k) along a beam have in common."""
+    if np.ptp(stations, axis=0).max(initial=0.0) > 1e-6 * np.abs(stations).max(initial=0.0):
+        raise MeshError(
+            f"{title} changes along the beam, which is not supported: give several beams their mean sections"
+        )
+    found: FloatArray = stations[0]
+    return found
+
+
+def _sheared(given: Any, area: float) -> list[float]:
+    """Shear areas; without a factor there is no shear."""
+    return [factor * area if factor else inf for factor in (given.k1, given.k2)]
+
+
+def _directed(element: Any, model: Any, path: Path) -> tuple[FloatArray, FloatArray]:
+    """What the first axis is at right angles to the beam, and offsets (6,) of both ends, global."""
+    title = f"{path}: {element.type} {element.eid}"
+    if element.pa or element.pb:
+        raise MeshError(
+            f"{title} has the pins PA = {element.pa or 0}, PB = {element.pb or 0}, which are not supported: take CROD "
+            "for a bar with hinges at both ends, or join grid points by MPC"
+        )
+    ends = [model.nodes[node].get_position_no_xref(model) for node in (element.ga, element.gb)]
+    systems = [model.nodes[node].cd for node in (element.ga, element.gb)]
+    letters = element.offt if isinstance(element.offt, str) else "GGG"
+    if element.g0:
+        direction = model.nodes[element.g0].get_position_no_xref(model) - ends[0]
+    else:
+        direction = _basic(np.array(element.x, dtype=float), 0 if letters[0] == "B" else systems[0], model, title)
+    along = (ends[1] - ends[0]) / max(np.linalg.norm(ends[1] - ends[0]), 1e-300)
+    third = np.cross(along, direction)
+    third = third / max(np.linalg.norm(third), 1e-300)
+    offsets = []
+    for given, system, letter in zip((element.wa, element.wb), systems, letters[1:], strict=True):
+        own = np.array(given, dtype=float)
+        of_element = own @ np.array([along, np.cross(third, along), third])
+        offsets.append(of_element if letter in "OE" else _basic(own, 0 if letter == "B" else system, model, title))
+    return direction, np.concatenate(offsets)
+
+
+def _basic(vector: FloatArray, system: int, model: Any, title: str) -> FloatArray:
+    """A vector of a system in the basic one."""
+    if not system or not vector.any():
+        return vector
+    known = model.coords[system]
+    if not known.type.endswith("R"):
+        raise MeshError(f"{title} has a vector in {known.type} {system}, expected rectangular systems: give it as BGG")
+    origin, there = (known.transform_node_to_global_no_xref(one, model) for one in (np.zeros(3), vector))
+    found: FloatArray = there - origin
+    return found

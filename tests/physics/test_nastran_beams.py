@@ -1,0 +1,245 @@
+"""Beams and bars of bulk data: closed forms, offsets, trusses, hinges on solids, refusals; decks likewise."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spla
+
+import flexfmu
+from decks import read
+from flexfmu.fe.assembly import stiffness
+from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.mesh.sections import CrossSection, channel, i_section, l_section, walls
+from flexfmu.reduction.model import assemble_model
+from flexfmu.reduction.options import BodyOptions
+
+pynastran = pytest.importorskip("pyNastran.bdf.cards.properties.bars")
+E, G, RHO = 2.1e11, 2.1e11 / 2.6, 7850.0
+CHAIN = np.column_stack([np.linspace(0.0, 1.0, 5), np.zeros((5, 2))])
+DIMENSIONS = {
+    "ROD": (0.01,),
+    "TUBE": (0.01, 0.008),
+    "TUBE2": (0.01, 0.002),
+    "BAR": (0.01, 0.02),
+    "BOX": (0.05, 0.1, 0.005, 0.004),
+    "I": (0.1, 0.06, 0.04, 0.005, 0.006, 0.007),
+    "I1": (0.05, 0.005, 0.09, 0.1),
+    "H": (0.08, 0.01, 0.1, 0.006),
+    "T": (0.06, 0.1, 0.006, 0.005),
+    "T2": (0.06, 0.1, 0.006, 0.005),
+    "L": (0.05, 0.1, 0.005, 0.006),
+    "CHAN": (0.05, 0.1, 0.005, 0.006),
+    "CHAN1": (0.045, 0.005, 0.088, 0.1),
+}
+
+
+def bulk(tmp_path, cards, points=CHAIN, **units):
+    """The mesh of grid points and cards; SPC 1 is held, SET 1 loaded."""
+    text = "BEGIN BULK\n" + "".join(f"GRID,{k},,{x},{y},{z}\n" for k, (x, y, z) in enumerate(points.tolist(), 1))
+    (tmp_path / "body.bdf").write_text(f"{text}MAT1,1,{E},,0.3,{RHO}\n{cards}ENDDATA\n")
+    return flexfmu.read_mesh(tmp_path / "body.bdf", **units)
+
+
+def chain(cards, kind="CBAR", end=",0.,1.,0."):
+    """Four elements along the points, held at the first."""
+    return "".join(f"{kind},{k},1,{k},{k + 1}{end}\n" for k in range(1, 5)) + f"{cards}SPC1,1,123456,1\nSET1,1,5\n"
+
+
+def moved(mesh, force, root="SPC 1", tip="SET 1"):
+    """Displacement and turn of the tip's node under a force there."""
+    held = mesh.fixed.copy()
+    held[mesh.node_sets[root]] = True
+    nodes = mesh.node_sets[tip]
+    model = assemble_model(replace(mesh, fixed=held), BodyOptions("beam", ()))
+    place = mesh.references.get(tip, mesh.points[nodes].mean(axis=0))
+    arm = mesh.points[nodes] - mesh.points[nodes].mean(axis=0)
+    inertia = np.eye(3) * np.sum(arm**2) - arm.T @ arm
+    away = place - mesh.points[nodes].mean(axis=0)
+    forces = np.zeros_like(mesh.points)
+    forces[nodes] = np.array(force) / nodes.size + np.cross(np.linalg.solve(inertia, np.cross(away, force)), arm)
+    matrix = model.unknowns.matrix(stiffness(model.mesh)).tocsc()
+    found = model.unknowns.whole(spla.spsolve(matrix, model.unknowns.forces(forces.ravel()))).reshape(-1, 3)[nodes]
+    turn = np.linalg.solve(inertia, np.cross(arm, found - found.mean(axis=0)).sum(axis=0))
+    return found.mean(axis=0) + np.cross(turn, away), turn
+
+
+def bent(section, force):
+    """Deflection of a cantilever of unit length across it, shear left out."""
+    _, first, second, *_ = section.constants
+    return np.linalg.solve([[first, section.mixed], [section.mixed, second]], force) / (3.0 * E)
+
+
+@pytest.mark.parametrize("shape", DIMENSIONS)
+def test_shapes_have_the_area_that_another_reader_finds(tmp_path, shape):
+    numbers = ",".join(map(str, DIMENSIONS[shape]))
+    mesh = bulk(tmp_path, chain(f"PBARL,1,1,,{shape}\n,{numbers}\n"))
+    card = pynastran.PBARL(1, 1, shape, list(DIMENSIONS[shape]))
+    assert mesh.volumes.sum() == pytest.approx(card.Area(), rel=1e-9)
+    (block,) = mesh.blocks
+    assert (np.ptp(block.section, axis=0) == 0.0).all()
+    assert not block.section[:, 6:].any()
+
+
+@pytest.mark.parametrize(
+    ("shape", "section"),
+    [
+        ("CHAN", channel(0.05, 0.1, 0.005, 0.006).transposed),
+        ("L", l_section(0.05, 0.1, 0.005, 0.006).transposed),
+        ("I", i_section(0.1, (0.06, 0.04), (0.006, 0.007), 0.005).transposed),
+    ],
+)
+def test_a_force_at_the_shear_centre_bends_and_does_not_twist(tmp_path, shape, section):
+    numbers = ",".join(map(str, DIMENSIONS[shape]))
+    mesh = bulk(tmp_path, chain(f"PBEAML,1,1,,{shape}\n,{numbers}\n", "CBEAM"))
+    found, turn = moved(mesh, (0.0, 1000.0, 0.0))
+    sheared = np.array([1000.0 / (G * section.constants[4]), 0.0])
+    np.testing.assert_allclose(found[1:], bent(section, (1000.0, 0.0)) + sheared, rtol=4e-3, atol=1e-9)
+    assert abs(turn[0]) < 1e-7
+    # Off the centroid, a pull bends.
+    along, _ = moved(mesh, (1000.0, 0.0, 0.0))
+    aside = np.subtract(section.centroid, section.shear_centre)
+    by_moment = 1.5 * bent(section, 1000.0 * aside)
+    np.testing.assert_allclose(np.abs(along[1:]), np.abs(by_moment), atol=1e-9)
+    expected = 1000.0 / (E * section.constants[0]) + 2.0 * by_moment @ aside
+    assert along[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_products_of_inertia_bend_aside(tmp_path):
+    section = CrossSection((1e-3, 2e-6, 1e-6, 1e-7, np.inf, np.inf), 0.5e-6)
+    mesh = bulk(tmp_path, chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n,\n,,,.5e-6\n"))
+    found, _ = moved(mesh, (0.0, 1000.0, 0.0))
+    np.testing.assert_allclose(found[1:], bent(section, (1000.0, 0.0)), rtol=1e-6)
+    # Of a deck, where I11 is about the first axis.
+    text = "*NODE\n" + "".join(f"{k}, {x}, 0, 0\n" for k, x in enumerate(CHAIN[:, 0], 1))
+    text += "*NSET, NSET=ROOT\n1\n*NSET, NSET=TIP\n5\n*ELEMENT, TYPE=B31, ELSET=B\n"
+    text += "".join(f"{k}, {k}, {k + 1}\n" for k in range(1, 5))
+    text += f"*BEAM GENERAL SECTION, ELSET=B, DENSITY={RHO}\n1e-3, 1e-6, .5e-6, 2e-6, 1e-7\n0, 1, 0\n{E}, {G}\n"
+    also, _ = moved(read(tmp_path, text), (0.0, 1000.0, 0.0), "ROOT", "TIP")
+    np.testing.assert_allclose(also[1:] - [1000.0 / (G * 1e-3), 0.0], found[1:], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shape", "numbers", "card"),
+    [
+        ("I", "0.05, 0.1, 0.06, 0.06, 0.006, 0.006, 0.005", "I1,0.055,0.005,0.088,0.1"),
+        ("L", "0.05, 0.1, 0.005, 0.006", ""),
+    ],
+)
+def test_open_sections_of_decks_are_those_of_bulk_data(tmp_path, shape, numbers, card):
+    text = "*NODE\n" + "".join(f"{k}, {x}, 0, 0\n" for k, x in enumerate(CHAIN[:, 0], 1))
+    text += "*NSET, NSET=ROOT\n1\n*NSET, NSET=TIP\n5\n*ELEMENT, TYPE=B31, ELSET=B\n"
+    text += (
+        "".join(f"{k}, {k}, {k + 1}\n" for k in range(1, 5)) + f"*MATERIAL, NAME=S\n*ELASTIC\n{E}, .3\n*DENSITY\n7850\n"
+    )
+    mesh = read(tmp_path, text + f"*BEAM SECTION, ELSET=B, MATERIAL=S, SECTION={shape}\n{numbers}\n0, 1, 0\n")
+    found, turn = moved(mesh, (0.0, 300.0, 100.0), "ROOT", "TIP")
+    # The deck's second axis is up in the pictures, and its first to the right: y is the other way round there.
+    name, dimensions = ("I1", card[3:]) if card else ("L", numbers.replace(" ", ""))
+    same = bulk(tmp_path, chain(f"PBEAML,1,1,,{name}\n,{dimensions}\n", "CBEAM", ",0.,0.,1."))
+    mirrored, also = moved(same, (0.0, -300.0, 100.0))
+    np.testing.assert_allclose(found, mirrored * [1.0, -1.0, 1.0], rtol=1e-6, atol=1e-12)
+    assert max(abs(turn[0]), abs(also[0])) < 1e-7
+
+
+def test_offsets_are_rigid_in_the_global_system_and_in_the_element_s(tmp_path):
+    found = []
+    for letters, away in (("GGG", "0.,0.1,0."), ("GOO", "0.,0.1,0."), ("BGG", "0.,0.1,0.")):
+        end = f",0.,1.,0.,{letters}\n,,,{away},{away}"
+        mesh = bulk(tmp_path, chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n", end=end))
+        found.append(moved(mesh, (1000.0, 0.0, 1000.0))[0])
+    expected = 1000.0 / (E * 1e-3) + 1000.0 * 0.01 / (E * 2e-6), 1000.0 / (3.0 * E * 1e-6) + 1000.0 * 0.01 / (G * 1e-7)
+    np.testing.assert_allclose(np.array(found)[:, [0, 2]], [expected] * 3, rtol=1e-6)
+    assert (found[0][1] > 0.0) == (found[1][1] > 0.0)
+
+
+def test_offsets_and_sections_are_in_the_file_s_units(tmp_path):
+    end = ",0.,1.,0.,GGG\n,,,0.,100.,0.,0.,100.,0."
+    mesh = bulk(tmp_path, chain("PBARL,1,1,,BAR\n,10.,20.\n", end=end), 1e3 * CHAIN, units="mm-t-s")
+    assert mesh.volumes.sum() == pytest.approx(2e-4)
+    assert mesh.points[:, 1].max() == pytest.approx(0.11)
+
+
+TRIPOD = np.array([[1.0, 0.0, 0.0], [-0.5, 0.8, 0.0], [-0.5, -0.8, 0.0], [0.0, 0.0, 1.5]])
+
+
+def tripod(force):
+    """Displacement of the top of three bars of 1 cm²."""
+    matrix = np.zeros((3, 3))
+    for foot in TRIPOD[:3]:
+        leg = TRIPOD[3] - foot
+        matrix += E * 1e-4 * np.outer(leg, leg) / np.linalg.norm(leg) ** 3
+    return np.linalg.solve(matrix, force)
+
+
+def test_bars_are_hinged(tmp_path):
+    cards = "CROD,1,1,1,4\nCROD,2,1,2,4\nPROD,1,1,1.e-4\nCONROD,3,3,4,1,1.e-4\nSPC1,1,123,1,2,3\nSET1,1,4\n"
+    mesh = bulk(tmp_path, cards, TRIPOD)
+    force = (100.0, 50.0, -200.0)
+    np.testing.assert_allclose(moved(mesh, force)[0], tripod(force), rtol=5e-5)
+    assert any("3 beams do not bend" in note for note in mesh.notes)
+    assert mesh.volumes.sum() == pytest.approx(1e-4 * np.linalg.norm(TRIPOD[3] - TRIPOD[:3], axis=1).sum())
+    text = "*NODE\n" + "".join(f"{k}, {x}, {y}, {z}\n" for k, (x, y, z) in enumerate(TRIPOD.tolist(), 1))
+    text += "*ELEMENT, TYPE=T3D2, ELSET=B\n1, 1, 4\n2, 2, 4\n3, 3, 4\n*SOLID SECTION, ELSET=B, MATERIAL=S\n1e-4,\n"
+    text += f"*MATERIAL, NAME=S\n*ELASTIC\n{E}, .3\n*DENSITY\n7850\n*NSET, NSET=FEET\n1, 2, 3\n*NSET, NSET=TOP\n4\n"
+    np.testing.assert_allclose(moved(read(tmp_path, text), force, "FEET", "TOP")[0], tripod(force), rtol=5e-5)
+
+
+def test_a_bar_between_solids_does_not_spin(tmp_path):
+    corners = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], dtype=float)
+    points = 0.1 * np.concatenate([corners, corners + np.array([3.0, 0.0, 0.0])])
+    cards = "CHEXA,1,2,1,2,3,4,5,6,\n,7,8\nCHEXA,2,2,9,10,11,12,13,14,\n,15,16\nPSOLID,2,1\n"
+    cards += "".join(
+        f"CONROD,{10 + k},{one},{other},1,1.e-4\n" for k, (one, other) in enumerate(((2, 9), (3, 12), (6, 13)))
+    )
+    mesh = bulk(tmp_path, cards + "SPC1,1,123,1,THRU,8\nSPC1,2,23,10,11,14,15\nSET1,1,9,12,13,16\n", points)
+    free = np.zeros_like(mesh.fixed)
+    free[mesh.node_sets["SPC 2"], 1:] = True
+    found, _ = moved(replace(mesh, fixed=free), (3000.0, 0.0, 0.0))
+    assert found[0] == pytest.approx(0.2 * 1000.0 / (E * 1e-4), rel=0.2)
+
+
+def test_mass_beside_the_section_and_a_modulus_of_shear_count(tmp_path):
+    plain = bulk(tmp_path, chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n"))
+    heavy = bulk(tmp_path, chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7,2.15\n"))
+    assert heavy.materials[0].density - plain.materials[0].density == pytest.approx(2150.0)
+    stiff = bulk(tmp_path, chain("PBAR,1,2,1.e-3,2.e-6,1.e-6,1.e-7\n" + f"MAT1,2,{E},{2.0 * G},0.3,{RHO}\n"))
+    assert stiff.blocks[0].section[0, 3] == pytest.approx(2e-7)
+    assert stiff.element_sets["PBAR 1"].tolist() == [0, 1, 2, 3]
+
+
+def test_a_torsion_constant_is_that_of_thin_walls():
+    found = walls([(0.0, 0.0, 1.0, 0.1), (0.0, 1.0, 0.2, 2.0)], (0.0, 0.0))
+    assert found.constants[3] == pytest.approx((0.001 + 2.0 * 0.008) / 3.0)
+
+
+REFUSED = {
+    "pins": (chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n", end=",0.,1.,0.\n,45"), "pins PA = 45"),
+    "taper": (
+        chain("PBEAML,1,1,,BAR\n,0.01,0.02,0.,YES,1.,0.02,0.02\n", "CBEAM"),
+        "changes along the beam",
+    ),
+    "shape": (chain("PBARL,1,1,,Z\n,0.01,0.02,.05,.06\n"), "is a Z"),
+    "area": (chain("PROD,1,1,0.\n", "CROD", ""), "give it one"),
+    "property": (chain("PROD,1,1,1.e-4\n"), "expected PBAR or PBARL"),
+    "system": (
+        "CORD2C,7,,0.,0.,0.,0.,0.,1.,\n,1.,0.,0.\nGRID,9,,2.,0.,0.,7\n"
+        + chain("PBAR,1,1,1.,1.,1.,1.\n")
+        + "CBAR,9,1,9,5,0.,1.,0.\n",
+        "rectangular systems",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_not_supported_is_refused_with_words(tmp_path, name):
+    cards, words = REFUSED[name]
+    with pytest.raises(MeshError, match=re.escape(words)):
+        bulk(tmp_path, cards)
+
+
+def test_bars_of_another_type_are_refused(tmp_path):
+    text = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n*ELEMENT, TYPE=DC1D2, ELSET=B\n1, 1, 2\n"
+    with pytest.raises(DeckError, match="T3D2"):
+        read(tmp_path, text + "*SOLID SECTION, ELSET=B, MATERIAL=S\n1e-4\n*MATERIAL, NAME=S\n*ELASTIC\n1e9, .3\n")
