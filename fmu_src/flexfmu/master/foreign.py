@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,22 @@ from fmpy.fmi1 import FMICallException
 
 from ..files.errors import SimulationError
 from . import foreign_worker
-from .log import hand_on
+from .log import hand_on, quoted
 
 # s, to end by itself.
 _LAST = 2.0
 # FMI 2.0: after this status nothing may be called.
 _FATAL = 4
+# What a call that waits for the next was to do, as in "fmu NAME failed …".
+_LATER = {
+    "setReal": "to take its inputs",
+    "getFMUstate": "to save its state",
+    "setFMUstate": "to go back to its state",
+    "freeFMUstate": "to drop its state",
+}
+
+Call = tuple[str, tuple[Any, ...], dict[str, Any]]
+"""A call of fmpy's `FMU2Slave`, its arguments, and those by name."""
 
 
 class ForeignProcess:
@@ -39,36 +49,37 @@ class ForeignProcess:
         self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._over = False
 
-    def ask(self, name: str, call: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        """Have an FMU carry out a call of fmpy's `FMU2Slave`.
+    def ask(self, name: str, calls: Sequence[Call]) -> tuple[list[Any], FMICallException | None]:
+        """Have an FMU carry out calls of fmpy's `FMU2Slave`, one after the other.
 
         Parameters
         ----------
         name : str
             Of the FMU.
-        call : str
-        arguments : tuple
-        named : dict of str to object
-            More arguments, by name.
+        calls : sequence of (str, tuple, dict)
+            Each with its arguments.
 
         Returns
         -------
-        object
+        values : list
+            What the calls returned.
+        refusal : FMICallException or None
+            The FMU did not honour the call after these.
 
         Raises
         ------
-        FMICallException
-            The FMU does not honour the call.
         SimulationError
             It raises an error, ends its process, or does not answer in time.
         """
+        words = [call for call, _, _ in calls]
+        told = "doStep" if "doStep" in words else words[-1]
         if self._over:
-            raise SimulationError(f"fmu {name!r}: the process of FMUs of other programs has ended before {call}")
+            raise SimulationError(f"fmu {name!r}: the process of FMUs of other programs has ended before {told}")
         process = self._process = self._process or self._started()
         assert process.stdin is not None
         # A process that died is found out when it does not answer.
         with suppress(OSError):
-            process.stdin.write(pickle.dumps((name, call, arguments, named)))
+            process.stdin.write(pickle.dumps((name, calls)))
             process.stdin.flush()
         try:
             answer = self._answers.get(timeout=self._timeout)
@@ -76,20 +87,18 @@ class ForeignProcess:
             self._over = True
             process.kill()
             raise SimulationError(
-                f"fmu {name!r} did not come back from {call} within {self._timeout:g} s and was ended: give it "
+                f"fmu {name!r} did not come back from {told} within {self._timeout:g} s and was ended: give it "
                 "longer by experiment.timeout, or look into the FMU"
             ) from None
         if answer is None:
             self._over = True
-            raise SimulationError(f"fmu {name!r} ended its process in {call}: {_ending(process.wait())}")
-        kind, value, lines = answer
+            raise SimulationError(f"fmu {name!r} ended its process in {told}: {_ending(process.wait())}")
+        kind, values, wrong, lines = answer
         for line in lines:
             hand_on(*line)
-        if kind == foreign_worker.REFUSED:
-            raise FMICallException(*value)
         if kind == foreign_worker.FAILED:
-            raise SimulationError(f"fmu {name!r} failed {call}: {value}")
-        return value
+            raise SimulationError(f"fmu {name!r} failed {words[len(values)]}: {wrong}")
+        return values, FMICallException(*wrong) if kind == foreign_worker.REFUSED else None
 
     def close(self) -> None:
         """End the process."""
@@ -142,40 +151,75 @@ class ForeignSlave:
     def __init__(self, process: ForeignProcess, name: str, **construction: str):
         self._process, self._name = process, name
         self.raised: BaseException | None = None
-        process.ask(name, "instantiate", (), construction)
+        # Calls that travel with the next one that needs an answer, and Real values that came with the last step.
+        self._later: list[Call] = []
+        self._ahead: dict[tuple[int, ...], list[float]] = {}
+        self._ask(("instantiate", (), construction))
 
     def __getattr__(self, call: str) -> Any:
         """Carry out a call there."""
-        return lambda *arguments, **named: self._process.ask(self._name, call, arguments, named)
+        return lambda *arguments, **named: self._ask((call, arguments, named))[0]
 
-    def functions(self) -> dict[str, Any]:
-        """What the core's loop calls in place of the library's functions, by the names of core/participant.h."""
+    def _ask(self, *calls: Call) -> list[Any]:
+        """Carry out those that wait, and calls; values of the latter as far as they were honoured, one at least."""
+        before, self._later = self._later, []
+        values, refusal = self._process.ask(self._name, [*before, *calls])
+        if refusal is not None and len(values) < len(before):
+            words = _LATER[before[len(values)][0]]
+            raise SimulationError(f"fmu {self._name!r} failed {words}: {quoted(self._name) or refusal}")
+        if refusal is not None and len(values) == len(before):
+            raise refusal
+        return values[len(before) :]
 
-        def set_real(references: Any, count: int, values: Any) -> None:
-            self.setReal(references[:count], values[:count])
+    def functions(self, signals: tuple[int, ...]) -> dict[str, Any]:
+        """What the core's loop calls in place of the library's functions.
+
+        Parameters
+        ----------
+        signals : tuple of int
+            References of Real variables that are asked after each step.
+
+        Returns
+        -------
+        dict of str to ctypes function
+            By the names of core/participant.h.
+        """
+
+        def later(call: str, *arguments: Any) -> None:
+            self._ahead = {}
+            self._later.append((call, arguments, {}))
+
+        def do_step(*arguments: Any) -> None:
+            asked: list[Call] = [("getReal", (list(signals),), {})] if signals else []
+            self._ahead = {}
+            values = self._ask(("doStep", arguments, {}), *asked)
+            self._ahead = {signals: values[1]} if len(values) > 1 else {}
 
         def getter(kind: str) -> Callable[..., None]:
             def get(references: Any, count: int, values: Any) -> None:
-                for k, value in enumerate(getattr(self, f"get{kind}")(references[:count])):
+                known = self._ahead.get(tuple(references[:count])) if kind == "Real" else None
+                for k, value in enumerate(known or getattr(self, f"get{kind}")(references[:count])):
                     values[k] = value
 
             return get
 
         def get_state(state: Any) -> None:
-            state[0] = self.getFMUstate()
+            later("getFMUstate")
+            # Any but null.
+            state[0] = 1
 
         numbers = (ctypes.POINTER(ctypes.c_uint), ctypes.c_size_t, ctypes.POINTER(ctypes.c_double))
         wholes, states = (*numbers[:2], ctypes.POINTER(ctypes.c_int)), ctypes.POINTER(ctypes.c_void_p)
         return {
-            "set_real": self._function(set_real, *numbers),
+            "set_real": self._function(lambda r, n, v: later("setReal", r[:n], v[:n]), *numbers),
             "get_real": self._function(getter("Real"), *numbers),
             "get_integer": self._function(getter("Integer"), *wholes),
             "get_boolean": self._function(getter("Boolean"), *wholes),
             "end_initialization": self._function(self.exitInitializationMode),
-            "do_step": self._function(self.doStep, ctypes.c_double, ctypes.c_double, ctypes.c_int),
+            "do_step": self._function(do_step, ctypes.c_double, ctypes.c_double, ctypes.c_int),
             "get_state": self._function(get_state, states),
-            "set_state": self._function(self.setFMUstate, ctypes.c_void_p),
-            "free_state": self._function(lambda state: self.freeFMUstate(state[0]), states),
+            "set_state": self._function(lambda _: later("setFMUstate"), ctypes.c_void_p),
+            "free_state": self._function(lambda _: later("freeFMUstate"), states),
         }
 
     def _function(self, call: Callable[..., Any], *kinds: Any) -> Any:

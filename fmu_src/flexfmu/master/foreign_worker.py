@@ -1,7 +1,7 @@
 """The process in which a coupling's FMUs of other programs run, so that what they do to it they do to nothing else.
 
-It reads pickled calls, and answers each with what came of it and the lines that the FMU logged meanwhile. Run as a
-script of its own by `foreign.ForeignProcess`: it imports nothing of the package.
+It reads pickled calls, several at once, and answers with what came of them and the lines that the FMU logged meanwhile.
+Run as a script of its own by `foreign.ForeignProcess`: it imports nothing of the package.
 """
 
 import os
@@ -35,7 +35,7 @@ class Host:
 
     def __init__(self) -> None:
         self._slaves: dict[str, Any] = {}
-        self._states: dict[int, Any] = {}
+        self._states: dict[str, Any] = {}
         self.lines: list[tuple[bytes | None, int, bytes | None, bytes | None]] = []
         self._callbacks = fmi2CallbackFunctions()
         self._callbacks.logger = fmi2CallbackLoggerTYPE(self._log)
@@ -49,15 +49,12 @@ class Host:
             self._slaves[name] = FMU2Slave(**named)
             return self._slaves[name].instantiate(callbacks=self._callbacks, loggingOn=True)
         slave = self._slaves[name]
+        # Of each FMU one state is kept, here.
         if call == "getFMUstate":
-            # The state itself stays here; its number travels.
-            number = max(self._states, default=0) + 1
-            self._states[number] = slave.getFMUstate()
-            return number
-        if call == "setFMUstate":
-            return slave.setFMUstate(self._states[arguments[0]])
-        if call == "freeFMUstate":
-            return slave.freeFMUstate(self._states.pop(arguments[0]))
+            self._states[name] = slave.getFMUstate()
+            return None
+        if call in ("setFMUstate", "freeFMUstate"):
+            return getattr(slave, call)(self._states[name])
         return getattr(slave, call)(*arguments, **named)
 
     def _log(self, _: object, instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
@@ -65,14 +62,19 @@ class Host:
             self.lines.append((instance, status, category, text and text[:_LENGTH]))
 
 
-def _answered(host: Host, request: tuple[str, str, tuple[Any, ...], dict[str, Any]]) -> tuple[Any, ...]:
+def _answered(host: Host, request: tuple[str, list[tuple[str, tuple[Any, ...], dict[str, Any]]]]) -> tuple[Any, ...]:
+    """Carry out calls one after the other, as far as they are honoured."""
+    name, calls = request
+    values: list[Any] = []
     host.lines = []
     try:
-        return DONE, host(*request), host.lines
+        # One after the other, so that those before an error stay.
+        values.extend(host(name, *call) for call in calls)
     except FMICallException as error:
-        return REFUSED, (error.function, error.status), host.lines
+        return REFUSED, values, (error.function, error.status), host.lines
     except Exception as error:  # whatever a library raises is for the one who asked
-        return FAILED, f"{type(error).__name__}: {error}", host.lines
+        return FAILED, values, f"{type(error).__name__}: {error}", host.lines
+    return DONE, values, None, host.lines
 
 
 def _read(stream: BinaryIO, requests: "queue.SimpleQueue[Any]") -> None:

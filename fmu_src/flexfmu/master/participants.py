@@ -114,7 +114,7 @@ class Participant:
                 }
             else:
                 self._slave = ForeignSlave(foreign, self.name, **construction)
-                self.functions = self._slave.functions()
+                self.functions = self._slave.functions(role.signals)
         except Exception as error:  # fmpy raises bare exceptions
             self.close()
             raise SimulationError(
