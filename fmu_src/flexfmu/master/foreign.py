@@ -32,6 +32,7 @@ _LATER = {
 
 Call = tuple[str, tuple[Any, ...], dict[str, Any]]
 """A call of fmpy's `FMU2Slave`, its arguments, and those by name."""
+References = tuple[int, ...]
 
 
 class ForeignProcess:
@@ -151,9 +152,13 @@ class ForeignSlave:
     def __init__(self, process: ForeignProcess, name: str, **construction: str):
         self._process, self._name = process, name
         self.raised: BaseException | None = None
-        # Calls that travel with the next one that needs an answer, and Real values that came with the last step.
+        # Calls that travel with the next one that needs an answer.
         self._later: list[Call] = []
-        self._ahead: dict[tuple[int, ...], list[float]] = {}
+        # Real values that came with the last step: what was asked after earlier ones, by references. The first try of
+        # a step, after its state was saved, is asked for more than others.
+        self._ahead: dict[References, list[float]] = {}
+        self._asked: dict[bool, dict[References, None]] = {False: {}, True: {}}
+        self._saved = self._first = False
         self._ask(("instantiate", (), construction))
 
     def __getattr__(self, call: str) -> Any:
@@ -171,40 +176,41 @@ class ForeignSlave:
             raise refusal
         return values[len(before) :]
 
-    def functions(self, signals: tuple[int, ...]) -> dict[str, Any]:
-        """What the core's loop calls in place of the library's functions.
-
-        Parameters
-        ----------
-        signals : tuple of int
-            References of Real variables that are asked after each step.
-
-        Returns
-        -------
-        dict of str to ctypes function
-            By the names of core/participant.h.
-        """
+    def functions(self) -> dict[str, Any]:
+        """What the core's loop calls in place of the library's functions, by the names of core/participant.h."""
 
         def later(call: str, *arguments: Any) -> None:
-            self._ahead = {}
+            if call.startswith("set"):
+                self._ahead = {}
             self._later.append((call, arguments, {}))
 
-        def do_step(*arguments: Any) -> None:
-            asked: list[Call] = [("getReal", (list(signals),), {})] if signals else []
+        def end_initialization() -> None:
             self._ahead = {}
-            values = self._ask(("doStep", arguments, {}), *asked)
-            self._ahead = {signals: values[1]} if len(values) > 1 else {}
+            self.exitInitializationMode()
 
-        def getter(kind: str) -> Callable[..., None]:
+        def do_step(*arguments: Any) -> None:
+            self._ahead, self._first, self._saved = {}, self._saved, False
+            known = self._asked[self._first]
+            more: list[Call] = [("getReal", (list(references),), {}) for references in known]
+            values = self._ask(("doStep", arguments, {}), *more)
+            self._ahead = dict(zip(known, values[1:], strict=False))
+
+        def reals(references: References) -> list[float]:
+            if references not in self._ahead:
+                self._ahead[references] = self.getReal(list(references))
+                self._asked[self._first][references] = None
+            return self._ahead[references]
+
+        def getter(ask: Callable[[References], list[Any]]) -> Callable[..., None]:
             def get(references: Any, count: int, values: Any) -> None:
-                known = self._ahead.get(tuple(references[:count])) if kind == "Real" else None
-                for k, value in enumerate(known or getattr(self, f"get{kind}")(references[:count])):
+                for k, value in enumerate(ask(tuple(references[:count]))):
                     values[k] = value
 
             return get
 
         def get_state(state: Any) -> None:
             later("getFMUstate")
+            self._saved = True
             # Any but null.
             state[0] = 1
 
@@ -212,10 +218,10 @@ class ForeignSlave:
         wholes, states = (*numbers[:2], ctypes.POINTER(ctypes.c_int)), ctypes.POINTER(ctypes.c_void_p)
         return {
             "set_real": self._function(lambda r, n, v: later("setReal", r[:n], v[:n]), *numbers),
-            "get_real": self._function(getter("Real"), *numbers),
-            "get_integer": self._function(getter("Integer"), *wholes),
-            "get_boolean": self._function(getter("Boolean"), *wholes),
-            "end_initialization": self._function(self.exitInitializationMode),
+            "get_real": self._function(getter(reals), *numbers),
+            "get_integer": self._function(getter(lambda r: self.getInteger(list(r))), *wholes),
+            "get_boolean": self._function(getter(lambda r: self.getBoolean(list(r))), *wholes),
+            "end_initialization": self._function(end_initialization),
             "do_step": self._function(do_step, ctypes.c_double, ctypes.c_double, ctypes.c_int),
             "get_state": self._function(get_state, states),
             "set_state": self._function(lambda _: later("setFMUstate"), ctypes.c_void_p),

@@ -60,6 +60,11 @@ def _callbacks() -> fmi2CallbackFunctions:
     return callbacks
 
 
+def _needed(name: str) -> bool:
+    """Whether a file of an archive serves an FMU at work."""
+    return not name.startswith(("sources/", "documentation/"))
+
+
 class Participant:
     """An FMU's instance in a coupling.
 
@@ -97,7 +102,7 @@ class Participant:
         self._folder = tempfile.mkdtemp(prefix="flexfmu-")
         try:
             check_unpacked(role.description.file)
-            fmpy.extract(str(role.description.file), self._folder)
+            fmpy.extract(str(role.description.file), self._folder, _needed)
             construction = {
                 "guid": role.description.guid,
                 "unzipDirectory": self._folder,
@@ -114,7 +119,7 @@ class Participant:
                 }
             else:
                 self._slave = ForeignSlave(foreign, self.name, **construction)
-                self.functions = self._slave.functions(role.signals)
+                self.functions = self._slave.functions()
         except Exception as error:  # fmpy raises bare exceptions
             self.close()
             raise SimulationError(
