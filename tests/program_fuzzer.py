@@ -22,6 +22,7 @@ from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
+from flexfmu.program.programs import DESCRIPTION
 from flexfmu.study.slave import BodyPrograms
 
 # Seconds that one program may take, with every call and under sanitizers.
@@ -70,26 +71,26 @@ def small_programs(seed=1):
 
 def resealed(image):
     """The same bytes with the size and the checksum that belong to them."""
-    mark, version, table, _, _ = _HEAD.unpack_from(image)
+    mark, version, table, _, base, _ = _HEAD.unpack_from(image)
     body = image[_HEAD.size :]
-    return _HEAD.pack(mark, version, table, len(image), checksum(body)) + body
+    return _HEAD.pack(mark, version, table, len(image), base, checksum(body)) + body
 
 
-def places(image):
-    """Where each field lies: (kind, name, start, count)."""
-    held, at = read_image(image), _HEAD.size
-    for field in fields():
-        count = 1 if field.kind == "SIZE" else held.arrays[field.name].size
-        width = 1 if field.kind == "TEXT" else 8
-        yield field.kind, field.name, at, count
-        at += -(-count * width // 8) * 8
+def places(image, base):
+    """Where each size, each array's place and each array of its own lies: (kind, name, start, count)."""
+    held = read_image(image, base)
+    for number, field in enumerate(fields()):
+        at = _HEAD.size + 8 * number
+        yield "SIZE", field.name, at, 1
+        if field.kind != "SIZE" and (start := struct.unpack_from("<q", image, at)[0]) > 0:
+            yield field.kind, field.name, 8 * start, held.arrays[field.name].size
 
 
-def forged(image, rng):
+def forged(image, rng, base=b""):
     """The image with one to three elements of a field replaced, and what was done."""
     # Sizes are refused nearly always: most of the work goes to arrays.
     sizes = rng.random() < 0.2
-    table = [place for place in places(image) if place[3] and (place[0] == "SIZE") == sizes]
+    table = [place for place in places(image, base) if place[3] and (place[0] == "SIZE") == sizes]
     kind, name, start, count = table[rng.integers(len(table))]
     altered, words = bytearray(image), []
     for _ in range(rng.integers(1, 4)):
@@ -198,7 +199,7 @@ def through_the_fmu(core, seed, count):
     rng, refused, worked = np.random.default_rng(seed), 0, 0
     for number in range(count):
         path = list(images)[number % len(images)]
-        altered, words = forged(images[path], rng)
+        altered, words = forged(images[path], rng, images[folder / DESCRIPTION])
         print(f"{number} {path.name}: {words}", file=sys.stderr, flush=True)
         path.write_bytes(altered)
         signal.alarm(PATIENCE)

@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bodies import beam_body
+from bodies import beam_body, body_of_everything
 from flexfmu.core import building
-from flexfmu.core.image import _HEAD, ProgramError, fields, read_image, write_image
+from flexfmu.core.image import _HEAD, ProgramError, fields, packed, read_image, write_image
 from flexfmu.core.library import Core, library_path
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Method
 from flexfmu.program.compile import compile_program
+from flexfmu.program.draft import Draft
+from flexfmu.program.programs import DESCRIPTION, programs, with_guid
 from program_fuzzer import places, resealed, small_programs
 
 pytestmark = pytest.mark.slow
@@ -44,7 +46,7 @@ def test_an_image_holds_what_was_written(small):
     held = read_image(small)
     assert write_image(held.sizes, held.arrays) == small
     assert refusal(small) is None
-    assert {place[1] for place in places(small)} == {field.name for field in fields()}
+    assert {place[1] for place in places(small, b"")} == {field.name for field in fields()}
 
 
 def test_every_truncation_is_refused(small):
@@ -92,13 +94,54 @@ def test_arrays_that_make_no_program_are_refused_by_name(small):
         write_image(held.sizes, held.arrays | {"nothing": np.ones(2)})
 
 
-def test_curvature_that_would_lie_outside_is_refused():
-    """Where it begins is so far out that its end comes round to the front again."""
-    image = dict(small_programs())["held second_order constant"]
-    held = read_image(image)
-    start = held.arrays["core_start"].copy()
-    start[np.flatnonzero(held.arrays["part"] >= 0)[0]] = 2**63 - 1
-    assert "a curvature lies outside" in refusal(write_image(held.sizes, held.arrays | {"core_start": start}))
+@pytest.mark.parametrize("place", [2**63 - 1, -(2**63), 2**60, -(2**60), -1, 1, 10**6])
+def test_an_array_that_would_lie_outside_is_refused(small, place):
+    """Of some places the end comes round to the front again."""
+    number = [field.name for field in fields()].index("operator_")
+    altered = bytearray(small)
+    struct.pack_into("<q", altered, _HEAD.size + 8 * number, place)
+    words = refusal(resealed(bytes(altered)))
+    # Within the image any numbers will do that make sense.
+    assert place == 1 or "shorter than it says" in words
+
+
+def test_curvature_that_is_not_all_there_is_refused():
+    held = read_image(dict(small_programs())["held second_order constant"])
+    whole = {name: held.arrays[name].copy() for name in ("curvature", "part")}
+    short = {"curvature": whole["curvature"][:-4]}
+    assert "curvatures are incomplete" in refusal(
+        write_image(held.sizes | {"bends": held.sizes["bends"] - 4}, held.arrays | short)
+    )
+    bent = np.flatnonzero(whole["part"] >= 0)
+    whole["part"][bent[:4]] = -1
+    assert "curvatures are incomplete" in refusal(write_image(held.sizes, held.arrays | {"part": whole["part"]}))
+
+
+@pytest.mark.parametrize("r", range(1, 10))
+@pytest.mark.parametrize("count", [1, 4, 6])
+def test_packed_matrices_hold_each_pair_once(count, r):
+    matrices = np.random.default_rng(r).standard_normal((count, r, r))
+    matrices += matrices.swapaxes(1, 2)
+    numbers = packed(matrices)
+    # Only blocks of four on the diagonal have both numbers of a pair.
+    assert numbers.size == -(-count // 4) * 4 * (r * (r + 1) // 2 + 6 * (r // 4))
+    assert set(np.abs(matrices).ravel()) == set(np.abs(numbers)) - ({0.0} if count % 4 else set())
+
+
+def test_programs_take_arrays_from_the_first_one():
+    """Each array of some size is kept once, and is read as it would be by itself."""
+    model = body_of_everything(1, modes=20, frames=2, interfaces=4)
+    drafts = programs(model)
+    images = with_guid(drafts, "{1}")
+    first = images[DESCRIPTION]
+    assert sum(map(len, images.values())) < 0.8 * sum(len(draft.image()) for draft in drafts.values())
+    for name, draft in drafts.items():
+        alone = read_image(Draft(draft.sizes, draft.arrays | {"guid": b"{1}\0"}).image())
+        found = read_image(images[name], first)
+        for field, array in alone.arrays.items():
+            if field != "shared":
+                np.testing.assert_array_equal(found.arrays[field], array, err_msg=f"{name}: {field}")
+    assert any("takes arrays of another body" in (refusal(image) or "") for image in images.values())
 
 
 def fuzzed(core, seed, count, *words, **environment):

@@ -23,13 +23,9 @@ static void lay_out(Body *body, Arena *arena) {
     const int64_t m = body->p.modes;
     body->stiffness = take(arena, m);
     body->zeta = take(arena, m);
-    body->operator_t = take(arena, 6 * body->p.nodes * m);
     body->rate = take(arena, m);
     body->coupled = take(arena, body->p.tied * m * m);
     body->square = take(arena, body->p.tied * m * m);
-    int64_t packed = LANES;
-    for (int64_t i = 0; i < body->p.parts; i++) packed += (body->bends[i].count + LANES - 1) / LANES * packed_size(body->p.extent[i]);
-    body->curvature_t = take(arena, packed);
     body->four = take(arena, LANES * m);
     take_configuration(body, arena, &body->memo);
     take_rules(body, arena);
@@ -51,9 +47,11 @@ static void lay_out(Body *body, Arena *arena) {
 static void gather_bends(Body *body) {
     const Program *p = &body->p;
     int64_t *row = body->bent_row;
+    const double *curvature = p->curvature;
     for (int64_t part = 0; part < p->parts; part++) {
         Bend *bend = body->bends + part;
         bend->row = row;
+        bend->curvature = curvature;
         bend->start = body->bend_rows;
         for (int64_t i = 0; p->curved && i < 6 * p->nodes; i++)
             if (p->part[i] == part) {
@@ -61,25 +59,8 @@ static void gather_bends(Body *body) {
                 *row++ = i;
             }
         bend->count = row - bend->row;
+        curvature += packed_total(bend->count, p->extent[part]);
         body->bend_rows += (bend->count + LANES - 1) / LANES * LANES * p->extent[part];
-    }
-}
-
-/* Their curvature, rows by the LANES. */
-static void pack_bends(Body *body) {
-    const Program *p = &body->p;
-    double *to = body->curvature_t;
-    /* Vectors that lie across two lines of the cache take twice as long. */
-    while ((uintptr_t)to % (LANES * sizeof(double))) to++;
-    for (int64_t part = 0; part < p->parts; part++) {
-        Bend *bend = body->bends + part;
-        bend->curvature = to;
-        for (int64_t first = 0; first < bend->count; first += LANES, to += packed_size(p->extent[part])) {
-            const double *rows[LANES] = {0};
-            for (int lane = 0; lane < LANES && first + lane < bend->count; lane++)
-                rows[lane] = p->curvature + p->core_start[bend->row[first + lane]];
-            pack_symmetric(rows, to, p->extent[part]);
-        }
     }
 }
 
@@ -107,9 +88,6 @@ static int furnish(Body *body) {
     lay_out(body, &arena);
     const Program *p = &body->p;
     for (int64_t j = 0; j < p->modes; j++) body->stiffness[j] = p->omega[j] * p->omega[j];
-    for (int64_t i = 0; i < 6 * p->nodes; i++)
-        for (int64_t j = 0; j < p->modes; j++) body->operator_t[j * 6 * p->nodes + i] = p->operator_[i * p->modes + j];
-    pack_bends(body);
     find_reach(body);
     const StepLimits usual = {0.0, 1e-3, 4096.0};
     body_options(body, 1.0, &usual);
@@ -117,8 +95,8 @@ static int furnish(Body *body) {
 }
 
 /* The body with the program that its image is; closed, with words in `why`, where it cannot be. */
-static Body *opened(Body *body, const char **why) {
-    *why = open_program(body->image, body->image_size, &body->p);
+static Body *opened(Body *body, Image base, const char **why) {
+    *why = open_program((Image){body->image, body->image_size}, base, &body->p);
     if (!*why && furnish(body)) return body;
     if (!*why) *why = NO_MEMORY;
     body_close(body);
@@ -129,22 +107,24 @@ Body *body_open(const void *image, int64_t size, const char **why) {
     *why = NO_MEMORY;
     Body *body = calloc(1, sizeof *body);
     if (!body) return 0;
-    body->image = body->copy = size > 0 ? malloc((size_t)size) : 0;
+    body->copy = size > 0 ? malloc((size_t)size + IMAGE_ALIGNMENT) : 0;
     if (!body->copy) {
         body_close(body);
         return 0;
     }
-    memcpy(body->copy, image, (size_t)size);
+    char *to = body->copy;
+    while ((uintptr_t)to % IMAGE_ALIGNMENT) to++;
+    body->image = memcpy(to, image, (size_t)size);
     body->image_size = size;
-    return opened(body, why);
+    return opened(body, (Image){0, 0}, why);
 }
 
-Body *body_open_file(const char *folder, const char *name, const char **why) {
+Body *body_open_file(const char *folder, const char *name, const Body *base, const char **why) {
     *why = NO_MEMORY;
     Body *body = calloc(1, sizeof *body);
     if (!body) return 0;
     body->image = map_file(folder, name, &body->image_size);
-    if (body->image) return opened(body, why);
+    if (body->image) return opened(body, base ? (Image){base->image, base->image_size} : (Image){0, 0}, why);
     *why = 0;
     body_close(body);
     return 0;

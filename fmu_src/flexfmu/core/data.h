@@ -32,7 +32,7 @@ typedef struct {
     unsigned char offset, turn;
 } Need;
 
-/* Rows of the operator that one part's coordinates bend, and their curvature as pack_symmetric lays it, rows by the four. */
+/* Rows of the operator that one part's coordinates bend, and their curvature, packed. */
 typedef struct {
     int64_t count, start; /* of rows; where their numbers begin in Configuration.turned */
     const int64_t *row;
@@ -71,10 +71,8 @@ typedef struct Body {
     StepLimits limits;
     double *stiffness;    /* (m) */
     double *zeta;         /* (m), scaled */
-    double *operator_t;   /* (m, 6K): the operator, column by column */
     Bend *bends;          /* (parts) */
     int64_t *bent_row;    /* of all parts in turn */
-    double *curvature_t;  /* of all parts, packed */
     double *four;         /* (m, 4): four rows of Configuration.turned in the making */
     int64_t bend_rows;    /* numbers of Configuration.turned */
     int64_t *turned_start; /* (6K): where those of each row begin */

@@ -2,7 +2,8 @@
 
 import re
 import struct
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,13 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 
 FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
-VERSION = 1
+VERSION = 2
 _MARK = b"flexprog"
 _WORD = 8
-_HEAD = struct.Struct("<8sqQqQ")
+_HEAD = struct.Struct("<8sqQqQQ")
+_ALIGNMENT = 32
+# Bytes from which on it is worth taking an array from another image, and matrices and rows that are packed together.
+_WORTH, _TOGETHER = 4096, 4
 _FIELD = re.compile(r"^(SIZE|REAL|INTEGER|TEXT)\((\w+)(?:, ([^)]*))?\)", re.MULTILINE)
 _DTYPE: dict[str, np.dtype[Any]] = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("u1")}
 
@@ -85,23 +90,54 @@ class Image:
     arrays: dict[str, NDArray[np.generic]]
 
 
-def read_image(image: bytes) -> Image:
-    """Sizes and arrays of an image that the core has accepted."""
+def read_image(image: bytes, base: bytes = b"") -> Image:
+    """Sizes and arrays of an image that the core has accepted, `base` being the one that it takes arrays from."""
     sizes: dict[str, int] = {}
     arrays: dict[str, NDArray[np.generic]] = {}
-    at = _HEAD.size
-    for field in fields():
+    for field, (word,) in zip(
+        fields(), struct.iter_unpack("<q", image[_HEAD.size :][: _WORD * len(fields())]), strict=True
+    ):
         if field.kind == "SIZE":
-            sizes[field.name] = struct.unpack_from("<q", image, at)[0]
-            at += _WORD
-            continue
-        values = np.frombuffer(image, _DTYPE[field.kind], _count(field.count, sizes), at)
-        arrays[field.name] = values
-        at += values.nbytes + -values.nbytes % _WORD
+            sizes[field.name] = word
+        else:
+            count = _count(field.count, sizes)
+            place = _WORD * word if count else 0
+            arrays[field.name] = np.frombuffer(base if place < 0 else image, _DTYPE[field.kind], count, abs(place))
     return Image(sizes, arrays)
 
 
-def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[np.generic] | bytes]) -> bytes:
+def packed(matrices: FloatArray) -> FloatArray:
+    """Symmetric (n, r, r) as the core has them, flat: `packed_times` of core/vectors.c."""
+    count, r = matrices.shape[:2]
+    whole = np.zeros((-(-count // _TOGETHER), _TOGETHER, r, r))
+    whole.reshape(-1, r, r)[:count] = 0.5 * matrices + 0.5 * matrices.swapaxes(1, 2)
+    rows = [slice(a, a + _TOGETHER) for a in range(0, r - r % _TOGETHER, _TOGETHER)]
+    rows += [slice(a, a + 1) for a in range(r - r % _TOGETHER, r)]
+    parts = [np.moveaxis(whole[:, :, own, own.start :], (1, 2, 3), (3, 2, 1)).reshape(len(whole), -1) for own in rows]
+    return np.concatenate(parts, axis=1).ravel()
+
+
+def aligned(data: bytes) -> bytes:
+    """Bytes with zeros behind them: what follows is as vectors like it."""
+    return data + b"\0" * (-len(data) % _ALIGNMENT)
+
+
+def shared(several: Sequence[Mapping[str, NDArray[Any] | bytes]]) -> FloatArray:
+    """Numbers that several programs hold more than once, for the image that they take them from."""
+    counted = Counter(
+        aligned(data)
+        for arrays in several
+        for array in arrays.values()
+        if isinstance(array, np.ndarray)
+        and array.dtype.kind == "f"
+        and len(data := array.astype("<f8").tobytes()) >= _WORTH
+    )
+    return np.frombuffer(b"".join(data for data, count in counted.items() if count > 1))
+
+
+def write_image(
+    sizes: Mapping[str, int], arrays: Mapping[str, NDArray[np.generic] | bytes], base: bytes = b""
+) -> bytes:
     """Image of a program.
 
     Parameters
@@ -110,6 +146,8 @@ def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[np.generi
         Those left out are zero.
     arrays : mapping of str to array or bytes
         Those left out are empty; shapes do not matter, their sizes must be those of the table.
+    base : bytes
+        An image that large arrays are taken from where it holds them.
 
     Returns
     -------
@@ -125,20 +163,29 @@ def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[np.generi
         if name not in known:
             raise ProgramError(f"{name!r} is no field of a program")
     every = {field.name: int(sizes.get(field.name, 0)) for field in fields() if field.kind == "SIZE"}
-    parts: list[bytes] = []
+    words: list[int] = []
+    start = len(aligned(bytes(_HEAD.size + _WORD * len(fields()))))
+    parts = bytearray()
     for field in fields():
         if field.kind == "SIZE":
-            parts.append(struct.pack("<q", every[field.name]))
+            words.append(every[field.name])
             continue
         given = arrays.get(field.name, b"")
         values = np.frombuffer(given, np.uint8) if isinstance(given, bytes) else np.ascontiguousarray(given)
         expected = _count(field.count, every)
         if values.size != expected:
             raise ProgramError(f"{field.name} has {values.size} elements, expected {field.count} = {expected}")
-        data = values.astype(_DTYPE[field.kind]).tobytes()
-        parts.append(data + b"\0" * (-len(data) % _WORD))
-    body = b"".join(parts)
-    return _HEAD.pack(_MARK, VERSION, checksum(_table()), _HEAD.size + len(body), checksum(body)) + body
+        data = aligned(values.astype(_DTYPE[field.kind]).tobytes())
+        place = base.find(data) if len(data) >= _WORTH else -1
+        if place >= 0 and place % _ALIGNMENT == 0:
+            words.append(-place // _WORD)
+        else:
+            words.append((start + len(parts)) // _WORD)
+            parts += data
+    table = struct.pack(f"<{len(words)}q", *words)
+    body = table + bytes(start - _HEAD.size - len(table)) + parts
+    mark = _HEAD.unpack_from(base)[-1] if base else 0
+    return _HEAD.pack(_MARK, VERSION, checksum(_table()), _HEAD.size + len(body), mark, checksum(body)) + body
 
 
 def _count(expression: str, sizes: Mapping[str, int]) -> int:

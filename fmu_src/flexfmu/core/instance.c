@@ -51,7 +51,7 @@ static int64_t parameter_variable(const Instance *x, int64_t index) {
 
 static Body *open_named(Instance *x, const char *name, char *why) {
     const char *wrong;
-    Body *body = body_open_file(x->folder, name, &wrong);
+    Body *body = body_open_file(x->folder, name, x->described, &wrong);
     if (body) return body;
     if (wrong)
         snprintf(why, TEXT_SIZE, "%s cannot be used: %s; build the FMU again", name, wrong);

@@ -8,7 +8,7 @@
 
 void take_stretch(const Body *body, Arena *arena, Stretch *at) {
     const int64_t count = body->p.stretches;
-    at->slope = take(arena, count * body->p.modes);
+    at->slope = take(arena, (count + LANES - 1) / LANES * LANES * body->p.modes);
     at->bent = take(arena, count);
     at->whole = take(arena, count);
 }
@@ -16,8 +16,10 @@ void take_stretch(const Body *body, Arena *arena, Stretch *at) {
 void stretch_at(const Body *body, const double *q, Stretch *at) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
-    memset(at->slope, 0, (size_t)(p->stretches * m) * sizeof(double));
-    add_rows(q, p->stretch, at->slope, m, p->stretches * m);
+    for (int64_t r = 0; r < p->stretches; r += LANES) {
+        packed_times(p->stretch + r / LANES * packed_size(m), q, body->four, m);
+        unpack(body->four, at->slope + r * m, m);
+    }
     for (int64_t r = 0; r < p->stretches; r++) {
         at->bent[r] = dot(at->slope + r * m, q, m);
         at->whole[r] = at->bent[r] + dot(p->stretch_linear + r * m, q, m);
@@ -45,12 +47,17 @@ void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b
 void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
+    double whole[LANES] = {0.0};
     for (int64_t r = 0; r < p->stretches; r++) {
         const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m;
-        const double four = 4.0 * p->stretch_sign[r], whole = four * at->whole[r];
+        const double four = 4.0 * p->stretch_sign[r];
         for (int64_t i = 0; i < m; i++) {
-            const double *own = p->stretch + (i * p->stretches + r) * m, by_slope = four * (linear[i] + 2.0 * slope[i]);
-            for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + four * slope[i] * linear[j] + whole * own[j];
+            const double by_slope = four * (linear[i] + 2.0 * slope[i]);
+            for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + four * slope[i] * linear[j];
         }
+        whole[r % LANES] = four * at->whole[r];
+        if (r % LANES < LANES - 1 && r + 1 < p->stretches) continue;
+        add_packed(whole, p->stretch + r / LANES * packed_size(m), out, m);
+        memset(whole, 0, sizeof whole);
     }
 }

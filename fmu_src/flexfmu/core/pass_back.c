@@ -173,8 +173,12 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
         const int64_t r = p->extent[part];
         const double *basis = part_basis(p, part);
         memset(square, 0, (size_t)(r * r) * sizeof(double));
-        for (int64_t i = 0; i < 6 * n; i++)
-            if (p->part[i] == part) add_rows(rows + i, p->curvature + p->core_start[i], square, 1, r * r);
+        const Bend *bend = body->bends + part;
+        for (int64_t first = 0; first < bend->count; first += LANES) {
+            double factors[LANES] = {0.0};
+            for (int64_t k = first; k < first + LANES && k < bend->count; k++) factors[k - first] = rows[bend->row[k]];
+            add_packed(factors, bend->curvature + first / LANES * packed_size(r), square, r);
+        }
         if (!basis) {
             for (int64_t j = 0; j < m * m; j++) out[j] += square[j];
             continue;

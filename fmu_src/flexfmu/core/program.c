@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "vectors.h"
+
 #define WORD 8
 /* Far beyond any reduced body, and low enough that no product below overflows. */
 enum { MOST_SIZE = 100000000 };
@@ -26,6 +28,7 @@ typedef struct {
     int64_t version;
     uint64_t table;    /* checksum of the table's words */
     int64_t bytes;     /* of the whole image */
+    uint64_t base;     /* checksum of the one that it takes arrays from; 0 for none */
     uint64_t checksum; /* of all words after this one */
 } Head;
 
@@ -84,7 +87,7 @@ static const char *inconsistent(const Program *p) {
     if (m < 1 || m > 4096 || k > 65536) return "the numbers of modes or nodes are out of range";
     if (p->interfaces < 1 || k != s + p->interfaces + p->masses + p->lumps + 2 * p->ties) return "the nodes are not those of its parts";
     if (p->loads != 6 * p->interfaces + (p->masses ? 3 : 0)) return "the number of loads is not that of its interfaces";
-    if (p->placement > PLACE_DEFORMED || !is_flag(p->tied) || p->tied != (p->ties > 0) || !is_flag(p->curved) ||
+    if (p->placement > PLACE_DEFORMED || !is_flag(p->tied) || p->tied != (p->ties > 0) || !is_flag(p->curved) || (p->parts && !p->curved) ||
         !is_flag(p->by_load_given) || !is_flag(p->by_mode_given) || !is_flag(p->judged) || !is_flag(p->inertial) ||
         !is_flag(p->spins) || p->spins > p->rigid || !is_flag(p->spin_inertia_given) || p->spin_inertia_given > p->spins)
         return "an option is out of range";
@@ -101,7 +104,7 @@ static const char *inconsistent(const Program *p) {
     for (int64_t i = 0; i < k; i++)
         if (p->parent[i] < -1 || p->parent[i] >= (i < s ? i : s)) return "a node hangs on what is not before it";
     if (p->curved) {
-        if (!p->basis && p->parts != 1) return "the coordinates that bend are missing";
+        if (p->parts > 6 * k || (!p->basis && p->parts != 1)) return "the coordinates that bend are missing";
         int64_t numbers = 0, bends = 0;
         for (int64_t i = 0; i < p->parts; i++) {
             if (p->extent[i] < 1 || p->extent[i] > m) return "coordinates that bend are out of range";
@@ -110,13 +113,16 @@ static const char *inconsistent(const Program *p) {
         if (p->basis ? numbers != p->basis_numbers : p->extent[0] != m) return "the coordinates that bend are incomplete";
         for (int64_t i = 0; i < 6 * k; i++) {
             if (p->part[i] < -1 || p->part[i] >= p->parts) return "a curvature is of no part";
-            if (p->part[i] < 0) continue;
-            const int64_t r = p->extent[p->part[i]];
-            if (p->core_start[i] < 0 || p->core_start[i] > p->bends - r * r) return "a curvature lies outside";
-            bends += r * r;
         }
-        if (bends != p->bends) return "curvatures lie over each other";
+        for (int64_t part = 0; part < p->parts; part++) {
+            int64_t rows = 0;
+            for (int64_t i = 0; i < 6 * k; i++) rows += p->part[i] == part;
+            bends += packed_total(rows, p->extent[part]);
+        }
+        if (bends != p->bends) return "curvatures are incomplete";
     }
+    if (2 * p->judged_pairs != (p->judged ? p->elastic_count * (p->elastic_count + 1) : 0)) return "the second opinion is incomplete";
+    if (p->stretch_numbers != packed_total(p->stretches, m)) return "stretches are incomplete";
     if (!positive(p->mass, p->masses, 1) || !positive(p->tie_stiffness, 3 * p->ties, 1)) return "a mass or stiffness is negative";
     if (!within(p->pull, p->pulls, 0, 6 * p->ties - 1) || p->pulls > 6 * p->ties) return "a tie's coordinate is out of range";
     if (!within(p->turning_frame, p->turnings, 0, s ? s - 1 : 0)) return "a rotation is of no frame";
@@ -151,24 +157,38 @@ uint64_t program_mark(const void *image) {
     return head.checksum;
 }
 
-const char *open_program(const void *image, int64_t size, Program *p) {
+/* Where an array lies: at word `place` of the image, or, negative, of its base; null where it does not lie within. */
+static const void *array_at(const Image *image, const Image *base, int64_t place, int64_t room, const char **used) {
+    const Image *in = place < 0 ? base : image;
+    if (!place || place < -in->size || place > in->size) return 0;
+    const int64_t at = (place < 0 ? -place : place) * WORD;
+    if (room > in->size - at) return 0;
+    const char *start = (const char *)in->bytes + at;
+    if (in == image && start + room > *used) *used = start + room;
+    return start;
+}
+
+const char *open_program(Image image, Image base, Program *p) {
     static const char short_of[] = "it is shorter than it says";
-    const char *at = image;
+    const int64_t size = image.size;
+    const char *at = image.bytes;
     Head head;
     const union {
         uint16_t number;
         char first;
     } order = {1};
     if (order.first != 1) return "this machine is not little-endian";
-    if (size < (int64_t)sizeof head || memcmp(image, "flexprog", WORD) != 0) return "it is no program of flexfmu";
-    memcpy(&head, image, sizeof head);
+    if (size < (int64_t)sizeof head || memcmp(at, "flexprog", WORD) != 0) return "it is no program of flexfmu";
+    memcpy(&head, at, sizeof head);
     if (head.version != PROGRAM_VERSION) return "it is of another version";
     char padded[sizeof TABLE + WORD] = {0};
     memcpy(padded, TABLE, sizeof TABLE - 1);
     if (head.table != checksum(padded, (int64_t)((sizeof TABLE - 1 + WORD - 1) / WORD))) return "its table of fields is another";
     if (head.bytes != size || size % WORD) return short_of;
     if (head.checksum != checksum(at + sizeof head, (size - (int64_t)sizeof head) / WORD)) return "it was altered";
-    const char *end = at + size;
+    if (head.base && (!base.bytes || head.base != program_mark(base.bytes))) return "it takes arrays of another body";
+    if (!head.base) base = (Image){0, 0};
+    const char *end = at + size, *used;
     at += sizeof head;
 /* Counts are formed of local floating-point copies of the sizes, which cannot overflow. */
 #define SIZE(name) double name = 0.0;
@@ -191,20 +211,25 @@ const char *open_program(const void *image, int64_t size, Program *p) {
     if (!((count) <= MOST_NUMBERS)) return "an array is too large: " #name;    \
     numbers = (int64_t)(count);                                                \
     room = (numbers * (size_of) + WORD - 1) / WORD * WORD;                     \
-    if (end - at < room) return short_of;                                      \
-    p->name = numbers ? (const type *)(const void *)at : 0;                    \
-    at += room;
+    if (end - at < WORD) return short_of;                                      \
+    memcpy(&place, at, WORD);                                                  \
+    at += WORD;                                                                \
+    used = used > at ? used : at;                                              \
+    p->name = numbers ? array_at(&image, &base, place, room, &used) : 0;       \
+    if (numbers && !p->name) return short_of;
 #define REAL(name, count)                                                      \
     ARRAY(name, count, double, WORD)                                           \
     if (!all_finite(p->name, numbers)) return "numbers are not finite: " #name;
 #define INTEGER(name, count) ARRAY(name, count, int64_t, WORD)
 #define TEXT(name, count) ARRAY(name, count, char, 1)
-    int64_t numbers, room;
+    int64_t numbers, room, place;
+    used = at;
 #include "fields.def"
 #undef SIZE
 #undef REAL
 #undef INTEGER
 #undef TEXT
-    if (at != end) return "it is longer than it says";
+    const int64_t whole = (used - (const char *)image.bytes + IMAGE_ALIGNMENT - 1) / IMAGE_ALIGNMENT * IMAGE_ALIGNMENT;
+    if (whole != size) return whole > size ? short_of : "it is longer than it says";
     return inconsistent(p);
 }

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define PROGRAM_VERSION 1
+#define PROGRAM_VERSION 2
 
 typedef struct {
 #define SIZE(name) int64_t name;
@@ -23,9 +23,16 @@ enum { PLACE_REFERENCE = 0, PLACE_CORRECTIVE_MOMENT = 1, PLACE_DEFORMED = 2 };
 /* 64-bit checksum of whole words. */
 uint64_t checksum(const void *words, int64_t count);
 
-/* Point a program into an image of `size` bytes, which must stay where it is, eight-byte aligned.
- * Returns null where every byte is as it must be, else what is wrong with it. */
-const char *open_program(const void *image, int64_t size, Program *program);
+/* An image, aligned to IMAGE_ALIGNMENT bytes as its arrays then are. */
+enum { IMAGE_ALIGNMENT = 32 };
+typedef struct {
+    const void *bytes;
+    int64_t size;
+} Image;
+
+/* Point a program into an image, and into `base` where it takes arrays from that, one that was opened; both must stay where they
+ * are. Returns null where every byte is as it must be, else what is wrong with it. */
+const char *open_program(Image image, Image base, Program *program);
 
 /* Of an image that was opened: the checksum in its head. */
 uint64_t program_mark(const void *image);

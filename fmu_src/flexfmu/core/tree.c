@@ -103,7 +103,7 @@ void configure_linear(const Body *body, const Need *need, const double *q, Confi
     const Program *p = &body->p;
     if (at->q != q) memcpy(at->q, q, (size_t)p->modes * sizeof(double));
     memset(at->straight, 0, (size_t)(6 * p->nodes) * sizeof(double));
-    add_strided_rows(q, body->operator_t, 6 * p->nodes, at->straight, p->modes, moving_rows(p));
+    add_strided_rows(q, p->operator_t, 6 * p->nodes, at->straight, p->modes, moving_rows(p));
     if (!p->curved) return;
     part_coordinates(p, q, at->bent);
     turn_rows(body, need, at->bent, at->turned);

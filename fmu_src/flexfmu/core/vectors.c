@@ -109,15 +109,19 @@ int64_t packed_size(int64_t r) {
     return LANES * pairs;
 }
 
-void pack_symmetric(const double *const *matrices, double *packed, int64_t r) {
+int64_t packed_total(int64_t matrices, int64_t r) { return (matrices + LANES - 1) / LANES * packed_size(r); }
+
+void add_packed(const double *factors, const double *packed, double *out, int64_t r) {
+    COUNT(8 * r * r);
     for (int64_t a = 0, rows; a < r; a += rows) {
         rows = r - a < BLOCK ? 1 : BLOCK;
-        for (int64_t column = a; column < r; column++)
-            for (int64_t row = a; row < a + rows; row++)
-                for (int lane = 0; lane < LANES; lane++) {
-                    const double *matrix = matrices[lane];
-                    *packed++ = matrix ? 0.5 * matrix[row * r + column] + 0.5 * matrix[column * r + row] : 0.0;
-                }
+        for (int64_t b = a; b < r; b++)
+            for (int64_t row = a; row < a + rows; row++, packed += LANES) {
+                const double sum = (factors[0] * packed[0] + factors[1] * packed[1]) + (factors[2] * packed[2] + factors[3] * packed[3]);
+                out[row * r + b] += sum;
+                /* Within the block both of a pair are there. */
+                if (b >= a + rows) out[b * r + row] += sum;
+            }
     }
 }
 

@@ -26,10 +26,12 @@ enum { LANES = 4 };
 
 /* Numbers of LANES matrices (r, r) once packed. */
 int64_t packed_size(int64_t r);
-/* Pack matrices (r, r), null for none: each pair of a row and a column once, the LANES matrices side by side. */
-void pack_symmetric(const double *const *matrices, double *packed, int64_t r);
+/* The same of any number of matrices. */
+int64_t packed_total(int64_t matrices, int64_t r);
 /* out (r, LANES) = matrices times x (r). */
 void packed_times(const double *packed, const double *x, double *out, int64_t r);
+/* out (r, r) += the sum of matrices times factors (LANES). */
+void add_packed(const double *factors, const double *packed, double *out, int64_t r);
 /* rows (LANES, r) = the transpose of four (r, LANES). */
 void unpack(const double *four, double *rows, int64_t r);
 

@@ -233,13 +233,23 @@ void judgement_demand(const Body *body, Arena *arena) {
     take_judgement(body, arena, &room);
 }
 
+/* out (e, e) = the sum of symmetric matrices, their lower triangles, times factors. */
+static void sum_of_triangles(const double *factors, const double *triangles, int64_t count, int64_t e, double *out) {
+    const int64_t pairs = e * (e + 1) / 2;
+    memset(out, 0, (size_t)(e * e) * sizeof(double));
+    add_rows(factors, triangles, out, count, pairs);
+    /* From the end, where no row comes before it is read. */
+    for (int64_t i = e - 1; i >= 0; i--) memmove(out + i * e, out + i * (i + 1) / 2, (size_t)(i + 1) * sizeof(double));
+    for (int64_t i = 0; i < e; i++)
+        for (int64_t j = 0; j < i; j++) out[j * e + i] = out[i * e + j];
+}
+
 /* true = 1 + sum of loads times `change`, and what is missed of it. */
 static void judged(const Body *body, const double *inputs, double *change, double *missed) {
     const int64_t e = body->p.elastic_count;
-    for (int64_t i = 0; i < e * e; i++) change[i] = i % (e + 1) == 0 ? 1.0 : 0.0;
-    memset(missed, 0, (size_t)(e * e) * sizeof(double));
-    add_rows(inputs, body->p.judge_change, change, body->p.loads, e * e);
-    add_rows(inputs, body->p.judge_missed, missed, body->p.loads, e * e);
+    sum_of_triangles(inputs, body->p.judge_change, body->p.loads, e, change);
+    sum_of_triangles(inputs, body->p.judge_missed, body->p.loads, e, missed);
+    for (int64_t i = 0; i < e; i++) change[i * (e + 1)] += 1.0;
 }
 
 int body_may_miss(Body *body, const double *inputs, double limit) {

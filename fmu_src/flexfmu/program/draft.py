@@ -22,14 +22,14 @@ class Draft:
     sizes: dict[str, int]
     arrays: dict[str, NDArray[Any] | bytes]
 
-    def image(self) -> bytes:
-        """All of it as bytes."""
+    def image(self, base: bytes = b"") -> bytes:
+        """All of it as bytes, but for arrays that another image holds."""
         counted = {
             field.count: len(array) if isinstance(array := self.arrays[field.name], bytes) else array.size
             for field in fields()
             if field.name in self.arrays and field.count.isidentifier()
         }
-        return write_image(counted | self.sizes, self.arrays)
+        return write_image(counted | self.sizes, self.arrays, base)
 
 
 def texts(*words: str) -> bytes:

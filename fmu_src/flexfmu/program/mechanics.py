@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..core.image import packed
 from ..files.array_types import FloatArray, IntArray
 from ..model.errors import OptionError
 from ..model.inertia import LumpedMass
@@ -56,9 +57,9 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
         bent = bends(tree, 0 if lumped is None else inertial_modes(body))
         draft.sizes["curved"] = 1
         draft.arrays |= {"curvature": bent.numbers, "basis": bent.basis, "part": bent.part}
-        draft.arrays |= {"core_start": bent.start, "extent": bent.extent}
+        draft.arrays["extent"] = bent.extent
     if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
-        draft.arrays["stretch"] = np.moveaxis(body.membrane.quadratic, 0, 1)
+        draft.arrays["stretch"] = packed(body.membrane.quadratic)
         draft.arrays["stretch_linear"] = body.membrane.linear
         draft.arrays["stretch_sign"] = body.membrane.sign
     if body.ties is not None and tree.frames:
@@ -66,6 +67,7 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     _put_inertia(draft, body, recipe, mass, tree, lumped)
     if body.floating and placement is LoadPlacement.DEFORMED and recipe.stiffness is Stiffness.CONSTANT:
         _put_turns(draft, body)
+    draft.arrays["operator_t"] = np.reshape(draft.arrays["operator_"], (-1, body.mode_count)).T
     return draft
 
 

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..core.image import read_image
+from ..core.image import read_image, shared
 from ..core.interface import symbols
 from ..model.errors import OptionError
 from ..model.fixing import with_fixed_interfaces
@@ -98,7 +98,11 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
 
 def with_guid(made: Mapping[str, Draft], guid: str) -> dict[str, bytes]:
     """Images of programs that belong to the model description of a guid."""
-    return {name: Draft(draft.sizes, draft.arrays | {"guid": texts(guid)}).image() for name, draft in made.items()}
+    drafts = {name: Draft(draft.sizes, draft.arrays | {"guid": texts(guid)}) for name, draft in made.items()}
+    first = drafts.pop(DESCRIPTION)
+    first.arrays["shared"] = shared([draft.arrays for draft in drafts.values()])
+    base = first.image()
+    return {DESCRIPTION: base} | {name: draft.image(base) for name, draft in drafts.items()}
 
 
 def guid_of(image: bytes) -> str:

@@ -97,10 +97,11 @@ def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
         return 0.5 * (part + part.swapaxes(1, 2)) / (omega[:, None] * omega)
 
     judged, missed = scaled(change), scaled(own - change)
-    draft.sizes["judged"] = 1
+    triangle = np.tril_indices(count)
+    draft.sizes |= {"judged": 1, "judged_pairs": triangle[0].size}
     draft.arrays |= {
-        "judge_change": judged,
-        "judge_missed": missed,
+        "judge_change": judged[:, *triangle],
+        "judge_missed": missed[:, *triangle],
         "judge_bound": np.linalg.norm(judged, 2, (1, 2)),
         "judge_missed_bound": np.linalg.norm(missed, 2, (1, 2)),
     }

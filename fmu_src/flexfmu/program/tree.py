@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.image import packed
 from ..files.array_types import FloatArray, IntArray
 from ..model.curvature import relative_curvature
 from ..model.errors import OptionError
@@ -194,11 +195,11 @@ class Bends:
     Attributes
     ----------
     numbers : (n,) float
-        The (r, r) of each row that has one, in turn.
+        The (r, r) of the rows of each part in turn, packed.
     basis : (n,) float
         The (r, m) of each part in turn; empty for q itself.
-    part, start : (6K,) int
-        Part of each row, or −1, and where its (r, r) begins.
+    part : (6K,) int
+        Part of each row, or −1.
     extent : (parts,) int
         r.
     """
@@ -206,7 +207,6 @@ class Bends:
     numbers: FloatArray
     basis: FloatArray
     part: IntArray
-    start: IntArray
     extent: IntArray
 
 
@@ -234,12 +234,10 @@ def bends(tree: Tree, inertial: int) -> Bends:
         bases.append(basis if len(basis) <= _WORTH * modes else np.eye(modes))
     if all(len(basis) == modes for basis in bases):
         part, bases = np.where(size > 0.0, 0, -1), []
-    cores, start, used = [], np.zeros(len(owner), dtype=np.int64), 0
-    for row in np.flatnonzero(part >= 0):
-        basis = bases[part[row]] if bases else None
-        cores.append((curvature[row] if basis is None else basis @ curvature[row] @ basis.T).ravel())
-        start[row], used = used, used + cores[-1].size
-    numbers = np.concatenate(cores) if cores else np.zeros(0)
-    basis_numbers = np.concatenate([basis.ravel() for basis in bases]) if bases else np.zeros(0)
     extent = np.array([len(basis) for basis in bases] or [modes], dtype=np.int64)
-    return Bends(numbers, basis_numbers, part.astype(np.int64), start, extent)
+    cores = []
+    for number in range(len(extent)):
+        own = curvature[part == number]
+        cores.append(packed(bases[number] @ own @ bases[number].T if bases else own))
+    basis_numbers = np.concatenate([basis.ravel() for basis in bases]) if bases else np.zeros(0)
+    return Bends(np.concatenate(cores), basis_numbers, part.astype(np.int64), extent)
