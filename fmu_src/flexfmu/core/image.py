@@ -1,9 +1,10 @@
 """The program as bytes: the sizes and arrays that core/fields.def lists, with a head and a checksum."""
 
+import math
 import re
 import struct
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -52,16 +53,12 @@ class Field:
 @cache
 def fields() -> tuple[Field, ...]:
     """The table of fields, in the order of the image."""
-    return tuple(Field(kind, name, count or "") for kind, name, count in _FIELD.findall(FIELDS.read_text("utf-8")))
-
-
-def _words(data: bytes) -> NDArray[np.uint64]:
-    return np.frombuffer(data + b"\0" * (-len(data) % _WORD), dtype="<u8")
+    return tuple(Field(*found) for found in _FIELD.findall(FIELDS.read_text("utf-8")))
 
 
 def checksum(data: bytes) -> int:
     """Sum of the data's 64-bit words, each mixed with its place; `checksum` of core/program.c."""
-    words = _words(data)
+    words = np.frombuffer(data + b"\0" * (-len(data) % _WORD), dtype="<u8")
     with np.errstate(over="ignore"):
         z = words + np.arange(1, words.size + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -94,9 +91,8 @@ def read_image(image: bytes, base: bytes = b"") -> Image:
     """Sizes and arrays of an image that the core has accepted, `base` being the one that it takes arrays from."""
     sizes: dict[str, int] = {}
     arrays: dict[str, NDArray[np.generic]] = {}
-    for field, (word,) in zip(
-        fields(), struct.iter_unpack("<q", image[_HEAD.size :][: _WORD * len(fields())]), strict=True
-    ):
+    words = np.frombuffer(image, "<i8", len(fields()), _HEAD.size).tolist()
+    for field, word in zip(fields(), words, strict=True):
         if field.kind == "SIZE":
             sizes[field.name] = word
         else:
@@ -122,22 +118,13 @@ def aligned(data: bytes) -> bytes:
     return data + b"\0" * (-len(data) % _ALIGNMENT)
 
 
-def shared(several: Sequence[Mapping[str, NDArray[Any] | bytes]]) -> FloatArray:
-    """Numbers that several programs hold more than once, for the image that they take them from."""
-    counted = Counter(
-        aligned(data)
-        for arrays in several
-        for array in arrays.values()
-        if isinstance(array, np.ndarray)
-        and array.dtype.kind == "f"
-        and len(data := array.astype("<f8").tobytes()) >= _WORTH
-    )
-    return np.frombuffer(b"".join(data for data, count in counted.items() if count > 1))
+def shared(several: Iterable[Mapping[str, Any]], base: bytes) -> FloatArray:
+    """Large arrays that several programs hold and an image does not, for that to hold them, too."""
+    large = [aligned(a.tobytes()) for arrays in several for a in arrays.values() if getattr(a, "nbytes", 0) >= _WORTH]
+    return np.frombuffer(b"".join(data for data, count in Counter(large).items() if count > 1 and data not in base))
 
 
-def write_image(
-    sizes: Mapping[str, int], arrays: Mapping[str, NDArray[np.generic] | bytes], base: bytes = b""
-) -> bytes:
+def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[Any] | bytes], base: bytes = b"") -> bytes:
     """Image of a program.
 
     Parameters
@@ -158,10 +145,8 @@ def write_image(
     ProgramError
         Naming the first array or size that the table does not know, or whose size is another.
     """
-    known = {field.name for field in fields()}
-    for name in (*sizes, *arrays):
-        if name not in known:
-            raise ProgramError(f"{name!r} is no field of a program")
+    if unknown := {*sizes, *arrays} - {field.name for field in fields()}:
+        raise ProgramError(f"{min(unknown)!r} is no field of a program")
     every = {field.name: int(sizes.get(field.name, 0)) for field in fields() if field.kind == "SIZE"}
     words: list[int] = []
     start = len(aligned(bytes(_HEAD.size + _WORD * len(fields()))))
@@ -177,24 +162,15 @@ def write_image(
             raise ProgramError(f"{field.name} has {values.size} elements, expected {field.count} = {expected}")
         data = aligned(values.astype(_DTYPE[field.kind]).tobytes())
         place = base.find(data) if len(data) >= _WORTH else -1
-        if place >= 0 and place % _ALIGNMENT == 0:
-            words.append(-place // _WORD)
-        else:
-            words.append((start + len(parts)) // _WORD)
-            parts += data
-    table = struct.pack(f"<{len(words)}q", *words)
-    body = table + bytes(start - _HEAD.size - len(table)) + parts
+        held = place >= 0 and place % _ALIGNMENT == 0
+        words.append((-place if held else start + len(parts)) // _WORD)
+        parts += b"" if held else data
+    body = struct.pack(f"<{len(words)}q", *words).ljust(start - _HEAD.size, b"\0") + parts
     mark = _HEAD.unpack_from(base)[-1] if base else 0
     return _HEAD.pack(_MARK, VERSION, checksum(_table()), _HEAD.size + len(body), mark, checksum(body)) + body
 
 
 def _count(expression: str, sizes: Mapping[str, int]) -> int:
     """Value of sums of products of sizes and numbers."""
-    total = 0
-    for term in expression.split("+"):
-        factors = (factor.strip() for factor in term.split("*"))
-        product = 1
-        for factor in factors:
-            product *= int(factor) if factor.isdigit() else sizes[factor]
-        total += product
-    return total
+    terms = (term.split("*") for term in expression.split("+"))
+    return sum(math.prod(int(f) if f.strip().isdigit() else sizes[f.strip()] for f in term) for term in terms)

@@ -124,18 +124,8 @@ def _variable(role: str, name: str, unit: str, when: str, text: str, note: str) 
     return [Row(role, "", name, kind, unit, when, text, note)]
 
 
-def _parameter(
-    symbol: str,
-    name: str,
-    kind: str,
-    unit: str,
-    start: str,
-    least: str,
-    variability: str,
-    when: str,
-    text: str,
-    note: str,
-) -> list[Row]:
+def _parameter(symbol: str, name: str, kind: str, *cells: str) -> list[Row]:
+    unit, start, least, variability, when, text, note = cells
     row = Row("PARAMETER", symbol, name, _TYPES.get(kind, "String"), unit, when, text, note)
     if kind not in _TYPES:
         return [replace(row, words=kind)]

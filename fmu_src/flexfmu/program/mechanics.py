@@ -54,10 +54,8 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     _put_loads(draft, body)
     _put_watched(draft, body, recipe, tree)
     if tree.curvature is not None:
-        bent = bends(tree, 0 if lumped is None else inertial_modes(body))
         draft.sizes["curved"] = 1
-        draft.arrays |= {"curvature": bent.numbers, "basis": bent.basis, "part": bent.part}
-        draft.arrays["extent"] = bent.extent
+        draft.arrays |= bends(tree, 0 if lumped is None else inertial_modes(body))
     if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
         draft.arrays["stretch"] = packed(body.membrane.quadratic)
         draft.arrays["stretch_linear"] = body.membrane.linear

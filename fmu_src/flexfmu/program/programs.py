@@ -83,24 +83,23 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
     roles = symbols("ROLE")
     start = [v.choices.index(str(v.start)) if v.choices else float(v.start or 0.0) for v in table]
     offered = [body.interface_names.index(name) for name in body.compliance_interfaces]
-    return Draft(
-        {},
-        {
-            "variable_type": np.array([_TYPES.index(v.type) for v in table]),
-            "variable_role": np.array([roles.index(v.role) for v in table]),
-            "variable_index": np.array([v.number for v in table]),
-            "variable_start": np.array(start, dtype=np.float64),
-            "variable_texts": texts(*("".join(f"{text}\n" for text in (v.name, *v.choices)) for v in table)),
-            "compliance_interface": np.array(offered, dtype=np.int64),
-        },
-    )
+    draft = Draft({}, {})
+    draft.arrays |= {
+        "variable_type": np.array([_TYPES.index(v.type) for v in table]),
+        "variable_role": np.array([roles.index(v.role) for v in table]),
+        "variable_index": np.array([v.number for v in table]),
+        "variable_start": np.array(start, dtype=np.float64),
+        "variable_texts": texts(*("".join(f"{text}\n" for text in (v.name, *v.choices)) for v in table)),
+        "compliance_interface": np.array(offered, dtype=np.int64),
+    }
+    return draft
 
 
 def with_guid(made: Mapping[str, Draft], guid: str) -> dict[str, bytes]:
     """Images of programs that belong to the model description of a guid."""
     drafts = {name: Draft(draft.sizes, draft.arrays | {"guid": texts(guid)}) for name, draft in made.items()}
     first = drafts.pop(DESCRIPTION)
-    first.arrays["shared"] = shared([draft.arrays for draft in drafts.values()])
+    first.arrays["shared"] = shared([draft.arrays for draft in drafts.values()], first.image())
     base = first.image()
     return {DESCRIPTION: base} | {name: draft.image(base) for name, draft in drafts.items()}
 

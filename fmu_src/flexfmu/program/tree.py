@@ -186,32 +186,17 @@ def _curvature(
     return np.concatenate([d.reshape(-1, *d.shape[2:]), c.reshape(-1, *c.shape[2:])])
 
 
-@dataclass(frozen=True, slots=True)
-class Bends:
-    """Curvature in the coordinates that bend each part: nodes of one root, of a cut body one of its pieces.
+def bends(tree: Tree, inertial: int) -> dict[str, FloatArray | IntArray]:
+    """What bends the nodes of a tree with curvature, its lumps by the first `inertial` coordinates only.
 
-    There are far fewer of them than q has, and a step's cost goes by their square. In one piece q itself stays.
+    Coordinates bend parts: nodes of one root, of a cut body one of its pieces. There are far fewer of them than q has,
+    and a step's cost goes by their square. In one piece q itself stays.
 
-    Attributes
-    ----------
-    numbers : (n,) float
-        The (r, r) of the rows of each part in turn, packed.
-    basis : (n,) float
-        The (r, m) of each part in turn; empty for q itself.
-    part : (6K,) int
-        Part of each row, or −1.
-    extent : (parts,) int
-        r.
+    Returns
+    -------
+    dict
+        Fields of a program: curvature, basis, part, extent.
     """
-
-    numbers: FloatArray
-    basis: FloatArray
-    part: IntArray
-    extent: IntArray
-
-
-def bends(tree: Tree, inertial: int) -> Bends:
-    """What bends the nodes of a tree with curvature, its lumps by the first `inertial` coordinates only."""
     assert tree.curvature is not None
     curvature, modes, root = tree.curvature, tree.operator.shape[-1], tree.parent.copy()
     for node, parent in enumerate(tree.parent):
@@ -234,10 +219,11 @@ def bends(tree: Tree, inertial: int) -> Bends:
         bases.append(basis if len(basis) <= _WORTH * modes else np.eye(modes))
     if all(len(basis) == modes for basis in bases):
         part, bases = np.where(size > 0.0, 0, -1), []
-    extent = np.array([len(basis) for basis in bases] or [modes], dtype=np.int64)
-    cores = []
-    for number in range(len(extent)):
-        own = curvature[part == number]
-        cores.append(packed(bases[number] @ own @ bases[number].T if bases else own))
-    basis_numbers = np.concatenate([basis.ravel() for basis in bases]) if bases else np.zeros(0)
-    return Bends(np.concatenate(cores), basis_numbers, part.astype(np.int64), extent)
+    own = [curvature[part == number] for number in range(len(bases) or 1)]
+    cores = [packed(a @ k @ a.T) for a, k in zip(bases, own, strict=True)] if bases else [packed(own[0])]
+    return {
+        "curvature": np.concatenate(cores),
+        "basis": np.concatenate([basis.ravel() for basis in bases] or [np.zeros(0)]),
+        "part": part,
+        "extent": np.array([len(basis) for basis in bases] or [modes]),
+    }
