@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )
     from .build.choices import Interface as Interface
     from .build.choices import Support as Support
+    from .calls.functions import *  # noqa: F403
     from .files.errors import FlexfmuError as FlexfmuError
     from .files.errors import SimulationError as SimulationError
     from .files.units import UnitSystem as UnitSystem
@@ -53,6 +54,7 @@ _MODULES = {
     ".api": ("Body",),
     ".body.flexible_body": ("FlexibleBody", "Response", "State", "StepLimits"),
     ".build.choices": ("Interface", "Support"),
+    ".calls.functions": ("chart", "check", "couple", "fit", "init", "show", "stability"),
     ".files.errors": ("FlexfmuError", "SimulationError"),
     ".files.units": ("UnitSystem",),
     ".files.version": ("__version__",),

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from enum import Enum
+from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +20,7 @@ from .build.choices import (
 )
 from .build.config import read_body_file
 from .build.reduce import reduce_mesh
+from .files.plain_data import rows_html
 from .files.progress import Reporter, ScriptReporter
 from .files.store import Store
 from .files.units import UnitSystem, unit_system
@@ -142,6 +144,12 @@ class Body:
         held = ", ".join(str(table.nodes) for table in self.spec.support) or "nothing"
         taken = ", ".join(f"{table.name} ({table.nodes})" for table in self.spec.interface)
         return f"<Body {self.spec.name!r}: {self.mesh!r}, held at {held}; interfaces {taken}>"
+
+    def _repr_html_(self) -> str:
+        """What it is, as a table."""
+        rows = [("mesh", repr(self.mesh)), *(("held at", str(table.nodes)) for table in self.spec.support)]
+        rows += [(f"interface {table.name}", str(table.nodes)) for table in self.spec.interface]
+        return f"<p>{escape(self.spec.name)}</p>{rows_html(rows)}"
 
     def build(
         self,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexfmu.view import curves
+from flexfmu.fmu import curves
 
 
 def test_a_metre_is_drawn_as_a_thousand_millimetres_and_a_radian_as_its_degrees(tmp_path, monkeypatch):

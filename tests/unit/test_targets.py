@@ -13,9 +13,9 @@ from flexfmu.files.errors import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.files.targets import check_target, whole_file
+from flexfmu.fmu.curves import plot_result
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.modal_file import write_modal_file
-from flexfmu.view.curves import plot_result
 
 
 def text(path):

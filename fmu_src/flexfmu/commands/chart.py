@@ -49,7 +49,13 @@ def chart(
         if stability:
             _map_stability(body, scene, records[0], picture, jobs)
         else:
-            _show(_try_models(body, scene, records, picture, page, bare, every, jobs), len(records) > 1, as_json)
+            from ..calls.functions import chart as draw
+
+            drawn = draw(
+                body, scene, records,
+                picture=picture, page=page, bare=bare, every=every, jobs=jobs, report=reporter(),
+            )  # fmt: skip
+            _show(drawn, len(records) > 1, as_json)
 
 
 @contextmanager
@@ -59,39 +65,6 @@ def _kept(records: Path) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         raise KeyboardInterrupt(f"what was tried is in {records}, and the same command goes on from there") from error
-
-
-def _try_models(
-    body: Path | None,
-    scene: Path | None,
-    records: list[Path],
-    picture: Path | None,
-    page: Path | None,
-    bare: bool,
-    every: bool,
-    jobs: str,
-) -> "Drawn":
-    """Try models and draw them; without a body the records are drawn as they are."""
-    from ..files.store import Store, default_folder
-    from ..study.chart.draw import chart as draw
-    from ..study.chart.draw import check_targets
-    from ..study.chart.sweep import sweep
-    from ..study.jobs import Crew
-    from ..study.scene.scene import read_scene
-
-    check_targets(records, picture, page)
-    drawn: list[Drawn] = []
-    if body is not None and scene is not None:
-        report, found = reporter(), read_scene(scene, body)
-
-        def look(extent: str) -> None:
-            drawn[:] = [draw(records, picture, page, extent if len(records) == 1 else "")]
-            if extent.startswith("coarse"):
-                report.note(f"{extent}: {drawn[0].finding}")
-
-        with Crew(jobs) as crew:
-            sweep(found, records[0], report, Store(default_folder()), not bare, crew, every, look)
-    return drawn[0] if drawn else draw(records, picture, page)
 
 
 def _show(shown: "Drawn", several: bool, as_json: bool) -> None:
@@ -108,18 +81,10 @@ def _show(shown: "Drawn", several: bool, as_json: bool) -> None:
 
 def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None, jobs: str) -> None:
     """Run and draw a map of stability; without a body the records are drawn as they are."""
-    from ..files.store import Store, default_folder
-    from ..study.jobs import Crew
-    from ..study.scene.scene import read_scene
-    from ..study.stability import draw_map, map_stability
+    from ..calls.functions import stability
 
-    if body is not None and scene is not None:
-        with Crew(jobs) as crew:
-            found = read_scene(scene, body)
-            typer.echo(map_stability(found, records, picture, reporter(), Store(default_folder()), crew))
-    elif picture is not None:
-        draw_map(records, picture)
-    else:
+    if body is None and picture is None:
         raise typer.BadParameter("--stability draws records where no body is given: name a --picture")
-    if picture is not None:
-        typer.echo(str(picture))
+    finding = stability(body, scene, records, picture=picture, jobs=jobs, report=reporter()).finding
+    for text in filter(None, (finding, picture and str(picture))):
+        typer.echo(text)

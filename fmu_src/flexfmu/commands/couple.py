@@ -13,7 +13,7 @@ def couple(
     output: Annotated[Path, typer.Option("--output", "-o", help="Results to write (CSV or HDF5).")],
 ) -> None:
     """Run several FMUs together, linked by connections and by springs between interfaces."""
-    from ..master import run
+    from ..calls.functions import couple as run
 
     run(file, output, reporter())
     typer.echo(f"{output}")

@@ -24,15 +24,11 @@ def fit(
 
     The last line says pass or fail; the exit code is 0 or 3.
     """
+    from ..calls.functions import fit as find
     from ..files.plain_data import fields_of, json_text
-    from ..files.store import Store, default_folder
-    from ..study.fit import fit as find
-    from ..study.jobs import Crew
-    from ..study.scene.scene import read_scene
 
     target = fmu or output.with_suffix(".fmu")
-    with Crew(jobs) as crew:
-        found = find(read_scene(scene, body), output, reporter(), Store(default_folder()), target, crew, verify)
+    found = find(body, scene, output, fmu=target, verify=verify, jobs=jobs, report=reporter())
     if as_json:
         typer.echo(json_text({"pass": found.met, "verdict": found.verdict, **fields_of(found)}))
     else:

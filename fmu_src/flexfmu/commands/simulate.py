@@ -43,7 +43,7 @@ def simulate(
     report = reporter()
     outputs, result = simulate_csv(fmu, loads, output, step, stop, settings, report, units)
     if plot is not None:
-        from ..view.curves import plot_result
+        from ..fmu.curves import plot_result
 
         plot_result(output, plot)
     if shape is not None:

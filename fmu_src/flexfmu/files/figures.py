@@ -1,5 +1,6 @@
 """What all pictures have in common: how they are saved, and colours that colour-blind readers can tell apart."""
 
+import io
 from pathlib import Path
 
 import matplotlib
@@ -36,3 +37,11 @@ def save(figure: Figure, picture: Path) -> None:
             figure.savefig(part, dpi=_DPI, format=picture.suffix[1:])
     finally:
         plt.close(figure)
+
+
+def picture_html(figure: Figure) -> str:
+    """A figure for a notebook, as SVG within HTML; it is closed."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg")
+    plt.close(figure)
+    return text.getvalue().partition("<svg")[1] + text.getvalue().partition("<svg")[2]

@@ -2,12 +2,13 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,18 @@ def page_text(package: str | None, title: str, content: object) -> str:
 def fields_of(value: object) -> dict[str, object]:
     """Fields of a dataclass by name, to which others may be added."""
     return {field.name: getattr(value, field.name) for field in fields(value)}  # type: ignore[arg-type]
+
+
+def records_frame(records: Iterable[object]) -> Any:
+    """A pandas.DataFrame of dataclasses, one row each."""
+    import pandas
+
+    return pandas.DataFrame([fields_of(one) for one in records])
+
+
+def rows_html(rows: Iterable[tuple[str, str]]) -> str:
+    """Pairs of a label and a value as an HTML table."""
+    return f"<table>{''.join(f'<tr><th>{escape(a)}</th><td>{escape(b)}</td></tr>' for a, b in rows)}</table>"
 
 
 def _plain(value: object) -> object:

@@ -1,5 +1,6 @@
 """A reduced body at hand: driven from a script, simulated through its FMU, written."""
 
+import html
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,12 +13,14 @@ from ..body.flexible_body import FlexibleBody
 from ..body.loads import load_names
 from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
+from ..files.plain_data import rows_html
 from ..files.progress import Reporter, ScriptReporter
 from ..files.tables import write_table
 from ..files.targets import check_target
 from ..model.methods import Mass, Method
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import ReducedBody
+from ..model.summary import first_frequency, summary
 from .package import package_fmu, read_packaged_body
 from .runtime import Runtime
 from .simulation import simulate
@@ -43,6 +46,12 @@ class BuiltBody(FlexibleBody):
     def __init__(self, reduced: ReducedBody, method: Method | str | None = None, mass: Mass | str | None = None):
         super().__init__(reduced, method, mass)
         self.reduced = replace(reduced, method=self.method, mass=self.variant.mass)
+
+    def _repr_html_(self) -> str:
+        """What it is made of, as a table."""
+        facts = [] if self.reduced.properties is None else summary(self.reduced.properties)
+        rows = [*facts, ("first frequency", first_frequency(self.model.angular_frequency))]
+        return f"<p>{html.escape(repr(self))}</p>{rows_html(rows)}"
 
     def fmu(
         self,
@@ -193,6 +202,17 @@ class SimulationResult:
         import pandas
 
         return pandas.DataFrame(self.values, index=pandas.Index(self.time, name="time"), columns=list(self.outputs))
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the motion over time."""
+        from .curves import result_figure
+
+        return result_figure(self.outputs, self.time, self.values)
+
+    def _repr_html_(self) -> str:
+        from ..files.figures import picture_html
+
+        return f"<p>{html.escape(repr(self))}</p>{picture_html(self.plot())}"
 
     def to_csv(self, path: str | Path) -> None:
         """Write the table that `flexfmu simulate` writes."""

@@ -145,7 +145,7 @@ def _march(
     return result()
 
 
-def run(path: Path, output: Path, report: Reporter) -> None:
+def run(path: Path, output: Path, report: Reporter) -> Result:
     """Run the coupling of a file and write its results; of a run that stops early, as NAME.partial.SUFFIX beside it.
 
     Parameters
@@ -155,6 +155,10 @@ def run(path: Path, output: Path, report: Reporter) -> None:
     output : Path
         CSV or HDF5, by its ending.
     report : Reporter
+
+    Returns
+    -------
+    Result
 
     Raises
     ------
@@ -174,3 +178,4 @@ def run(path: Path, output: Path, report: Reporter) -> None:
         words = f"{stopped}\nWhat came out until then is in {partial}"
         raise CouplingStoppedError(words, stopped.result, stopped.exit_code == INTERRUPTED) from stopped
     write_result(output, result)
+    return result

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -45,6 +46,23 @@ class Result:
     def __getitem__(self, name: str) -> FloatArray:
         """Values (T,) of a column by its name."""
         return self.values[:, self.names.index(name)]
+
+    def to_dataframe(self) -> Any:
+        """A pandas.DataFrame of the columns, with time as its index."""
+        import pandas
+
+        return pandas.DataFrame(self.values, index=pandas.Index(self.time, name="time"), columns=list(self.names))
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the motions among the columns."""
+        from ..fmu.curves import result_figure
+
+        return result_figure(self.names, self.time, self.values)
+
+    def _repr_html_(self) -> str:
+        from ..files.figures import picture_html
+
+        return picture_html(self.plot())
 
 
 def write_result(path: Path, result: Result) -> None:

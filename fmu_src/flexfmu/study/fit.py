@@ -1,5 +1,6 @@
 """The smallest, fastest model of a body that a scene's tolerance allows, as a body file and an FMU."""
 
+import html
 import math
 import time
 from collections.abc import Sequence
@@ -133,6 +134,9 @@ class Fit:
         if self.met:
             return f"pass: {share} × the tolerance"
         return f"fail: {share} × the tolerance; the best model found is written all the same"
+
+    def _repr_html_(self) -> str:
+        return "".join(f"<p>{html.escape(line)}</p>" for line in (*self.summary, self.verdict))
 
     @property
     def summary(self) -> list[str]:

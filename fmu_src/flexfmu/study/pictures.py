@@ -6,7 +6,6 @@ Records alone are drawn. Colours, markers and words of a chart's points are the 
 import math
 import statistics
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -17,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
-from ..files.figures import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, YELLOW, save
+from ..files.figures import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, YELLOW
 from ..model.methods import Method
 from .candidates import short
 from .front import QUANTITIES, Axis, bodies, recommended, tolerance
@@ -72,8 +71,8 @@ class Picture:
         self._bodies = bodies(rows)
         self._best = recommended(rows, axis)
 
-    def draw(self, fronts: dict[str, list[Record]], picture: Path, title: str) -> None:
-        """Write the picture."""
+    def figure(self, fronts: dict[str, list[Record]], title: str) -> Figure:
+        """Draw it."""
         names = {quantity: self._names(members, quantity) for quantity, members in fronts.items()}
         handles = self._handles({row.method for members in fronts.values() for row in members})
         columns = (5 if len(self._bodies) > 1 else 6) if len(fronts) > 1 else 3
@@ -92,7 +91,7 @@ class Picture:
         look: dict[str, Any] = {"fontsize": "x-small", "frameon": False, "ncols": columns}
         figure.legend(handles=handles, loc="upper center", bbox_to_anchor=place, **look)
         figure.suptitle(title, fontsize="medium", y=1.0 - 0.1 / height, va="top")
-        save(figure, picture)
+        return figure
 
     def _cost(self, row: Record) -> float:
         return float(getattr(row, self._axis.column))

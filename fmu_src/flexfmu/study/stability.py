@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from ..body.flexible_body import FlexibleBody
@@ -209,6 +210,11 @@ def draw_map(records: Path, picture: Path) -> None:
         The picture cannot be written.
     """
     check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
+    save(map_figure(records), picture)
+
+
+def map_figure(records: Path) -> Figure:
+    """The same as a figure."""
     rows = RUNS.read(records)
     if not rows:
         raise SceneError(f"{records}: no runs, nothing to draw")
@@ -230,7 +236,7 @@ def draw_map(records: Path, picture: Path) -> None:
     handles = [Patch(**{"facecolor": "#e3eef8", **_LOOKS[one]}, label=_WORDS[one]) for one in Verdict]  # type: ignore[arg-type]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize="small", frameon=False)
     figure.suptitle(f"{rows[0].body}; numbers are errors in %, –: no equilibrium to compare with", fontsize="medium")
-    save(figure, picture)
+    return figure
 
 
 def _draw_case(panel: Axes, rows: Sequence[Run]) -> None:

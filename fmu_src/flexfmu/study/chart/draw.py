@@ -1,11 +1,15 @@
 """Charts of records: a picture, and a page to look into, one HTML file with its data, drawing and script inside."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
-from ...files.plain_data import page_text
+from matplotlib.figure import Figure
+
+from ...files.figures import picture_html, save
+from ...files.plain_data import page_text, records_frame
 from ...files.targets import PICTURE_SUFFIXES, check_target, whole_file
 from ...model.methods import Method
 from .. import pictures as look
@@ -49,11 +53,24 @@ class Drawn:
         What cost is.
     finding : str
         What to take, in a line.
+    records : list of Record
+        All models with an answer.
+    plot : callable
+        Draws it anew, a matplotlib figure.
     """
 
     named: list[Record]
     axis: Axis
     finding: str
+    records: list[Record]
+    plot: Callable[[], Figure]
+
+    def to_dataframe(self) -> Any:
+        """A pandas.DataFrame of the records, one row a model."""
+        return records_frame(self.records)
+
+    def _repr_html_(self) -> str:
+        return picture_html(self.plot())
 
 
 def chart(
@@ -98,11 +115,15 @@ def chart(
         with whole_file(html) as part:
             part.write_text(_page(every, title), encoding="utf-8")
     fronts = {q: front(rows, q, axis) for q in QUANTITIES if any(getattr(row, q) > 0.0 for row in rows)}
+
+    def figure() -> Figure:
+        return look.Picture(rows, whole, axis).figure(fronts, title)
+
     if picture is not None:
-        look.Picture(rows, whole, axis).draw(fronts, picture, title)
+        save(figure(), picture)
     taken = recommended(rows, axis)
     named = [row for members in fronts.values() for row in members] + ([] if taken is None else [taken])
-    return Drawn(list(dict.fromkeys(named)), axis, found)
+    return Drawn(list(dict.fromkeys(named)), axis, found, rows, figure)
 
 
 def check_targets(records: Sequence[Path], picture: Path | None, html: Path | None) -> None:

@@ -1,11 +1,14 @@
 """Figures of simulation results."""
 
+from collections.abc import Sequence
 from math import degrees
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
 from ..files.figures import BLUE, GREEN, VERMILION, save
 from ..files.tables import read_table
@@ -22,7 +25,7 @@ _STYLES = ("-", "--", ":", "-.")
 
 
 def plot_result(table: Path, picture: Path) -> None:
-    """Draw a result table, one panel a quantity, one colour an axis, one line style an interface.
+    """Draw a result table, as `result_figure` does.
 
     Parameters
     ----------
@@ -37,20 +40,48 @@ def plot_result(table: Path, picture: Path) -> None:
         The table cannot be read, or the picture's format is not offered.
     """
     names, values = read_table(table)
-    parts = [name.split(".") for name in names]
-    present = [q for q in _QUANTITIES if any(kind == q for _, kind, _ in parts)]
-    interfaces = list(dict.fromkeys(interface for interface, _, _ in parts))
+    figure = result_figure(names, values[:, 0], values[:, 1:])
+    try:
+        save(figure, picture)
+    except ValueError as error:
+        raise SimulationError(f"{picture}: cannot be drawn ({error})") from error
+
+
+def result_figure(names: Sequence[str], time: FloatArray, values: FloatArray) -> Figure:
+    """Draw motion over time, one panel a quantity, one colour an axis, one line style an interface.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of outputs; those that are no motion are left out.
+    time : (n,) float
+        s.
+    values : (n, len(names)) float
+
+    Returns
+    -------
+    Figure
+    """
+    parts = []
+    for number, name in enumerate(names):
+        interface, kind, axis = ("..." + name).rsplit(".", 2)
+        if kind in _QUANTITIES:
+            parts.append((number, interface.lstrip("."), kind, axis))
+    if not parts:
+        raise SimulationError(f"of {', '.join(names)} none is a motion, nothing to draw")
+    present = [q for q in _QUANTITIES if any(kind == q for _, _, kind, _ in parts)]
+    interfaces = list(dict.fromkeys(interface for _, interface, _, _ in parts))
     figure, axes = plt.subplots(
         len(present), 1, sharex=True, figsize=(8.0, 2.4 * len(present) + 0.4), squeeze=False, layout="constrained"
     )
     lines: dict[str, Line2D] = {}
     for panel, quantity in zip(axes[:, 0], present, strict=True):
         label, factor = _QUANTITIES[quantity]
-        for number, (interface, kind, axis) in enumerate(parts, start=1):
+        for number, interface, kind, axis in parts:
             if kind == quantity:
                 style = _STYLES[interfaces.index(interface) % len(_STYLES)]
                 (line,) = panel.plot(
-                    values[:, 0], factor * values[:, number], color=_AXES[axis], linestyle=style, linewidth=1.2
+                    time, factor * values[:, number], color=_AXES[axis], linestyle=style, linewidth=1.2
                 )
                 lines.setdefault(f"{interface} {axis}" if len(interfaces) > 1 else axis, line)
         panel.set_ylabel(label)
@@ -59,7 +90,4 @@ def plot_result(table: Path, picture: Path) -> None:
     if len(interfaces) == 1:
         figure.suptitle(interfaces[0], fontsize="medium")
     figure.legend(list(lines.values()), list(lines), loc="outside right upper", fontsize="small", frameon=False)
-    try:
-        save(figure, picture)
-    except ValueError as error:
-        raise SimulationError(f"{picture}: cannot be drawn ({error})") from error
+    return figure

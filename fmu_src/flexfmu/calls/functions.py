@@ -1,0 +1,366 @@
+"""The functions of `flexfmu` for scripts; `commands` says in words what they give."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..build.body_model import body_model
+from ..build.config import read_body_file
+from ..build.suggest import chosen_nodes, likely_mesh, mass_lines, mesh_lines, starting_body_file
+from ..files.array_types import IntArray
+from ..files.errors import OutputError
+from ..files.plain_data import records_frame
+from ..files.progress import Reporter, ScriptReporter
+from ..files.store import Store, default_folder
+from ..files.targets import PICTURE_SUFFIXES, check_target
+from ..files.units import unit_system
+from ..mesh.checks import checked
+from ..mesh.formats import read_mesh
+from ..mesh.model import Mesh
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..master import Result
+    from ..study.chart.draw import Drawn
+    from ..study.fit import Fit
+    from ..study.records import Run
+
+__all__ = ["chart", "check", "couple", "fit", "init", "show", "stability"]
+Name = str | Path
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What a mesh holds, and what a body file chooses of it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    chosen : dict of str to (k,) int
+        Nodes of supports, interfaces and the like of a body file.
+    lines : list of str
+        All of it in words.
+    """
+
+    mesh: Mesh
+    chosen: dict[str, IntArray]
+    lines: list[str]
+
+    def __repr__(self) -> str:
+        """The words."""
+        return "\n".join(self.lines)
+
+
+@dataclass(frozen=True, slots=True)
+class StabilityMap:
+    """Up to which loads each method is right.
+
+    Attributes
+    ----------
+    runs : list of Run
+    finding : str
+        How many runs came to which verdict.
+    records : Path
+    """
+
+    runs: "list[Run]"
+    finding: str
+    records: Path
+
+    def plot(self) -> "Figure":
+        """Draw the map, a matplotlib figure."""
+        from ..study.stability import map_figure
+
+        return map_figure(self.records)
+
+    def to_dataframe(self) -> Any:
+        """A pandas.DataFrame, one row a run."""
+        return records_frame(self.runs)
+
+    def _repr_html_(self) -> str:
+        from ..files.figures import picture_html
+
+        return f"<p>{self.finding}</p>{picture_html(self.plot())}"
+
+
+def check(file: Name, units: str = "m-kg-s") -> Checked:
+    """List what a mesh holds: mass, sets, materials, plane ends, bores; of a body file its supports and interfaces.
+
+    Parameters
+    ----------
+    file : path
+        Body file (TOML), or a mesh alone.
+    units : str
+        Of a mesh alone.
+
+    Returns
+    -------
+    Checked
+
+    Examples
+    --------
+    >>> flexfmu.check("body.toml").chosen["interface tip"].size  # doctest: +SKIP
+    33
+    """
+    file = Path(file)
+    config = read_body_file(file) if file.suffix.lower() == ".toml" else None
+    path, system = (file, unit_system(units)) if config is None else (config.mesh.file, config.mesh.units)
+    mesh = checked(read_mesh(path, system))
+    lines, chosen = mesh_lines(mesh), {}
+    if config is not None:
+        chosen = chosen_nodes(mesh, config)
+        lines += [f"{title}: {len(rows)} nodes" for title, rows in chosen.items()]
+        model = body_model(mesh, config).model
+        mesh = model.mesh
+        lines.append(f"{model.free.size} free degrees of freedom")
+    return Checked(mesh, chosen, [*lines, *mass_lines(mesh)])
+
+
+def init(mesh: Name, output: Name | None = None, units: str = "") -> Path:
+    """Write a body file to start from: supports and interfaces at reference points and plane ends of a mesh.
+
+    Parameters
+    ----------
+    mesh : path
+    output : path, optional
+        Body file; default: beside the mesh.
+    units : str
+        Of the mesh; default: those in which the body is likely.
+
+    Returns
+    -------
+    Path
+        The body file.
+
+    Examples
+    --------
+    >>> flexfmu.init("bracket.msh")  # doctest: +SKIP
+    PosixPath('bracket.toml')
+    """
+    mesh = Path(mesh)
+    target = Path(output) if output else mesh.with_suffix(".toml")
+    if target.exists():
+        raise OutputError(f"{target} is there already: name another with --output")
+    if units:
+        system = unit_system(units)
+        found = read_mesh(mesh, system)
+    else:
+        found, system = likely_mesh(mesh)
+    named = Path(mesh.name) if target.parent.resolve() == mesh.parent.resolve() else mesh.resolve()
+    target.write_text(starting_body_file(checked(found), named, system), encoding="utf-8")
+    return target
+
+
+def couple(file: Name, output: Name | None = None, report: Reporter | None = None) -> "Result":
+    """Run several FMUs together, linked by connections and by springs between interfaces.
+
+    Parameters
+    ----------
+    file : path
+        Coupling file (TOML).
+    output : path, optional
+        Results to write (CSV or HDF5).
+    report : Reporter, optional
+
+    Returns
+    -------
+    Result
+
+    Examples
+    --------
+    >>> flexfmu.couple("coupling.toml").to_dataframe()  # doctest: +SKIP
+    """
+    from ..master import couple as march
+    from ..master import read_coupling_file, run
+
+    report = report or ScriptReporter()
+    return march(read_coupling_file(Path(file)), report) if output is None else run(Path(file), Path(output), report)
+
+
+def chart(
+    body: Name | None,
+    scene: Name | None,
+    records: Name | Sequence[Name],
+    *,
+    picture: Path | None = None,
+    page: Path | None = None,
+    bare: bool = False,
+    every: bool = False,
+    jobs: str = "1",
+    report: Reporter | None = None,
+) -> "Drawn":
+    """Try models of a body on a scene, and find those that nothing beats in error and cost.
+
+    Parameters
+    ----------
+    body, scene : path or None
+        Without them the records are drawn as they are.
+    records : path or sequence of path
+        CSV, one row a model; what is in it is not run again. Others are drawn beside the first.
+    picture, page : Path, optional
+        What to write.
+    bare, every : bool
+        Time models without their FMUs; try every combination.
+    jobs : str
+        Processes that measure errors.
+    report : Reporter, optional
+
+    Returns
+    -------
+    Drawn
+        `named` and `finding` say which to take, `to_dataframe()` has all, `plot()` draws them.
+
+    Examples
+    --------
+    >>> flexfmu.chart("body.toml", "scene.toml", "records.csv").finding  # doctest: +SKIP
+    """
+    from ..study.chart.draw import chart as draw
+    from ..study.chart.draw import check_targets
+    from ..study.chart.sweep import sweep
+    from ..study.jobs import Crew
+    from ..study.scene.scene import read_scene
+
+    paths = [Path(records)] if isinstance(records, str | Path) else list(map(Path, records))
+    report = report or ScriptReporter()
+    check_targets(paths, picture, page)
+    drawn: list[Drawn] = []
+    if body is not None and scene is not None:
+        found = read_scene(Path(scene), Path(body))
+
+        def look(extent: str) -> None:
+            drawn[:] = [draw(paths, picture, page, extent if len(paths) == 1 else "")]
+            if extent.startswith("coarse"):
+                report.note(f"{extent}: {drawn[0].finding}")
+
+        with Crew(jobs) as crew:
+            sweep(found, paths[0], report, Store(default_folder()), not bare, crew, every, look)
+    return drawn[0] if drawn else draw(paths, picture, page)
+
+
+def stability(
+    body: Name | None,
+    scene: Name | None,
+    records: Name,
+    *,
+    picture: Path | None = None,
+    jobs: str = "1",
+    report: Reporter | None = None,
+) -> StabilityMap:
+    """Map up to which loads each method is right.
+
+    Parameters
+    ----------
+    body, scene : path or None
+        Without them the records are taken as they are.
+    records : path
+        CSV, one row a run; what is in it is not run again.
+    picture : Path, optional
+        What to write.
+    jobs : str
+        Processes that make the runs.
+    report : Reporter, optional
+
+    Returns
+    -------
+    StabilityMap
+
+    Examples
+    --------
+    >>> flexfmu.stability("body.toml", "scene.toml", "runs.csv").plot()  # doctest: +SKIP
+    """
+    from ..study.jobs import Crew
+    from ..study.records import RUNS
+    from ..study.scene.scene import read_scene
+    from ..study.stability import draw_map, map_stability
+
+    records, finding = Path(records), ""
+    if body is not None and scene is not None:
+        found = read_scene(Path(scene), Path(body))
+        with Crew(jobs) as crew:
+            report = report or ScriptReporter()
+            finding = map_stability(found, records, picture, report, Store(default_folder()), crew)
+    elif picture is not None:
+        check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
+        draw_map(records, picture)
+    return StabilityMap(RUNS.read(records), finding, records)
+
+
+def fit(
+    body: Name,
+    scene: Name,
+    output: Name,
+    *,
+    fmu: Name | None = None,
+    verify: bool = False,
+    jobs: str = "1",
+    report: Reporter | None = None,
+) -> "Fit":
+    """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU.
+
+    Parameters
+    ----------
+    body, scene : path
+    output : path
+        Body file to write (TOML).
+    fmu : path, optional
+        Default: beside the body file.
+    verify : bool
+        Whether what was found is compared with the whole finite element model.
+    jobs : str
+        Processes that measure errors.
+    report : Reporter, optional
+
+    Returns
+    -------
+    Fit
+
+    Examples
+    --------
+    >>> flexfmu.fit("body.toml", "scene.toml", "lean.toml").met  # doctest: +SKIP
+    True
+    """
+    from ..study.fit import fit as find
+    from ..study.jobs import Crew
+    from ..study.scene.scene import read_scene
+
+    target, report = Path(output), report or ScriptReporter()
+    beside = Path(fmu) if fmu else target.with_suffix(".fmu")
+    with Crew(jobs) as crew:
+        found = read_scene(Path(scene), Path(body))
+        return find(found, target, report, Store(default_folder()), beside, crew, verify)
+
+
+def show(
+    file: Name, output: Name, *, loads: Mapping[str, str] | None = None, modes: int = 0, report: Reporter | None = None
+) -> Path:
+    """Write a page or picture of a mesh, a body, its modes or an equilibrium.
+
+    Parameters
+    ----------
+    file : path
+        FMU, modal file, body file or mesh.
+    output : path
+        Page (.html), ParaView (.vtu, .pvd) or picture (.png, .pdf, .svg).
+    loads : mapping of str to str, optional
+        That hold still, such as {"tip.force.y": "5kN"}.
+    modes : int
+        How many mode shapes.
+    report : Reporter, optional
+
+    Returns
+    -------
+    Path
+
+    Examples
+    --------
+    >>> flexfmu.show("arm.fmu", "arm.html", loads={"tip.force.y": "5kN"})
+    PosixPath('arm.html')
+    """
+    from ..view.command import Request
+    from ..view.command import show as write
+
+    held = tuple(f"{name}={value}" for name, value in (loads or {}).items())
+    write(Request(Path(file), Path(output), None, held, modes), report or ScriptReporter())
+    return Path(output)

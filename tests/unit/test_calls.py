@@ -1,0 +1,93 @@
+"""What commands do, as functions, and what notebooks show of their results."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import flexfmu
+from flexfmu.mesh.elements import ElementType
+from meshes import BAR, box, write_deck
+
+SCENE = """
+read = ["tip"]
+[[static]]
+name = "bend"
+loads = { "tip.force.y" = 2e3 }
+[tolerance.static]
+displacement = 0.05
+rotation = 0.1
+[sweep]
+methods = ["linear", "frames"]
+modes = [4]
+frames = [1, 2]
+basis = ["normal"]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    mesh = box(ElementType.C3D20R, (6, 2, 2), (1.0, 0.1, 0.13))
+    write_deck(mesh, tmp_path / "bar.inp")
+    (tmp_path / "body.toml").write_text(BAR)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path
+
+
+def test_check_and_init_give_data_and_files(folder):
+    found = flexfmu.check(folder / "body.toml")
+    assert {len(rows) for rows in found.chosen.values()} == {21}
+    assert found.mesh.element_count == 24
+    assert "mass" in repr(found)
+    written = flexfmu.init(folder / "bar.inp", folder / "new.toml")
+    assert flexfmu.Body.read(written).spec.interface
+    with pytest.raises(flexfmu.FlexfmuError, match="is there already"):
+        flexfmu.init(folder / "bar.inp", written)
+
+
+def test_a_chart_is_a_table_and_a_picture(folder):
+    drawn = flexfmu.chart(folder / "body.toml", folder / "scene.toml", folder / "records.csv", bare=True, every=True)
+    assert len(drawn.records) == len(drawn.to_dataframe()) >= 3
+    assert drawn.finding
+    assert isinstance(drawn.plot(), Figure)
+    assert "<svg" in drawn._repr_html_()
+    again = flexfmu.chart(None, None, folder / "records.csv")
+    assert [one.key for one in again.records] == [one.key for one in drawn.records]
+
+
+def test_fit_gives_what_it_found(folder):
+    found = flexfmu.fit(folder / "body.toml", folder / "scene.toml", folder / "lean.toml")
+    assert found.met
+    assert (folder / "lean.fmu").exists()
+    assert found.verdict in found._repr_html_()
+
+
+def test_a_map_of_stability_is_a_table_and_a_picture(folder):
+    (folder / "scene.toml").write_text(SCENE + "[stability]\nfactors = [0.5, 1.0]\n")
+    found = flexfmu.stability(folder / "body.toml", folder / "scene.toml", folder / "runs.csv")
+    assert len(found.to_dataframe()) == len(found.runs) >= 4
+    assert "<svg" in found._repr_html_()
+
+
+def test_bodies_runs_and_couplings_show_themselves(folder):
+    body = flexfmu.Body.read(folder / "body.toml")
+    assert "interface tip" in body._repr_html_()
+    built = body.build()
+    built.fmu(folder / "bar.fmu")
+    assert "first frequency" in built._repr_html_()
+    result = built.simulate({"time": [0.0, 0.01], "tip.force.y": [0.0, 500.0]}, step=1e-3)
+    assert "<svg" in result._repr_html_()
+    assert len(result.plot().axes) == 2
+    page = flexfmu.show(folder / "bar.fmu", folder / "bar.html", loads={"tip.force.y": "5kN"})
+    assert "5 kN" in Path(page).read_text() or "5kN" in Path(page).read_text()
+    (folder / "coupling.toml").write_text(
+        "[experiment]\nstop = 0.01\nstep = 1e-3\n[[fmu]]\nname = 'one'\nfile = 'bar.fmu'\n"
+        "start = { 'tip.force.y' = 500.0 }\n"
+    )
+    motion = flexfmu.couple(folder / "coupling.toml")
+    assert motion.to_dataframe()["one.tip.displacement.y"].iloc[-1] == pytest.approx(
+        motion["one.tip.displacement.y"][-1]
+    )
+    assert "<svg" in motion._repr_html_()
+    assert np.abs(motion["one.tip.displacement.y"]).max() > 0.0
