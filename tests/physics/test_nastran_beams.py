@@ -161,6 +161,23 @@ def test_offsets_and_sections_are_in_the_file_s_units(tmp_path):
     assert mesh.points[:, 1].max() == pytest.approx(0.11)
 
 
+@pytest.mark.parametrize(("held", "share"), [("123", 48.0), ("123456", 192.0)])
+def test_nodes_whose_turns_no_card_holds_are_hinges(tmp_path, held, share):
+    cards = chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n").replace("SPC1,1,123456,1\nSET1,1,5", "SET1,1,3")
+    # Nothing else keeps a bar on two hinges from turning about itself.
+    mesh = bulk(tmp_path, f"{cards}SPC1,1,{held},1,5\nSPC1,2,456,4\n")
+    held = {"SPC 1": "xyz", "SPC 2": "z"}
+    supports = [flexfmu.Support(name, fix=list(axes)) for name, axes in held.items()]
+    body = flexfmu.Body(mesh, interfaces={"pin": flexfmu.Interface("SET 1")}, supports=supports[:1])
+    if share == 48.0:
+        with pytest.raises(flexfmu.FlexfmuError, match="free to move in 1 rigid"):
+            body.build(surface=False)
+        body = flexfmu.Body(mesh, interfaces={"pin": flexfmu.Interface("SET 1")}, supports=supports)
+    built = body.build(surface=False)
+    found = built.response(built.static({"pin": [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]})).displacement[0]
+    assert found[1] == pytest.approx(1.0 / (share * E * 2e-6), rel=1e-4)
+
+
 TRIPOD = np.array([[1.0, 0.0, 0.0], [-0.5, 0.8, 0.0], [-0.5, -0.8, 0.0], [0.0, 0.0, 1.5]])
 
 

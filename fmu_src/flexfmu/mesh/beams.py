@@ -4,7 +4,7 @@ The brick of a section has its radii of gyration, so that mass and rotary inerti
 is the beam itself.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -70,7 +70,9 @@ class _Uses(NamedTuple):
         return ~self.beam | self.solid | self.shell | self.aside
 
 
-def with_beams(mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray) -> tuple[Mesh, BoolArray]:
+def with_beams(
+    mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray, hinges: Set[str] = frozenset()
+) -> tuple[Mesh, BoolArray]:
     """Give beams their sections.
 
     Parameters
@@ -81,6 +83,8 @@ def with_beams(mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray) -> tup
         By the element's label.
     turning : (n, 3) bool
         Rotations of nodes that are held at zero.
+    hinges : set of str
+        Node sets that mean the nodes without their turns.
 
     Returns
     -------
@@ -88,7 +92,7 @@ def with_beams(mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray) -> tup
         Of three nodes two beams are made; nodes of beams alone are the means of their corners.
     """
     blocks, source = _split(mesh, beams)
-    uses = _uses(len(mesh.points), blocks, beams)
+    uses = _uses(mesh, blocks, beams, hinges)
     kept = np.flatnonzero(uses.kept)
     row = np.where(uses.kept, np.cumsum(uses.kept) - 1, -1)
     blocks, node, place, half = _bricks(mesh.points, blocks, beams, kept.size)
@@ -104,23 +108,21 @@ def with_beams(mesh: Mesh, beams: Mapping[int, Beam], turning: BoolArray) -> tup
     hinged = _hinged(mesh, uses)
     links += [RigidLink(f"beams at {mesh.labels[k]}", moved(np.array([k]))) for k in every[~hinged[every]].tolist()]
     corners = kept.size + np.flatnonzero(hinged[origin[kept.size :]])
-    hinges = [{3 * k + i: 1.0, 3 * row[origin[k]] + i: -1.0} for k in corners.tolist() for i in range(3)]
+    pins = [{3 * k + i: 1.0, 3 * row[origin[k]] + i: -1.0} for k in corners.tolist() for i in range(3)]
     there = kept.size + 4 * chosen[:, None] + np.arange(4)
     fixed, rows = _supports(mesh.fixed, turning, uses, every, there, half[chosen], count)
     fixed[: kept.size] = mesh.fixed[kept]
     equations = [] if mesh.equations is None else [mesh.equations @ _shares(row, every, there, count)]
-    equations += [matrix_of(hinges, 3 * count)] if hinges else []
-    # Corners of beams beside their nodes are not around these.
-    aside = {name: mesh.points[nodes].mean(axis=0) for name, nodes in mesh.node_sets.items() if uses.aside[nodes].any()}
+    equations += [matrix_of(pins, 3 * count)] if pins else []
     result = replace(
         mesh,
         points=np.concatenate([mesh.points[kept], place]),
         labels=mesh.labels[origin],
         blocks=tuple(b if b.type.beam else replace(b, connectivity=row[b.connectivity]) for b in blocks),
-        node_sets={name: moved(nodes) for name, nodes in mesh.node_sets.items()},
+        node_sets={name: row[k] if name in hinges else moved(k) for name, k in mesh.node_sets.items()},
         element_sets={name: np.flatnonzero(np.isin(source, rows)) for name, rows in mesh.element_sets.items()},
         fixed=fixed,
-        references={**aside, **mesh.references},
+        references=_references(mesh, uses),
         masses=tuple(replace(one, nodes=moved(one.nodes)) for one in mesh.masses),
         links=merged(links, np.arange(count) >= kept.size),
         equations=sp.csr_array(sp.vstack(equations)) if equations else None,
@@ -136,6 +138,12 @@ def _shares(row: IntArray, every: IntArray, corners: IntArray, count: int) -> sp
     places = np.concatenate([kept, np.repeat(every[alone], 4)]), np.concatenate([row[kept], corners[alone].ravel()])
     share = np.repeat([1.0, 0.25], [kept.size, 4 * alone.sum()])
     return sp.kron(sp.coo_array((share, places), (len(row), count)), sp.eye_array(3))
+
+
+def _references(mesh: Mesh, uses: _Uses) -> dict[str, FloatArray]:
+    """Reference points, and middles of sets that corners of beams beside their nodes are not around."""
+    aside = {name: nodes for name, nodes in mesh.node_sets.items() if uses.aside[nodes].any()}
+    return {name: mesh.points[nodes].mean(axis=0) for name, nodes in aside.items()} | dict(mesh.references)
 
 
 def _hinged(mesh: Mesh, uses: _Uses) -> BoolArray:
@@ -177,8 +185,10 @@ def _split(mesh: Mesh, beams: Mapping[int, Beam]) -> tuple[list[ElementBlock], I
     return blocks, np.concatenate(source)
 
 
-def _uses(count: int, blocks: Sequence[ElementBlock], beams: Mapping[int, Beam]) -> _Uses:
-    found = _Uses(*np.zeros((5, count), dtype=bool))
+def _uses(mesh: Mesh, blocks: Sequence[ElementBlock], beams: Mapping[int, Beam], hinges: Set[str]) -> _Uses:
+    found = _Uses(*np.zeros((5, len(mesh.points)), dtype=bool))
+    for name in hinges & mesh.node_sets.keys():
+        found.aside[mesh.node_sets[name]] = True
     for block in blocks:
         (found.beam if block.type.beam else found.shell if block.type.shell else found.solid)[block.connectivity] = True
         if block.type.beam:

@@ -153,6 +153,8 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     used = np.zeros(len(mesh.points), dtype=bool)
     for block in mesh.blocks:
         used[block.connectivity] = True
+    # Nodes of beams that are points beside the corners there.
+    used |= np.isin(mesh.labels, mesh.labels[used])
     if used.all():
         return mesh
     rows = np.cumsum(used) - 1

@@ -1,6 +1,6 @@
 """Meshes that are in memory: of meshio and scikit-fem, or arrays."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -57,6 +57,8 @@ class Contents:
         file's units.
     beams : mapping of int to Beam
         By the cell number of lines; SI units.
+    hinges : set of str
+        Point sets that mean points of beams without their turns.
     """
 
     mesh: Any
@@ -71,6 +73,7 @@ class Contents:
     links: tuple[RigidLink, ...] = ()
     shells: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     beams: Mapping[int, Beam] = field(default_factory=dict)
+    hinges: Set[str] = frozenset()
 
 
 class Member(NamedTuple):
@@ -181,7 +184,7 @@ def _filled(mesh: Mesh, contents: Contents, heights: FloatArray, solids: int) ->
     """Give beams their sections, and shells their heights (k, 2), of which elements `solids` and on are."""
     turning = np.zeros_like(mesh.fixed)
     if contents.beams:
-        mesh, turning = with_beams(mesh, contents.beams, turning)
+        mesh, turning = with_beams(mesh, contents.beams, turning, contents.hinges)
     every = np.full((mesh.element_count, 2), np.nan)
     every[solids : solids + len(heights)] = heights
     return expanded(mesh, every, turning) if len(heights) else mesh

@@ -60,7 +60,8 @@ class Model:
         held = self.fixed | (self.spring > 0.0)
         for chosen in (self.fixed.all(axis=1), self.fixed.any(axis=1), held.all(axis=1)):
             if np.any(chosen):
-                return np.flatnonzero(chosen)
+                # Corners of beams at a node that is held bear its number.
+                return np.flatnonzero(np.isin(self.mesh.labels, self.mesh.labels[chosen]))
         equations = self.mesh.equations
         if held.any() or equations is None:
             return np.flatnonzero(held.any(axis=1))

@@ -19,6 +19,7 @@ from flexfmu.mesh.model import NO_MATERIAL, Material
 from flexfmu.mesh.nastran.line_cards import CARDS, LineCard, is_line, lines
 from flexfmu.mesh.nastran.node_cards import (
     SPIDERS,
+    hinges,
     multi_point_rows,
     point_masses,
     rigid_links,
@@ -184,8 +185,9 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
         point_sets={name: rows for name, rows in points_by_name.items() if rows.size},
         cell_sets={name: parts for name, parts in sets.items() if any(part.size for part in parts)},
     )
-    more = tuple(notes), references, equations, masses, links, shells, {one.number: one.beam for one in bars}
-    return Contents(mesh, labels, cell_labels, materials, material, *more)
+    more = tuple(notes), references, equations, masses, links, shells
+    beams = {one.number: one.beam for one in bars}
+    return Contents(mesh, labels, cell_labels, materials, material, *more, beams, hinges(model))
 
 
 def _faces_of_shells(model: Any, path: Path) -> dict[str, tuple[float, float]]:

@@ -17,7 +17,7 @@ from flexfmu.mesh.model import PointMass, masses_note
 # Cards of nodes that move with a reference point: which of their nodes are on the body, and the reference.
 SPIDERS = {"RBE2": ("dependent_nodes", "gn"), "RBE3": ("independent_nodes", "refgrid")}
 # Translations in a grid point's own constraints, and of an MPC's terms.
-_TRANSLATIONS = "123"
+_TRANSLATIONS, _ROTATIONS = "123", "456"
 # What an RBE2 holds of another one's reference point if both are one rigid body.
 _ALL = set("123456")
 
@@ -179,10 +179,20 @@ def single_point_sets(model: Any, notes: list[str]) -> dict[str, list[int]]:
     own = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
     if own:
         sets["SPC 0"] = own
-    notes.extend(
-        f"{name}: its nodes are a node set, and it holds nothing: give a [[support]]" for name in sets if sets[name]
-    )
+    for name in (one for one in sets if sets[one]):
+        hinge = " at them alone, so that beams turn there" if name in hinges(model) else ""
+        notes.append(f"{name}: its nodes are a node set, and it holds nothing: give a [[support]]{hinge}")
     return sets
+
+
+def hinges(model: Any) -> set[str]:
+    """Names of the sets of `single_point_sets` that hold no rotation."""
+    found = {f"SPC {k}" for k in model.spcs} | {"SPC 0"}
+    for number, cards in model.spcs.items():
+        if any(set(_ROTATIONS) & set("".join(map(str, getattr(one, "components", "")))) for one in cards):
+            found.discard(f"SPC {number}")
+    own = "".join(str(grid.ps) for grid in model.nodes.values())
+    return found - {"SPC 0"} if set(_ROTATIONS) & set(own) else found
 
 
 def unit_of_mass(model: Any) -> float:
