@@ -335,6 +335,15 @@ def test_theory_names_files_that_are_there():
         )
 
 
+def test_the_package_is_found_by_what_it_is():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert {"FMI", "finite elements"} <= set(project["keywords"])
+    kinds = project["classifiers"]
+    # A licence stands as an expression; beside it, no classifier may name one.
+    assert not [kind for kind in kinds if kind.startswith("License")]
+    assert f"Programming Language :: Python :: {project['requires-python'].lstrip('>=')}" in kinds
+
+
 def test_the_file_for_citations_names_this_version():
     number = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     assert f"version: {number}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")

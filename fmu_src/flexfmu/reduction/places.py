@@ -128,7 +128,9 @@ def _at(mesh: Mesh, place: Place, key: str) -> BoolArray:
         chosen &= np.linalg.norm(points - place.patch, axis=1) <= place.radius + miss
     if place.nearest is not None:
         away = np.where(chosen, np.linalg.norm(points - place.nearest, axis=1), np.inf)
-        chosen &= np.arange(len(points)) == np.argmin(away)
+        off = np.linalg.norm(points - place.nearest, axis=1).min()
+        # Farther off the body it is hardly meant: in other units, or of another body.
+        chosen &= (np.arange(len(points)) == np.argmin(away)) & (off <= size)
     return chosen
 
 
@@ -149,7 +151,7 @@ def _nearby(mesh: Mesh, place: Place) -> str:
     """Where the body is, and how far the closest node misses."""
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     words = f"the body reaches from {_point(low)} to {_point(high)} m"
-    centre = place.plane or place.patch
+    centre = place.plane or place.patch or place.nearest
     if place.plane is not None and place.normal is not None:
         normal = np.array(place.normal) / np.linalg.norm(place.normal)
         least = np.abs((mesh.points - place.plane) @ normal).min()

@@ -154,6 +154,8 @@ class Fit:
         ]
         if self.verified is not None:
             lines[0] += f" By the finite element model; {times(self.measured.share)} in the search."
+        else:
+            lines.append("Errors are those against a fine reduced model; chart's, against finite elements, may differ.")
         if math.isnan(self.given_step):
             lines.append(f"As given the body has no answer in this scene: {self.given.failure}")
         else:
