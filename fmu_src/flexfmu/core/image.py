@@ -105,6 +105,8 @@ def read_image(image: bytes, base: bytes = b"") -> Image:
 def packed(matrices: FloatArray) -> FloatArray:
     """Symmetric (n, r, r) as the core has them, flat: `packed_times` of core/vectors.c."""
     count, r = matrices.shape[:2]
+    if not matrices.size:
+        return np.zeros(0)
     whole = np.zeros((-(-count // _TOGETHER), _TOGETHER, r, r))
     whole.reshape(-1, r, r)[:count] = 0.5 * matrices + 0.5 * matrices.swapaxes(1, 2)
     rows = [slice(a, a + _TOGETHER) for a in range(0, r - r % _TOGETHER, _TOGETHER)]

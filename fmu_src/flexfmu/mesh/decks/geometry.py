@@ -212,7 +212,8 @@ class ElementTable:
         if kind is None:
             raise card.line.error(
                 f"element type {name} is not supported (supported: {SUPPORTED}; faces and edges without a section "
-                "serve sets); mesh what it stands for with solid elements"
+                "serve sets); mesh what it stands for with solid elements; a spring to the ground is a [[support]] "
+                "with stiffness"
             )
         labels = []
         for line, row in _element_rows(card, name, kind.node_count):

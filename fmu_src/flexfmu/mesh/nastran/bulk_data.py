@@ -233,7 +233,8 @@ def _refuse_others(model: Any, path: Path) -> None:
         parts = "; ".join(f"{name} {listed(numbers)}" for name, numbers in found.items())
         raise MeshError(
             f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2 "
-            "and RBE3 become node sets). Model these parts by these; what only shows results can go"
+            "and RBE3 become node sets). Model these parts by these, springs to the ground by [[support]] with "
+            "stiffness; what only shows results can go"
         )
 
 
