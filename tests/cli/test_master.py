@@ -134,6 +134,14 @@ def test_results_that_cannot_be_kept_are_refused_before_anything_runs(folder):
         couple(read(folder, text))
 
 
+def test_more_differences_than_can_be_kept_are_refused_before_anything_runs(folder):
+    text = content('scheme = "iterated"\nmax_iterations = 100000000')
+    with pytest.raises(
+        SimulationError, match="max_iterations = 100000000 with reuse = 4 are more differences than can"
+    ):
+        couple(read(folder, text))
+
+
 def test_every_wrong_key_is_told_at_once(folder):
     text = content("tolerance = -1.0\nmax_iterations = 0")
     message = refused(folder, text)

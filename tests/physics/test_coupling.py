@@ -141,7 +141,8 @@ for line in sys.stdin:
     times = [] if result is None else result.time.tolist()
     print("RESULT " + json.dumps({"error": error, "time": times, "columns": columns, "said": words.said}), flush=True)
 """
-ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(__file__).parents[1])}
+SEARCHED = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(Path(__file__).parents[1])]))
+ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": SEARCHED}
 
 
 def python(folder, code, *arguments):
