@@ -166,7 +166,7 @@ def statics(modal_file: Path) -> dict[str, tuple[float, float]]:
 def calculix_effort(case: str) -> tuple[float, str]:
     """Seconds and the words on increments that the head of a kept result tells."""
     head = (HERE / "calculix" / f"full_{case}.csv").read_text(encoding="utf-8")
-    match = re.search(r"; ([\d.]+) s wall time on one core(?:; (.*))?", head)
+    match = re.search(r"; ([\d.]+) s wall time on one core[^;]*(?:; (.*))?", head)
     if match is None:
         raise ValueError(f"full_{case}.csv: no line on the wall time in its head")
     return float(match[1]), match[2] or "linear"

@@ -26,6 +26,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import resource
 import shutil
 import subprocess
 import tempfile
@@ -164,7 +165,7 @@ def run(
         work.mkdir()
         shutil.copy(model, top)
         (work / f"{name}.inp").write_text(text, encoding="ascii")
-        start = time.perf_counter()
+        start, spent = time.perf_counter(), _processor()
         done = subprocess.run(
             [find_ccx(), "-i", name],
             cwd=work,
@@ -173,7 +174,7 @@ def run(
             text=True,
             check=False,
         )
-        seconds = time.perf_counter() - start
+        seconds = time.perf_counter() - start, _processor() - spent
         if done.returncode != 0 or "*ERROR" in done.stdout or "Job finished" not in done.stdout:
             raise RuntimeError(f"ccx failed on {name}:\n{done.stdout[-2000:]}{done.stderr[-500:]}")
         printed = (work / f"{name}.dat").read_text()
@@ -193,12 +194,20 @@ def run(
     _write(folder / f"{name}.csv", case, parts[:: case.keep], motion[:: case.keep], seconds, iterations)
 
 
+def _processor() -> float:
+    """Seconds of the processor that commands which have ended have taken."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def _title(case: Case) -> str:
     kind = "Nonlinear" if case.increments else "Linear"
     return f"{kind} statics, {case.title}, {'bushings' if case.bushings else 'hinged'}"
 
 
-def _write(path: Path, case: Case, parts: np.ndarray, motion: np.ndarray, seconds: float, iterations: int) -> None:
+def _write(
+    path: Path, case: Case, parts: np.ndarray, motion: np.ndarray, seconds: tuple[float, float], iterations: int
+) -> None:
     names = [
         f"{wheel}_f{axis}_N" for wheel, force in case.forces.items() for axis, f in zip("xyz", force, strict=True) if f
     ]
@@ -208,9 +217,10 @@ def _write(path: Path, case: Case, parts: np.ndarray, motion: np.ndarray, second
     names += [f"{wheel}_{column}" for wheel in FLANGES for column in MOTION_COLUMNS]
     rotation = "finite, by polar decomposition" if case.increments else "small, by the linear fit"
     effort = f"; {case.increments} equal increments, {iterations} iterations" if case.increments else ""
+    spent = f"{seconds[0]:.3g} s wall time on one core, {seconds[1]:.3g} of the processor"
     notes = [
         _title(case),
-        f"CalculiX {ccx_version()}; {seconds:.3g} s wall time on one core{effort}",
+        f"CalculiX {ccx_version()}; {spent}{effort}",
         "u: mean displacement of each wheel's flange over its area, work conjugate of the force",
         f"r: rotation vector of the flange, {rotation}, weighted by area",
     ]
@@ -218,7 +228,7 @@ def _write(path: Path, case: Case, parts: np.ndarray, motion: np.ndarray, second
     lines += [",".join(f"{value:.8g}" for value in row) for row in np.hstack([loads, motion])]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     angles = [f"{arm_angle(motion[-1:, 6 * i + 3 : 6 * i + 6])[0]:.3f}" for i in range(len(FLANGES))]
-    print(f"{path}: {len(parts)} rows, {seconds:.1f} s, {iterations} iterations; arms at {', '.join(angles)} degrees")
+    print(f"{path}: {len(parts)} rows, {spent}, {iterations} iterations; arms at {', '.join(angles)} degrees")
 
 
 def main() -> None:

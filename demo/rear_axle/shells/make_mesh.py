@@ -37,6 +37,8 @@ SEAT_X, SEAT_Y = (0.282, 0.378), 0.445
 STUB_X, STUB_Z = (0.422, 0.478), 0.0285
 FLANGE_X, FLANGE_Y, FLANGE_Z = (0.40, 0.50), (0.605, 0.615), 0.05
 PIVOT_Y = 0.55
+# Three corners of a flange's outer face; with the bushing they span the tetrahedron whose turn is that of the arm.
+CORNERS = ((FLANGE_X[0], FLANGE_Z), (FLANGE_X[1], FLANGE_Z), (FLANGE_X[0], -FLANGE_Z))
 
 # Corners and mid-sides of a quad, in half-element steps along its own two axes.
 QUAD_STEPS = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0], [2, 1], [1, 2], [0, 1]])
@@ -190,6 +192,9 @@ def _node_sets(points: np.ndarray, elements: dict[tuple[str, str], np.ndarray]) 
             f"ARM_{side}": (y > SEAT_Y - 1e-9) & (~of_beam | np.isclose(y, ARM_Y[0])),
             f"BEAM_{side}": of_beam & (y >= 0.0),
         }
+        for number, (along, up) in enumerate(CORNERS):
+            outside = np.isclose(y, FLANGE_Y[1])
+            found[f"CORNER_{side}{number}"] = outside & np.isclose(x, along) & np.isclose(z, up)
     return {name: np.flatnonzero(inside) for name, inside in found.items()}
 
 
