@@ -10,6 +10,7 @@ from scipy.linalg import expm
 from bodies import beam_body, body_of_everything, random_body, random_ties, with_polynomial
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.core.image import read_image
+from flexfmu.core.library import Core
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
 from flexfmu.program.compile import compile_program
@@ -365,3 +366,21 @@ def test_compliance_of_stiffness_by_load_counts_what_a_load_does_to_the_bent_bod
         change = (ends[0] - ends[1]).reshape(2, 6)[:, :3] / (2.0 * size)
         expected = found[:, column].reshape(2, 6)[:, :3]
         np.testing.assert_allclose(expected, change, rtol=0.0, atol=1e-6 * np.abs(found).max())
+
+
+@pytest.mark.parametrize("short", ["q", "v", "inputs"])
+def test_a_step_of_arrays_that_are_too_short_is_an_error(short):
+    core = Core(compile_program(beam_body(2, 2), Method.FRAMES))
+    given = {"q": np.zeros(core.modes), "v": np.zeros(core.modes), "inputs": np.zeros(core.loads)}
+    with pytest.raises(ValueError, match=r"reshape|inhomogeneous"):
+        core.step(**given | {short: given[short][:-1]}, step=1e-3)
+
+
+@pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
+def test_a_free_body_whose_mass_is_not_positive_is_refused(method):
+    """Random masses leave it none round an axis: the error of such a step was told to be nothing."""
+    model = body_of_everything(1, modes=10, frames=2, interfaces=2, free=True)
+    core = Core(compile_program(model, method, Mass.CONFIGURATION))
+    q = np.concatenate([np.zeros(6), 0.05 * np.random.default_rng(0).standard_normal(core.modes - 6)])
+    answer, *_ = core.step(q, np.zeros(core.modes), np.zeros(core.loads), 1e-3)
+    assert answer.name == "BEYOND_MASS"

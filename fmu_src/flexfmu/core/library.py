@@ -276,9 +276,9 @@ class Core:
         work : tuple
             Internal steps, rounds, and the estimated error.
         """
-        q1, v1, next_hint, work = np.array(q, float), np.array(v, float), np.array([hint], dtype=np.int64), _Work()
-        answer = self._ask("step", inputs, end_inputs, step, q1, v1, next_hint, ctypes.byref(work))
-        return StepAnswer(answer), q1, v1, int(next_hint[0]), (work.substeps, work.iterations, work.error)
+        (q1, v1), tries, work = np.array([q, v], float).reshape(2, self.modes), np.array([hint], np.int64), _Work()
+        answer = self._ask("step", np.reshape(inputs, self.loads), end_inputs, step, q1, v1, tries, ctypes.byref(work))
+        return StepAnswer(answer), q1, v1, int(tries[0]), (work.substeps, work.iterations, work.error)
 
     def step_refusal(self, answer: StepAnswer, step: float, work: tuple[int, int, float]) -> str:
         """Why a step of some length (s) was refused."""

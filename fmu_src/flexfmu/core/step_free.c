@@ -300,6 +300,8 @@ static int accept(Step *s, double *found) {
     configure(s->body, s->q1, end->at);
     if (p->inertial) inertia_at(s->body, end->at, &x->room, &end->mass);
     if (!keep_momenta(x)) return 0;
+    for (int64_t a = 0; a < t; a++) s->all->massless |= !(end->mass.whole[a * (n + 1)] > 0.0);
+    if (s->all->massless) return 0;
     accelerations(s->body, x->inputs, end, &x->room, x->after);
     double error = 0.0, energy = x->whole_mass * dot(end->velocity, end->velocity, 3);
     for (int64_t i = 0; i < n; i++) {
