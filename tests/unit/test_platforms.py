@@ -25,6 +25,7 @@ from flexfmu.core.binaries import core_binaries
 from flexfmu.core.building import (
     FOLDER,
     PLATFORMS,
+    TARGETS,
     compile_core,
     fat_file,
     source_hash,
@@ -427,7 +428,7 @@ def test_a_wheel_has_the_same_bytes_twice_and_runs_without_a_compiler(tmp_path):
     with zipfile.ZipFile(wheels[0]) as archive:
         cores = [Path(name).name for name in archive.namelist() if "/core/binaries/" in name]
         archive.extractall(installed)
-    assert sorted(cores) == sorted(f"{name}{kind.ending}" for name, kind in PLATFORMS.items())
+    assert sorted(cores) == sorted(f"{name}{kind.ending}" for name, kind in TARGETS.items())
     words = (
         "import sys; sys.path[:0] = sys.argv[1:]; from pathlib import Path; import flexfmu.core.library as library\n"
         "from bodies import beam_body; from flexfmu.fmu.package import package_fmu; import fmpy\n"

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.body.recovery import surface_places, surface_von_mises
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.body.recovery import surface_von_mises
 from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.gradients import quadratic_strain
 from flexfmu.fe.stress import nodal_stress
@@ -108,7 +108,7 @@ def test_a_free_body_that_turns_as_one_stays_rigid(free_bar, method):
     start = free_bar.surface.points
     centre = free_bar.joint_point[0]
     expected = centre + [0.1, 0.2, -0.3] + (start - centre) @ exponential(angle).T
-    np.testing.assert_allclose(surface_places(body.model, body.method, body.core, q), expected, atol=1e-6)
+    np.testing.assert_allclose(body.surface_positions(State(q, q)), expected, atol=1e-6)
 
 
 def test_a_bar_whose_root_the_scene_fixes_is_a_clamped_one(free_bar):

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core.library import Core, StepLimits
-from ..files.array_types import FloatArray
+from ..files.array_types import FloatArray, IntArray
 from ..model.errors import EquilibriumError, LoadError, OptionError, StepError
 from ..model.fixing import with_fixed_interfaces
 from ..model.frame_layout import with_frame_layout
@@ -17,7 +17,7 @@ from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
 from ..program.compile import compile_program, shadow_draft
 from .loads import Loads, loads_from_mapping
-from .recovery import surface_places
+from .recovery import surface_data
 
 __all__ = ["Errors", "FlexibleBody", "Response", "State", "StepLimits", "Work"]
 
@@ -311,7 +311,11 @@ class FlexibleBody:
         OptionError
             The body was built without its surface.
         """
-        return surface_places(self.model, self.method, self.core, state.q)
+        return self.core.surface(self._surface, state.q)
+
+    @cached_property
+    def _surface(self) -> tuple[IntArray, IntArray, FloatArray]:
+        return surface_data(self.model, self.method)
 
     def von_mises(self, state: State) -> FloatArray:
         """Largest von Mises stress of each stress set, N/m², (number of stress sets,)."""

@@ -1,17 +1,11 @@
-"""Where the points of a body's surface are, and their stress, by the kinematics of the method itself.
-
-A point is carried as any node of the tree is (docs/theory.md, sections 4, 4a and 4b): its offset in its frame is that
-of (6), with the second-order part (19) where the method has one.
-"""
+"""What places of a body's surface follow from, for the core (core/surface.c), and the surface's stress."""
 
 import numpy as np
 
-from ..core.library import Core
-from ..files.array_types import BoolArray, FloatArray, IntArray
+from ..files.array_types import FloatArray, IntArray
 from ..model.errors import OptionError
 from ..model.methods import Kinematics, Method, recipe_of
 from ..model.reduced_body import ReducedBody, Surface
-from ..model.rotations import cross
 
 LACKS_SURFACE = "the body holds no surface: build it with surface = true in [output], which is the default"
 
@@ -23,22 +17,8 @@ def surface_of(model: ReducedBody) -> Surface:
     return model.surface
 
 
-def surface_places(model: ReducedBody, method: Method, core: Core, q: FloatArray) -> FloatArray:
-    """Where the surface's points are.
-
-    Parameters
-    ----------
-    model : ReducedBody
-    method : Method
-    core : Core
-        Running the model under the method.
-    q : (m,) float
-        Modal coordinates, kg^1/2 m.
-
-    Returns
-    -------
-    (n_points, 3) float
-        m, global frame.
+def surface_data(model: ReducedBody, method: Method) -> tuple[IntArray, IntArray, FloatArray]:
+    """What the core makes places of the surface's points from: sizes, `on` and numbers as of core/surface.h.
 
     Raises
     ------
@@ -46,68 +26,21 @@ def surface_places(model: ReducedBody, method: Method, core: Core, q: FloatArray
         The body was built without its surface.
     """
     surface = surface_of(model)
-    kinematics = recipe_of(method).kinematics
-    moved: FloatArray = surface.points + surface.modes @ q
-    if kinematics is Kinematics.LINEAR or core.frames == 0:
-        return moved
-    position, rotation = core.nodes_at(q)
-    on = surface.frame >= 0
-    s = surface.frame[on]
-    joint = model.joint_point[s]
-    change = surface.modes[on] @ q - (model.joint_displacement @ q)[s]
-    if kinematics in (Kinematics.LITERAL, Kinematics.SECANT):
-        # Only displacements turn.
-        moved[on] = surface.points[on] + position[s] - joint + _applied(rotation[s], change)
-        return moved
-    arm = surface.points[on] - joint
-    local = arm + change - cross((model.frame_rotation @ q)[s], arm)
-    if kinematics is Kinematics.SECOND_ORDER:
-        local += _second_order(model, q, on, s, arm, local - arm)
-        if not on.all():
-            moved[~on] += _from_ground(model, q)[~on]
-    moved[on] = position[s] + _applied(rotation[s], local)
-    return moved
-
-
-def _applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
-    return (matrices @ vectors[:, :, None])[:, :, 0]
-
-
-def _from_ground(model: ReducedBody, q: FloatArray) -> FloatArray:
-    """½ w of each point, (n, 3), seen as the tree's nodes are: from the ground, or from the floating frame."""
-    surface = surface_of(model)
-    if surface.second is None or surface.form is None:
-        return np.zeros_like(surface.points)
-    half: FloatArray = surface.second @ (0.5 * np.einsum("rab,a,b->r", surface.form, q, q))
-    half += surface.modes @ _taken(model, q)
-    if surface.turn is None or surface.pivot is None or surface.piece is None:
-        return half
-    turn, arm = (surface.turn @ q)[surface.piece], surface.points - surface.pivot[surface.piece]
-    change = surface.modes @ q - cross(turn, arm)
-    return half + cross(turn, change + 0.5 * cross(turn, arm))
-
-
-def _taken(model: ReducedBody, q: FloatArray) -> FloatArray:
-    """Modal coordinates (m,) of the part of w that coordinates hold already (section 4c)."""
-    return np.zeros_like(q) if model.membrane is None else model.membrane.taken(model.angular_frequency**2, q)
-
-
-def _second_order(
-    model: ReducedBody, q: FloatArray, on: BoolArray, s: IntArray, arm: FloatArray, change: FloatArray
-) -> FloatArray:
-    """What (19) adds to the offsets of carried points, (k, 3)."""
-    if model.second is None:
-        return np.zeros_like(arm)
-    taken = _taken(model, q)
-    parts = (model.second.displacement, model.joint_displacement), (model.second.rotation, model.frame_rotation)
-    parent, turned = (
-        0.5 * np.einsum("kiab,a,b->ki", part[: model.frame_count], q, q) + linear @ taken for part, linear in parts
-    )
-    turn = (model.frame_rotation @ q)[s]
-    if model.floating:
-        turn = turn - model.frame_rotation[0] @ q
-    own = _from_ground(model, q)[on]
-    return own - parent[s] - cross(turned[s], arm) - cross(turn, change + 0.5 * cross(turn, arm))
+    kinematics, numbers = recipe_of(method).kinematics, [surface.points, surface.modes]
+    forms = pieces = 0
+    if kinematics is Kinematics.SECOND_ORDER and surface.second is not None and surface.form is not None:
+        forms = len(surface.form)
+        numbers += [surface.second, surface.form]
+        if surface.turn is not None and surface.pivot is not None:
+            pieces = len(surface.turn)
+            numbers += [surface.turn, surface.pivot]
+    numbers.append(np.concatenate([model.joint_displacement, model.frame_rotation], axis=1))
+    if kinematics is Kinematics.SECOND_ORDER and model.second is not None:
+        second = model.second.displacement, model.second.rotation
+        numbers.append(np.concatenate([part[: model.frame_count] for part in second], axis=1))
+    on = [surface.frame] if surface.piece is None else [surface.frame, surface.piece]
+    sizes = np.array([list(Kinematics).index(kinematics), len(surface.points), forms, pieces, model.floating])
+    return sizes, np.concatenate(on), np.concatenate([np.ravel(part) for part in numbers])
 
 
 def surface_von_mises(model: ReducedBody, q: FloatArray) -> FloatArray:

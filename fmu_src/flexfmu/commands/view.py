@@ -29,14 +29,17 @@ def view(
         list[str] | None, typer.Option("--set", help="Parameter of the FMU, NAME=VALUE; may be repeated.")
     ] = None,
     shapes: Annotated[int, typer.Option(min=2, help="Most shapes of a motion.")] = 100,
+    live: Annotated[Path | None, typer.Option(help="Page (.html) whose body answers to the pointer.")] = None,
 ) -> None:
     """Show a mesh, a body, its modes, an equilibrium or a motion: a page to turn and play, or a picture."""
     from ..fmu.simulation import parse_parameters
     from ..view.command import Request, show
 
-    target = output or Path(f"{file.stem}.html")
+    target = live or output or Path(f"{file.stem}.html")
     settings = parse_parameters(parameter or [])
-    request = Request(file, target, table, tuple(load or ()), modes, colour, scale, method, settings, shapes)
+    request = Request(
+        file, target, table, tuple(load or ()), modes, colour, scale, method, settings, shapes, live is not None
+    )
     seen = show(request, reporter())
     for case in seen.cases[:1]:
         typer.echo(f"{case.name}: {case.note}")

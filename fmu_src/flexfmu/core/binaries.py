@@ -10,7 +10,7 @@ from pathlib import Path
 from ..files.errors import PackagingError
 from ..files.progress import Reporter
 from ..files.store import default_folder
-from .building import PLATFORMS, compile_core, source_hash, this_platform, zig_compiler
+from .building import PLATFORMS, TARGETS, WEB, compile_core, source_hash, this_platform, zig_compiler
 from .library import SHIPPED, library_path
 
 
@@ -44,16 +44,21 @@ def core_binaries(platforms: Sequence[str] = (), report: Reporter | None = None)
     return {f"{name}{PLATFORMS[name].ending}": path.read_bytes() for name, path in cores.items()}
 
 
+def web_core(report: Reporter) -> bytes:
+    """The core as WebAssembly, for pages; PackagingError as of `core_binaries`."""
+    return _core_for(WEB, report).read_bytes()
+
+
 def _shipped(name: str) -> Path:
     """Where a wheel has the core of a platform."""
-    return SHIPPED / f"{name}{PLATFORMS[name].ending}"
+    return SHIPPED / f"{name}{TARGETS[name].ending}"
 
 
 def _core_for(name: str, report: Reporter) -> Path:
     """The core of a platform as any machine of the kind runs it: shipped, or compiled by pip's zig when first asked."""
     if _shipped(name).is_file():
         return _shipped(name)
-    platform = PLATFORMS[name]
+    platform = TARGETS[name]
     made = _cache() / source_hash()[:16] / f"{name}{platform.ending}"
     if made.is_file():
         return made
@@ -67,7 +72,7 @@ def _core_for(name: str, report: Reporter) -> Path:
     if zig is None:
         raise PackagingError(
             f"no core for {name} in this installation, and no compiler for it: pip install ziglang (some 400 MB, "
-            "needed only to build), or install flexfmu from a wheel that has all platforms"
+            "needed only to build; flexfmu[platforms]), or install flexfmu from a wheel that has all platforms"
         )
     made.parent.mkdir(parents=True, exist_ok=True)
     with report.stage(f"Compile the core for {name}"):

@@ -15,7 +15,7 @@ static const char NO_MEMORY[] = "there is not enough memory";
 enum { OF_STEPS = 2 };
 static void (*const demands[])(const Body *body, Arena *arena) = {
     step_demand, internal_demand, statics_demand, motion_demand, pushes_demand,
-    stability_demand, judgement_demand, inertia_demand, compliance_demand, certificate_demand,
+    stability_demand, judgement_demand, inertia_demand, compliance_demand, certificate_demand, surface_demand,
 };
 
 /* Constant numbers of a body, then its workspace; the sum of all where `arena` counts only. */

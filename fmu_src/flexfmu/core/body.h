@@ -11,6 +11,7 @@
 #include "motion.h"
 #include "statics.h"
 #include "stepping.h"
+#include "surface.h"
 #include "watch.h"
 
 /* Hash of the C files that this was compiled from; empty where the command did not say. */

@@ -42,6 +42,9 @@ PLATFORMS = {
     "darwin64": Platform(("x86_64-macos.11.0", "aarch64-macos.11.0"), ".dylib"),
     "aarch64-linux": Platform(("aarch64-linux-gnu.2.17",), ".so"),
 }
+# The core in a page: no platform of FMUs.
+WEB = "web"
+TARGETS = PLATFORMS | {WEB: Platform(("wasm32-wasi",), ".wasm")}
 
 
 def this_platform() -> str:
@@ -116,16 +119,11 @@ def command(compiler: Sequence[str], output: Path, target: str | None = None, ex
     -------
     list of str
     """
-    words = [
-        *compiler,
-        *FLAGS,
-        f'-DFLEX_SOURCES="{source_hash()}"',
-        *extra,
-        "-shared",
-        "-o",
-        str(output),
-        *map(str, sources()),
-    ]
+    words = [*compiler, *FLAGS, f'-DFLEX_SOURCES="{source_hash()}"', *extra, "-o", str(output), *map(str, sources())]
+    if output.suffix == ".wasm":
+        # A library of functions that asks nothing of the page but where to write its log.
+        return [*words, "-target", str(target), "-mexec-model=reactor", "-msimd128", "-Wl,--export-dynamic", "-s"]
+    words.append("-shared")
     if target is not None:
         # The oldest processors of the kind; the newest would be zig's own machine.
         words += ["-target", target, "-mcpu=baseline", "-s"]

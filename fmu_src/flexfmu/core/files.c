@@ -10,6 +10,8 @@
 /* The bytes of body.prog as C, by `xxd -i body.prog`: for targets without files. */
 extern unsigned char body_prog[] __attribute__((aligned(8)));
 #include FLEX_BODY
+#elif defined(__wasm__)
+#define PAGE __attribute__((visibility("default")))
 #elif defined(_WIN32)
 #include <windows.h>
 #else
@@ -65,6 +67,42 @@ const void *map_file(const char *folder, const char *name, int64_t *size) {
     (void)folder;
     *size = (int64_t)sizeof body_prog;
     return strcmp(name, "body.prog") == 0 ? body_prog : 0;
+}
+
+void unmap_file(const void *bytes, int64_t size) {
+    (void)bytes;
+    (void)size;
+}
+#elif defined(__wasm__)
+/* What a page gives before it makes an instance; a file given again replaces the former. */
+enum { MOST_FILES = 32, MOST_NAME = 64 };
+static struct {
+    char name[MOST_NAME];
+    void *bytes;
+    int64_t size;
+} files[MOST_FILES];
+
+/* Room for the bytes of a file of the resources, to be written by the caller; null where there is none. */
+PAGE void *fmi2FlexfmuFile(const char *name, size_t size) {
+    int i = 0;
+    while (i < MOST_FILES && files[i].bytes && strcmp(files[i].name, name) != 0) i++;
+    if (i == MOST_FILES || strlen(name) >= MOST_NAME) return 0;
+    free(files[i].bytes);
+    strcpy(files[i].name, name);
+    files[i].size = (int64_t)size;
+    return files[i].bytes = malloc(size);
+}
+
+/* Room for arrays of calls. */
+PAGE void *fmi2FlexfmuRoom(size_t size) { return malloc(size); }
+
+const void *map_file(const char *folder, const char *name, int64_t *size) {
+    (void)folder;
+    for (int i = 0; i < MOST_FILES && files[i].bytes; i++) {
+        *size = files[i].size;
+        if (strcmp(files[i].name, name) == 0) return files[i].bytes;
+    }
+    return 0;
 }
 
 void unmap_file(const void *bytes, int64_t size) {

@@ -5,6 +5,8 @@
 #include "coupling.h"
 #include "fmi2_types.h"
 
+/* Pages call what fmi2_web.c has. */
+#if !defined(__wasm__)
 typedef void (*Call)(void);
 
 static const struct {
@@ -26,6 +28,7 @@ static const struct {
     CALL(body_motion)
     CALL(body_nodes)
     CALL(body_stress)
+    CALL(body_surface)
     CALL(body_energies)
     CALL(body_forces)
     CALL(body_mass)
@@ -50,3 +53,4 @@ FMI2_EXPORT Call fmi2FlexfmuCall(const char *name) {
         if (strcmp(CALLS[i].name, name) == 0) return CALLS[i].call;
     return 0;
 }
+#endif

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.array_types import FloatArray
+from ..files.array_types import FloatArray, IntArray
 from ..model.errors import OptionError
 from .building import PLATFORMS, source_hash, sources, this_platform
 from .image import read_image
@@ -109,6 +109,7 @@ _OF_BODIES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_motion": (_done, (_Numbers,) * 4),
     "body_nodes": (None, (_Numbers,) * 3),
     "body_stress": (None, (_Numbers,) * 2),
+    "body_surface": (_done, (_Wholes, _Wholes, *(_Numbers,) * 4)),
     "body_energies": (_done, (_Numbers,) * 4),
     "body_forces": (_done, (_Numbers,) * 4),
     "body_mass": (_done, (_Numbers,) * 2),
@@ -313,6 +314,10 @@ class Core:
     def stress(self, q: FloatArray, sets: int) -> FloatArray:
         """Largest von Mises stress of each set, N/m²."""
         return self._filled(sets, "stress", q)
+
+    def surface(self, data: tuple[IntArray, IntArray, FloatArray], q: FloatArray) -> FloatArray:
+        """Places (n, 3) of a surface's points; `data` are sizes, `on` and numbers as of core/surface.h."""
+        return self._filled((int(data[0][1]), 3), "surface", *data, q, np.empty(data[0][2]))
 
     def energies(self, q: FloatArray, v: FloatArray) -> tuple[float, float]:
         """Strain and kinetic energy, J."""

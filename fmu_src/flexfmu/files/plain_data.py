@@ -18,12 +18,14 @@ def json_text(value: object) -> str:
     return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, indent=2)
 
 
-def page_text(package: str | None, title: str, content: object) -> str:
-    """The page `page.html` of a package with a title and data, which its script reads."""
+def page_text(package: str | None, title: str, content: object, *scripts: str) -> str:
+    """The page `page.html` of a package with a title, data, which its script reads, and more scripts of the package."""
     # Nothing in the data may end the script.
     text = json.dumps(_plain(content), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    template = files(package or "").joinpath("page.html").read_text(encoding="utf-8")
-    return template.replace("@TITLE@", escape(title)).replace("@DATA@", text)
+    template, *more = (
+        files(package or "").joinpath(name).read_text(encoding="utf-8") for name in ("page.html", *scripts)
+    )
+    return template.replace("@LIVE@", "".join(more)).replace("@TITLE@", escape(title)).replace("@DATA@", text)
 
 
 def fields_of(value: object) -> dict[str, object]:

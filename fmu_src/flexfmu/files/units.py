@@ -42,11 +42,7 @@ QUANTITIES = {
 
 
 # Of length, stress and density.
-_NAMES = {
-    "m-kg-s": ("m", "N/m²", "kg/m³"),
-    "mm-t-s": ("mm", "MPa", "t/mm³"),
-    "in-lbf-s": ("in", "psi", "lbf s²/in⁴"),
-}
+_NAMES = {"m-kg-s": ("m", "N/m²", "kg/m³"), "mm-t-s": ("mm", "MPa", "t/mm³"), "in-lbf-s": ("in", "psi", "lbf s²/in⁴")}
 
 
 class UnitSystem(Enum):

@@ -4,19 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from .errors import OptionError
-from .methods import (
-    ASKED_BY,
-    Data,
-    FrameLayout,
-    Mass,
-    Method,
-    Variant,
-    has_frames,
-    masses_of,
-    named,
-    needs,
-    recipe_of,
-)
+from .methods import ASKED_BY, Data, FrameLayout, Mass, Method, Variant, has_frames, masses_of, named, needs, recipe_of
 from .reduced_body import ReducedBody
 
 

@@ -24,6 +24,7 @@ from ..files.targets import PICTURE_SUFFIXES, check_target, whole_file
 from ..fmu.package import read_packaged_body
 from ..model.reduced_body import ReducedBody
 from .from_motion import motion_columns, shapes_of_least_energy
+from .live import live_view
 from .mesh import body_file_view, mesh_view
 from .model import Case, View
 from .motions import body_view, mode_cases, motion_case, static_case
@@ -60,6 +61,8 @@ class Request:
         Parameters of the FMU.
     shapes : int
         Most shapes of a motion.
+    live : bool
+        A page whose body answers to the pointer.
     """
 
     file: Path
@@ -72,6 +75,7 @@ class Request:
     method: str | None = None
     settings: Mapping[str, object] | None = None
     shapes: int = MOST_SHAPES
+    live: bool = False
 
 
 def show(request: Request, report: Reporter) -> View:
@@ -93,7 +97,11 @@ def show(request: Request, report: Reporter) -> View:
     RuntimeBodyError
         A body that was built without its surface, or has no equilibrium.
     """
-    check_target(request.output, SUFFIXES, inputs=[p for p in (request.file, request.table) if p is not None])
+    check_target(
+        request.output,
+        (PAGE,) if request.live else SUFFIXES,
+        inputs=[p for p in (request.file, request.table) if p is not None],
+    )
     view = _view(request, report)
     view = replace(view, colour=_colour(request, view), scale=request.scale)
     _write(view, request.output, report)
@@ -122,7 +130,7 @@ def _write(view: View, output: Path, report: Reporter) -> None:
 def _view(request: Request, report: Reporter) -> View:
     check_input(request.file, FlexfmuError, Kind.FMU, Kind.MODAL, Kind.BODY, Kind.MESH)
     kind = kind_of(request.file)
-    moves = bool(request.loads or request.table or request.modes)
+    moves = bool(request.loads or request.table or request.modes or request.live)
     if kind is Kind.MESH:
         if moves:
             raise FlexfmuError(f"{request.file} is a mesh, which does not move: name it in a body file and view that")
@@ -153,6 +161,8 @@ def view_of_model(model: ReducedBody, request: Request, report: Reporter) -> Vie
     """
     settings = dict(request.settings or {})
     body = body_with(model, settings, request.method)
+    if request.live:
+        return live_view(body, report)
     cases: list[Case] = []
     if request.loads:
         loads, words = loads_of(body, request.loads)

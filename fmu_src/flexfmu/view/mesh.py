@@ -105,13 +105,7 @@ def _frames(config: BodyOptions, model: Model, report: Reporter) -> tuple[list[S
     return every, tuple(names), number
 
 
-def _view(
-    mesh: Mesh,
-    title: str,
-    regions: list[Region],
-    marks: tuple[Mark, ...],
-    mark_points: FloatArray,
-) -> View:
+def _view(mesh: Mesh, title: str, regions: list[Region], marks: tuple[Mark, ...], mark_points: FloatArray) -> View:
     nodes, corners = surface_nodes(mesh, mesh.faces)
     row = np.full(len(mesh.points), -1)
     row[nodes] = np.arange(nodes.size)

@@ -106,6 +106,8 @@ class View:
         Factor on displacements, 0 to choose one where they are small.
     colour : str
         Title of a region, `DISPLACEMENT` or `STRESS`: what is shown first.
+    live : mapping or None
+        What a page needs whose body answers to the pointer.
     """
 
     title: str
@@ -119,6 +121,7 @@ class View:
     sets: Mapping[str, IntArray] = field(default_factory=dict)
     scale: float = 0.0
     colour: str = DISPLACEMENT
+    live: Mapping[str, object] | None = None
 
     @property
     def size(self) -> float:
@@ -140,7 +143,7 @@ class View:
     @property
     def colours(self) -> tuple[str, ...]:
         """What the surface can be coloured by."""
-        moved = (DISPLACEMENT,) if self.cases else ()
+        moved = (DISPLACEMENT,) if self.cases or self.live else ()
         stressed = (STRESS,) if any(case.stress is not None for case in self.cases) else ()
         return (*moved, *stressed, *(region.title for region in self.regions))
 

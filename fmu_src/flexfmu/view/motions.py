@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..body.flexible_body import FlexibleBody
+from ..body.flexible_body import FlexibleBody, State
 from ..body.loads import Loads
-from ..body.recovery import surface_of, surface_places, surface_von_mises
+from ..body.recovery import surface_of, surface_von_mises
 from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.progress import Reporter
@@ -126,7 +126,7 @@ def motion_case(
     Case
     """
     surface = surface_of(body.model)
-    places = np.array([surface_places(body.model, body.method, body.core, q) for q in states])
+    places = np.array([body.surface_positions(State(q, q)) for q in states])
     stress = None if surface.stress is None else np.array([surface_von_mises(body.model, q) for q in states])
     marks = np.array([mark_places(body, q) for q in states])
     if note is None:

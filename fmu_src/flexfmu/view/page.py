@@ -42,8 +42,9 @@ def page(view: View) -> str:
         "colour": view.colour if view.colour in view.colours else next(iter(view.colours), ""),
         "ramp": np.round(ramp, 3).tolist(),
         "cases": [_case(view, case) for case in view.cases],
+        "live": view.live,
     }
-    return page_text(__package__, view.title, content)
+    return page_text(__package__, view.title, content, *(() if view.live is None else ("fmu.js", "live.js")))
 
 
 def _case(view: View, case: Case) -> dict[str, Any]:

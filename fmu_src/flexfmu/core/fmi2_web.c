@@ -1,0 +1,18 @@
+/* What a page asks beside FMI: a library for WebAssembly alone has it. */
+#include "component.h"
+
+#if defined(__wasm__)
+/* A page has functions that it calls, not pointers to its own: its logger is this one. */
+__attribute__((import_module("page"), import_name("log")))
+void fmi2FlexfmuLog(fmi2ComponentEnvironment to, fmi2String instance, fmi2Status status, fmi2String category, fmi2String message, ...);
+
+FMI2_EXPORT fmi2CallbackLogger fmi2FlexfmuLogger(void) { return fmi2FlexfmuLog; }
+
+/* body_surface of an instance where it is now. */
+FMI2_EXPORT fmi2Status fmi2FlexfmuSurface(fmi2Component handle, const int64_t *sizes, const int64_t *on, const double *numbers,
+                                          double *value, double *places) {
+    Component *c = allowed(handle, READABLE, "fmi2FlexfmuSurface");
+    if (!c || instance_begin(c->body, c->text) != ANSWER_OK) return fmi2Error;
+    return body_surface(c->body->body, sizes, on, numbers, c->body->q, value, places) == FLEX_OK ? fmi2OK : fmi2Error;
+}
+#endif
