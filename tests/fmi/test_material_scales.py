@@ -68,7 +68,8 @@ def test_scales_of_the_material_are_as_if_the_body_were_built_of_it(make, start,
     """Motion, rates, stress, compliance, energies, its error and every other number, and what it warns of."""
     if make is slab and start == "static":
         pytest.skip("it has no equilibrium")
-    loads = {"tip.force.y": 300.0, "tip.moment.x": -3.0, "body.acceleration.z": 9.81}
+    # The portal is stiff: under less its error is round-off.
+    loads = {"tip.force.y": 3e4 if make is portal else 300.0, "tip.moment.x": -3.0, "body.acceleration.z": 9.81}
     before = {"initialization": start, "internal_step.limit": 1e-4}
     if start == "static":
         before |= {"tip.force.x": 50.0, "body.acceleration.z": -200.0}

@@ -366,7 +366,8 @@ def test_where_there_is_no_compiler_zig_makes_this_machines_core(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     core = ctypes.CDLL(str(path))
-    core.core_sources.restype = ctypes.c_char_p
+    core.fmi2FlexfmuCall.argtypes = [ctypes.c_char_p]
+    assert library.declare(core)
     assert core.core_sources().decode() == source_hash()
 
 
