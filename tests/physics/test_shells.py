@@ -6,6 +6,7 @@ import meshio
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
+from scipy.interpolate import RegularGridInterpolator
 
 import flexfmu
 from decks import read
@@ -28,25 +29,38 @@ from meshes import box
 from reference.shell_bodies import FOLDER, Middle
 
 RESULTS = np.genfromtxt(FOLDER / "shell_bodies.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
-KINDS = ("quad", "triangle")
+KINDS = ("quad", "triangle", "quad8", "triangle6")
 
 
 def grid(n, m, place, kind="quad", distortion=0.0):
-    """Points and cells of a surface over the unit square."""
-    a, b = np.meshgrid(np.linspace(0.0, 1.0, n + 1), np.linspace(0.0, 1.0, m + 1), indexing="ij")
+    """Points and cells of a surface over the unit square; quadratic ones of two intervals each."""
+    step = 2 if kind.endswith(("6", "8")) else 1
+    a, b = np.meshgrid(np.linspace(0.0, 1.0, n // step + 1), np.linspace(0.0, 1.0, m // step + 1), indexing="ij")
     inside = (a > 0.0) & (a < 1.0) & (b > 0.0) & (b < 1.0)
-    a = a + distortion / n * inside * np.sin(7.0 * b + 3.0 * a)
-    b = b + distortion / m * inside * np.cos(5.0 * a + b)
+    a = a + step * distortion / n * inside * np.sin(7.0 * b + 3.0 * a)
+    b = b + step * distortion / m * inside * np.cos(5.0 * a + b)
+    if step == 2:
+        a, b = (RegularGridInterpolator([np.arange(k) * 2 for k in one.shape], one)(np.stack(np.indices((n + 1, m + 1)), axis=-1)) for one in (a, b))
     points = np.array([place(x, y) for x, y in zip(a.ravel(), b.ravel(), strict=True)], dtype=float)
     i = np.arange(len(points)).reshape(n + 1, m + 1)
-    quads = np.stack([i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]], axis=-1).reshape(-1, 4)
-    return points, quads if kind == "quad" else np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    at = np.stack([i[k : n + 1 - step + k : step, j : m + 1 - step + j : step] for k in range(step + 1) for j in range(step + 1)], axis=-1)
+    nine = at.reshape(-1, (step + 1) ** 2)
+    if kind == "quad":
+        return points, nine[:, [0, 2, 3, 1]]
+    if kind == "triangle":
+        return points, np.concatenate([nine[:, [0, 2, 3]], nine[:, [0, 3, 1]]])
+    if kind == "triangle6":
+        points[nine[:, 4]] = 0.5 * (points[nine[:, 0]] + points[nine[:, 8]]) if distortion else points[nine[:, 4]]
+        return points, np.concatenate([nine[:, [0, 6, 8, 3, 7, 4]], nine[:, [0, 8, 2, 4, 5, 1]]])
+    eight = nine[:, [0, 6, 8, 2, 3, 7, 5, 1]]
+    used, rows = np.unique(eight, return_inverse=True)
+    return points[used], rows.reshape(eight.shape)
 
 
 def shell(points, cells, thickness, fixed=None, turning=None, constants=(1.0, 0.0), offset=0.0):
     """Mesh of a middle surface with supports."""
     none = np.zeros((len(points), 3), dtype=bool)
-    kind = ElementType.S4 if cells.shape[1] == 4 else ElementType.S3
+    kind = ElementType[f"S{cells.shape[1]}"]
     block = ElementBlock(kind, np.arange(1, len(cells) + 1), cells, np.zeros(len(cells), dtype=np.int64))
     middle = Mesh(
         points=points,
@@ -71,7 +85,7 @@ def solved(mesh, forces, free=False):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("field", ["membrane", "bending"])
 def test_patches_of_distorted_shells_hold_constant_strain_and_curvature(kind, field):
-    points, cells = grid(4, 3, lambda a, b: (0.24 * a, 0.12 * b, 0.0), kind, 0.3)
+    points, cells = grid(4, 4, lambda a, b: (0.24 * a, 0.12 * b, 0.0), kind, 0.3)
     mesh = shell(points, cells, 0.001, constants=(2e11, 0.25))
     x, y, z = mesh.points.T
     exact = np.column_stack([1e-3 * (x + 0.5 * y), 1e-3 * (y + 0.5 * x), 0.0 * x])
@@ -409,7 +423,7 @@ def test_bulk_data_that_say_more_of_shells_than_a_thickness_are_refused(tmp_path
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_geometric_stiffness_of_shells_is_that_of_the_assembled_matrix_and_of_the_strain_of_second_order(kind):
-    mesh = shell(*grid(5, 7, lambda x, y: (x, y, 0.3 * x * y), kind, 0.1), 0.02, constants=(1.0, 0.3))
+    mesh = shell(*grid(6, 8, lambda x, y: (x, y, 0.3 * x * y), kind, 0.1), 0.02, constants=(1.0, 0.3))
     u, shapes = np.split(np.random.default_rng(5).standard_normal((3 * len(mesh.points), 7)), [2], axis=1)
     found = geometric_stiffness(mesh, u, shapes)
     whole = np.array([shapes.T @ (stress_stiffness(mesh, one) @ shapes) for one in u.T])

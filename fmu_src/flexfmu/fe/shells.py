@@ -19,7 +19,7 @@ from ..files.errors import ModelError
 from ..mesh.blocks import ElementBlock, jacobians
 from ..mesh.elements import ElementType
 from ..mesh.model import SECTION_SHARES, Mesh
-from ..mesh.shapes import brick_rule, wedge_rule
+from ..mesh.shapes import Quadrature, brick_rule
 from .beams import ROWS as BEAM_ROWS
 from .beams import beam_law
 from .cells import Cells, turning
@@ -29,11 +29,6 @@ from .cells import Cells, turning
 _SHEAR, _SOFTENED = 5.0 / 6.0, 0.1
 # Elements at a time whose matrices are made together.
 _TOGETHER = 2048
-# Places of the rules in `mesh.elements` by component: first those in the plane, then shear, then across.
-_IN_PLANE = ((0, 0), (1, 1), (0, 1))
-_QUAD_SHEAR = ((8, 0, 2), (9, 0, 2), (10, 1, 2), (11, 1, 2))
-_TRIANGLE_SHEAR = ((2, 0, 2), (3, 0, 2), (4, 1, 2), (3, 1, 2))
-
 
 class ShellRule:
     """Where elements of a type take natural strains; places that always have the same one share it.
@@ -46,15 +41,18 @@ class ShellRule:
         Slopes whose products make each strain.
     merged : (k, r) float
         Strains as the assumptions have them of those of their own.
+    halves : (2, a/2) int
+        Of shells the nodes of both faces.
     """
 
     def __init__(self, kind: ElementType):
-        place, *both = _rows(kind).T
+        place, *both = (np.array(BEAM_ROWS) if kind.beam else kind.strains.rows).T
         every = np.concatenate([kind.shape.gradient(kind.stiffness.points)[place, :, one] for one in both])
         _, chosen, which = np.unique(np.round(every, 9), axis=0, return_index=True, return_inverse=True)
         self.slope: FloatArray = every[chosen]
         self.rows, strain = np.unique(which.reshape(2, len(place)).T, axis=0, return_inverse=True)
         self.merged = np.eye(len(self.rows))[strain.ravel()]
+        self.halves = np.zeros((2, 0), dtype=np.int64) if kind.beam else kind.sheet.halves
 
 
 shell_rule = cache(ShellRule)
@@ -109,12 +107,11 @@ class ShellCells(Cells):
 
         But for gradients in global axes. Rows of the means are the lower ones of both faces.
         """
-        if len(self.rule.merged) == len(BEAM_ROWS):
+        if not self.rule.halves.size:
             return replace(self, slope=self.slope @ np.kron(np.eye(2), SECTION_SHARES))
-        low, high = np.split(self.nodes, 2, axis=1)
+        low, high = self.nodes[:, self.rule.halves].swapaxes(0, 1)
         sign = np.where(low < high, 1.0, -1.0)
-
-        below, above = np.sqrt(0.5) * np.array(np.split(self.slope, 2, axis=2))
+        below, above = np.sqrt(0.5) * np.moveaxis(self.slope[:, :, self.rule.halves], 2, 0)
         slope = np.concatenate([below + above + 0.0 * sign[:, None], sign[:, None] * (above - below)], axis=2)
         nodes = np.concatenate([np.minimum(low, high), np.maximum(low, high)], axis=1)
         return replace(self, nodes=nodes, slope=slope)
@@ -158,45 +155,29 @@ def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
     )
 
 
-def _rows(kind: ElementType) -> IntArray:
-    """Place and both components of each natural strain (r, 3)."""
-    if kind.beam:
-        return np.array(BEAM_ROWS)
-    flat, shear, count = (8, _QUAD_SHEAR, 12) if kind is ElementType.S4 else (2, _TRIANGLE_SHEAR, 5)
-    corners = len(kind.stiffness.weights) - count
-    inside = [(place, i, j) for place in range(flat) for i, j in _IN_PLANE]
-    return np.array([*inside, *shear, *((count + k, 2, 2) for k in range(corners))])
-
-
 def _law(block: ElementBlock, corners: FloatArray, strains: ShellRule, constants: FloatArray) -> FloatArray:
-    """D (e, r, r) of elements with corners (e, a, 3) and E, ν (e, 2)."""
+    """D (e, r, r) of elements with nodes (e, a, 3) and E, ν (e, 2)."""
     if block.section is not None:
         return beam_law(corners, strains.merged, constants, block.section)
-    quad = block.type is ElementType.S4
-    rule = brick_rule(2) if quad else wedge_rule(2, 2)
-    slope = block.type.shape.gradient(np.concatenate([rule.points, [[0.0, 0.0, 0.0] if quad else [1 / 3, 1 / 3, 0.0]]]))
-    base = np.einsum("qaJ,eai->eqJi", slope, corners)
-    determinant = np.linalg.det(base)
-    # Local axes: first along the element, third across it.
-    across = np.cross(base[:, :, 0], base[:, :, 1])
-    along = base[:, :, 0] / np.linalg.norm(base[:, :, 0], axis=2, keepdims=True)
-    across /= np.linalg.norm(across, axis=2, keepdims=True)
-    axes = np.stack([along, np.cross(across, along), across], axis=2)
+    quad, rule = block.type is ElementType.S4, block.type.mass
+    at = _Places(block.type, corners, strains, rule)
     count = len(strains.rows)
-    elastic = _plane_stress(constants, 1.0 if quad else _softening(corners))
+    elastic = _plane_stress(constants, _softening(corners) if block.type is ElementType.S3 else 1.0)
     law = np.zeros((len(corners), count, count))
     own, mixed = np.zeros((len(corners), 4, 4)), np.zeros((len(corners), 4, count))
-    to_centre = np.linalg.inv(base[:, -1])
+    to_centre = np.linalg.inv(at.base[:, -1])
+    mean = _patched(at, _Places(block.type, corners, strains, brick_rule(2))) if block.type is ElementType.S8 else {}
     for q, (point, weight) in enumerate(zip(rule.points, rule.weights, strict=True)):
-        assumed = _assumed(quad, q, point) @ strains.merged
-        local = turning(np.linalg.inv(base[:, q].swapaxes(1, 2)) @ axes[:, q].swapaxes(1, 2)).swapaxes(1, 2) @ assumed
-        stiff = (weight * determinant[:, q])[:, None, None] * elastic
+        local = at.strains(q)
+        if mean:
+            local = local + at.turned(q, mean[float(np.sign(point[2]))], back=False)
+        stiff = (weight * at.determinant[:, q])[:, None, None] * elastic
         law += local.swapaxes(1, 2) @ (stiff @ local)
         if quad:
             shapes = np.zeros((6, 4))
             shapes[[0, 1, 3, 3], range(4)] = point[[0, 1, 0, 1]]
-            extra = turning((axes[:, q] @ to_centre).swapaxes(1, 2)).swapaxes(1, 2) @ shapes
-            extra = extra * (determinant[:, -1] / determinant[:, q])[:, None, None]
+            extra = turning((at.axes[:, q] @ to_centre).swapaxes(1, 2)).swapaxes(1, 2) @ shapes
+            extra = extra * (at.determinant[:, -1] / at.determinant[:, q])[:, None, None]
             own += extra.swapaxes(1, 2) @ (stiff @ extra)
             mixed += extra.swapaxes(1, 2) @ (stiff @ local)
     if quad:
@@ -205,24 +186,58 @@ def _law(block: ElementBlock, corners: FloatArray, strains: ShellRule, constants
     return result
 
 
-def _assumed(quad: bool, q: int, point: FloatArray) -> FloatArray:
-    """Natural strains, shear twice, (6, k) at an integration point of those at the places."""
-    x, y, _ = point
-    result = np.zeros((6, 32 if quad else 13))
-    flat = 3 * (q if quad else q // 3)
-    result[[0, 1, 3], range(flat, flat + 3)] = 1.0
-    if quad:
-        result[5, 24:26] = 0.5 * (1.0 - y), 0.5 * (1.0 + y)
-        result[4, 26:28] = 0.5 * (1.0 - x), 0.5 * (1.0 + x)
-        signs = ElementType.S4.stiffness.points[12:, :2]
-        result[2, 28:] = 0.25 * np.prod(1.0 + signs * point[:2], axis=1)
-    else:
-        # e₁₃ = e₁₃⁽¹⁾ + c s, e₂₃ = e₂₃⁽²⁾ − c r, c = e₂₃⁽²⁾ − e₁₃⁽¹⁾ − e₂₃⁽³⁾ + e₁₃⁽³⁾.
-        change = np.array([-1.0, 1.0, 1.0, -1.0])
-        result[5, 6:10] = np.array([1.0, 0.0, 0.0, 0.0]) + y * change
-        result[4, 6:10] = np.array([0.0, 0.0, 1.0, 0.0]) - x * change
-        result[2, 10:] = 1.0 - x - y, x, y
-    return result
+class _Places:
+    """Assumed strains of shells in local axes, first along the element, third across it.
+
+    Attributes
+    ----------
+    base : (e, q + 1, 3, 3) float
+        Slopes ∂X/∂ξ_J, rows, at the points of a rule and in the middle.
+    determinant : (e, q + 1) float
+    axes : (e, q + 1, 3, 3) float
+        Rows.
+    """
+
+    def __init__(self, kind: ElementType, corners: FloatArray, strains: ShellRule, rule: Quadrature):
+        slope = kind.shape.gradient(np.concatenate([rule.points, [[0.0, 0.0, 0.0]]]))
+        self.rule = rule
+        self.base = np.einsum("qaJ,eai->eqJi", slope, corners)
+        self.determinant = np.linalg.det(self.base)
+        across = np.cross(self.base[:, :, 0], self.base[:, :, 1])
+        along = self.base[:, :, 0] / np.linalg.norm(self.base[:, :, 0], axis=2, keepdims=True)
+        across /= np.linalg.norm(across, axis=2, keepdims=True)
+        self.axes = np.stack([along, np.cross(across, along), across], axis=2)
+        self._natural = kind.strains.assumed(rule.points) @ strains.merged
+
+    def strains(self, q: int) -> FloatArray:
+        """Strains (e, 6, r) at a point of the rule."""
+        to_natural = np.linalg.inv(self.base[:, q].swapaxes(1, 2)) @ self.axes[:, q].swapaxes(1, 2)
+        found: FloatArray = turning(to_natural).swapaxes(1, 2) @ self._natural[q]
+        return found
+
+    def turned(self, q: int, strains: FloatArray, *, back: bool) -> FloatArray:
+        """Strains (e, 6, r) in the middle's axes as ones in the plane at a point of the rule, or the other way."""
+        turn = self.axes[:, -1] @ self.axes[:, q].swapaxes(1, 2)
+        turn = turning(turn.swapaxes(1, 2) if back else turn).swapaxes(1, 2)
+        inside = np.array([1.0, 1.0, 0.0, 1.0, 0.0, 0.0])
+        found: FloatArray = inside[:, None] * (turn @ (inside[:, None] * strains))
+        return found
+
+    def means(self) -> dict[float, FloatArray]:
+        """Mean strains (e, 6, r) in the middle's axes above (1) and below (−1) the middle."""
+        found = {}
+        for side in (-1.0, 1.0):
+            chosen = np.flatnonzero(self.rule.points[:, 2] * side > 0.0).tolist()
+            weights = {q: (self.rule.weights[q] * self.determinant[:, q])[:, None, None] for q in chosen}
+            total = sum(weights[q] * self.turned(q, self.strains(q), back=True) for q in chosen)
+            found[side] = np.asarray(total / sum(weights.values()))
+        return found
+
+
+def _patched(at: _Places, exact: _Places) -> dict[float, FloatArray]:
+    """What gives assumed strains the means, above and below, of those of the positions: patches of distorted shells."""
+    found, wanted = at.means(), exact.means()
+    return {side: wanted[side] - found[side] for side in found}
 
 
 def _plane_stress(constants: FloatArray, softened: FloatArray | float) -> FloatArray:

@@ -153,7 +153,8 @@ class GivenModes:
         mass = mass_matrix(heavy, heavy.volume_matrices)
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
-            cells.setdefault(block.type.shape.name, []).append(block.connectivity)
+            rows = block.connectivity[:, : block.type.corner_count] if block.type.shell else block.connectivity
+            cells.setdefault(block.type.shape.name, []).append(rows)
         return cls(
             mesh.points,
             np.asarray(modes, dtype=float)[:, there],

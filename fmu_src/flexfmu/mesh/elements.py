@@ -3,22 +3,31 @@
 from enum import Enum
 
 from flexfmu.mesh.shapes import (
-    BRICK,
     BRICK_8,
     BRICK_20,
+    RECTANGLE_4,
+    RECTANGLE_9,
+    SHEET_3,
+    SHEET_4,
+    SHEET_6,
+    SHEET_9,
     TETRAHEDRON_4,
     TETRAHEDRON_10,
-    WEDGE,
+    TRIANGLE_3,
+    TRIANGLE_6,
     WEDGE_6,
     WEDGE_15,
     Quadrature,
     Shape,
+    Sheet,
     beam_rule,
     brick_rule,
-    shell_rule,
+    prism_rule,
+    rectangle_rule,
     tetrahedron_rule,
     wedge_rule,
 )
+from flexfmu.mesh.strains import StrainRule, shell_rule
 
 
 class ElementType(Enum):
@@ -53,8 +62,10 @@ class ElementType(Enum):
     C3D15 = "C3D15", WEDGE_15, wedge_rule(2, 3), wedge_rule(5, 3)
     C3D20 = "C3D20", BRICK_20, brick_rule(3), brick_rule(3), False
     C3D20R = "C3D20R", BRICK_20, brick_rule(2), brick_rule(2)
-    S3 = "S3", WEDGE_6, shell_rule(WEDGE), wedge_rule(2, 2), False, False, True
-    S4 = "S4", BRICK_8, shell_rule(BRICK), brick_rule(2), False, False, True
+    S3 = "S3", SHEET_3, shell_rule(TRIANGLE_3), wedge_rule(2, 2), False, False, True
+    S4 = "S4", SHEET_4, shell_rule(RECTANGLE_4), brick_rule(2), False, False, True
+    S6 = "S6", SHEET_6, shell_rule(TRIANGLE_6), wedge_rule(5, 2), False, False, True
+    S8 = "S8", SHEET_9, shell_rule(RECTANGLE_9), prism_rule(rectangle_rule(), 2), False, False, True
     B31 = "B31", BRICK_8, beam_rule(), brick_rule(2), False, False, False, True
 
     def __new__(cls, name: str, *_: object) -> "ElementType":
@@ -92,6 +103,18 @@ class ElementType(Enum):
     def corner_count(self) -> int:
         """Corners per element: 4 of a tetrahedron, 6 of a wedge, 8 of a brick."""
         return len(self.shape.polytope.corners)
+
+    @property
+    def sheet(self) -> Sheet:
+        """Of shells the shape."""
+        assert isinstance(self.shape, Sheet)
+        return self.shape
+
+    @property
+    def strains(self) -> StrainRule:
+        """Of shells the places of their strains."""
+        assert isinstance(self.stiffness, StrainRule)
+        return self.stiffness
 
 
 ASSUMED = {kind.shape.name: kind for kind in ElementType if kind.assumed}

@@ -19,9 +19,8 @@ from flexfmu.mesh.links import RigidLink
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass
 from flexfmu.mesh.other.file_sets import Group, cell_groups, node_sets_of
-from flexfmu.mesh.shells import expanded
+from flexfmu.mesh.shells import SHELLS, expanded
 
-_SHELLS = {"triangle": ElementType.S3, "quad": ElementType.S4}
 _NO_ELEMENT = -1
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.
 topological_dimension.setdefault("wedge15", 3)
@@ -349,10 +348,10 @@ def _shell_blocks(
                 f"positive thickness and one of the cell sets {listed(groups)}, or '' for all of a file without solids"
             )
         for place, rows in groups[name].items():
-            if cells[place].type not in _SHELLS:
+            if cells[place].type not in SHELLS:
                 raise MeshError(
                     f"{title}: set {name!r} holds cells of the kind {cells[place].type}, shells are made of "
-                    f"{', '.join(_SHELLS)}; mesh this part with these"
+                    f"{', '.join(SHELLS)}; mesh this part with these"
                 )
             heights.setdefault(place, np.full((len(cells[place].data), 2), np.nan))[rows] = faces
     blocks, found, positions = [], [np.zeros((0, 2))], {}
@@ -364,7 +363,7 @@ def _shell_blocks(
         labels = positions[place] + 1 if contents.cell_labels is None else contents.cell_labels[place]
         material = np.full(len(labels), NO_MATERIAL) if contents.material is None else contents.material[place]
         data = np.asarray(cells[place].data, dtype=np.int64)
-        blocks.append(ElementBlock(_SHELLS[cells[place].type], labels[rows], data[rows], material[rows]))
+        blocks.append(ElementBlock(SHELLS[cells[place].type], labels[rows], data[rows], material[rows]))
         found.append(heights[place][rows])
     return blocks, np.concatenate(found), positions
 

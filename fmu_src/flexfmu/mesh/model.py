@@ -167,7 +167,7 @@ class Mesh:
         node, share = np.repeat(np.arange(count)[:, None], 4, axis=1), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
         for block in self.blocks:
             if block.type.shell:
-                ends = block.connectivity.reshape(len(block.labels), 2, -1).swapaxes(1, 2).reshape(-1, 2)
+                ends = block.connectivity[:, block.type.sheet.halves].swapaxes(1, 2).reshape(-1, 2)
                 ends = np.unique(np.sort(ends, axis=1), axis=0)
                 node[ends, :2] = ends[:, None]
                 share[ends, :2] = np.sqrt(0.5) * np.array([[1.0, -1.0], [1.0, 1.0]])

@@ -50,7 +50,7 @@ class Shape:
     name : str
         meshio's, which follows VTK.
     quadratic : bool
-        Whether there are mid-side nodes, after the corners.
+        Whether there are mid-side nodes, after the corners; then one in the middle where there are more powers.
     powers : (n, d) int
         Exponents of the monomials that the polynomials are made of.
     """
@@ -65,7 +65,7 @@ class Shape:
         """Places of the nodes (n, d)."""
         corners = self.polytope.corners
         middle = corners[np.array(self.polytope.edges)].mean(axis=1)
-        return np.concatenate([corners, middle]) if self.quadratic else corners
+        return np.concatenate([corners, middle, corners.mean(axis=0)[None]])[: len(self.powers)]
 
     @cached_property
     def faces(self) -> tuple[tuple[int, ...], ...]:
@@ -106,6 +106,45 @@ class Shape:
             lower = _monomials(points, np.maximum(self.powers - unit, 0))
             slopes.append((self.powers[:, axis] * lower) @ self._coefficients)
         return np.stack(slopes, axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet(Shape):
+    """A polygon's nodes at the bottom and the top of a brick or wedge, linear between them.
+
+    Attributes
+    ----------
+    flat : Shape
+        The polygon's.
+    """
+
+    flat: Shape
+
+    @cached_property
+    def halves(self) -> IntArray:
+        """The nodes (2, n/2) of the bottom and the top in the polygon's order; corners of both stand before others."""
+        count, corners = len(self.flat.nodes), len(self.flat.polytope.corners)
+        low = np.arange(count) + np.where(np.arange(count) < corners, 0, corners)
+        return np.array([low, low + np.where(np.arange(count) < corners, corners, count - corners)])
+
+    @cached_property
+    def nodes(self) -> FloatArray:
+        """As of all shapes."""
+        places = np.zeros((self.halves.size, 3))
+        for rows, end in zip(self.halves, (-1.0, 1.0), strict=True):
+            places[rows] = np.column_stack([self.flat.nodes, np.full(len(rows), end)])
+        return places
+
+    @cached_property
+    def faces(self) -> tuple[tuple[int, ...], ...]:
+        """Bottom, top, and the sides, two for each with a node in its middle."""
+        low, high = self.halves.tolist()
+        if not self.quadratic:
+            return self.polytope.faces
+        found, corners = [tuple(low), tuple(high)], len(self.flat.polytope.corners)
+        for middle, (first, last) in enumerate(self.flat.polytope.edges, start=corners):
+            found += [(low[a], low[b], high[b], high[a]) for a, b in ((first, middle), (middle, last))]
+        return tuple(found)
 
 
 def _monomials(points: FloatArray, powers: IntArray) -> FloatArray:
@@ -150,16 +189,21 @@ TRIANGLE_3 = Shape(_TRIANGLE, "triangle", False, _powers(2, lambda r, s: r + s <
 TRIANGLE_6 = Shape(_TRIANGLE, "triangle6", True, _powers(2, lambda r, s: r + s <= 2))
 RECTANGLE_4 = Shape(_RECTANGLE, "quad", False, _powers(2, lambda r, s: max(r, s) <= 1))
 RECTANGLE_8 = Shape(_RECTANGLE, "quad8", True, _powers(2, lambda *p: p.count(2) <= 1))
+RECTANGLE_9 = Shape(_RECTANGLE, "quad9", True, _powers(2, lambda r, s: True))
 TETRAHEDRON_4 = Shape(TETRAHEDRON, "tetra", False, _powers(3, lambda r, s, t: r + s + t <= 1))
 TETRAHEDRON_10 = Shape(TETRAHEDRON, "tetra10", True, _powers(3, lambda r, s, t: r + s + t <= 2))
 WEDGE_6 = Shape(WEDGE, "wedge", False, _powers(3, lambda r, s, t: r + s <= 1 and t <= 1))
 WEDGE_15 = Shape(WEDGE, "wedge15", True, _powers(3, lambda r, s, t: r + s <= (2 if t <= 1 else 1)))
 BRICK_8 = Shape(BRICK, "hexahedron", False, _powers(3, lambda *p: max(p) <= 1))
 BRICK_20 = Shape(BRICK, "hexahedron20", True, _powers(3, lambda *p: p.count(2) <= 1))
+SHEET_3 = Sheet(WEDGE, "wedge", False, WEDGE_6.powers, TRIANGLE_3)
+SHEET_4 = Sheet(BRICK, "hexahedron", False, BRICK_8.powers, RECTANGLE_4)
+SHEET_6 = Sheet(WEDGE, "wedge", True, _powers(3, lambda r, s, t: r + s <= 2 and t <= 1), TRIANGLE_6)
+SHEET_9 = Sheet(BRICK, "hexahedron", True, _powers(3, lambda r, s, t: t <= 1), RECTANGLE_9)
 
 LINEAR = {shape.polytope: shape for shape in (TETRAHEDRON_4, WEDGE_6, BRICK_8)}
 """The functions between the corners of a polytope."""
-FACE_SHAPES = {len(shape.nodes): shape for shape in (TRIANGLE_3, TRIANGLE_6, RECTANGLE_4, RECTANGLE_8)}
+FACE_SHAPES = {len(shape.nodes): shape for shape in (TRIANGLE_3, TRIANGLE_6, RECTANGLE_4, RECTANGLE_8, RECTANGLE_9)}
 """By the number of a face's nodes."""
 
 
@@ -231,30 +275,16 @@ def _simplex_rule(dimension: int, orbits: Sequence[tuple[float, float]]) -> Quad
     return Quadrature(np.concatenate(points), np.concatenate(weights))
 
 
-def wedge_rule(degree: int, count: int) -> Quadrature:
-    """A triangle's rule at each of some Gauss points along the prism."""
-    flat = triangle_rule(degree)
+def prism_rule(flat: Quadrature, count: int) -> Quadrature:
+    """A polygon's rule at each of some Gauss points along the prism."""
     heights, lengths = np.polynomial.legendre.leggauss(count)
     points = np.array([(*point, height) for height in heights for point in flat.points])
     return Quadrature(points, np.outer(lengths, flat.weights).ravel())
 
 
-def shell_rule(polytope: Polytope) -> Quadrature:
-    """Places at which shells of one layer take their strains, of equal weight.
-
-    Strains in the plane at Gauss points of both heights, shear at the middle of edges, stretch across at the corners.
-    """
-    heights, _ = np.polynomial.legendre.leggauss(2)
-    flat = polytope.corners[: len(polytope.corners) // 2, :2]
-    if polytope is BRICK:
-        inside, edges = brick_rule(2).points, np.array([(0.0, -1.0), (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0)])
-    else:
-        inside = np.array([(1.0 / 3.0, 1.0 / 3.0, height) for height in heights])
-        edges = np.array([(0.5, 0.0), (0.5, 0.5), (0.0, 0.5)])
-    middle = np.concatenate([edges, flat])
-    points = np.concatenate([inside, np.column_stack([middle, np.zeros(len(middle))])])
-    whole = 8.0 if polytope is BRICK else 1.0
-    return Quadrature(points, np.full(len(points), whole / len(points)))
+def wedge_rule(degree: int, count: int) -> Quadrature:
+    """A triangle's rule at each of some Gauss points along the prism."""
+    return prism_rule(triangle_rule(degree), count)
 
 
 def beam_rule() -> Quadrature:
@@ -263,5 +293,5 @@ def beam_rule() -> Quadrature:
     return Quadrature(np.array(ends), np.full(5, 8.0 / 5.0))
 
 
-FACE_RULES = {3: triangle_rule(2), 6: triangle_rule(5), 4: rectangle_rule(), 8: rectangle_rule()}
+FACE_RULES = {3: triangle_rule(2), 6: triangle_rule(5), 4: rectangle_rule(), 8: rectangle_rule(), 9: rectangle_rule()}
 """Rules that integrate a face's mass matrix exactly, by the number of its nodes."""

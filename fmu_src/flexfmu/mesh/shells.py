@@ -18,7 +18,16 @@ from .equations import matrix_of
 from .links import RigidLink
 from .listing import listed
 from .model import NO_MATERIAL, Mesh
+from .shapes import FACE_SHAPES, RECTANGLE_8
 
+SHELLS = {
+    "triangle": ElementType.S3,
+    "quad": ElementType.S4,
+    "triangle6": ElementType.S6,
+    "quad8": ElementType.S8,
+    "quad9": ElementType.S8,
+}
+"""Shells by meshio's names of their cells."""
 # Cosine of the angle between normals up to which elements share a line: 20 degrees.
 _SMOOTH = np.cos(np.radians(20.0))
 # Difference of the faces' heights, over the thickness, that is none.
@@ -80,16 +89,15 @@ def shell_mesh(
     >>> flexfmu.shell_mesh(points, {"quad": [[0, 1, 2, 3]]}, 0.01, ROOT=[0, 3])
     <Mesh: 8 nodes, 1 S4; node sets ROOT; element sets none>
     """
-    kinds = {"triangle": ElementType.S3, "quad": ElementType.S4}
-    if unknown := [name for name in cells if name not in kinds]:
-        raise MeshError(f"shells are made of cells {', '.join(kinds)}, found {', '.join(unknown)}")
+    if unknown := [name for name in cells if name not in SHELLS]:
+        raise MeshError(f"shells are made of cells {', '.join(SHELLS)}, found {', '.join(unknown)}")
     places = np.asarray(points, dtype=float)
     blocks, first = [], 1
     for name, given in cells.items():
         rows = np.asarray(given, dtype=np.int64)
         labels = np.arange(first, first + len(rows))
         first += len(rows)
-        blocks.append(ElementBlock(kinds[name], labels, rows, np.full(len(rows), NO_MATERIAL)))
+        blocks.append(ElementBlock(SHELLS[name], labels, rows, np.full(len(rows), NO_MATERIAL)))
     mesh = Mesh(
         points=places,
         labels=np.arange(1, len(places) + 1),
@@ -125,6 +133,7 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
     MeshError
         Shells are degenerate.
     """
+    mesh, turning = _with_centres(mesh, turning)
     solid, shell = np.zeros((2, len(mesh.points)), dtype=bool)
     for block in mesh.blocks:
         (shell if block.type.shell else solid)[block.connectivity] = True
@@ -160,6 +169,40 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
         supports=sp.csr_array(sp.vstack(own)) if own else None,
         notes=(*mesh.notes, *_notes(blocks, len(lines.node), len(knots), int((solid & shell).sum()))),
     )
+
+
+def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
+    """Give shells of eight nodes a ninth, which sets and supports hold that hold the eight, and `turning` likewise."""
+    eight = [block.type is ElementType.S8 and block.connectivity.shape[1] == 8 for block in mesh.blocks]
+    around = [block.connectivity for block, wanted in zip(mesh.blocks, eight, strict=True) if wanted]
+    if not around:
+        return mesh, turning
+    every, count = np.concatenate(around), len(mesh.points)
+    own = np.split(np.arange(count, count + len(every)), np.cumsum([len(rows) for rows in around])[:-1])
+    points = np.einsum("a,eai->ei", RECTANGLE_8.value(np.zeros((1, 2)))[0], mesh.points[every])
+    found = iter(own)
+
+    def held(nodes: IntArray) -> IntArray:
+        return np.concatenate([nodes, count + np.flatnonzero(np.isin(every, nodes).all(axis=1))])
+
+    def wider(rows: sp.csr_array | None) -> sp.csr_array | None:
+        return None if rows is None else sp.csr_array((rows.data, rows.indices, rows.indptr), (rows.shape[0], 3 * total))
+
+    total = count + len(every)
+    result = replace(
+        mesh,
+        points=np.concatenate([mesh.points, points]),
+        labels=np.concatenate([mesh.labels, mesh.labels.max() + 1 + np.arange(len(every))]),
+        blocks=tuple(
+            replace(b, connectivity=np.column_stack([b.connectivity, next(found)])) if wanted else b
+            for b, wanted in zip(mesh.blocks, eight, strict=True)
+        ),
+        node_sets={name: held(nodes) for name, nodes in mesh.node_sets.items()},
+        fixed=np.concatenate([mesh.fixed, mesh.fixed[every].all(axis=1)]),
+        equations=wider(mesh.equations),
+        supports=wider(mesh.supports),
+    )
+    return result, np.concatenate([turning, turning[every].all(axis=1)])
 
 
 def _notes(blocks: tuple[ElementBlock, ...], lines: int, knots: int, shared: int) -> list[str]:
@@ -204,20 +247,22 @@ def _lines(mesh: Mesh, height: FloatArray, first: int) -> tuple[_Lines, tuple[El
     blocks, corner = [], 0
     for block in mesh.blocks:
         if block.type.shell:
-            low, high = ends[:, corner : corner + block.connectivity.size].reshape(2, *block.connectivity.shape)
+            faces = ends[:, corner : corner + block.connectivity.size].reshape(2, *block.connectivity.shape)
             corner += block.connectivity.size
-            block = replace(block, connectivity=np.concatenate([low, high], axis=1))
+            order = np.argsort(block.type.sheet.halves.ravel())
+            block = replace(block, connectivity=np.concatenate(list(faces), axis=1)[:, order])
         blocks.append(block)
     return lines, tuple(blocks)
 
 
 def _corner_normals(points: FloatArray, block: ElementBlock) -> FloatArray:
     """Unit normals (e a, 3) of shells at their corners."""
-    corners = points[block.connectivity]
-    found = np.cross(np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners)
+    flat = FACE_SHAPES[block.connectivity.shape[1]]
+    along, across = np.einsum("eni,anj->jeai", points[block.connectivity], flat.gradient(flat.nodes))
+    found = np.cross(along, across)
     size = np.linalg.norm(found, axis=2, keepdims=True)
-    if (flat := (size <= 0.0).any(axis=(1, 2))).any():
-        raise MeshError(f"shells have no area at a corner: {listed(block.labels[flat])}; mesh again")
+    if (folded := (size <= 0.0).any(axis=(1, 2))).any():
+        raise MeshError(f"shells have no area at a corner: {listed(block.labels[folded])}; mesh again")
     result: FloatArray = (found / size).reshape(-1, 3)
     return result
 
