@@ -209,7 +209,9 @@ def test_of_two_parts_the_one_that_nothing_holds_is_named_by_a_node(tmp_path):
     mesh = with_sets(mesh, ROOT=lambda p: p[:, 0], TIP=lambda p: p[:, 0] - 3.0)
     mesh = replace(mesh, labels=mesh.labels + 100)
     text = refused(mesh, tmp_path, ModelError)
-    label = int(re.search(r"the part of the mesh with node (\d+) \(8 nodes of 16\) is free to move in 6 rigid motions", text)[1])
+    label = int(
+        re.search(r"the part of the mesh with node (\d+) \(8 nodes of 16\) is free to move in 6 rigid motions", text)[1]
+    )
     assert mesh.points[label - 101, 0] >= 2.0
     assert "share nodes" in text
 

@@ -40,10 +40,18 @@ def grid(n, m, place, kind="quad", distortion=0.0):
     a = a + step * distortion / n * inside * np.sin(7.0 * b + 3.0 * a)
     b = b + step * distortion / m * inside * np.cos(5.0 * a + b)
     if step == 2:
-        a, b = (RegularGridInterpolator([np.arange(k) * 2 for k in one.shape], one)(np.stack(np.indices((n + 1, m + 1)), axis=-1)) for one in (a, b))
+        a, b = (
+            RegularGridInterpolator([np.arange(k) * 2 for k in one.shape], one)(
+                np.stack(np.indices((n + 1, m + 1)), axis=-1)
+            )
+            for one in (a, b)
+        )
     points = np.array([place(x, y) for x, y in zip(a.ravel(), b.ravel(), strict=True)], dtype=float)
     i = np.arange(len(points)).reshape(n + 1, m + 1)
-    at = np.stack([i[k : n + 1 - step + k : step, j : m + 1 - step + j : step] for k in range(step + 1) for j in range(step + 1)], axis=-1)
+    at = np.stack(
+        [i[k : n + 1 - step + k : step, j : m + 1 - step + j : step] for k in range(step + 1) for j in range(step + 1)],
+        axis=-1,
+    )
     nine = at.reshape(-1, (step + 1) ** 2)
     if kind == "quad":
         return points, nine[:, [0, 2, 3, 1]]
@@ -150,6 +158,31 @@ def test_the_pinched_cylinder(kind):
     assert solved(mesh, forces)[rows, 2].mean() == pytest.approx(-1.8248e-5, rel=0.03)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_single_shells_move_without_energy_as_rigid_bodies_alone(kind):
+    points, cells = grid(2, 2, lambda a, b: (a + 0.2 * b, 1.1 * b, 0.2 * a * b), kind)
+    mesh = shell(points, cells[:1], 0.05, constants=(1.0, 0.3))
+    rows = (3 * np.unique(mesh.blocks[0].connectivity)[:, None] + np.arange(3)).ravel()
+    found = np.linalg.eigvalsh(stiffness(mesh).toarray()[np.ix_(rows, rows)])
+    assert (np.abs(found) < 1e-12 * found[-1]).sum() == 6
+    assert found[6] > 1e-7 * found[-1]
+
+
+@pytest.mark.parametrize("name", ["strip", "channel", "tee", "tube"])
+def test_quadratic_shells_are_as_stiff_and_as_heavy_as_calculixs(tmp_path, name):
+    middle, file = Middle(name, "S8R"), tmp_path / "body.inp"
+    file.write_text(middle.deck())
+    body = flexfmu.Body(flexfmu.read_mesh(file), interfaces={"tip": "TIP"}).build("linear", modes=11)
+    row = RESULTS[RESULTS["body"] == name][0]
+    expected = np.array([row[axis] for axis in ("vx_m", "vy_m", "vz_m")])
+    found = body.response(body.static({"tip": [*middle.force, 0.0, 0.0, 0.0]})).displacement[0]
+    assert np.linalg.norm(found - expected) < 0.01 * np.linalg.norm(expected)
+    measured = [row[f"f{k}_hz"] for k in range(1, 7)]
+    # Walls of the channel: of meshes twice and three times as fine 533 and 531 Hz there, 526.5 and 526.4 here.
+    np.testing.assert_allclose(body.reduced.angular_frequency[:4] / (2.0 * np.pi), measured[:4], rtol=0.01)
+    np.testing.assert_allclose(body.reduced.angular_frequency[4:6] / (2.0 * np.pi), measured[4:], rtol=0.03)
+
+
 def test_normals_of_shells_may_point_either_way():
     points, cells = grid(8, 2, twisted)
     fixed = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
@@ -200,10 +233,12 @@ def test_the_pinched_hemisphere(kind):
     mesh = shell(points, cells, 0.04, fixed, turning, (6.825e7, 0.3))
     forces = np.zeros_like(mesh.points)
     forces[mesh.labels == pulled, 0], forces[mesh.labels == pushed, 1] = 0.5, -0.5
-    assert solved(mesh, forces)[mesh.labels == pulled, 0].mean() == pytest.approx(0.0935, rel=0.01)
+    bound = 0.02 if kind == "triangle6" else 0.01
+    assert solved(mesh, forces)[mesh.labels == pulled, 0].mean() == pytest.approx(0.0935, rel=bound)
 
 
-def test_raaschs_hook():
+@pytest.mark.parametrize("kind", ["quad", "quad8", "triangle6"])
+def test_raaschs_hook(kind):
     # N. F. Knight, AIAA J. 35 (1997) 375: 5.027 in.
     start, far = np.radians(60.0), np.radians(150.0)
 
@@ -215,14 +250,15 @@ def test_raaschs_hook():
         on = max(s - 14.0 * start, 0.0) / 46.0
         return *(first + 46.0 * (out * (1.0 - np.cos(on)) + np.array([out[1], -out[0]]) * np.sin(on))), 20.0 * b
 
-    points, cells = grid(72, 16, place)
-    row = np.arange(len(points)).reshape(73, 17)
-    fixed = np.repeat(np.isin(np.arange(len(points)), row[0])[:, None], 3, axis=1)
+    n, m = 72, 16
+    points, cells = grid(n, m, place, kind)
+    fixed = np.repeat(np.arange(len(points))[:, None] <= m, 3, axis=1)
     mesh = shell(points, cells, 2.0, fixed, fixed, (3300.0, 0.35))
-    forces = np.zeros_like(mesh.points)
-    for node, share in zip(row[-1], [0.5, *[1.0] * 15, 0.5], strict=True):
-        forces[mesh.labels == node, 2] = share / 32.0
-    tip = np.isin(mesh.labels, row[-1])
+    forces, last = np.zeros_like(mesh.points), len(points) - 1 - m + np.arange(m + 1)
+    shares = [0.5, *[1.0] * (m - 1), 0.5] if kind == "quad" else [1 / 3, *[4 / 3, 2 / 3] * (m // 2 - 1), 4 / 3, 1 / 3]
+    for node, share in zip(last, shares, strict=True):
+        forces[mesh.labels == node, 2] = share / (2.0 * m)
+    tip = np.isin(mesh.labels, last)
     assert solved(mesh, forces)[tip, 2].mean() == pytest.approx(5.027, rel=0.01)
 
 
@@ -252,7 +288,7 @@ def test_a_strip_on_hinges_bends_as_a_simply_supported_beam():
 
 
 @pytest.mark.parametrize("name", ["channel", "tube"])
-@pytest.mark.parametrize("kind", ["S4", "S3"])
+@pytest.mark.parametrize("kind", ["S4", "S3", "S8R"])
 def test_shells_and_their_knots_turn_far_without_strain(tmp_path, name, kind):
     file = tmp_path / "body.inp"
     file.write_text(Middle(name, kind).deck())
@@ -275,7 +311,8 @@ def test_shells_and_their_knots_turn_far_without_strain(tmp_path, name, kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "kind"), [("strip", "S4"), ("strip", "S3"), ("channel", "S4"), ("tee", "S4"), ("tube", "S4")]
+    ("name", "kind"),
+    [(name, kind) for name in ("strip", "channel", "tee", "tube") for kind in ("S4", "S8R")] + [("strip", "S3")],
 )
 def test_thin_bodies_bend_far_as_in_calculix_with_the_shortest_body_file(tmp_path, name, kind):
     middle = Middle(name, kind)

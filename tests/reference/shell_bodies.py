@@ -108,27 +108,39 @@ class Middle:
         return "\n".join(lines) + "\n"
 
 
-def nonlinear(name):
-    """Mean displacement (3,) of the tip under the body's force."""
+def results(name):
+    """Mean displacement (3,) of the tip under the body's force, bent far and linear; six natural frequencies, Hz."""
     middle = Middle(name, "S8R")
     shares = middle.shares()
-    loads = "".join(
-        f"{n + 1}, {axis + 1}, {force * shares[n]!r}\n".replace("np.float64(", "").replace(")", "")
+    loads = "*CLOAD\n" + "".join(
+        f"{n + 1}, {axis + 1}, {float(force * shares[n])!r}\n"
         for n in np.flatnonzero(shares)
         for axis, force in enumerate(middle.force)
         if force
     )
-    step = f"*STEP, NLGEOM, INC=500\n*STATIC\n0.1, 1.\n*CLOAD\n{loads}*NODE FILE, OUTPUT=2D\nU\n*END STEP\n"
+    asked = "*NODE FILE, OUTPUT=2D\nU\n*END STEP\n"
+    static = f"*STEP\n*STATIC\n{loads}{asked}"
+    steps = {"far": f"*STEP, NLGEOM, INC=500\n*STATIC\n0.1, 1.\n{loads}{asked}", "linear": static}
+    steps["modes"] = "*STEP\n*FREQUENCY\n6\n*END STEP\n"
+    moved = []
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "job.inp").write_text(middle.deck() + step)
-        subprocess.run(["ccx", "job"], cwd=folder, check=False, capture_output=True)
-        text = (Path(folder) / "job.frd").read_text()
-    found, inside = np.zeros((len(middle.points), 3)), False
+        for job, step in steps.items():
+            (Path(folder) / f"{job}.inp").write_text(middle.deck() + step)
+            subprocess.run(["ccx", job], cwd=folder, check=False, capture_output=True)
+            if job != "modes":
+                moved.append(shares @ displacements((Path(folder) / f"{job}.frd").read_text(), len(shares)))
+        rows = [line.split() for line in (Path(folder) / "modes.dat").read_text().splitlines()]
+    return [*moved, [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()][:6]]
+
+
+def displacements(text, count):
+    """Last displacements (count, 3) of a result file."""
+    found, inside = np.zeros((count, 3)), False
     for line in text.splitlines():
         inside = line.startswith(" -4  DISP") or (inside and line[:3] in (" -1", " -5"))
         if inside and line.startswith(" -1"):
             found[int(line[3:13]) - 1] = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
-    return shares @ found
+    return found
 
 
 def main(names):
@@ -136,10 +148,9 @@ def main(names):
     file = FOLDER / "shell_bodies.csv"
     rows = dict(line.split(",", 1) for line in file.read_text().splitlines()[1:]) if file.exists() else {}
     for name in names or BODIES:
-        rows[name] = ",".join(f"{x:.7e}" for x in nonlinear(name))
-    file.write_text(
-        "\n".join(["body,ux_m,uy_m,uz_m", *(f"{name},{rows[name]}" for name in BODIES if name in rows)]) + "\n"
-    )
+        rows[name] = ",".join(f"{x:.7e}" for part in results(name) for x in part)
+    heads = ["body", *("ux_m", "uy_m", "uz_m"), *("vx_m", "vy_m", "vz_m"), *(f"f{k}_hz" for k in range(1, 7))]
+    file.write_text("\n".join([",".join(heads), *(f"{name},{rows[name]}" for name in BODIES if name in rows)]) + "\n")
 
 
 if __name__ == "__main__":

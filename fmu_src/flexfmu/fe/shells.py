@@ -30,6 +30,7 @@ _SHEAR, _SOFTENED = 5.0 / 6.0, 0.1
 # Elements at a time whose matrices are made together.
 _TOGETHER = 2048
 
+
 class ShellRule:
     """Where elements of a type take natural strains; places that always have the same one share it.
 

@@ -18,6 +18,7 @@ from ..files.units import UnitSystem
 from ..mesh.checks import checked
 from ..mesh.listing import listed
 from ..mesh.model import NO_MATERIAL, Material, Mesh
+from ..mesh.shapes import LINEAR
 
 SUFFIXES = (".npz", ".h5")
 # Relative size of a mode at a node below which it is zero: the node is held.
@@ -153,8 +154,9 @@ class GivenModes:
         mass = mass_matrix(heavy, heavy.volume_matrices)
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
-            rows = block.connectivity[:, : block.type.corner_count] if block.type.shell else block.connectivity
-            cells.setdefault(block.type.shape.name, []).append(rows)
+            shape = LINEAR[block.type.shape.polytope] if block.type.shell else block.type.shape
+            rows = block.connectivity[:, : len(shape.nodes)]
+            cells.setdefault(shape.name, []).append(rows)
         return cls(
             mesh.points,
             np.asarray(modes, dtype=float)[:, there],

@@ -189,7 +189,7 @@ TRIANGLE_3 = Shape(_TRIANGLE, "triangle", False, _powers(2, lambda r, s: r + s <
 TRIANGLE_6 = Shape(_TRIANGLE, "triangle6", True, _powers(2, lambda r, s: r + s <= 2))
 RECTANGLE_4 = Shape(_RECTANGLE, "quad", False, _powers(2, lambda r, s: max(r, s) <= 1))
 RECTANGLE_8 = Shape(_RECTANGLE, "quad8", True, _powers(2, lambda *p: p.count(2) <= 1))
-RECTANGLE_9 = Shape(_RECTANGLE, "quad9", True, _powers(2, lambda r, s: True))
+RECTANGLE_9 = Shape(_RECTANGLE, "quad9", True, _powers(2, lambda *p: max(p) <= 2))
 TETRAHEDRON_4 = Shape(TETRAHEDRON, "tetra", False, _powers(3, lambda r, s, t: r + s + t <= 1))
 TETRAHEDRON_10 = Shape(TETRAHEDRON, "tetra10", True, _powers(3, lambda r, s, t: r + s + t <= 2))
 WEDGE_6 = Shape(WEDGE, "wedge", False, _powers(3, lambda r, s, t: r + s <= 1 and t <= 1))
@@ -198,8 +198,8 @@ BRICK_8 = Shape(BRICK, "hexahedron", False, _powers(3, lambda *p: max(p) <= 1))
 BRICK_20 = Shape(BRICK, "hexahedron20", True, _powers(3, lambda *p: p.count(2) <= 1))
 SHEET_3 = Sheet(WEDGE, "wedge", False, WEDGE_6.powers, TRIANGLE_3)
 SHEET_4 = Sheet(BRICK, "hexahedron", False, BRICK_8.powers, RECTANGLE_4)
-SHEET_6 = Sheet(WEDGE, "wedge", True, _powers(3, lambda r, s, t: r + s <= 2 and t <= 1), TRIANGLE_6)
-SHEET_9 = Sheet(BRICK, "hexahedron", True, _powers(3, lambda r, s, t: t <= 1), RECTANGLE_9)
+SHEET_6 = Sheet(WEDGE, "wedge12", True, _powers(3, lambda r, s, t: r + s <= 2 and t <= 1), TRIANGLE_6)
+SHEET_9 = Sheet(BRICK, "hexahedron18", True, _powers(3, lambda *p: p[2] <= 1), RECTANGLE_9)
 
 LINEAR = {shape.polytope: shape for shape in (TETRAHEDRON_4, WEDGE_6, BRICK_8)}
 """The functions between the corners of a polytope."""

@@ -72,8 +72,8 @@ def shell_mesh(
     ----------
     points : (n, 3) float
         Of the middle surface, m.
-    cells : mapping of str to (k, 3) or (k, 4) int
-        "triangle" and "quad": rows of points.
+    cells : mapping of str to (k, nodes) int
+        "triangle", "quad", "triangle6", "quad8", "quad9": rows of points, in meshio's order.
     thickness : float or (n_elements,) float
         m.
     **sets : (k,) int
@@ -186,7 +186,9 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
         return np.concatenate([nodes, count + np.flatnonzero(np.isin(every, nodes).all(axis=1))])
 
     def wider(rows: sp.csr_array | None) -> sp.csr_array | None:
-        return None if rows is None else sp.csr_array((rows.data, rows.indices, rows.indptr), (rows.shape[0], 3 * total))
+        return (
+            None if rows is None else sp.csr_array((rows.data, rows.indices, rows.indptr), (rows.shape[0], 3 * total))
+        )
 
     total = count + len(every)
     result = replace(
@@ -247,10 +249,10 @@ def _lines(mesh: Mesh, height: FloatArray, first: int) -> tuple[_Lines, tuple[El
     blocks, corner = [], 0
     for block in mesh.blocks:
         if block.type.shell:
-            faces = ends[:, corner : corner + block.connectivity.size].reshape(2, *block.connectivity.shape)
+            both = ends[:, corner : corner + block.connectivity.size].reshape(2, *block.connectivity.shape)
             corner += block.connectivity.size
-            order = np.argsort(block.type.sheet.halves.ravel())
-            block = replace(block, connectivity=np.concatenate(list(faces), axis=1)[:, order])
+            columns = np.argsort(block.type.sheet.halves.ravel())
+            block = replace(block, connectivity=np.concatenate(list(both), axis=1)[:, columns])
         blocks.append(block)
     return lines, tuple(blocks)
 

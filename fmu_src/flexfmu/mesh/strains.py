@@ -86,7 +86,8 @@ def shell_rule(flat: Shape) -> StrainRule:
         else:
             fields.append(_stretched_edges())
     fields.append(_scalar((2, 2), flat.nodes, flat.value))
-    points, rows = [], []
+    points: list[tuple[float, ...]] = []
+    rows: list[tuple[int, int, int]] = []
     for field in fields:
         for height in field.heights:
             for place, weights in zip(field.places, field.weights, strict=True):

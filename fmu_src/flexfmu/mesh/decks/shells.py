@@ -14,10 +14,10 @@ from flexfmu.mesh.decks.structures import take
 from flexfmu.mesh.elements import ElementType
 
 KEY = "SHELLSECTION"
-_READ_AS = {name: ElementType.S3 for name in ("S3", "S3R", "STRI3")}
-_READ_AS |= {name: ElementType.S4 for name in ("S4", "S4R", "S4R5")}
-_READ_AS |= {name: ElementType.S6 for name in ("S6", "STRI65")}
-_READ_AS |= {name: ElementType.S8 for name in ("S8", "S8R", "S8R5", "S9R5")}
+_READ_AS = dict.fromkeys(("S3", "S3R", "STRI3"), ElementType.S3)
+_READ_AS |= dict.fromkeys(("S4", "S4R", "S4R5"), ElementType.S4)
+_READ_AS |= dict.fromkeys(("S6", "STRI65"), ElementType.S6)
+_READ_AS |= dict.fromkeys(("S8", "S8R", "S8R5", "S9R5"), ElementType.S8)
 # What changes results by other integration only, or nothing of linear elasticity.
 _PARAMETERS = ("ELSET", "MATERIAL", "OFFSET", "ORIENTATION", "CONTROLS", "SECTIONINTEGRATION", "POISSON", "DENSITY")
 # Offsets of the middle from the nodes, over the thickness.
