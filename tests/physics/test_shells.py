@@ -449,7 +449,7 @@ def test_bulk_data_with_shells_have_the_mesh_of_the_deck(tmp_path):
         ("PSHELL,1,1,0.005", "", "PSHELL 1 should have a thickness, one material"),
         ("PSHELL,1,1,0.005,1,,1,,2.", "", "NSM = 0"),
         ("PCOMP,1\n,1,0.005,0.", "", "expected PSHELL"),
-        ("", ",,0.001", "CQUAD4 1 has a thickness or an offset of its own"),
+        ("", "\n,,,0.", "CQUAD4 1 has a thickness of 0 at a corner"),
     ],
 )
 def test_bulk_data_that_say_more_of_shells_than_a_thickness_are_refused(tmp_path, shell, own, message):
@@ -507,7 +507,7 @@ SHELLS = """*NODE
     ("parameters", "row", "message"),
     [
         (", COMPOSITE", "0.1", "COMPOSITE: layers are not supported"),
-        (", NODAL THICKNESS", "0.1", "NODALTHICKNESS: thickness by node"),
+        (", SHELL THICKNESS=D", "0.1", "SHELLTHICKNESS: thickness by a distribution"),
         ("", "0.", "thickness is 0, expected a positive number"),
         ("", "", "should have a row with the thickness"),
     ],
@@ -515,6 +515,55 @@ SHELLS = """*NODE
 def test_sections_that_say_more_than_a_thickness_are_refused_with_their_line(tmp_path, parameters, row, message):
     with pytest.raises(DeckError, match=message):
         read(tmp_path, SHELLS.format(parameters, row))
+
+
+def test_nodes_of_shells_without_their_thickness_are_named(tmp_path):
+    by_node = SHELLS.format(", NODAL THICKNESS", "") + "*NODAL THICKNESS\n1, 0.1\n2, 0.1\n3, 0.1\n"
+    with pytest.raises(MeshError, match="nodes 4 of shells have no positive thickness"):
+        read(tmp_path, by_node)
+    mesh = read(tmp_path, by_node + "4, 0.3\n")
+    np.testing.assert_allclose(np.ptp(mesh.points[mesh.blocks[0].connectivity[0].reshape(2, 4), 2], axis=0)[3], 0.3)
+
+
+def tapered(middle, kind, bulk):
+    """Body of a deck or of bulk data whose thickness falls from root to tip to a half, lower faces in one plane."""
+    thick = 0.005 * (1.0 - 0.5 * middle.points[:, 0])
+    if bulk:
+        lines = ["BEGIN BULK", *(f"GRID,{k},,{x:.5f},{y:.5f},{z:.5f}" for k, (x, y, z) in enumerate(middle.points, 1))]
+        for k, row in enumerate(middle.cells, start=1):
+            nodes, corners = [str(n + 1) for n in row], [f"{thick[n]:.7f}" for n in row[:4]]
+            if kind == "S4":
+                lines += [",".join(["CQUAD4", str(k), "1", *nodes, "", "0.001"]), ",,," + ",".join(corners)]
+            else:
+                lines += [",".join(["CQUAD8", str(k), "1", *nodes[:6]])]
+                lines += [",".join(["", *nodes[6:], *corners, "", "0.001"])]
+        lines += ["PSHELL,1,1,0.005,1,,1", "MAT1,1,2.1+11,,0.3,7850."]
+        return "\n".join([*lines, *(f"SPC1,1,123456,{row + 1}" for row in middle.root), "ENDDATA\n"])
+    rows = "\n".join(f"{k}, {one:.10g}" for k, one in enumerate(thick, start=1))
+    deck = middle.deck().replace("*SHELL SECTION,", "*SHELL SECTION, NODAL THICKNESS, OFFSET=0.2,")
+    return deck + f"*NODAL THICKNESS\n{rows}\n"
+
+
+@pytest.mark.parametrize("kind", ["S4", "S8R"])
+@pytest.mark.parametrize("bulk", [False, True], ids=["deck", "bulk data"])
+def test_shells_have_the_thickness_of_their_nodes_and_their_offset(tmp_path, kind, bulk):
+    if bulk:
+        pytest.importorskip("pyNastran")
+    middle = Middle("strip", kind)
+    file = tmp_path / ("body.bdf" if bulk else "body.inp")
+    file.write_text(tapered(middle, kind, bulk))
+    mesh = flexfmu.read_mesh(file)
+    along, height = mesh.points[:, 0], mesh.points[:, 2]
+    thick = 0.005 * (1.0 - 0.5 * along)
+    middle_height = 0.001 if bulk else 0.2 * thick
+    np.testing.assert_allclose(np.abs(height - middle_height), 0.5 * thick, atol=1e-6)
+    tip = along > 1.0 - 1e-9
+    forces = np.zeros_like(mesh.points)
+    forces[tip, 2] = 1.0 / tip.sum()
+    # ∫ (1 − x)² / E I dx with I = I₀ (1 − x/2)³: 8 (ln 2 − 5/8) / E I₀; a plate that is clamped is a little stiffer.
+    fixed = np.repeat(along[:, None] < 1e-9, 3, axis=1)
+    exact = 8.0 * (np.log(2.0) - 0.625) / (2.1e11 * 0.1 * 0.005**3 / 12.0)
+    assert solved(replace(mesh, fixed=fixed), forces)[tip, 2].mean() == pytest.approx(exact, rel=0.02)
 
 
 def skinned(offset):

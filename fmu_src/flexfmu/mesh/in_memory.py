@@ -19,7 +19,7 @@ from flexfmu.mesh.links import RigidLink
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass
 from flexfmu.mesh.other.file_sets import Group, cell_groups, node_sets_of
-from flexfmu.mesh.shells import SHELLS, expanded
+from flexfmu.mesh.shells import MOST_NODES, SHELLS, at_nodes, expanded
 
 _NO_ELEMENT = -1
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.
@@ -54,6 +54,8 @@ class Contents:
     shells : mapping of str to (2,) float
         Cell sets whose triangles and quads are shells, "" being all: heights of both faces over their nodes, in the
         file's units.
+    faces : mapping of int to (k, 2) float
+        By the cell number of shells whose heights are others, at their corners or all nodes; the file's units.
     beams : mapping of int to Beam
         By the cell number of lines; SI units.
     hinges : set of str
@@ -73,6 +75,7 @@ class Contents:
     shells: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     beams: Mapping[int, Beam] = field(default_factory=dict)
     hinges: Set[str] = frozenset()
+    faces: Mapping[int, FloatArray] = field(default_factory=dict)
 
 
 class Member(NamedTuple):
@@ -180,11 +183,11 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
 
 
 def _filled(mesh: Mesh, contents: Contents, heights: FloatArray, solids: int) -> Mesh:
-    """Give beams their sections, and shells their heights (k, 2), of which elements `solids` and on are."""
+    """Give beams their sections, and shells their heights (k, 9, 2), of which elements `solids` and on are."""
     turning = np.zeros_like(mesh.fixed)
     if contents.beams:
         mesh, turning = with_beams(mesh, contents.beams, turning, contents.hinges)
-    every = np.full((mesh.element_count, 2), np.nan)
+    every = np.full((mesh.element_count, MOST_NODES, 2), np.nan)
     every[solids : solids + len(heights)] = heights
     return expanded(mesh, every, turning) if len(heights) else mesh
 
@@ -333,7 +336,7 @@ def _element_blocks(contents: Contents, places: list[int]) -> tuple[tuple[Elemen
 def _shell_blocks(
     contents: Contents, groups: Mapping[str, Group], first: int, title: str
 ) -> tuple[list[ElementBlock], FloatArray, dict[int, IntArray]]:
-    """Blocks of shells, heights (k, 2) of their faces, and the positions of all cells of their blocks in the file.
+    """Blocks of shells, heights (k, 9, 2) of their faces, and the positions of all cells of their blocks in the file.
 
     Positions go on from `first`; those of cells that are no shells are `_NO_ELEMENT`.
     """
@@ -354,7 +357,7 @@ def _shell_blocks(
                     f"{', '.join(SHELLS)}; mesh this part with these"
                 )
             heights.setdefault(place, np.full((len(cells[place].data), 2), np.nan))[rows] = faces
-    blocks, found, positions = [], [np.zeros((0, 2))], {}
+    blocks, found, positions = [], [np.zeros((0, MOST_NODES, 2))], {}
     for place in sorted(heights):
         rows = np.flatnonzero(np.isfinite(heights[place][:, 0]))
         positions[place] = np.full(len(cells[place].data), _NO_ELEMENT)
@@ -364,7 +367,10 @@ def _shell_blocks(
         material = np.full(len(labels), NO_MATERIAL) if contents.material is None else contents.material[place]
         data = np.asarray(cells[place].data, dtype=np.int64)
         blocks.append(ElementBlock(SHELLS[cells[place].type], labels[rows], data[rows], material[rows]))
-        found.append(heights[place][rows])
+        found.append(np.repeat(heights[place][rows, None], MOST_NODES, axis=1))
+        for row, label in enumerate(labels[rows].tolist() if contents.faces else ()):
+            if label in contents.faces:
+                found[-1][row] = at_nodes(contents.faces[label][None], data.shape[1])[0]
     return blocks, np.concatenate(found), positions
 
 

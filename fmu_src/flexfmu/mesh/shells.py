@@ -28,6 +28,7 @@ SHELLS = {
     "quad9": ElementType.S8,
 }
 """Shells by meshio's names of their cells."""
+MOST_NODES = 9
 # Cosine of the angle between normals up to which elements share a line: 20 degrees.
 _SMOOTH = np.cos(np.radians(20.0))
 # Difference of the faces' heights, over the thickness, that is none.
@@ -118,8 +119,8 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
     ----------
     mesh : Mesh
         Whose shells have the nodes of a surface, three or four.
-    height : (n_elements, 2) float
-        Of both faces over that surface along the element's normal, m, the lower first; of solids any.
+    height : (n_elements, 2) or (n_elements, 9, 2) float
+        Of both faces over that surface along the element's normal, m, the lower first, at each node; of solids any.
     turning : (n, 3) bool
         Rotations of nodes that are held at zero.
 
@@ -169,6 +170,16 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
         supports=sp.csr_array(sp.vstack(own)) if own else None,
         notes=(*mesh.notes, *_notes(blocks, len(lines.node), len(knots), int((solid & shell).sum()))),
     )
+
+
+def at_nodes(values: FloatArray, count: int = 0) -> FloatArray:
+    """Values (e, 9, …) at so many nodes of shells, a ninth beside eight, of those at as many or corners (e, k, …)."""
+    given = values.shape[1]
+    nodes = MOST_NODES if (count or given) == 8 else count or given
+    found = np.full((len(values), MOST_NODES, *values.shape[2:]), np.nan)
+    between = FACE_SHAPES[given].value(FACE_SHAPES[nodes].nodes)
+    found[:, :nodes] = np.einsum("nk,ek...->en...", between, values)
+    return found
 
 
 def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
@@ -228,9 +239,9 @@ def _lines(mesh: Mesh, height: FloatArray, first: int) -> tuple[_Lines, tuple[El
     # Corners of all shells, one after the other.
     nodes = np.concatenate([block.connectivity.ravel() for block, _ in shells])
     normals = np.concatenate([_corner_normals(mesh.points, block) for block, _ in shells])
-    heights = np.concatenate(
-        [np.repeat(height[at : at + len(b.labels)], b.connectivity.shape[1], axis=0) for b, at in shells]
-    )
+    every = np.broadcast_to(height if height.ndim == 3 else height[:, None], (len(height), MOST_NODES, 2))
+    parts = [every[at : at + len(b.labels), : b.connectivity.shape[1]].reshape(-1, 2) for b, at in shells]
+    heights = np.concatenate(parts)
     order = np.argsort(nodes, kind="stable")
     line, along = np.zeros(nodes.size, dtype=np.int64), np.ones(nodes.size, dtype=bool)
     node: list[int] = []

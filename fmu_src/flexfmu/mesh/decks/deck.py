@@ -25,7 +25,7 @@ from flexfmu.mesh.decks.masses import Carriers, point_masses
 from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.decks.shells import KEY as SHELLS
-from flexfmu.mesh.decks.shells import by_element, take_shells
+from flexfmu.mesh.decks.shells import Faces, by_element, take_shells, thickness_by_node
 from flexfmu.mesh.decks.surfaces import DeckSurface, surface
 from flexfmu.mesh.decks.ties import TieTable
 from flexfmu.mesh.equations import matrix_of
@@ -60,10 +60,12 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     content = _Content(DeckMaterials(units))
     content.sort(content.assembly.flat(read_cards(path)))
     elements = content.elements.resolved(content.nodes)
-    heights: dict[int, tuple[float, float]] = {}
+    heights: dict[int, Faces] = {}
+    thickness: dict[int, float] = {}
     beams: dict[int, Beam] = {}
     if content.structures or any(one.dimension == 1 for one in content.elements.known.values()):
-        _, element_sets = _resolved_sets(content, elements)
+        node_sets, element_sets = _resolved_sets(content, elements)
+        thickness = thickness_by_node(content.cards["NODALTHICKNESS"], node_sets, content.nodes.labels())
         cards, table, materials = content.structures, content.elements, content.materials
         heights = take_shells([k for k in cards if k.key == SHELLS], element_sets, elements, table, materials)
         long = [*(k for k in cards if k.key in BEAMS), *content.cards["SOLIDSECTION"]]
@@ -76,7 +78,9 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     mesh, turning = _mesh(content, elements, units)
     if beams:
         mesh, turning = with_beams(mesh, beams, turning)
-    return expanded(mesh, units.length * by_element(heights, mesh.blocks), turning) if heights else mesh
+    if not heights:
+        return mesh
+    return expanded(mesh, units.length * by_element(heights, mesh.blocks, mesh.labels, thickness), turning)
 
 
 def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[Mesh, BoolArray]:

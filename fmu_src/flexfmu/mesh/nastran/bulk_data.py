@@ -9,7 +9,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexfmu.files.array_types import IntArray
+from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ASSUMED
@@ -36,7 +36,7 @@ _SOLIDS = {(kind.shape.polytope.nastran, kind.node_count): kind.shape for kind i
 _FACES = {(f"{shape.polytope.nastran}{count}", count): shape for count, shape in FACE_SHAPES.items()}
 _CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SOLIDS.values()}
 # Shells, where their property is a PSHELL, and the faces that are like them.
-_SHELLS = {"CTRIA3": "CTRIA3", "CTRIAR": "CTRIA3", "CQUAD4": "CQUAD4", "CQUADR": "CQUAD4"}
+_SHELLS = {name: name for name in ("CTRIA3", "CTRIA6", "CQUAD4", "CQUAD8")} | {"CTRIAR": "CTRIA3", "CQUADR": "CQUAD4"}
 # They hold or load nothing.
 _DRAWN = ("PLOTEL", "PLOTEL3", "PLOTEL4")
 
@@ -148,14 +148,15 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     equations, links = multi_point_rows(model, row, path), rigid_links(model, row)
     used = {node for element in model.elements.values() for node in getattr(element, "nodes", ())}
     masses = point_masses(model, points, row, used, path, units, notes)
-    shells, bars = _faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))
+    (shells, faces), bars = _faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))
     materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
     for element in model.elements.values():
         if element.type not in (*_DRAWN, *CARDS):
             card = _SHELLS.get(element.type, element.type)
-            flat = card in _SHELLS or _is_face(element, model)
-            count = len(element.nodes) if flat else _node_count(element, path)
+            flat = _is_face(element, model)
+            count = len(element.nodes) if flat else _node_count(element, card, path)
+            card = f"{card[:-1]}{count}" if card in _SHELLS else card
             shape = (_SOLIDS | _FACES)[card, count]
             nodes = [element.nodes[k] for k in shape.layered]
             kinds.setdefault((card, count), []).append(Member(element.eid, nodes, element.pid))
@@ -187,12 +188,13 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     )
     more = tuple(notes), references, equations, masses, links, shells
     beams = {one.number: one.beam for one in bars}
-    return Contents(mesh, labels, cell_labels, materials, material, *more, beams, hinges(model))
+    return Contents(mesh, labels, cell_labels, materials, material, *more, beams, hinges(model), faces)
 
 
-def _faces_of_shells(model: Any, path: Path) -> dict[str, tuple[float, float]]:
-    """Heights of both faces over the grid points, by "PSHELL n", of the properties that shells have."""
+def _faces_of_shells(model: Any, path: Path) -> tuple[dict[str, tuple[float, float]], dict[int, FloatArray]]:
+    """Heights of both faces over the grid points by "PSHELL n"; where they are others, by element at its corners."""
     found: dict[str, tuple[float, float]] = {}
+    others: dict[int, FloatArray] = {}
     for element in model.elements.values():
         if element.type not in _SHELLS or element.pid not in model.properties:
             continue
@@ -206,14 +208,15 @@ def _faces_of_shells(model: Any, path: Path) -> dict[str, tuple[float, float]]:
                 f"{path}: PSHELL {own.pid} should have a thickness, one material for stretching, bending and shear "
                 "(MID1 = MID2 = MID3), 12I/T**3 = 1, TS/T = 0.833333 and NSM = 0"
             )
-        varied = [thick for name in ("T1", "T2", "T3", "T4") if (thick := getattr(element, name, None)) is not None]
-        if varied or element.zoffset:
-            raise MeshError(
-                f"{path}: {element.type} {element.eid} has a thickness or an offset of its own, which is not "
-                "supported: give the PSHELL the thickness, and put the grid points in the middle"
-            )
         found[f"PSHELL {own.pid}"] = -0.5 * own.t, 0.5 * own.t
-    return found
+        corners = [getattr(element, f"T{k}", None) for k in range(1, (3 if "TRIA" in element.type else 4) + 1)]
+        if element.zoffset or any(one is not None for one in corners):
+            unit = own.t if element.tflag else 1.0
+            thick = np.array([own.t if one is None else one * unit for one in corners])
+            if thick.min() <= 0.0:
+                raise MeshError(f"{path}: {element.type} {element.eid} has a thickness of {thick.min():g} at a corner")
+            others[element.eid] = (element.zoffset or 0.0) + thick[:, None] * [-0.5, 0.5]
+    return found, others
 
 
 def _refuse_others(model: Any, path: Path) -> None:
@@ -243,10 +246,11 @@ def _is_face(element: Any, model: Any) -> bool:
     return (element.type, len(nodes)) in _FACES and element.pid not in model.properties and all(nodes)
 
 
-def _node_count(element: Any, path: Path) -> int:
+def _node_count(element: Any, card: str, path: Path) -> int:
     nodes = element.nodes
     count = sum(node not in (None, 0) for node in nodes)
-    if (element.type, len(nodes)) not in _SOLIDS or count not in (_CORNERS[element.type], len(nodes)):
+    corners = _CORNERS[card] if card in _CORNERS else 3 if card.startswith("CTRIA") else 4
+    if (card, len(nodes)) not in _SOLIDS | _FACES or count not in (corners, len(nodes)) or not all(nodes[:corners]):
         raise MeshError(
             f"{path}: {element.type} {element.eid} has {count} of {len(nodes)} nodes, expected all of its mid-side "
             "nodes or none; export the file again"
