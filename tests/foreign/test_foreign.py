@@ -15,6 +15,7 @@ from flexfmu.files.errors import MeshError
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from meshes import box
+from reference.shell_bodies import Middle
 
 FOREIGN = Path(__file__).parent
 STEEL = (2.0e11, 0.3, 7850.0)
@@ -192,12 +193,21 @@ def test_multi_point_constraints_of_nastran_are_equations(tmp_path, control, exp
     assert {k: equations[0, k] for k in np.flatnonzero(equations[0])} == {0: 1.0, 3: -1.0, 7: 0.5}
 
 
-def ansys(folder, kind, elements, tail=""):
-    """Read an archive of a cube's corners and mid-side nodes with elements of a type."""
-    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
-    lines = ["/COM,ANSYS RELEASE 2024 R1", "/PREP7", f"ET,  1,{kind}", "NBLOCK,6,SOLID,  8,  8", "(3i9,6e21.13e3)"]
+CUBE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+
+
+def ansys(folder, kind, elements, tail="", places=CUBE):
+    """Read an archive of nodes, by default a cube's corners, with elements of a type."""
+    lines = [
+        "/COM,ANSYS RELEASE 2024 R1",
+        "/PREP7",
+        f"ET,  1,{kind}",
+        f"NBLOCK,6,SOLID,{len(places):6d},{len(places):6d}",
+        "(3i9,6e21.13e3)",
+    ]
     lines += [
-        f"{k:9d}{0:9d}{0:9d}" + "".join(f"{x:20.13E}".replace("E+", "E+0") for x in p) for k, p in enumerate(corners, 1)
+        f"{k:9d}{0:9d}{0:9d}" + "".join(f"{x:20.13E}".replace("E+", "E+0") for x in p)
+        for k, p in enumerate(np.array(places, dtype=float), 1)
     ]
     lines += ["N,R5.3,LOC,       -1,", f"EBLOCK,19,SOLID,{len(elements):10d},{len(elements):10d}", "(19i9)"]
     for number, nodes in enumerate(elements, 1):
@@ -211,6 +221,33 @@ def test_bricks_of_ansys_whose_nodes_coincide_are_tetrahedra(tmp_path):
     mesh = ansys(tmp_path, 185, [(1, 2, 4, 4, 5, 5, 5, 5)], "MP,EX,1,2e11\nMP,PRXY,1,.3\nMP,DENS,1,7850")
     assert mesh.blocks[0].type.name == "C3D4"
     assert mass(flexfmu.mesh.checks.checked(mesh)) == pytest.approx(7850.0 / 6.0)
+
+
+SECTION = "SECTYPE, 1,SHELL, ,\nSECOFFSET, {}\nSECBLOCK, 1\n 5.000E-03, 1, 0.0, 3\n" + (
+    "MP,EX,1,2.1e11\nMP,PRXY,1,.3\nMP,DENS,1,7850\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "order"),
+    [
+        ("S4", 181, [0, 1, 2, 3]),
+        ("S3", 181, [0, 1, 2, 2]),
+        ("S8R", 281, range(8)),
+        ("S8R", 281, [0, 1, 2, 2, 4, 5, 2, 7]),
+    ],
+)
+@pytest.mark.parametrize(("offset", "lowest"), [("MID", -0.0025), ("TOP", -0.005), ("BOT", 0.0)])
+def test_shells_of_ansys_have_the_thickness_of_their_section(tmp_path, kind, number, order, offset, lowest):
+    middle = Middle("strip", kind)
+    rows = [[row[k] + 1 for k in order] for row in middle.cells]
+    mesh = ansys(tmp_path, number, rows, SECTION.format(offset), middle.points)
+    nodes = len(set(order))
+    assert {(block.type.name, len(block.labels)) for block in mesh.blocks} == {(f"S{nodes}", len(rows))}
+    np.testing.assert_allclose([mesh.points[:, 2].min(), np.ptp(mesh.points[:, 2])], [lowest, 0.005], atol=1e-12)
+    assert mesh.materials[0].youngs_modulus == 2.1e11
+    np.testing.assert_array_equal(mesh.node_sets["SECTION 1"], np.unique(mesh.blocks[0].connectivity))
+    assert (flexfmu.mesh.checks.checked(mesh).volumes > 0.0).all()
 
 
 # Values at the first three temperatures, and at the fourth.
@@ -227,7 +264,11 @@ def test_materials_of_ansys_are_those_at_their_first_temperature(tmp_path, lines
 @pytest.mark.parametrize(
     ("kind", "elements", "tail", "message"),
     [
-        (181, [(1, 2, 3, 4)], "", "element type 181: elements 1; supported are SOLID45"),
+        (63, [(1, 2, 3, 4)], "", "element type 63: elements 1; supported are SOLID45"),
+        (181, [(1, 2, 3, 4)], "", "element type 181 with section 1: elements 1; supported are SOLID45"),
+        (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECDATA,.1,1\nSECDATA,.1,2", "181 with section 1"),
+        (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECOFFSET,USER,.1\nSECDATA,.1,1", "181 with section 1"),
+        (181, [(1, 2, 3, 4)], "KEYOPT,1,1,1\nSECTYPE,1,SHELL\nSECDATA,.1,1", "181 with section 1"),
         (185, [(1, 2, 3, 4, 5, 5, 5, 5)], "", "pyramids of element type 185: elements 1"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CE,R5.0,DEFI, 1, 1,  0.0", "joins nodes by CE"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "MP,EX,1,2e11\nMP,EY,1,1e11", "material 1 is orthotropic"),

@@ -1,7 +1,8 @@
-"""Ansys archives (.cdb, input files of Workbench) through mapdl-archive: solids, components, isotropic materials."""
+"""Ansys archives (.cdb, input files of Workbench) through mapdl-archive: solids, shells, components, materials."""
 
 import re
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,10 @@ from flexfmu.mesh.other.extras import imported, quiet
 # Solids by their numbers: corners and mid-side nodes stand as meshio has them.
 _BRICKS = {45: 8, 185: 8, 95: 20, 186: 20}
 _TETRAHEDRA = {285: 4, 92: 10, 187: 10}
+# Shells likewise.
+_SHELLS = (181, 281)
+# Heights of both faces over the nodes, over the thickness.
+_OFFSETS = {"MID": (-0.5, 0.5), "TOP": (-1.0, 0.0), "BOT": (0.0, 1.0)}
 # Surface effects, contact and its targets, meshes alone, follower loads: no stiffness and no mass by themselves.
 _PASSED = {*range(151, 157), *range(169, 179), 200, 201}
 _CONTACT = {*range(169, 179)}
@@ -26,6 +31,7 @@ _CONTACT = {*range(169, 179)}
 _WEDGE = ([(2, 3), (6, 7)], [0, 1, 2, 4, 5, 6], [8, 9, 11, 12, 13, 15, 16, 17, 18])
 _TETRA = ([(2, 3), (4, 5), (4, 6), (4, 7)], [0, 1, 2, 4], [8, 9, 11, 16, 17, 18])
 _PYRAMID = [(4, 5), (4, 6), (4, 7)]
+_NAME = "SECTION {}"
 _ATTRIBUTES = 10
 """Numbers of an element before its nodes."""
 _CONSTANTS = {"EX": "youngs_modulus", "NUXY": "poissons_ratio", "PRXY": "poissons_ratio", "DENS": "density"}
@@ -82,6 +88,7 @@ def _refuse_what_is_missing(archive: Any, text: list[str], path: Path) -> None:
 def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> Contents:
     _refuse_what_is_missing(archive, text, path)
     kind_of_type = {int(number): int(kind) for number, kind in archive.ekey}
+    sections, shells = _sections(text), defaultdict(list)
     labels = np.asarray(archive.nnum, dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}
     kinds: dict[str, list[Member]] = {}
@@ -94,8 +101,13 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         nodes = values[_ATTRIBUTES:]
         if kind in _PASSED:
             passed[kind] = passed.get(kind, 0) + 1
+        elif kind in _SHELLS and (own := _of_section(sections, values[3], archive.key_option.get(values[1], []))):
+            name, chosen = _shell(kind, nodes)
+            kinds.setdefault(name, []).append(Member(number, chosen, own[2] or values[0]))
+            shells[values[3]].append(number)
         elif (found := _solid(kind, nodes)) is None:
-            name = f"element type {kind}" if kind not in _BRICKS else f"pyramids of element type {kind}"
+            name = f"{'pyramids of ' if kind in _BRICKS else ''}element type {kind}"
+            name += f" with section {values[3]}" if kind in _SHELLS else ""
             refused.setdefault(name, []).append(number)
         else:
             kinds.setdefault(found[0], []).append(Member(number, found[1], values[0]))
@@ -103,7 +115,8 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         parts = "; ".join(f"{name}: elements {listed(numbers)}" for name, numbers in refused.items())
         raise MeshError(
             f"{path} holds what cannot be read as a solid: {parts}; supported are SOLID45, 92, 95, 185, 186, 187 and "
-            "285 as bricks, wedges and tetrahedra; model these parts by them"
+            "285 as bricks, wedges and tetrahedra, SHELL181 and 281 that bend, with a section of one layer "
+            "and SECOFFSET MID, TOP or BOT; model these parts by them"
         )
     for kind, count in passed.items():
         joins = "; parts that only contact joins come apart" if kind in _CONTACT else ""
@@ -117,10 +130,55 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         point_sets={name.strip(): _rows(numbers, row) for name, numbers in archive.node_components.items()},
         cell_sets={
             name.strip(): [np.flatnonzero(np.isin(numbers, members)) for numbers in cell_labels]
-            for name, members in archive.element_components.items()
+            for name, members in [
+                *archive.element_components.items(),
+                *((_NAME.format(k), m) for k, m in shells.items()),
+            ]
         },
     )
-    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes))
+    faces = {_NAME.format(number): sections[number][:2] for number in shells}
+    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), shells=faces)
+
+
+def _sections(text: list[str]) -> dict[int, tuple[float, float, int]]:
+    """Heights of both faces over the nodes and the material, 0 for that of the element, of sections of one layer."""
+    found: dict[int, tuple[float, float, int]] = {}
+    number, sides, left = 0, _OFFSETS["MID"], 0
+    for line in text:
+        command, *fields = [field.strip().upper() for field in line.split(",")]
+        if command == "SECTYPE":
+            number, sides = (int(fields[0]) if fields[1].startswith("SHEL") else 0), _OFFSETS["MID"]
+        elif command == "SECOFFSET" and number:
+            # Others are no offset that is known.
+            sides = _OFFSETS.get(fields[0], (np.nan, np.nan))
+        elif command == "SECBLOCK" and number:
+            left = int(fields[0])
+        elif (left or command == "SECDATA") and number:
+            layer = fields if command == "SECDATA" else [command, *fields]
+            thick, material = float(layer[0]), int(float(layer[1] or 0)) if len(layer) > 1 else 0
+            once = number not in found
+            found[number] = (sides[0] * thick, sides[1] * thick, material) if once else (np.nan, np.nan, 0)
+            left -= left > 0
+    return found
+
+
+def _of_section(
+    sections: dict[int, tuple[float, float, int]], number: int, options: Iterable[Sequence[int]]
+) -> tuple[float, float, int] | None:
+    """Section of a shell; None where it has several layers, or its element type membrane stiffness alone."""
+    own = sections.get(number)
+    bends = all(value == 0 for key, value, *_ in options if key == 1)
+    return own if own is not None and bends and np.isfinite(own[0]) else None
+
+
+def _shell(kind: int, nodes: list[int]) -> tuple[str, list[int]]:
+    """Kind and the nodes of a shell."""
+    quadratic = kind == _SHELLS[1] and len(nodes) >= 8 and all(nodes[:8])
+    triangle = nodes[2] == nodes[3]
+    # K = L = O of triangles.
+    chosen = [0, 1, 2, 4, 5, 7] if quadratic and triangle else range(8 if quadratic else 3 if triangle else 4)
+    name = ("triangle" if triangle else "quad") + (str(6 if triangle else 8) if quadratic else "")
+    return name, [nodes[k] for k in chosen]
 
 
 def _solid(kind: int, nodes: list[int]) -> tuple[str, list[int]] | None:
