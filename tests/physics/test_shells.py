@@ -14,9 +14,10 @@ from flexfmu.fe.assembly import stiffness
 from flexfmu.fe.elastic import elastic_cells
 from flexfmu.fe.gradients import geometric_stiffness, quadratic_strain
 from flexfmu.fe.nonlinear import load_path
+from flexfmu.fe.stress import nodal_stress, point_stress
 from flexfmu.fe.stressed import stress_stiffness
 from flexfmu.fe.unknowns import unknowns
-from flexfmu.files.errors import DeckError, FlexfmuError, MeshError, ModelError
+from flexfmu.files.errors import DeckError, FlexfmuError, MeshError
 from flexfmu.files.progress import Reporter, tell_nobody
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.elements import ElementType
@@ -236,6 +237,25 @@ def test_the_pinched_hemisphere(kind):
     forces[mesh.labels == pulled, 0], forces[mesh.labels == pushed, 1] = 0.5, -0.5
     bound = 0.02 if kind == "triangle6" else 0.01
     assert solved(mesh, forces)[mesh.labels == pulled, 0].mean() == pytest.approx(0.0935, rel=bound)
+
+
+@pytest.mark.slow
+def test_the_slit_annulus_is_lifted_far():
+    # K. Y. Sze, X. H. Liu, S. H. Lo, Finite Elements Anal. Des. 40 (2004) 1551: 13.891 inside and 17.528 outside.
+    def place(a, b):
+        return (6.0 + 4.0 * b) * np.cos(2.0 * np.pi * a), (6.0 + 4.0 * b) * np.sin(2.0 * np.pi * a), 0.0
+
+    points, cells = grid(60, 6, place, "quad8")
+    fixed = np.repeat(np.arange(len(points))[:, None] >= len(points) - 7, 3, axis=1)
+    mesh = shell(points, cells, 0.03, fixed, fixed, (21e6, 0.0))
+    model = assemble_model(mesh, BodyOptions("annulus", ()))
+    forces, shares = np.zeros_like(mesh.points), np.array([1.0, 4.0, 2.0, 4.0, 2.0, 4.0, 1.0]) / 18.0
+    for node, share in enumerate(shares):
+        forces[mesh.labels == node, 2] = 0.5 * 0.8 * 4.0 * share
+    path = load_path(model.mesh, model.unknowns, model.spring, forces.ravel(), [0.2, 0.4, 0.6, 0.8, 1.0], Reporter())
+    found = path.displacement[-1].reshape(-1, 3)[:, 2]
+    assert found[mesh.labels == 0].mean() == pytest.approx(13.891, rel=0.01)
+    assert found[mesh.labels == 6].mean() == pytest.approx(17.528, rel=0.01)
 
 
 @pytest.mark.parametrize("kind", ["quad", "quad8", "triangle6"])
@@ -479,13 +499,45 @@ def test_supports_of_the_deck_that_do_not_count_hold_no_rotations_either():
     assert assemble_model(mesh, BodyOptions("strip", (), free=True, boundary=False)).rigid.shape[1] == 6
 
 
-def test_stress_of_shells_is_refused():
-    middle = Middle("strip")
-    cells = {"quad": np.array(middle.cells)}
+@pytest.mark.parametrize("kind", KINDS)
+def test_stress_on_both_faces_is_that_of_stretch_and_curvature(kind):
+    points, cells = grid(4, 4, lambda a, b: (0.24 * a, 0.12 * b, 0.0), kind, 0.3)
+    turn = exponential(np.array([0.3, 1.0, -2.0]))
+    flat = shell(points, cells, 0.002, constants=(2e11, 0.25))
+    mesh = shell(points @ turn.T, cells, 0.002, constants=(2e11, 0.25))
+    x, y, z = flat.points.T
+    # Constant strain and curvature, one after the other: w = ½ 10⁻³ (x² + x y + y²).
+    stretch = 1e-3 * np.column_stack([x + 0.5 * y, y + 0.5 * x, 0.0 * x])
+    bend = 1e-3 * np.column_stack([-z * (x + 0.5 * y), -z * (y + 0.5 * x), 0.5 * (x**2 + x * y + y**2)])
+    fields = np.stack([(one @ turn.T).ravel() for one in (stretch, bend)], axis=1)
+    places, stress = point_stress(mesh, np.arange(len(cells)), fields)
+    height = (places @ turn)[:, 2]
+    np.testing.assert_allclose(np.abs(height), 0.001, rtol=1e-9)
+    # E/(1 − ν²) (1 + ν) 10⁻³ both ways, shear E/2(1 + ν) 10⁻³; in bending −z times those.
+    direct, shear = 2e8 / 0.75, 2e8 / 2.5
+    plane = np.array([[direct, shear, 0.0], [shear, direct, 0.0], [0.0, 0.0, 0.0]])
+    whole = (turn @ plane @ turn.T)[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]]
+    np.testing.assert_allclose(stress[:, :, 0], np.tile(whole, (len(height), 1)), atol=1e-6 * np.abs(whole).max())
+    np.testing.assert_allclose(stress[:, :, 1], -height[:, None] * whole, atol=1e-6 * 0.001 * np.abs(whole).max())
+    nodes = np.unique(mesh.blocks[0].connectivity)
+    at_nodes = nodal_stress(mesh, nodes, fields)[:, :, 1]
+    np.testing.assert_allclose(at_nodes, -(mesh.points[nodes] @ turn)[:, 2:] * whole, atol=1e-9 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("kind", ["S4", "S8R"])
+def test_largest_stress_of_shells_is_an_output(kind):
+    middle = Middle("strip", kind)
+    cells = {"quad8" if kind == "S8R" else "quad": np.array(middle.cells)}
     mesh = flexfmu.shell_mesh(middle.points, cells, middle.thickness, ROOT=middle.root, TIP=middle.tip)
-    body = flexfmu.Body(mesh, (2e11, 0.3, 7850.0), ["ROOT"], {"tip": "TIP"})
-    with pytest.raises(ModelError, match="stress of shells and beams is not offered"):
-        body.build("frames", modes=2, surface=True, stress=True)
+    inner = np.flatnonzero(np.abs(middle.points[np.array(middle.cells), 0].mean(axis=1) - 0.5) < 0.05)
+    mesh = replace(mesh, element_sets={"MIDDLE": inner})
+    body = flexfmu.Body(mesh, (2.1e11, 0.3, 7850.0), ["ROOT"], {"tip": "TIP"}, stress={"middle": "MIDDLE"})
+    built = body.build("frames", modes=3, surface=True, stress=True)
+    load = built.static({"tip": [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]})
+    # 6 F (L − x) / b t² at the Gauss points nearest to the root.
+    along = middle.points[np.array(middle.cells)[inner], 0]
+    arm = 1.0 - along.min() - np.ptp(along[0]) * (0.5 - 0.5 / np.sqrt(3.0))
+    assert built.von_mises(load)[0] == pytest.approx(6.0 * arm / (0.1 * 0.005**2), rel=0.02)
 
 
 SHELLS = """*NODE

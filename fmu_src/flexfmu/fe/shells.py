@@ -19,7 +19,7 @@ from ..files.errors import ModelError
 from ..mesh.blocks import ElementBlock, jacobians
 from ..mesh.elements import ElementType
 from ..mesh.model import SECTION_SHARES, Mesh
-from ..mesh.shapes import Quadrature, brick_rule
+from ..mesh.shapes import Quadrature, brick_rule, wedge_rule
 from .beams import ROWS as BEAM_ROWS
 from .beams import beam_law
 from .cells import Cells, turning
@@ -72,12 +72,15 @@ class ShellCells(Cells):
         ∂X/∂ξ_j likewise, m.
     law : (e, r, r) float
         D, J, of natural strains, shear twice.
+    enhanced : (e, 4 or 0, r) float
+        Strains of the elements' own by natural strains.
     """
 
     rule: ShellRule
     slope: FloatArray
     base: FloatArray
     law: FloatArray
+    enhanced: FloatArray
 
     @property
     def rows(self) -> IntArray:
@@ -100,7 +103,7 @@ class ShellCells(Cells):
 
     def part(self, chosen: slice) -> "ShellCells":
         """Some of the elements."""
-        names = ("nodes", "gradient", "volume", "elasticity", "base", "law")
+        names = ("nodes", "gradient", "volume", "elasticity", "base", "law", "enhanced")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     def in_means(self) -> "ShellCells":
@@ -152,21 +155,67 @@ def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
         strains,
         strains.slope[None],
         strains.slope @ corners,
-        _law(block, corners, strains, constants),
+        *_law(block, corners, strains, constants),
     )
 
 
-def _law(block: ElementBlock, corners: FloatArray, strains: ShellRule, constants: FloatArray) -> FloatArray:
-    """D (e, r, r) of elements with nodes (e, a, 3) and E, ν (e, 2)."""
+def face_stress(mesh: Mesh, block: ElementBlock, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Stress on both faces of a block's shells: membrane and bending.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    block : ElementBlock
+    fields : (n, 3, k) float
+        Displacements, m.
+
+    Returns
+    -------
+    points : (e, q, 3) float
+        Undeformed places, m.
+    stress : (e, q, 6, k) float
+        Components xx, yy, zz, xy, yz, zx, N/m².
+    """
+    some, corners, rule = _made(mesh, block), mesh.points[block.connectivity], face_rule(block.type)
+    at = _Places(block.type, corners, some.rule, rule)
+    constants = np.array([(m.youngs_modulus, m.poissons_ratio) for m in (mesh.materials[k] for k in block.material)])
+    elastic, natural = _plane_stress(constants, 1.0), some.strains(fields)
+    own = some.enhanced @ natural
+    found = np.empty((len(corners), len(rule.points), 6, fields.shape[2]))
+    for q, point in enumerate(rule.points):
+        strain = at.strains(q) @ natural
+        if own.shape[1]:
+            strain = strain + at.own(q, point) @ own
+        # Faces are free: no shear there, and the modulus across keeps the thickness alone.
+        stress = elastic @ strain
+        stress[:, [2, 4, 5]] = 0.0
+        found[:, q] = turning(at.axes[:, q].swapaxes(1, 2)) @ stress
+    return np.einsum("qa,eai->eqi", block.type.shape.value(rule.points), corners), found
+
+
+@cache
+def face_rule(kind: ElementType) -> Quadrature:
+    """Places on both faces of shells where their stress is known best."""
+    if kind in (ElementType.S4, ElementType.S8):
+        points = brick_rule(2).points
+    else:
+        points = wedge_rule(1 if kind is ElementType.S3 else 2, 2).points
+    return Quadrature(np.column_stack([points[:, :2], np.sign(points[:, 2])]), np.ones(len(points)))
+
+
+def _law(
+    block: ElementBlock, corners: FloatArray, strains: ShellRule, constants: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """D (e, r, r), and strains of their own (e, 4 or 0, r), of elements with nodes (e, a, 3) and E, ν (e, 2)."""
     if block.section is not None:
-        return beam_law(corners, strains.merged, constants, block.section)
+        law = beam_law(corners, strains.merged, constants, block.section)
+        return law, law[:, :0]
     quad, rule = block.type is ElementType.S4, block.type.mass
     at = _Places(block.type, corners, strains, rule)
     count = len(strains.rows)
     elastic = _plane_stress(constants, _softening(corners) if block.type is ElementType.S3 else 1.0)
     law = np.zeros((len(corners), count, count))
     own, mixed = np.zeros((len(corners), 4, 4)), np.zeros((len(corners), 4, count))
-    to_centre = np.linalg.inv(at.base[:, -1])
     mean = _patched(at, _Places(block.type, corners, strains, brick_rule(2))) if block.type is ElementType.S8 else {}
     for q, (point, weight) in enumerate(zip(rule.points, rule.weights, strict=True)):
         local = at.strains(q)
@@ -175,16 +224,13 @@ def _law(block: ElementBlock, corners: FloatArray, strains: ShellRule, constants
         stiff = (weight * at.determinant[:, q])[:, None, None] * elastic
         law += local.swapaxes(1, 2) @ (stiff @ local)
         if quad:
-            shapes = np.zeros((6, 4))
-            shapes[[0, 1, 3, 3], range(4)] = point[[0, 1, 0, 1]]
-            extra = turning((at.axes[:, q] @ to_centre).swapaxes(1, 2)).swapaxes(1, 2) @ shapes
-            extra = extra * (at.determinant[:, -1] / at.determinant[:, q])[:, None, None]
+            extra = at.own(q, point)
             own += extra.swapaxes(1, 2) @ (stiff @ extra)
             mixed += extra.swapaxes(1, 2) @ (stiff @ local)
+    enhanced: FloatArray = -np.linalg.solve(own, mixed).astype(np.float64) if quad else mixed[:, :0]
     if quad:
-        law -= mixed.swapaxes(1, 2) @ np.linalg.solve(own, mixed)
-    result: FloatArray = 0.5 * (law + law.swapaxes(1, 2))
-    return result
+        law += mixed.swapaxes(1, 2) @ enhanced
+    return 0.5 * (law + law.swapaxes(1, 2)), enhanced
 
 
 class _Places:
@@ -215,6 +261,14 @@ class _Places:
         to_natural = np.linalg.inv(self.base[:, q].swapaxes(1, 2)) @ self.axes[:, q].swapaxes(1, 2)
         found: FloatArray = turning(to_natural).swapaxes(1, 2) @ self._natural[q]
         return found
+
+    def own(self, q: int, point: FloatArray) -> FloatArray:
+        """Strains (e, 6, 4) of an element's own at a point of the rule."""
+        shapes = np.zeros((6, 4))
+        shapes[[0, 1, 3, 3], range(4)] = point[[0, 1, 0, 1]]
+        to_centre = self.axes[:, q] @ np.linalg.inv(self.base[:, -1])
+        found: FloatArray = turning(to_centre.swapaxes(1, 2)).swapaxes(1, 2) @ shapes
+        return found * (self.determinant[:, -1] / self.determinant[:, q])[:, None, None]
 
     def turned(self, q: int, strains: FloatArray, *, back: bool) -> FloatArray:
         """Strains (e, 6, r) in the middle's axes as ones in the plane at a point of the rule, or the other way."""

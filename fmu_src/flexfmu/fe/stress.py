@@ -11,10 +11,11 @@ from ..mesh.model import Mesh
 from ..mesh.shapes import LINEAR
 from .assembly import CHUNK
 from .cells import cells
+from .shells import face_rule, face_stress
 
 
 def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Linear elastic stress at the stiffness integration points, where the elements know it best.
+    """Linear elastic stress at the stiffness integration points, where elements know it best; of shells on both faces.
 
     Parameters
     ----------
@@ -35,8 +36,14 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
     u = fields.reshape(len(mesh.points), 3, -1)
     places, stresses = [], []
     for block, inside in mesh.by_block(elements):
-        if block.type.natural:
-            raise ModelError("stress of shells and beams is not offered: leave it out of the body file")
+        if block.type.beam:
+            raise ModelError("stress of beams is not offered: leave it out of the body file")
+        if block.type.shell:
+            for first in range(0, len(inside), CHUNK):
+                place, found = face_stress(mesh, block.part(inside[first : first + CHUNK]), u)
+                places.append(place.reshape(-1, 3))
+                stresses.append(found.reshape(-1, 6, u.shape[2]))
+            continue
         for _, some in cells(mesh, block.part(inside), CHUNK):
             found = some.work(some.strains(u)).reshape(len(some.nodes), 6, -1, u.shape[2]).swapaxes(1, 2)
             stresses.append((found / some.volume[:, :, None, None]).reshape(-1, 6, u.shape[2]))
@@ -122,8 +129,10 @@ def stress_jumps(mesh: Mesh, field: FloatArray) -> float:
 
 @cache
 def _extrapolation(kind: ElementType) -> FloatArray:
-    """Values at the corners (corners, points) between which linear functions fit those at the points best.
+    """Values at the corners, of shells all nodes, (n, points) between which linear functions fit those at points best.
 
     Of several the least: one point gives a constant, one of the triangle at two heights what is linear along the wedge.
     """
-    return np.linalg.pinv(LINEAR[kind.shape.polytope].value(kind.stiffness.points)).astype(np.float64)
+    linear, rule = LINEAR[kind.shape.polytope], face_rule(kind) if kind.shell else kind.stiffness
+    inward = np.linalg.pinv(linear.value(rule.points)).astype(np.float64)
+    return linear.value(kind.shape.nodes) @ inward if kind.shell else inward
