@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,14 @@ _CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SO
 # Shells, where their property is a PSHELL, and the faces that are like them.
 _SHELLS = {name: name for name in ("CTRIA3", "CTRIA6", "CQUAD4", "CQUAD8")} | {"CTRIAR": "CTRIA3", "CQUADR": "CQUAD4"}
 # They hold or load nothing.
-_DRAWN = ("PLOTEL", "PLOTEL3", "PLOTEL4")
+_IDLE = ("PLOTEL", "PLOTEL3", "PLOTEL4", "CHBDYE", "CHBDYG", "CHBDYP")
+# Cards with stiffness, mass or constraints by their names, whether pyNastran knows them or not.
+_HEAVY = re.compile(
+    r"C(?!ORD|REEP|AERO|SSCHD|HBDY|ONV|ONTRLT|NTRLT|SET|BARAO|LOAD|Y|AMPBLL)|R(BAR|BE\d|ROD|SPLINE|SSCON|TRPLT|JOINT)|"
+    "GENEL|DMIG|NSM|BG(SET|ADD)|SEBULK"
+)
+# Those that count where the case control chooses them.
+_CHOSEN = {"DMIG": {"K2GG", "M2GG", "K2PP", "M2PP"}, "NSM": {"NSM"}}
 
 
 def read_nastran(path: Path, units: UnitSystem) -> Contents:
@@ -69,14 +77,25 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
             return Contents(meshio.read(path))
     bdf = imported("pyNastran.bdf.bdf", path, "pyNastran", "nastran")
     source, punch, ended = _source(path)
-    with _without_dump(), quiet(path, "check the file, and what it includes"):
-        model = bdf.BDF(debug=None)
-        model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
+    try:
+        with _without_dump(), quiet(path, "check the file, and what it includes"):
+            model = bdf.BDF(debug=None)
+            model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
+    except MeshError as error:
+        named = re.search(r"\['(\w+)\*?', '(\d+)'", str(error))
+        raise MeshError(f"{error}{_lines_of(path, *named.groups()) if named else ''}") from error
     with quiet(path, "check its coordinate systems and materials"):
         contents = _contents(model, path, units)
     if not ended:
         _refuse_early_end(contents, path)
     return contents
+
+
+def _lines_of(path: Path, card: str, number: str | int = "") -> str:
+    """Where in the file the cards of a name, or one by its number, are; empty where an included file holds them."""
+    start = re.compile(rf"{card}\*?[\s,]\s*{number}\b", re.IGNORECASE)
+    rows = [k for k, line in enumerate(path.read_text(encoding="latin-1").splitlines(), start=1) if start.match(line)]
+    return f" (line {listed(rows)})" if rows else ""
 
 
 def _by_meshio(path: Path) -> bool:
@@ -138,10 +157,12 @@ def _refuse_early_end(contents: Contents, path: Path) -> None:
 
 def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     _refuse_others(model, path)
+    _fill_defaults(model)
     labels = np.array(sorted(model.nodes), dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}
     points = np.array([model.nodes[label].get_position_no_xref(model) for label in labels.tolist()], dtype=float)
-    notes: list[str] = []
+    left = {name: count for name, count in model.reject_count.items() if name.upper() != name.lower()}
+    notes = [f"{count} cards {name}{_lines_of(path, name)} are not known and left out" for name, count in left.items()]
     node_sets, element_numbers = _numbered_sets(model)
     on_body, references = spiders(model, points, row, path, notes)
     node_sets |= on_body | single_point_sets(model, notes)
@@ -152,7 +173,7 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
     for element in model.elements.values():
-        if element.type not in (*_DRAWN, *CARDS):
+        if element.type not in (*_IDLE, *CARDS):
             card = _SHELLS.get(element.type, element.type)
             flat = _is_face(element, model)
             count = len(element.nodes) if flat else _node_count(element, card, path)
@@ -225,20 +246,36 @@ def _refuse_others(model: Any, path: Path) -> None:
     masses = [(number, one) for number, one in model.masses.items() if one.type != "CONM2"]
     for number, element in [*model.elements.items(), *masses]:
         shell = element.type in _SHELLS and element.pid in model.properties
-        if element.type not in (*_DRAWN, *_CORNERS, *CARDS) and not shell and not _is_face(element, model):
+        if element.type not in (*_IDLE, *_CORNERS, *CARDS) and not shell and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():
         if element.type not in SPIDERS:
             found.setdefault(element.type, []).append(number)
+    known = {one.type for part in (model.elements, model.masses, model.rigid_elements) for one in part.values()}
+    control = model.case_control_deck
+    chosen = {key for one in control.subcases.values() for key in one.params} if control else set()
+    for name in model.card_count:
+        needs = next((keys for start, keys in _CHOSEN.items() if name.startswith(start)), None)
+        if _HEAVY.match(name) and name not in known and (not chosen or not needs or needs & chosen):
+            found[name] = []
     if model.superelement_models:
         found["BEGIN SUPER"] = list(model.superelement_models)
     if found:
-        parts = "; ".join(f"{name} {listed(numbers)}" for name, numbers in found.items())
+        parts = "; ".join(
+            f"{name} {listed(numbers) if numbers else ''}{_lines_of(path, name, *numbers[:1])}" for name, numbers in found.items()
+        )
         raise MeshError(
-            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2 "
+            f"{path} holds what cannot be taken into a body: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2 "
             "and RBE3 become node sets). Model these parts by these, springs to the ground by [[support]] with "
             "stiffness; what only shows results can go"
         )
+
+
+def _fill_defaults(model: Any) -> None:
+    """Give grid points what GRDSET says of those that say nothing."""
+    for grid in model.nodes.values() if model.grdset else ():
+        for name in ("cp", "cd", "ps"):
+            setattr(grid, name, getattr(grid, name) or getattr(model.grdset, name))
 
 
 def _is_face(element: Any, model: Any) -> bool:

@@ -1,0 +1,76 @@
+"""Cards with stiffness, mass or constraints are never dropped in silence; those without meaning never refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexfmu import read_mesh
+from flexfmu.files.errors import MeshError
+
+pytest.importorskip("pyNastran")
+
+BULK = """GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.
+GRID,3,,0.,1.,0.
+GRID,4,,0.,0.,1.
+CTETRA,1,1,1,2,3,4
+PSOLID,1,1
+MAT1,1,2.1e11,,.3,7800.
+"""
+LAST = len(BULK.splitlines()) + 1
+
+
+def _file(folder: Path, card: str, control: str = "") -> Path:
+    path = folder / "body.bdf"
+    head = f"SOL 101\nCEND\n{control}\nBEGIN BULK\n" if control else ""
+    path.write_text(f"{head}{BULK}{card}\nENDDATA\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        "CWELD,6,3,1,2", "CSEAM,7,1,1,2", "CBUSH1D,9,9,1,2\nPBUSH1D,9,1e5", "CGAP,17,2,1,2,0.,0.,1.", "CFAST,7,3,PROP,1,1,5",
+        "CMASS2,9,1.,1,1", "CONM1,2,1,0,22.9", "CDAMP2,16,2.98,1,1", "CSUPEXT,1,1", "RJOINT,7,1,2,12", "RROD,5,1,2,1",
+        "RBE1,59,1,123,2,456\n,UM,3,246", "RSSCON,110,GRID,1,2,3", "RTRPLT,7,1,2,3", "GENEL,629,,1,1,2,1\n,UD,,3,1\n,Z,1.,2.,3.",
+        "BGSET,4,6,1,1,.1", "DMIG,STIF,0,6,1\nDMIG,STIF,1,1,,1,1,3.+5", "NSM1,3,PSOLID,1,.5,1",
+    ],
+)  # fmt: skip
+def test_a_card_with_stiffness_mass_or_constraint_is_refused_by_name_and_line(tmp_path, card):
+    with pytest.raises(MeshError, match=rf"{card.split(',')[0]}.*line {LAST}\b"):
+        read_mesh(_file(tmp_path, card))
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        "PLOTEL,99,1,2", "CHBDYG,2,,AREA3\n,1,2,3", "ASET1,123,1,2", "SUPORT,1,123", "FORCE,1,1,,1.,1.,0.,0.",
+        "CORD2R,7,,1.,0.,0.,1.,0.,1.\n,2.,0.,0.", "EIGRL,1,,,10", "PLOAD4,1,1,1.", "CREEP,1,0.,1.e-9,CRLAW,,,,\n,300,1.,1.,1.",
+    ],
+)  # fmt: skip
+def test_cards_without_meaning_to_a_body_at_rest_are_passed_over(tmp_path, card):
+    assert read_mesh(_file(tmp_path, card)).element_count == 1
+
+
+def test_matrices_and_masses_that_the_case_control_does_not_choose_are_not_part_of_the_body(tmp_path):
+    card = "DMIG,STIF,0,6,1\nDMIG,STIF,1,1,,1,1,3.+5"
+    assert read_mesh(_file(tmp_path, card, "SPC = 1")).element_count == 1
+    with pytest.raises(MeshError, match="DMIG"):
+        read_mesh(_file(tmp_path, card, "K2GG = STIF"))
+
+
+def test_a_card_of_no_known_name_is_named_in_a_note(tmp_path):
+    notes = " ".join(read_mesh(_file(tmp_path, "XYZZY,1,2")).notes)
+    assert f"XYZZY (line {LAST})" in notes
+
+
+@pytest.mark.parametrize("card", ["CTETRA,2,1,1,2", "CTETRA,2,1,1,x,3,4", "MAT1,2,foo", "SPC1,1,a,1"])
+def test_a_card_with_wrong_fields_is_named_with_its_line(tmp_path, card):
+    with pytest.raises(MeshError, match=rf"{card.split(',')[0]}.*line {LAST}\b"):
+        read_mesh(_file(tmp_path, card))
+
+
+def test_defaults_of_grid_points_hold_where_these_say_nothing(tmp_path):
+    moved = _file(tmp_path, "CORD2R,7,,10.,0.,0.,10.,0.,1.\n,11.,0.,0.\nGRDSET,,7")
+    np.testing.assert_allclose(read_mesh(moved).points[0], (10.0, 0.0, 0.0), atol=1e-12)
