@@ -20,6 +20,7 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 from flexfmu import FlexfmuError, read_mesh
+from flexfmu.files.units import UnitSystem
 
 SECONDS, BYTES = 60, 4 << 30
 SUFFIXES = {".inp", ".bdf", ".nas", ".fem", ".dat", ".cdb", ".msh", ".med", ".exo", ".e", ".g", ".unv", ".vtu", ".vtk"}
@@ -67,7 +68,7 @@ def _text(path: Path, depth: int) -> str:
 
 
 def outcome_of(path: Path) -> tuple[str, str, float]:
-    """What reading a file comes to, the message, and the processor's seconds, in a forked process."""
+    """What reading a file comes to, the message and the processor's seconds, in a forked process."""
     start = time.monotonic()
     with tempfile.TemporaryFile("w+") as said:
         child = os.fork()
@@ -95,10 +96,7 @@ def _read(path: Path, said: object) -> None:
         os.dup2(nothing.fileno(), 1)
         os.dup2(nothing.fileno(), 2)
     try:
-        mesh = read_mesh(path)
-        found = f"read\n{mesh.element_count} elements; {' | '.join(mesh.notes)}"
-    except FlexfmuError as error:
-        found = f"refused\n{error}"
+        found = _in_some_units(path)
     except MemoryError:
         found = "memory\n"
     except BaseException as error:
@@ -106,6 +104,19 @@ def _read(path: Path, said: object) -> None:
     said.write(found)  # type: ignore[attr-defined]
     said.flush()  # type: ignore[attr-defined]
     os._exit(0)
+
+
+def _in_some_units(path: Path) -> str:
+    """What comes of a file in the units that fit it; a user knows them."""
+    for system in UnitSystem:
+        try:
+            mesh = read_mesh(path, system)
+            return f"read\n{mesh.element_count} elements; {' | '.join(mesh.notes)}"
+        except FlexfmuError as error:
+            found = f"refused\n{error}"
+            if "units" not in found:
+                break
+    return found
 
 
 def reason_of(message: str, path: Path) -> str:

@@ -71,6 +71,15 @@ def test_a_card_with_wrong_fields_is_named_with_its_line(tmp_path, card):
         read_mesh(_file(tmp_path, card))
 
 
+def test_bulk_data_without_an_end_are_read_unless_grid_points_are_left_over(tmp_path):
+    path = _file(tmp_path, "", "SPC = 1")
+    path.write_text(path.read_text().replace("ENDDATA\n", ""))
+    assert read_mesh(path).element_count == 1
+    path.write_text(path.read_text() + "GRID,9,,5.,5.,5.\n")
+    with pytest.raises(MeshError, match="no ENDDATA, and 1 of its 5"):
+        read_mesh(path)
+
+
 def test_defaults_of_grid_points_hold_where_these_say_nothing(tmp_path):
     moved = _file(tmp_path, "CORD2R,7,,10.,0.,0.,10.,0.,1.\n,11.,0.,0.\nGRDSET,,7")
     np.testing.assert_allclose(read_mesh(moved).points[0], (10.0, 0.0, 0.0), atol=1e-12)

@@ -112,13 +112,11 @@ def _source(path: Path) -> tuple[str | io.StringIO, bool, bool]:
     ended = any(found[:1] == ["ENDDATA"] for found in words)
     if begin is None:
         return str(path), True, ended
-    if not ended:
-        raise MeshError(f"{path} has BEGIN BULK and no ENDDATA: cut short? export it again")
     if any(found[:1] == ["CEND"] for found in words[:begin]):
-        return str(path), False, True
+        return str(path), False, ended
     if any(found[:1] == ["INCLUDE"] for found in words):
         raise MeshError(f"{path} includes files and has BEGIN BULK without CEND: take out the line BEGIN BULK")
-    return io.StringIO("".join(lines[begin + 1 :])), True, True
+    return io.StringIO("".join(lines[begin + 1 :])), True, ended
 
 
 # What pyNastran writes into the current folder where an included file is not there.
@@ -161,8 +159,8 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     labels = np.array(sorted(model.nodes), dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}
     points = np.array([model.nodes[label].get_position_no_xref(model) for label in labels.tolist()], dtype=float)
-    left = {name: count for name, count in model.reject_count.items() if name.upper() != name.lower()}
-    notes = [f"{count} cards {name}{_lines_of(path, name)} are not known and left out" for name, count in left.items()]
+    unknown = [f"{name}{_lines_of(path, name)}" for name in model.reject_count if name.upper() != name.lower()]
+    notes = [f"cards of names that pyNastran does not know are left out: {listed(unknown)}"] if unknown else []
     node_sets, element_numbers = _numbered_sets(model)
     on_body, references = spiders(model, points, row, path, notes)
     node_sets |= on_body | single_point_sets(model, notes)
@@ -262,10 +260,11 @@ def _refuse_others(model: Any, path: Path) -> None:
         found["BEGIN SUPER"] = list(model.superelement_models)
     if found:
         parts = "; ".join(
-            f"{name} {listed(numbers) if numbers else ''}{_lines_of(path, name, *numbers[:1])}" for name, numbers in found.items()
+            f"{name} {listed(numbers) if numbers else ''}{_lines_of(path, name, *numbers[:1])}"
+            for name, numbers in found.items()
         )
         raise MeshError(
-            f"{path} holds what cannot be taken into a body: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2 "
+            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2 "
             "and RBE3 become node sets). Model these parts by these, springs to the ground by [[support]] with "
             "stiffness; what only shows results can go"
         )
