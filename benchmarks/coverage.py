@@ -92,7 +92,7 @@ def outcome_of(path: Path) -> tuple[str, str, float]:
 def _read(path: Path, said: object) -> None:
     """Read a file, write what it comes to, and end the process."""
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
-    with open(os.devnull, "w") as nothing:
+    with Path(os.devnull).open("w") as nothing:
         os.dup2(nothing.fileno(), 1)
         os.dup2(nothing.fileno(), 2)
     try:

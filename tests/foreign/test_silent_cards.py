@@ -31,9 +31,11 @@ def _file(folder: Path, card: str, control: str = "") -> Path:
 @pytest.mark.parametrize(
     "card",
     [
-        "CWELD,6,3,1,2", "CSEAM,7,1,1,2", "CBUSH1D,9,9,1,2\nPBUSH1D,9,1e5", "CGAP,17,2,1,2,0.,0.,1.", "CFAST,7,3,PROP,1,1,5",
+        "CWELD,6,3,1,2", "CSEAM,7,1,1,2", "CBUSH1D,9,9,1,2\nPBUSH1D,9,1e5", "CGAP,17,2,1,2,0.,0.,1.",
+        "CFAST,7,3,PROP,1,1,5",
         "CMASS2,9,1.,1,1", "CONM1,2,1,0,22.9", "CDAMP2,16,2.98,1,1", "CSUPEXT,1,1", "RJOINT,7,1,2,12", "RROD,5,1,2,1",
-        "RBE1,59,1,123,2,456\n,UM,3,246", "RSSCON,110,GRID,1,2,3", "RTRPLT,7,1,2,3", "GENEL,629,,1,1,2,1\n,UD,,3,1\n,Z,1.,2.,3.",
+        "RBE1,59,1,123,2,456\n,UM,3,246", "RSSCON,110,GRID,1,2,3", "RTRPLT,7,1,2,3",
+        "GENEL,629,,1,1,2,1\n,UD,,3,1\n,Z,1.,2.,3.",
         "BGSET,4,6,1,1,.1", "DMIG,STIF,0,6,1\nDMIG,STIF,1,1,,1,1,3.+5", "NSM1,3,PSOLID,1,.5,1",
     ],
 )  # fmt: skip
@@ -46,7 +48,8 @@ def test_a_card_with_stiffness_mass_or_constraint_is_refused_by_name_and_line(tm
     "card",
     [
         "PLOTEL,99,1,2", "CHBDYG,2,,AREA3\n,1,2,3", "ASET1,123,1,2", "SUPORT,1,123", "FORCE,1,1,,1.,1.,0.,0.",
-        "CORD2R,7,,1.,0.,0.,1.,0.,1.\n,2.,0.,0.", "EIGRL,1,,,10", "PLOAD4,1,1,1.", "CREEP,1,0.,1.e-9,CRLAW,,,,\n,300,1.,1.,1.",
+        "CORD2R,7,,1.,0.,0.,1.,0.,1.\n,2.,0.,0.", "EIGRL,1,,,10", "PLOAD4,1,1,1.",
+        "CREEP,1,0.,1.e-9,CRLAW,,,,\n,300,1.,1.,1.",
     ],
 )  # fmt: skip
 def test_cards_without_meaning_to_a_body_at_rest_are_passed_over(tmp_path, card):
