@@ -22,6 +22,7 @@ def build_fmu(
     store: Store | None = None,
     runtime: Runtime = Runtime.NATIVE,
     platforms: Sequence[str] = (),
+    fmi: int = 2,
 ) -> ReducedBody:
     """Reduce a body and write its FMU; nothing is written unless all of it succeeds.
 
@@ -41,6 +42,8 @@ def build_fmu(
         What runs the body.
     platforms : sequence of str
         Where it runs, names of `core.building.PLATFORMS`, or "all"; default: those that this installation has.
+    fmi : int
+        Version of FMI, 2 or 3.
 
     Returns
     -------
@@ -56,15 +59,15 @@ def build_fmu(
     if modal_file is not None:
         check_target(modal_file, (".h5",))
     # What cannot be compiled is told before anything long begins.
-    cores_for(runtime, platforms, report)
+    cores_for(runtime, platforms, report, fmi)
     config = read_body_file(body_file) if isinstance(body_file, Path) else body_file
     body = reduce_body(config, report, store)
     with report.stage(f"Write {output}"):
         if modal_file is None:
-            package_fmu(body, output, runtime, platforms)
+            package_fmu(body, output, runtime, platforms, fmi=fmi)
         else:
             # The modal file takes its name once the FMU is there.
             with whole_file(modal_file) as part:
                 write_modal_file(body, part)
-                package_fmu(body, output, runtime, platforms)
+                package_fmu(body, output, runtime, platforms, fmi=fmi)
     return body

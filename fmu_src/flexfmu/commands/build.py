@@ -24,6 +24,7 @@ def build(
     platforms: Annotated[
         str, typer.Option(help="Where it runs: all, or some of linux64,win64,darwin64,aarch64-linux; default: here.")
     ] = "",
+    fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of FMI.")] = 2,
     tolerance: Annotated[
         str, typer.Option(help="Build the plainest model whose error is below this, such as 0.5%.")
     ] = "",
@@ -45,7 +46,7 @@ def build(
     if tolerance:
         config, share = smallest(body, _share(tolerance), scene, reporter(not force), store)
     report = reporter(not force)
-    built = build_fmu(config, target, modal_file, report, store, runtime, names)
+    built = build_fmu(config, target, modal_file, report, store, runtime, names, fmi)
     for text in filter(None, [own_error(built)]):
         report.note(text)
     show_written(target)

@@ -21,7 +21,9 @@ FOLDER = Path(__file__).parent
 FLAGS = ("-std=c99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-fvisibility=hidden")
 
 # What other files see: functions and constants that headers declare, and those of FMI.
-_GLOBAL = re.compile(r"^(?:(?!static|typedef|#)[A-Za-z_][\w *]*[ *]|FMI2_EXPORT .*?)(\w+)(?:\(|\[\w*\];)", re.MULTILINE)
+_GLOBAL = re.compile(r"^(?:(?!static|typedef|#)[A-Za-z_][\w *]*[ *]|FMI_EXPORT .*?)(\w+)(?:\(|\[\w*\];)", re.MULTILINE)
+# Those of FMI 3.0, some of which a macro defines.
+_CALLS_3 = re.compile(r"\bfmi3(?:Get|Set|Enter|Exit|Evaluate|Update|Completed|Activate)\w+")
 
 # Of Mach-O: a file of several architectures, where each begins, and where a library says what it is for.
 _FAT_MAGIC, _FAT_ALIGNMENT, _MACH_HEAD = 0xCAFEBABE, 14, struct.Struct("<III")
@@ -35,7 +37,7 @@ class Platform(NamedTuple):
     ending: str
 
 
-# By the folder's name in an FMU. FMI 2.0 names the first three; the last is FMI 3.0's name.
+# By the folder's name in an FMU of FMI 2.0, which names the first three; the last is FMI 3.0's name.
 PLATFORMS = {
     "linux64": Platform(("x86_64-linux-gnu.2.17",), ".so"),
     "win64": Platform(("x86_64-windows-gnu",), ".dll"),
@@ -45,6 +47,12 @@ PLATFORMS = {
 # The core in a page: no platform of FMUs.
 WEB = "web"
 TARGETS = PLATFORMS | {WEB: Platform(("wasm32-wasi",), ".wasm")}
+
+
+def folders_3(name: str) -> list[str]:
+    """Names of FMI 3.0 for a platform: one for each kind of processor."""
+    words = [target.replace("macos", "darwin").split("-") for target in PLATFORMS[name].targets]
+    return [f"{processor}-{system.split('.')[0]}" for processor, system, *_ in words]
 
 
 def this_platform() -> str:
@@ -67,8 +75,9 @@ def source_files() -> list[Path]:
 def prefix_header() -> str:
     """C that puts FMI2_FUNCTION_PREFIX before all names of the core that a linker sees, where it is defined."""
     found = {"body_prog", "body_prog_len"}
-    for path in (*FOLDER.glob("*.h"), *FOLDER.glob("fmi2*.c")):
+    for path in (*FOLDER.glob("*.h"), *FOLDER.glob("fmi*.c")):
         found |= set(_GLOBAL.findall(path.read_text("utf-8")))
+        found |= set(_CALLS_3.findall(path.read_text("utf-8")))
     lines = [f"#define {name} FLEX_JOIN(FMI2_FUNCTION_PREFIX, {name})" for name in sorted(found)]
     paste = ["#define FLEX_PASTE(a, b) a##b", "#define FLEX_JOIN(a, b) FLEX_PASTE(a, b)"]
     return "\n".join(["#ifdef FMI2_FUNCTION_PREFIX", *paste, *lines, "#endif", ""])

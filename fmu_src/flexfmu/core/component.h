@@ -1,4 +1,4 @@
-/* What stands behind a handle of FMI: the phase it is in, and whom it tells. */
+/* What stands behind a handle of FMI, of either version: the phase it is in, and whom it tells. */
 #ifndef FLEX_COMPONENT_H
 #define FLEX_COMPONENT_H
 
@@ -21,6 +21,7 @@ enum { ANY = 63 };
 
 enum { CATEGORIES = 4 };
 extern const char *const CATEGORY[CATEGORIES];
+extern const char NO_MODEL_EXCHANGE[];
 
 #define SIGN UINT64_C(0x464C4558464D5532)
 
@@ -28,6 +29,8 @@ typedef struct {
     uint64_t sign;
     Instance *body;
     fmi2CallbackFunctions callbacks;
+    /* Of an FMI 3.0 handle alone, whose texts are no formats; else null. */
+    void (*log)(fmi2ComponentEnvironment, int status, fmi2String category, fmi2String message);
     char *name;
     Phase phase;
     int logging, logged[CATEGORIES];
@@ -37,8 +40,14 @@ typedef struct {
     char text[TEXT_SIZE], line[2 * TEXT_SIZE], room[TEXT_SIZE / 4];
     /* Names handed out by fmi2GetString stay until the next call. */
     char *strings;
+    /* Room for references of FMI 3.0's arrays, number by number. */
+    fmi2ValueReference *numbers;
+    size_t number_room;
 } Component;
 
+/* A component that tells as `how` does; null, told, where `wrong` is given or there is no body. */
+Component *component_open(const Component *how, fmi2String name, const char *wrong, fmi2String guid, fmi2String location, int logging);
+void component_close(Component *c);
 /* Tell the master, of a status. */
 void tell(void *to, int status, const char *text);
 fmi2Status fail(Component *c, const char *text);

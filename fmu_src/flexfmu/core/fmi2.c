@@ -2,22 +2,14 @@
  * Source: Functional Mock-up Interface 2.0.4, sections 2.1 and 4.2. */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "component.h"
 
-static char *copied(const char *text) {
-    const size_t size = strlen(text) + 1;
-    char *copy = malloc(size);
-    if (copy) memcpy(copy, text, size);
-    return copy;
-}
+FMI_EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
+FMI_EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
-FMI2_EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
-FMI2_EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
-
-FMI2_EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component handle, fmi2Boolean on, size_t count, const fmi2String categories[]) {
+FMI_EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component handle, fmi2Boolean on, size_t count, const fmi2String categories[]) {
     Component *c = given(allowed(handle, ANY, "fmi2SetDebugLogging"), !count || categories, "fmi2SetDebugLogging");
     if (!c) return fmi2Error;
     int chosen[CATEGORIES] = {0};
@@ -39,48 +31,17 @@ FMI2_EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component handle, fmi2Boolean on,
     return fmi2OK;
 }
 
-FMI2_EXPORT void fmi2FreeInstance(fmi2Component handle) {
-    Component *c = handle;
-    if (!c || c->sign != SIGN) return;
-    instance_close(c->body);
-    c->sign = 0;
-    free(c->name);
-    free(c->strings);
-    free(c);
-}
+FMI_EXPORT void fmi2FreeInstance(fmi2Component handle) { component_close(handle); }
 
-FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String location,
+FMI_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String location,
                                           const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging) {
     (void)visible;
     if (!callbacks) return 0;
-    Component *c = calloc(1, sizeof *c);
-    if (!c) return 0;
-    c->sign = SIGN;
-    c->callbacks = *callbacks;
-    c->phase = INSTANTIATED;
-    c->logging = 1;
-    for (int k = 0; k < CATEGORIES; k++) c->logged[k] = 1;
-    c->name = copied(name ? name : "");
-    if (!c->name) {
-        fmi2FreeInstance(c);
-        return 0;
-    }
-    const char *wrong = !name || !*name ? "the instance has no name"
-                        : type != fmi2CoSimulation ? "this FMU is for co-simulation, not for model exchange"
-                        : !location            ? "no location of the FMU's resources was given"
-                                               : 0;
-    if (!wrong && !(c->body = instance_open(location, guid, c->text))) wrong = c->text;
-    if (wrong) {
-        tell(c, fmi2Error, wrong);
-        fmi2FreeInstance(c);
-        return 0;
-    }
-    c->talkative = logging != 0;
-    instance_tell(c->body, tell, c);
-    return c;
+    const Component how = {.callbacks = *callbacks};
+    return component_open(&how, name, type == fmi2CoSimulation ? 0 : NO_MODEL_EXCHANGE, guid, location, logging);
 }
 
-FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component handle, fmi2Boolean tolerance_given, fmi2Real tolerance, fmi2Real start,
+FMI_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component handle, fmi2Boolean tolerance_given, fmi2Real tolerance, fmi2Real start,
                                            fmi2Boolean stop_given, fmi2Real stop) {
     /* The state follows from the state before it and the inputs alone, not from time. */
     Component *c = allowed(handle, INSTANTIATED, "fmi2SetupExperiment");
@@ -96,7 +57,7 @@ FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component handle, fmi2Boolean tol
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component handle) {
+FMI_EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component handle) {
     Component *c = allowed(handle, INSTANTIATED, "fmi2EnterInitializationMode");
     if (!c) return fmi2Error;
     if (!c->set_up) return fail(c, "fmi2EnterInitializationMode is not allowed yet; expected: after fmi2SetupExperiment");
@@ -104,7 +65,7 @@ FMI2_EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component handle) {
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component handle) {
+FMI_EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component handle) {
     Component *c = allowed(handle, INITIALIZING, "fmi2ExitInitializationMode");
     if (!c) return fmi2Error;
     if (instance_start(c->body, c->text) != ANSWER_OK) {
@@ -115,14 +76,14 @@ FMI2_EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component handle) {
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2Terminate(fmi2Component handle) {
+FMI_EXPORT fmi2Status fmi2Terminate(fmi2Component handle) {
     Component *c = allowed(handle, STEPPING | STEP_FAILED, "fmi2Terminate");
     if (!c) return fmi2Error;
     c->phase = TERMINATED;
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2Reset(fmi2Component handle) {
+FMI_EXPORT fmi2Status fmi2Reset(fmi2Component handle) {
     Component *c = allowed(handle, ANY, "fmi2Reset");
     if (!c) return fmi2Error;
     instance_reset(c->body);
@@ -136,7 +97,7 @@ static int same_time(double a, double b, double step) {
     return fabs(a - b) <= 1e-6 * step + 1e-12 * fmax(fabs(a), fabs(b));
 }
 
-FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state) {
+FMI_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state) {
     (void)no_set_state;
     /* After a refused step the state is as it was: another step, shorter or with other inputs, may be tried. */
     Component *c = allowed(handle, STEPPING | STEP_FAILED, "fmi2DoStep");
@@ -165,7 +126,7 @@ FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real 
     }
 }
 
-FMI2_EXPORT fmi2Status fmi2CancelStep(fmi2Component handle) {
+FMI_EXPORT fmi2Status fmi2CancelStep(fmi2Component handle) {
     Component *c = allowed(handle, ANY, "fmi2CancelStep");
     return c ? fail(c, "fmi2CancelStep: no step is under way; steps end before fmi2DoStep returns") : fmi2Error;
 }
@@ -181,7 +142,7 @@ static Component *asked(fmi2Component handle, int kind, int offered, const void 
     return 0;
 }
 
-FMI2_EXPORT fmi2Status fmi2GetStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Status *value) {
+FMI_EXPORT fmi2Status fmi2GetStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Status *value) {
     fmi2Status status;
     Component *c = asked(handle, kind, fmi2DoStepStatus, value, "fmi2GetStatus", &status);
     if (!c) return status;
@@ -189,7 +150,7 @@ FMI2_EXPORT fmi2Status fmi2GetStatus(fmi2Component handle, const fmi2StatusKind 
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2GetRealStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Real *value) {
+FMI_EXPORT fmi2Status fmi2GetRealStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Real *value) {
     fmi2Status status;
     Component *c = asked(handle, kind, fmi2LastSuccessfulTime, value, "fmi2GetRealStatus", &status);
     if (!c) return status;
@@ -197,14 +158,14 @@ FMI2_EXPORT fmi2Status fmi2GetRealStatus(fmi2Component handle, const fmi2StatusK
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2GetIntegerStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Integer *value) {
+FMI_EXPORT fmi2Status fmi2GetIntegerStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Integer *value) {
     fmi2Status status;
     /* None of any kind. */
     asked(handle, kind, !kind, value, "fmi2GetIntegerStatus", &status);
     return status;
 }
 
-FMI2_EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Boolean *value) {
+FMI_EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2Boolean *value) {
     fmi2Status status;
     Component *c = asked(handle, kind, fmi2Terminated, value, "fmi2GetBooleanStatus", &status);
     if (!c) return status;
@@ -213,7 +174,7 @@ FMI2_EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component handle, const fmi2Stat
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2GetStringStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2String *value) {
+FMI_EXPORT fmi2Status fmi2GetStringStatus(fmi2Component handle, const fmi2StatusKind kind, fmi2String *value) {
     fmi2Status status;
     Component *c = asked(handle, kind, fmi2PendingStatus, value, "fmi2GetStringStatus", &status);
     if (!c) return status;

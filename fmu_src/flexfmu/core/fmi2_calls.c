@@ -48,7 +48,7 @@ static const struct {
 };
 
 /* The function of a name; null where there is none. */
-FMI2_EXPORT Call fmi2FlexfmuCall(const char *name) {
+FMI_EXPORT Call fmi2FlexfmuCall(const char *name) {
     for (size_t i = 0; i < sizeof CALLS / sizeof *CALLS; i++)
         if (strcmp(CALLS[i].name, name) == 0) return CALLS[i].call;
     return 0;

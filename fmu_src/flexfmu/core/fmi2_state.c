@@ -27,7 +27,7 @@ static int head_of(const void *state, StateHead *head) {
     return head->sign == SIGN && head->checksum == checksum(head, HEAD_WORDS) && known_phase(head->phase);
 }
 
-FMI2_EXPORT fmi2Status fmi2GetFMUstate(fmi2Component handle, fmi2FMUstate *state) {
+FMI_EXPORT fmi2Status fmi2GetFMUstate(fmi2Component handle, fmi2FMUstate *state) {
     Component *c = given(allowed(handle, ANY, "fmi2GetFMUstate"), state != 0, "fmi2GetFMUstate");
     if (!c) return fmi2Error;
     const int64_t size = instance_state_size(c->body);
@@ -44,7 +44,7 @@ FMI2_EXPORT fmi2Status fmi2GetFMUstate(fmi2Component handle, fmi2FMUstate *state
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2SetFMUstate(fmi2Component handle, fmi2FMUstate state) {
+FMI_EXPORT fmi2Status fmi2SetFMUstate(fmi2Component handle, fmi2FMUstate state) {
     Component *c = allowed(handle, ANY, "fmi2SetFMUstate");
     StateHead head;
     if (!c) return fmi2Error;
@@ -56,7 +56,7 @@ FMI2_EXPORT fmi2Status fmi2SetFMUstate(fmi2Component handle, fmi2FMUstate state)
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component handle, fmi2FMUstate *state) {
+FMI_EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component handle, fmi2FMUstate *state) {
     Component *c = allowed(handle, ANY, "fmi2FreeFMUstate");
     if (!c) return fmi2Error;
     if (!state || !*state) return fmi2OK;
@@ -65,7 +65,7 @@ FMI2_EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component handle, fmi2FMUstate *stat
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component handle, fmi2FMUstate state, size_t *size) {
+FMI_EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component handle, fmi2FMUstate state, size_t *size) {
     Component *c = allowed(handle, ANY, "fmi2SerializedFMUstateSize");
     StateHead head;
     if (!given(c, state && size, "fmi2SerializedFMUstateSize")) return fmi2Error;
@@ -74,7 +74,7 @@ FMI2_EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component handle, fmi2FMUs
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component handle, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+FMI_EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component handle, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
     Component *c = allowed(handle, ANY, "fmi2SerializeFMUstate");
     size_t needed;
     if (!given(c, bytes != 0, "fmi2SerializeFMUstate") || fmi2SerializedFMUstateSize(handle, state, &needed) != fmi2OK) return fmi2Error;
@@ -83,7 +83,7 @@ FMI2_EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component handle, fmi2FMUstate 
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component handle, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
+FMI_EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component handle, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
     Component *c = allowed(handle, ANY, "fmi2DeSerializeFMUstate");
     StateHead head;
     if (!given(c, bytes && state, "fmi2DeSerializeFMUstate")) return fmi2Error;

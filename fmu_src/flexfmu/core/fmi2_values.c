@@ -32,19 +32,19 @@ static fmi2Status numbers_of(fmi2Component handle, const fmi2ValueReference refe
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
+FMI_EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
     return numbers_of(c, vr, n, TYPE_REAL, "fmi2GetReal", value);
 }
 
-FMI2_EXPORT fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Integer value[]) {
+FMI_EXPORT fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Integer value[]) {
     return numbers_of(c, vr, n, TYPE_INTEGER, "fmi2GetInteger", value);
 }
 
-FMI2_EXPORT fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[]) {
+FMI_EXPORT fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[]) {
     return numbers_of(c, vr, n, TYPE_BOOLEAN, "fmi2GetBoolean", value);
 }
 
-FMI2_EXPORT fmi2Status fmi2GetString(fmi2Component handle, const fmi2ValueReference vr[], size_t n, fmi2String value[]) {
+FMI_EXPORT fmi2Status fmi2GetString(fmi2Component handle, const fmi2ValueReference vr[], size_t n, fmi2String value[]) {
     Component *c = given(allowed(handle, READABLE, "fmi2GetString"), !n || (vr && value), "fmi2GetString");
     if (!c) return fmi2Error;
     for (size_t i = 0; i < n; i++)
@@ -89,7 +89,7 @@ static fmi2Status put_parameter(Component *c, fmi2ValueReference reference, doub
     return fmi2Warning;
 }
 
-FMI2_EXPORT fmi2Status fmi2SetReal(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
+FMI_EXPORT fmi2Status fmi2SetReal(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
     Component *c = settable(handle, vr, n, TYPE_REAL, "fmi2SetReal", value);
     if (!c) return fmi2Error;
     const Program *p = instance_description(c->body);
@@ -105,11 +105,11 @@ FMI2_EXPORT fmi2Status fmi2SetReal(fmi2Component handle, const fmi2ValueReferenc
     return status;
 }
 
-FMI2_EXPORT fmi2Status fmi2SetInteger(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[]) {
+FMI_EXPORT fmi2Status fmi2SetInteger(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[]) {
     return settable(handle, vr, n, TYPE_INTEGER, "fmi2SetInteger", value) ? fmi2OK : fmi2Error;
 }
 
-FMI2_EXPORT fmi2Status fmi2SetBoolean(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[]) {
+FMI_EXPORT fmi2Status fmi2SetBoolean(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[]) {
     Component *c = settable(handle, vr, n, TYPE_BOOLEAN, "fmi2SetBoolean", value);
     if (!c) return fmi2Error;
     fmi2Status status = fmi2OK;
@@ -135,7 +135,7 @@ static int64_t choice_of(Component *c, fmi2ValueReference reference, const char 
     return -1;
 }
 
-FMI2_EXPORT fmi2Status fmi2SetString(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2String value[]) {
+FMI_EXPORT fmi2Status fmi2SetString(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2String value[]) {
     Component *c = settable(handle, vr, n, TYPE_STRING, "fmi2SetString", value);
     if (!c) return fmi2Error;
     for (size_t i = 0; i < n; i++)
@@ -147,7 +147,7 @@ FMI2_EXPORT fmi2Status fmi2SetString(fmi2Component handle, const fmi2ValueRefere
     return status;
 }
 
-FMI2_EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component handle, const fmi2ValueReference vr[], size_t n,
+FMI_EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component handle, const fmi2ValueReference vr[], size_t n,
                                                    const fmi2Integer order[], const fmi2Real value[]) {
     Component *c = settable(handle, vr, n, TYPE_REAL, "fmi2SetRealInputDerivatives", value);
     c = given(c, !n || order, "fmi2SetRealInputDerivatives");
@@ -163,7 +163,7 @@ FMI2_EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component handle, const f
     return fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component handle, const fmi2ValueReference vr[], size_t n,
+FMI_EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component handle, const fmi2ValueReference vr[], size_t n,
                                                     const fmi2Integer order[], fmi2Real value[]) {
     (void)vr, (void)order, (void)value;
     Component *c = allowed(handle, READABLE, "fmi2GetRealOutputDerivatives");
@@ -171,7 +171,7 @@ FMI2_EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component handle, const 
     return n ? fail(c, "fmi2GetRealOutputDerivatives: none are offered; build with velocities = true for those of displacements") : fmi2OK;
 }
 
-FMI2_EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component handle, const fmi2ValueReference unknown[], size_t unknowns,
+FMI_EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component handle, const fmi2ValueReference unknown[], size_t unknowns,
                                                     const fmi2ValueReference known[], size_t knowns, const fmi2Real direction[],
                                                     fmi2Real result[]) {
     const int whole = (!unknowns || (unknown && result)) && (!knowns || (known && direction));

@@ -6,10 +6,10 @@
 __attribute__((import_module("page"), import_name("log")))
 void fmi2FlexfmuLog(fmi2ComponentEnvironment to, fmi2String instance, fmi2Status status, fmi2String category, fmi2String message, ...);
 
-FMI2_EXPORT fmi2CallbackLogger fmi2FlexfmuLogger(void) { return fmi2FlexfmuLog; }
+FMI_EXPORT fmi2CallbackLogger fmi2FlexfmuLogger(void) { return fmi2FlexfmuLog; }
 
 /* body_surface of an instance where it is now. */
-FMI2_EXPORT fmi2Status fmi2FlexfmuSurface(fmi2Component handle, const int64_t *sizes, const int64_t *on, const double *numbers,
+FMI_EXPORT fmi2Status fmi2FlexfmuSurface(fmi2Component handle, const int64_t *sizes, const int64_t *on, const double *numbers,
                                           double *value, double *places) {
     Component *c = allowed(handle, READABLE, "fmi2FlexfmuSurface");
     if (!c || instance_begin(c->body, c->text) != ANSWER_OK) return fmi2Error;

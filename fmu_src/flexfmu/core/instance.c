@@ -63,7 +63,7 @@ static Body *open_named(Instance *x, const char *name, char *why) {
 /* Whether the variables of a description are consistent with its body. */
 static int variables_fit(const Program *p) {
     const int64_t most[] = {
-#define ROLE(symbol, causality, count, ...) count,
+#define ROLE(symbol, causality, axes, count, ...) count,
 #include "interface.def"
     };
     static const int diagnostic_type[] = {

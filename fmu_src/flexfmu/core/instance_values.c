@@ -122,7 +122,7 @@ Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
     const int64_t index = p->variable_index[variable];
     Answer answer = ANSWER_FAILED;
     switch (p->variable_role[variable]) {
-#define ROLE(symbol, causality, count, find, ...) \
+#define ROLE(symbol, causality, axes, count, find, ...) \
     case ROLE_##symbol: \
         if ((answer = find(x, why)) == ANSWER_OK) *value = __VA_ARGS__; \
         break;

@@ -59,6 +59,7 @@ class BuiltBody(FlexibleBody):
         runtime: Runtime | str = Runtime.NATIVE,
         platforms: Sequence[str] = (),
         report: Reporter | None = None,
+        fmi: int = 2,
     ) -> Path:
         """Write the body as an FMU.
 
@@ -70,12 +71,14 @@ class BuiltBody(FlexibleBody):
         platforms : sequence of str
             Default: those that this installation has the core for.
         report : Reporter, optional
+        fmi : int
+            Version of FMI, 2 or 3.
 
         Returns
         -------
         Path
         """
-        package_fmu(self.reduced, Path(path), Runtime(runtime), platforms, report)
+        package_fmu(self.reduced, Path(path), Runtime(runtime), platforms, report, fmi)
         return Path(path)
 
     def save(self, path: str | Path) -> Path:

@@ -1,6 +1,7 @@
-"""The FMU's modelDescription.xml, made from the table of variables."""
+"""The FMU's modelDescription.xml of FMI 2.0, made from the table of variables; description_3 has that of FMI 3.0."""
 
 import math
+from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ..core.building import sources
@@ -58,13 +59,9 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
         fmiVersion="2.0",
         modelName=body.name,
         guid=guid,
-        description=f"Flexible body {body.name}: {body.mode_count} modes, {body.frame_count} corotated frames. All "
-        "vectors have components along the fixed global axes of its "
-        "finite element model; rotations are rotation vectors.",
-        generationTool=f"flexfmu {__version__}",
-        variableNamingConvention="structured",
         numberOfEventIndicators="0",
     )
+    root.attrib.update(body_words(body))
     simulation = SubElement(
         root,
         "CoSimulation",
@@ -82,16 +79,36 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
         files = SubElement(simulation, "SourceFiles")
         for path in sources():
             SubElement(files, "File", name=path.name)
+    describe_run(root, body, table)
+    variables = SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(table):
+        variables.append(_scalar_variable(reference, variable))
+    _structure(SubElement(root, "ModelStructure"), table)
+    return as_file(root)
+
+
+def body_words(body: ReducedBody) -> dict[str, str]:
+    """Attributes of a model description that are the same in every version of FMI."""
+    return {
+        "description": f"Flexible body {body.name}: {body.mode_count} modes, {body.frame_count} corotated frames. All "
+        "vectors have components along the fixed global axes of its "
+        "finite element model; rotations are rotation vectors.",
+        "generationTool": f"flexfmu {__version__}",
+        "variableNamingConvention": "structured",
+    }
+
+
+def describe_run(root: Element, body: ReducedBody, table: Sequence[Variable]) -> None:
+    """Units, categories of the log, and the default experiment: the same in every version of FMI."""
     _units(SubElement(root, "UnitDefinitions"), {variable.unit for variable in table})
     categories = SubElement(root, "LogCategories")
     for name, words in LOG_CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=words)
     SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize=repr(body.suggested_step))
 
-    variables = SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(table):
-        variables.append(_scalar_variable(reference, variable))
-    _structure(SubElement(root, "ModelStructure"), table)
+
+def as_file(root: Element) -> bytes:
+    """A document's bytes, UTF-8."""
     indent(root)
     text: bytes = tostring(root, "utf-8")
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + text + b"\n"
@@ -119,19 +136,22 @@ def _scalar_variable(reference: int, variable: Variable) -> Element:
     )
     if variable.initial is not None:
         element.set("initial", variable.initial)
-    value = SubElement(element, variable.type)
-    if variable.unit is not None:
-        value.set("unit", variable.unit)
-        if variable.unit in _DEGREE:
-            value.set("displayUnit", _DEGREE[variable.unit])
-    if variable.minimum is not None:
-        value.set("min", repr(variable.minimum))
-    if variable.nominal is not None:
-        value.set("nominal", repr(variable.nominal))
+    value = SubElement(element, variable.type, quantity(variable))
     if variable.start is not None:
-        start = variable.start
-        value.set("start", str(start).lower() if isinstance(start, bool) else str(start))
+        value.set("start", start_text(variable))
     return element
+
+
+def quantity(variable: Variable) -> dict[str, str]:
+    """Attributes of a variable as a quantity."""
+    found: dict[str, object] = {"unit": variable.unit, "displayUnit": _DEGREE.get(variable.unit or "")}
+    found |= {"min": variable.minimum, "nominal": variable.nominal}
+    return {name: str(value) for name, value in found.items() if value is not None}
+
+
+def start_text(variable: Variable) -> str:
+    """Its start value, as XML writes it."""
+    return str(variable.start).lower() if isinstance(variable.start, bool) else str(variable.start)
 
 
 def _structure(structure: Element, table: tuple[Variable, ...]) -> None:

@@ -16,7 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..core.binaries import core_binaries
-from ..core.building import FLAGS, PLATFORMS, prefix_header, source_files
+from ..core.building import FLAGS, PLATFORMS, folders_3, prefix_header, source_files
 from ..core.building import sources as core_sources
 from ..files.errors import PackagingError
 from ..files.inputs import Kind, check_input
@@ -28,6 +28,7 @@ from ..model.reduced_body import ReducedBody
 from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM
 from ..program.programs import guid_of, programs, with_guid
 from .description import model_description
+from .description_3 import files_3
 from .python_slave import guid_in
 from .runtime import Runtime
 
@@ -54,12 +55,13 @@ class FlexibleBodySlave(BodySlave, Fmi2Slave):
 '''
 _SOURCES_README = """The core of flexfmu, which runs the body: C99 without libraries of others. MIT licence.
 
-modelDescription.xml lists the C files. In this folder, for Linux:
+modelDescription.xml (FMI 3.0: buildDescription.xml) lists the C files. In this folder, for Linux:
 
     cc {flags} -shared -fPIC -Wl,-Bsymbolic -o {name}.so *.c -lm
 
 macOS: {name}.dylib, without -Wl,-Bsymbolic. Windows (MinGW or clang): {name}.dll, without -fPIC and -Wl,-Bsymbolic.
-The library goes to binaries/PLATFORM (linux64, darwin64, win64); the model description stays as it is.
+The library goes to binaries/PLATFORM (linux64, darwin64, win64; FMI 3.0: x86_64-linux and the like); the model
+description stays as it is.
 To link several FMUs into one program, give each a prefix: -DFMI2_FUNCTION_PREFIX=left_ makes left_fmi2DoStep.
 Targets without files: xxd -i body.prog > body_prog.h in resources/, then -DFLEX_BODY='"body_prog.h"'. The FMU then
 has its default method alone.
@@ -75,6 +77,7 @@ def package_fmu(
     runtime: Runtime = Runtime.NATIVE,
     platforms: Sequence[str] = (),
     report: Reporter | None = None,
+    fmi: int = 2,
 ) -> None:
     """Write a body as an FMU; the file appears whole or not at all, and the same body gives the same bytes.
 
@@ -87,6 +90,8 @@ def package_fmu(
     platforms : sequence of str
         Names of `core.building.PLATFORMS`, or "all"; default: those that this installation has the core for.
     report : Reporter, optional
+    fmi : int
+        Version of FMI, 2 or 3.
 
     Raises
     ------
@@ -96,7 +101,7 @@ def package_fmu(
         There is no core for a platform, and none can be made.
     """
     check_target(output, (".fmu",))
-    contents = _contents(body, runtime, cores_for(runtime, platforms, report))
+    contents = _contents(body, runtime, cores_for(runtime, platforms, report, fmi), fmi)
     with whole_file(output) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(contents):
             entry = zipfile.ZipInfo(name, _DATE)
@@ -105,7 +110,9 @@ def package_fmu(
             archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
 
 
-def cores_for(runtime: Runtime, platforms: Sequence[str] = (), report: Reporter | None = None) -> dict[str, bytes]:
+def cores_for(
+    runtime: Runtime, platforms: Sequence[str] = (), report: Reporter | None = None, fmi: int = 2
+) -> dict[str, bytes]:
     """Cores that an FMU carries, by file name; those of other platforms are compiled when they are first asked for.
 
     Parameters
@@ -114,6 +121,7 @@ def cores_for(runtime: Runtime, platforms: Sequence[str] = (), report: Reporter 
     platforms : sequence of str
         As of `package_fmu`.
     report : Reporter, optional
+    fmi : int
 
     Returns
     -------
@@ -122,10 +130,14 @@ def cores_for(runtime: Runtime, platforms: Sequence[str] = (), report: Reporter 
     Raises
     ------
     PackagingError
-        There is no core for a platform, and none can be made; or pythonfmu has no library for it.
+        There is no core for a platform, and none can be made; or pythonfmu has no library for it, or not for FMI 3.0.
     """
+    if fmi not in (2, 3):
+        raise PackagingError(f"fmi is {fmi}: expected 2 or 3, a version of FMI")
     if runtime is Runtime.NATIVE:
         return core_binaries(platforms, report)
+    if fmi == 3:
+        raise PackagingError("the runtime python is FMI 2.0 alone; use the runtime native")
     offered = [path.name for path in _pythonfmu()[1].iterdir()]
     refused = [name for name in platforms if name in PLATFORMS and name not in offered]
     if refused:
@@ -145,16 +157,24 @@ def _pythonfmu() -> tuple[Path, Path]:
     return modules, modules / "resources" / "binaries"
 
 
-def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes]) -> dict[str, bytes]:
+def _descriptions(body: ReducedBody, runtime: Runtime, guid: str, fmi: int) -> dict[str, bytes]:
+    """What describes the FMU, by its names in the archive."""
+    return files_3(body, guid) if fmi == 3 else {DESCRIPTION: model_description(body, guid, runtime)}
+
+
+def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi: int) -> dict[str, bytes]:
     """Every file of the archive by its name."""
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
         path = Path(folder) / MODAL_FILE
         write_modal_file(body, path)
         modal = path.read_bytes()
     made = programs(body)
-    described = model_description(body, "", runtime)
     if runtime is Runtime.NATIVE:
-        binaries = {f"binaries/{Path(name).stem}/{body.name}{Path(name).suffix}": data for name, data in cores.items()}
+        binaries = {
+            f"binaries/{folder}/{body.name}{Path(name).suffix}": data
+            for name, data in cores.items()
+            for folder in (folders_3(Path(name).stem) if fmi == 3 else [Path(name).stem])
+        }
         code = {}
         sources = {f"sources/{path.name}": path.read_bytes() for path in source_files()}
         for path in core_sources():
@@ -176,12 +196,13 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes]) -> d
         code["python_slave.py"] = Path(__file__).with_name("python_slave.py").read_bytes()
         code["__init__.py"] = b'"""What travels in the FMU."""\n'
     digest = hashlib.sha256()
-    everything = {**code, **binaries, **sources, **with_guid(made, ""), MODAL_FILE: modal, "xml": described}
+    everything = {**code, **binaries, **sources, **with_guid(made, ""), MODAL_FILE: modal}
+    everything |= _descriptions(body, runtime, "", fmi)
     for name, data in sorted(everything.items()):
         digest.update(f"{name}\0{len(data)}\0".encode() + data)
     guid = f"{{{uuid.UUID(_modal_mark(modal) + digest.hexdigest()[:24])}}}"
     contents = {
-        DESCRIPTION: model_description(body, guid, runtime),
+        **_descriptions(body, runtime, guid, fmi),
         f"resources/{MODAL_FILE}": modal,
         **{f"resources/{name}": data for name, data in with_guid(made, guid).items()},
         **binaries,

@@ -58,13 +58,13 @@ def core_file(resources: Path) -> Path:
 
 
 def guid_in(xml: bytes) -> str | None:
-    """Guid in a model description; None where it is no XML."""
+    """Guid in a model description, of FMI 3.0 its token; None where it is no XML."""
     try:
         # The root comes first: of a body with many variables the rest need not be read.
         _, root = next(iterparse(BytesIO(xml), events=("start",)))
     except (ParseError, StopIteration):
         return None
-    return str(root.get("guid", ""))
+    return str(root.get("guid", "") or root.get("instantiationToken", ""))
 
 
 class BodySlave:

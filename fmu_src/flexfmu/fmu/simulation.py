@@ -117,11 +117,7 @@ def simulate(
         A step that the FMU refuses, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
-    check_input(fmu, SimulationError, Kind.FMU)
-    try:
-        description = fmpy.read_model_description(str(fmu))
-    except Exception as error:  # fmpy raises bare exceptions
-        raise SimulationError(f"{fmu}: not a readable FMU ({error})") from error
+    description = _description(fmu)
     inputs = [v.name for v in _known(description, "input", names, fmu)]
     settings = _typed(_known(description, "parameter", parameters or {}, fmu), parameters or {})
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
@@ -135,6 +131,18 @@ def simulate(
     for text in run.messages:
         report.warning(text)
     return outputs, _columns(result, outputs)
+
+
+def _description(fmu: Path) -> ModelDescription:
+    """The model description of an FMU of FMI 2.0."""
+    check_input(fmu, SimulationError, Kind.FMU)
+    try:
+        description = fmpy.read_model_description(str(fmu))
+    except Exception as error:  # fmpy raises bare exceptions
+        raise SimulationError(f"{fmu}: not a readable FMU ({error})") from error
+    if description.fmiVersion != "2.0":
+        raise SimulationError(f"{fmu} is FMI {description.fmiVersion}: expected FMI 2.0; build it without --fmi 3")
+    return description
 
 
 class _Run:
