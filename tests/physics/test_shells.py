@@ -358,6 +358,36 @@ def test_a_mesh_of_shells_in_memory_is_that_of_the_deck(tmp_path):
     assert repr(made).startswith("<Mesh: 490 nodes, 192 S4")
 
 
+@pytest.mark.parametrize(
+    ("kind", "thickness", "bound", "told"),
+    [("quad8", 0.001, 0.005, 0), ("triangle6", 0.02, 0.005, 0), ("triangle6", 0.001, 0.04, 1)],
+)
+def test_plates_with_round_edges_bend_right_or_tell_that_they_do_not(kind, thickness, bound, told):
+    def place(a, b):
+        return 0.2 * 5.0**b * np.cos(0.5 * np.pi * a), 0.2 * 5.0**b * np.sin(0.5 * np.pi * a), 0.0
+
+    points, cells = grid(12, 12, place, kind)
+    fixed, turning = np.zeros((2, len(points), 3), dtype=bool)
+    for axis in (0, 1):
+        on = np.abs(points[:, axis]) < 1e-9
+        fixed[on, axis] = True
+        turning[on] |= np.arange(3) != axis
+    inside = np.hypot(*points.T[:2]) < 0.2 + 1e-9
+    fixed[inside] = turning[inside] = True
+    mesh = shell(points, cells, thickness, fixed, turning, (1e9, 0.3))
+    edge = np.hypot(*mesh.points.T[:2]) > 1.0 - 1e-6
+    forces = np.zeros_like(mesh.points)
+    forces[edge, 2] = 1.0 / edge.sum()
+    # Kirchhoff's w = P/8πD (r² ln r + c₁ + c₂ ln r + c₃ r²): 0 are w, w′ at b, w″ + 0.3 w′/r at 1; P = 4.
+    b = 0.2
+    rows = [[1.0, np.log(b), b**2], [0.0, 1.0 / b, 2.0 * b], [0.0, -0.7, 2.6]]
+    right = [-(b**2) * np.log(b), -2.0 * b * np.log(b) - b, -3.3]
+    c = np.linalg.solve(rows, right)
+    expected = 4.0 / (8.0 * np.pi * 1e9 * thickness**3 / (12.0 * 0.91)) * abs(c[0] + c[2])
+    assert solved(mesh, forces)[edge, 2].mean() == pytest.approx(expected, rel=bound)
+    assert sum("bent in their plane" in note for note in mesh.notes) == told
+
+
 def test_cells_of_a_set_are_shells_where_the_script_says_so(tmp_path):
     middle, file = Middle("strip"), tmp_path / "strip.msh"
     cells, half = np.array(middle.cells), len(middle.cells) // 2
@@ -393,6 +423,23 @@ fix = ["x", "y", "z"]
 name = "tip"
 nodes = {{ plane = [1, 0, 0], normal = [1, 0, 0] }}
 """
+
+
+@pytest.mark.parametrize("kind", ["quad8", "quad9", "triangle6"])
+def test_quadratic_cells_of_a_mesh_file_are_shells(tmp_path, kind):
+    middle = Middle("strip", "S8R")
+    cells, points = np.array(middle.cells), middle.points
+    if kind != "quad8":
+        centres = len(points) + np.arange(len(cells))
+        points = np.concatenate([points, points[cells[:, :4]].mean(axis=1)])
+        cells = np.column_stack([cells, centres])
+    if kind == "triangle6":
+        cells = np.concatenate([cells[:, [0, 1, 2, 4, 5, 8]], cells[:, [0, 2, 3, 8, 6, 7]]])
+    meshio.Mesh(points, [(kind, cells)]).write(tmp_path / "strip.vtu")
+    mesh = flexfmu.read_mesh(tmp_path / "strip.vtu", "m-kg-s", shells={"": 0.005})
+    assert mesh.blocks[0].type.name == ("S6" if kind == "triangle6" else "S8")
+    assert len(mesh.points) == 2 * (len(middle.points) + 48)
+    np.testing.assert_allclose([mesh.volumes.sum(), np.ptp(mesh.points[:, 2])], [0.0005, 0.005])
 
 
 @pytest.mark.parametrize("name", ["strip.vtu", "strip.med"])

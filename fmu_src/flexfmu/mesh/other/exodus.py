@@ -19,7 +19,7 @@ from flexfmu.mesh.shapes import FACE_SHAPES
 # Shapes by the first three letters and the number of nodes.
 _SOLIDS = [kind.shape for kind in ASSUMED.values()]
 _KINDS = {(shape.polytope.exodus, len(shape.nodes)): shape for shape in (*_SOLIDS, *FACE_SHAPES.values())}
-_KINDS |= {("SHE", 4): FACE_SHAPES[4], ("SHE", 8): FACE_SHAPES[8]}
+_KINDS |= {("SHE", count): FACE_SHAPES[count] for count in (4, 8, 9)}
 _EDGES = {("BAR", 2): "line", ("BAR", 3): "line3"}
 # Where the faces of solids stand in Exodus' order of sides.
 _SIDES = {"TET": (1, 2, 3, 0), "WED": (2, 3, 4, 0, 1), "HEX": (2, 3, 4, 5, 0, 1)}
