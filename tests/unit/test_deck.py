@@ -262,7 +262,6 @@ def test_a_material_that_no_section_uses_is_left_out_with_a_note(tmp_path):
 @pytest.mark.parametrize(
     "keyword",
     [
-        "*TRANSFORM, NSET=Nall",
         "*SUBSTRUCTURE PROPERTY",
         "*MADE UP",
     ],
@@ -329,8 +328,8 @@ def test_a_faulty_line_is_refused_with_its_number(tmp_path, before, after, culpr
         ("*NSET, NSET=A, GENERATE\n5\n", "'first, last, increment'"),
         ("*SURFACE, NAME=A\nEall, S7\n", "found 'S7'"),
         ("*SURFACE, NAME=A\nEall\n", "face of C3D8"),
-        ("*BOUNDARY\nNall, 1, 1, 0.1\n", "displacement of 0.1 is prescribed"),
-        ("*BOUNDARY\nNall, 11\n", "degrees of freedom 11 to 11"),
+        ("*BOUNDARY\nNall, 7\n", "degrees of freedom 7 to 7"),
+        ("*TRANSFORM, NSET=Nall\n1., 2.\n", "takes two points"),
         ("*BOUNDARY\nGone, 1\n", "node set 'Gone' is not defined"),
         ("*BOUNDARY\nNall, CLAMPED\n", "'CLAMPED'"),
         ("*BOUNDARY\nNall\n", "ENCASTRE"),

@@ -135,7 +135,6 @@ def test_eliminating_an_unknown_keeps_what_equations_say_of_the_others():
         ("*MPC\nLINEAR, 1, 2, 2\n", "LINEAR, 1, 2, 2", "in one place"),
         ("*TIE, NAME=T\nA, B\n", "*TIE", "surface 'A' is not defined"),
         ("*TIE, NAME=T\nLone\n", "Lone", "found 1 names"),
-        ("*TIE, NAME=T, CYCLIC SYMMETRY\nA, B\n", "*TIE", "parameter CYCLICSYMMETRY"),
     ],
 )
 def test_what_is_no_linear_constraint_of_translations_is_refused_at_its_line(tmp_path, card, culprit, words):

@@ -1,11 +1,20 @@
 """Displacements that a deck itself holds at zero."""
 
-from flexfmu.files.array_types import BoolArray
+from collections.abc import Mapping
+
+import numpy as np
+
+from flexfmu.files.array_types import BoolArray, FloatArray
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.listing import listed
 
 # Degrees of freedom 4 to 6 are rotations, which reference nodes have and nodes of solids have not.
 LAST_DOF = 6
+# Pressure and temperature of fluids and heat.
+_OTHER_DOFS = (8, 11)
+# Cosine of the angle to a global axis, less one, within which a direction is that axis.
+_ALONG = 1e-9
 
 # Named conditions: the degrees of freedom, counted from one, that they hold.
 NAMED = {
@@ -17,7 +26,7 @@ NAMED = {
 }
 
 
-def hold(card: Card, node_sets: SetTable, fixed: BoolArray) -> None:
+def hold(card: Card, node_sets: SetTable, fixed: BoolArray, notes: list[str]) -> None:
     """Mark the translations and rotations that a *BOUNDARY card holds at zero.
 
     Parameters
@@ -26,20 +35,68 @@ def hold(card: Card, node_sets: SetTable, fixed: BoolArray) -> None:
     node_sets : SetTable
     fixed : (n, 6) bool
         Changed in place.
+    notes : list of str
+        Gets displacements other than zero, which hold nothing.
 
     Raises
     ------
     DeckError
-        A displacement other than zero, an impossible degree of freedom, or an unknown node or set.
+        An impossible degree of freedom, or an unknown node or set.
     """
+    moved: list[str] = []
     for line in card.data:
         entry, *rest = fields(line)
         rows = list(node_sets.find(entry, line, card.scope))
-        for dof in _dofs(rest, line):
+        for dof in _dofs(rest, line, moved):
             fixed[rows, dof - 1] = True
+    if moved:
+        notes.append(
+            f"{card.line.place}: what is moved holds nothing here: {listed(moved)}; give an interface, and move it in "
+            "the simulation"
+        )
 
 
-def _dofs(texts: list[str], line: Line) -> tuple[int, ...]:
+def inclined(axes: Mapping[int, FloatArray], fixed: BoolArray, card: Card) -> list[dict[int, float]]:
+    """Take what is held along axes of *TRANSFORM as held along global axes, or as equations where these differ.
+
+    Parameters
+    ----------
+    axes : mapping of int to (3, 3) float
+        Columns by row of the node.
+    fixed : (n, 6) bool
+        Along the nodes' own axes; changed in place.
+    card : Card
+        The last *TRANSFORM, for the message.
+
+    Returns
+    -------
+    list of dict of int to float
+        Coefficients by unknown, 3 i + j for node i in direction j.
+
+    Raises
+    ------
+    DeckError
+        A rotation is held about an axis that is not global, and others are not.
+    """
+    found: list[dict[int, float]] = []
+    for row, own in axes.items():
+        held = fixed[row].copy()
+        for first in (0, 3):
+            chosen = np.flatnonzero(held[first : first + 3])
+            if len(chosen) in (0, 3):
+                continue
+            fixed[row, first : first + 3] = False
+            for direction in own.T[chosen]:
+                if np.abs(direction).max() > 1.0 - _ALONG:
+                    fixed[row, first + int(np.abs(direction).argmax())] = True
+                elif first:
+                    raise card.line.error("a rotation is held about an axis of this system; hold all three, or none")
+                else:
+                    found.append({3 * row + axis: float(part) for axis, part in enumerate(direction)})
+    return found
+
+
+def _dofs(texts: list[str], line: Line, moved: list[str]) -> tuple[int, ...]:
     """Return the degrees of freedom, counted from one, that a row's fields after the node name."""
     if len(texts) == 1 and texts[0].upper() in NAMED:
         return NAMED[texts[0].upper()]
@@ -47,14 +104,14 @@ def _dofs(texts: list[str], line: Line) -> tuple[int, ...]:
         raise line.error(f"expected 'node or set, first, last' or 'node or set, name' with one of {', '.join(NAMED)}")
     first = integer(texts[0], line, f"the first degree of freedom (or a name such as {next(iter(NAMED))})")
     last = integer(texts[1], line, "the last degree of freedom") if texts[1:] and texts[1] else first
+    if first == last and first in _OTHER_DOFS:
+        return ()
     if not 1 <= first <= last <= LAST_DOF:
         raise line.error(
             f"degrees of freedom {first} to {last} cannot be held; give an ascending range of the translations 1 to 3"
         )
     value = number(texts[2], line, "the displacement") if texts[2:] and texts[2] else 0.0
     if value != 0.0:
-        raise line.error(
-            f"a displacement of {value:g} is prescribed, only zero can be held: move the interface in the simulation "
-            "instead, or leave the deck's *BOUNDARY out with boundary = false in [mesh]"
-        )
+        moved.append(line.text)
+        return ()
     return tuple(range(first, last + 1))

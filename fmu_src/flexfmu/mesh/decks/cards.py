@@ -140,8 +140,8 @@ class Card:
 
     @property
     def key(self) -> str:
-        """The keyword without blanks, as the solvers compare it."""
-        return self.keyword.replace(" ", "")
+        """The keyword without blanks and hyphens, as the solvers compare it."""
+        return self.keyword.replace(" ", "").replace("-", "")
 
     def required(self, name: str) -> str:
         """Return the value of a parameter that the card cannot do without.
@@ -328,7 +328,7 @@ def _logical_lines(path: Path) -> Iterator[Line]:
     begun: Line | None = None
     for index, raw in enumerate(_text(path).split("\n")):
         text = raw.strip()
-        if not text or text.startswith("**"):
+        if text in ("", "*") or text.startswith("**"):
             continue
         if begun is None:
             line = Line(text, file, index + 1)

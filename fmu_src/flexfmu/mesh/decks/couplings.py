@@ -15,7 +15,7 @@ from flexfmu.mesh.links import RigidLink
 
 # Cards that say how the coupling above them holds its nodes.
 _KINDS = ("KINEMATIC", "DISTRIBUTING")
-COUPLINGS = ("COUPLING", "KINEMATICCOUPLING", "RIGIDBODY", *_KINDS)
+COUPLINGS = ("COUPLING", "KINEMATICCOUPLING", "DISTRIBUTINGCOUPLING", "RIGIDBODY", *_KINDS)
 """Keys of the cards that a `CouplingTable` takes."""
 
 
@@ -91,10 +91,15 @@ class CouplingTable:
         """
         found: list[Coupling] = []
         for number, (card, holding) in enumerate(self.cards, start=1):
-            entry = card.required("REFNODE")
-            rows = sorted(node_sets.find(entry, card.line, card.scope))
+            # Its reference is the node of an element DCOUP3D.
+            by_element = card.key == "DISTRIBUTINGCOUPLING"
+            entry = card.required("ELSET" if by_element else "REFNODE")
+            if by_element:
+                rows = sorted(elements.nodes_of(element_sets.find(entry, card.line, card.scope)))
+            else:
+                rows = sorted(node_sets.find(entry, card.line, card.scope))
             if len(rows) != 1:
-                raise card.line.error(f"REF NODE = {entry} names {len(rows)} nodes, expected one")
+                raise card.line.error(f"{entry} names {len(rows)} reference nodes, expected one")
             reference = rows[0]
             held = _axes(holding)
             rigid = held >= {1, 2, 3}
@@ -117,7 +122,7 @@ def _nodes(
 ) -> IntArray:
     if card.key == "COUPLING":
         return card.scope.find(card.required("SURFACE"), surfaces, "surface", card.line).nodes
-    if card.key == "KINEMATICCOUPLING":
+    if card.key in ("KINEMATICCOUPLING", "DISTRIBUTINGCOUPLING"):
         rows = set().union(*(node_sets.find(fields(line)[0], line, card.scope) for line in card.data))
     elif "ELSET" in card.parameters:
         rows = elements.nodes_of(element_sets.find(card.required("ELSET"), card.line, card.scope))
@@ -131,7 +136,7 @@ def _nodes(
 
 def _axes(card: Card) -> set[int]:
     """Directions in which a card holds nodes, counted from one; a row without any holds all."""
-    if card.key in ("COUPLING", "DISTRIBUTING"):
+    if card.key in ("COUPLING", "DISTRIBUTING", "DISTRIBUTINGCOUPLING"):
         return set()
     if card.key == "RIGIDBODY":
         return {1, 2, 3}

@@ -15,7 +15,7 @@ from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.assembly import Assembly
 from flexfmu.mesh.decks.beams import KEYS as BEAMS
 from flexfmu.mesh.decks.beams import take_beams
-from flexfmu.mesh.decks.boundary import hold
+from flexfmu.mesh.decks.boundary import hold, inclined
 from flexfmu.mesh.decks.cards import Card, read_cards
 from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
 from flexfmu.mesh.decks.equations import equations
@@ -23,6 +23,7 @@ from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
 from flexfmu.mesh.decks.masses import Carriers, point_masses
 from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
+from flexfmu.mesh.decks.orientation import orientation
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.decks.shells import KEY as SHELLS
 from flexfmu.mesh.decks.shells import Faces, by_element, take_shells, thickness_by_node
@@ -95,9 +96,13 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     own = _sets_of_surfaces(content, surfaces, node_sets)
     fixed = np.zeros((len(content.nodes.rows), 6), dtype=bool)
     for card in content.cards["BOUNDARY"]:
-        hold(card, node_sets, fixed)
+        hold(card, node_sets, fixed, content.notes)
     points = content.nodes.points()
-    rows = _equations(content, elements, surfaces, node_sets, points)
+    axes = _transformed(content, node_sets, points)
+    rows = inclined(axes, fixed, content.cards["TRANSFORM"][-1]) if axes else []
+    if rows:
+        content.notes.append(f"{len(rows)} inclined supports of *TRANSFORM are equations: boundary = false leaves them")
+    rows += _equations(content, elements, surfaces, node_sets, points, axes)
     couplings = content.couplings.resolved(node_sets, element_sets, elements, own)
     used = {row for block in blocks for row in block.connectivity.ravel().tolist()}
     turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
@@ -155,6 +160,8 @@ class _Content:
             self.last = card
             if card.key == "STEP":
                 self.notes.append(_skipped_step(card, cards))
+            elif card.key == "TIE" and "CYCLICSYMMETRY" in card.parameters:
+                self.notes.append(f"{card.line.place}: {unused(card.keyword, 'CYCLICSYMMETRYMODEL')}")
             elif card.key in PARAMETERS:
                 card.allow(PARAMETERS[card.key])
                 self._take(card)
@@ -272,12 +279,23 @@ def _sets_of_surfaces(
     return {name: found for name, found in surfaces.items() if name.upper() not in node_sets.members}
 
 
+def _transformed(content: _Content, node_sets: SetTable, points: FloatArray) -> dict[int, FloatArray]:
+    """Axes (3, 3) of nodes by *TRANSFORM, as columns, by row of the node."""
+    found: dict[int, FloatArray] = {}
+    for card in content.cards["TRANSFORM"]:
+        rows = sorted(node_sets.find(card.required("NSET"), card.line, card.scope))
+        kind = {"R": "RECTANGULAR", "C": "CYLINDRICAL"}.get(given := card.parameters.get("TYPE", "R").upper(), given)
+        found |= zip(rows, orientation(replace(card, parameters={"SYSTEM": kind})).axes(points[rows]), strict=True)
+    return found
+
+
 def _equations(
     content: _Content,
     elements: Elements,
     surfaces: Mapping[str, DeckSurface],
     node_sets: SetTable,
     points: FloatArray,
+    axes: Mapping[int, FloatArray],
 ) -> list[dict[int, float]]:
     """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
     found: list[dict[int, float]] = []
@@ -291,7 +309,7 @@ def _equations(
             )
         found += tied
     content.notes.extend(table.notes)
-    return found + equations([*content.cards["EQUATION"], *content.cards["MPC"]], node_sets, points)
+    return found + equations([*content.cards["EQUATION"], *content.cards["MPC"]], node_sets, points, axes)
 
 
 def _sets_of_faces(

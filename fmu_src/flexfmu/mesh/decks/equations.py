@@ -14,7 +14,9 @@ TRANSLATIONS = 3
 _SAME_PLACE = 1e-9
 
 
-def equations(cards: Sequence[Card], node_sets: SetTable, points: FloatArray) -> list[dict[int, float]]:
+def equations(
+    cards: Sequence[Card], node_sets: SetTable, points: FloatArray, axes: Mapping[int, FloatArray]
+) -> list[dict[int, float]]:
     """Return the equations of the cards *EQUATION and *MPC.
 
     Parameters
@@ -22,6 +24,8 @@ def equations(cards: Sequence[Card], node_sets: SetTable, points: FloatArray) ->
     cards : sequence of Card
     node_sets : SetTable
     points : (n, 3) float
+    axes : mapping of int to (3, 3) float
+        Of *TRANSFORM, columns by row of the node; *EQUATION speaks of them.
 
     Returns
     -------
@@ -36,14 +40,14 @@ def equations(cards: Sequence[Card], node_sets: SetTable, points: FloatArray) ->
     found: list[dict[int, float]] = []
     for card in cards:
         if card.key == "EQUATION":
-            found += _equations(card, node_sets)
+            found += _equations(card, node_sets, axes)
         else:
             for line in card.data:
                 found += _constraint(line, card, node_sets, points)
     return found
 
 
-def _equations(card: Card, node_sets: SetTable) -> list[dict[int, float]]:
+def _equations(card: Card, node_sets: SetTable, axes: Mapping[int, FloatArray]) -> list[dict[int, float]]:
     """Equations of a card, which holds several one after the other: a count, then so many terms."""
     found: list[dict[int, float]] = []
     lines = iter(card.data)
@@ -65,7 +69,7 @@ def _equations(card: Card, node_sets: SetTable) -> list[dict[int, float]]:
         if len(texts) > 3 * count:
             raise last.error(f"an equation of {count} terms has {len(texts)} entries, expected {3 * count}")
         parts = zip(texts[::3], texts[1::3], texts[2::3], strict=True)
-        found += _expanded([_term(*part, last, card, node_sets) for part in parts], line)
+        found += _expanded([_term(*part, last, card, node_sets) for part in parts], line, axes)
     return found
 
 
@@ -82,7 +86,9 @@ def _term(
     return sorted(node_sets.find(node, line, card.scope)), axis - 1, number(factor, line, "an equation's coefficient")
 
 
-def _expanded(terms: Sequence[tuple[list[int], int, float]], line: Line) -> list[dict[int, float]]:
+def _expanded(
+    terms: Sequence[tuple[list[int], int, float]], line: Line, axes: Mapping[int, FloatArray]
+) -> list[dict[int, float]]:
     """One equation for each node of the sets; single nodes stand in all of them."""
     counts = {len(nodes) for nodes, _, _ in terms} - {1}
     if len(counts) > 1 or 0 in counts:
@@ -93,8 +99,10 @@ def _expanded(terms: Sequence[tuple[list[int], int, float]], line: Line) -> list
     for place in range(max(counts, default=1)):
         row: dict[int, float] = {}
         for nodes, axis, factor in terms:
-            key = 3 * nodes[place if len(nodes) > 1 else 0] + axis
-            row[key] = row.get(key, 0.0) + factor
+            node = nodes[place if len(nodes) > 1 else 0]
+            direction = axes[node][:, axis] if node in axes else np.eye(3)[axis]
+            for along in np.flatnonzero(direction).tolist():
+                row[3 * node + along] = row.get(3 * node + along, 0.0) + factor * float(direction[along])
         found.append(row)
     return found
 

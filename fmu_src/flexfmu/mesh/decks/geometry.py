@@ -290,7 +290,8 @@ def _irregular_node(line: Line) -> tuple[int, tuple[float, float, float]]:
     label = integer(parts[0], line, "the node number")
     if not 0 < label <= HIGHEST_LABEL:
         raise line.error(f"node numbers should be positive, at most 1e12, found {label}")
-    if any(parts[4:]):
+    # A blank third one and a zero beyond it are a slip of the comma that CalculiX forgives.
+    if any(parts[4:]) and (parts[3] or any(number(text, line, "each coordinate") for text in parts[4:] if text)):
         raise line.error(f"node {label} has {len(parts) - 1} coordinates, expected 3; keep x, y and z")
     x, y, z = (
         number(text, line, f"coordinate {axis} of node {label}") if text else 0.0

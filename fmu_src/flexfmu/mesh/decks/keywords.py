@@ -23,6 +23,8 @@ HONOURED: dict[str, tuple[str, ...]] = {
     "MASS": ("ELSET",),
     "NODAL THICKNESS": (),
     "ROTARY INERTIA": ("ELSET",),
+    "TRANSFORM": ("NSET", "TYPE"),
+    "DISTRIBUTING COUPLING": ("ELSET", "ORIENTATION"),
     "BOUNDARY": ("AMPLITUDE", "OP", "TYPE", "FIXED"),
 }
 PARAMETERS = {keyword.replace(" ", ""): names for keyword, names in HONOURED.items()}

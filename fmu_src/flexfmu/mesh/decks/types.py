@@ -81,7 +81,7 @@ def reading(name: str) -> Reading | None:
     if name in READ_AS:
         kind, note = READ_AS[name]
         return Reading(kind, kind.node_count, 3, note)
-    if name in ("MASS", "ROTARYI"):
+    if name in ("MASS", "ROTARYI", "DCOUP3D"):
         return Reading(None, 1, 0)
     found = _FACE.match(name)
     if found is None:
