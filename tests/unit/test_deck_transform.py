@@ -39,7 +39,7 @@ def test_a_turned_body_with_turned_axes_vibrates_as_the_one_along_the_global_axe
     oblique = held_frequencies(tmp_path, turned() + BRICK + STEEL + SETS + RECTANGULAR + CARDS)
     # Static shapes after the normal modes are of loads along the global axes.
     np.testing.assert_allclose(oblique[:4], straight[:4], rtol=1e-9)
-    assert abs(free[0] / straight[0] - 1.0) > 0.01
+    assert np.abs(free[:4] / straight[:4] - 1.0).max() > 0.01
 
 
 def test_what_is_held_along_all_axes_or_a_global_one_is_a_support(tmp_path):
