@@ -149,14 +149,15 @@ def test_scordelis_and_los_roof(kind, bound):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_pinched_cylinder(kind):
-    # R. H. MacNeal, R. L. Harder, Finite Elements Anal. Des. 1 (1985) 3.
+    # R. H. MacNeal, R. L. Harder, Finite Elements Anal. Des. 1 (1985) 3. The dimple under the force is √(R t) = 30
+    # wide: linear elements 19.6 wide lack 3 %, half as wide nothing.
     points, cells, fixed, turning = roof(24, 300.0, 300.0, 0.5 * np.pi, kind)
     mesh = shell(points, cells, 3.0, fixed, turning, (3e6, 0.3))
     load = np.flatnonzero((points[:, 1] > 300.0 - 1e-9) & (points[:, 0] < 1e-9))
     rows = np.isin(mesh.labels, load)
     forces = np.zeros_like(mesh.points)
     forces[rows, 2] = -0.25 / rows.sum()
-    assert solved(mesh, forces)[rows, 2].mean() == pytest.approx(-1.8248e-5, rel=0.03)
+    assert solved(mesh, forces)[rows, 2].mean() == pytest.approx(-1.8248e-5, rel=0.01 if kind[-1] in "68" else 0.03)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -510,6 +511,15 @@ def test_bulk_data_with_shells_have_the_mesh_of_the_deck(tmp_path):
         assert (found.materials[0].youngs_modulus, len(found.links)) == (2.1e11, len(deck.links))
 
 
+def test_quadratic_shells_of_bulk_data_have_all_of_their_nodes_or_corners_alone(tmp_path):
+    pytest.importorskip("pyNastran")
+    (tmp_path / "body.bdf").write_text(bulk_data(Middle("strip"), "CQUAD8"))
+    assert flexfmu.read_mesh(tmp_path / "body.bdf").blocks[0].type is ElementType.S4
+    (tmp_path / "body.bdf").write_text(bulk_data(Middle("strip"), "CQUAD8", own=",,3"))
+    with pytest.raises(MeshError, match="CQUAD8 1 has 5 of 8 nodes"):
+        flexfmu.read_mesh(tmp_path / "body.bdf")
+
+
 @pytest.mark.parametrize(
     ("shell", "own", "message"),
     [
@@ -614,6 +624,19 @@ SHELLS = """*NODE
 def test_sections_that_say_more_than_a_thickness_are_refused_with_their_line(tmp_path, parameters, row, message):
     with pytest.raises(DeckError, match=message):
         read(tmp_path, SHELLS.format(parameters, row))
+
+
+@pytest.mark.parametrize("name", ["S3R", "STRI3", "S4R", "S4R5", "S6", "STRI65", "S8", "S8R", "S8R5", "S9R5"])
+def test_shells_of_decks_are_read_by_their_names(tmp_path, name):
+    places = {3: [0, 1, 2], 4: [0, 1, 2, 3], 6: [0, 1, 2, 4, 5, 8]}.get(int(name.strip("STRI")[0]), range(8))
+    points = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5), (0.5, 0.5)]
+    chosen = range(9) if name == "S9R5" else places
+    nodes = "".join(f"{k + 1}, {points[k][0]}, {points[k][1]}, 0.\n" for k in chosen)
+    row = ", ".join(str(k + 1) for k in chosen)
+    deck = f"*NODE\n{nodes}*ELEMENT, TYPE={name}, ELSET=E\n1, {row}\n" + SHELLS[SHELLS.index("*MATERIAL") :]
+    mesh = read(tmp_path, deck.format("", 0.1))
+    assert mesh.blocks[0].type.name == f"S{len(places)}"
+    assert mesh.volumes.sum() == pytest.approx(0.05 if len(places) in (3, 6) else 0.1)
 
 
 def test_nodes_of_shells_without_their_thickness_are_named(tmp_path):
