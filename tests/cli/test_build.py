@@ -323,7 +323,7 @@ def test_a_wrong_name_or_folder_of_the_output_is_refused_before_the_work_begins(
 
 @pytest.mark.parametrize("writer", ["package_fmu", "write_modal_file"])
 def test_of_fmu_and_modal_file_both_are_written_or_none(folder, writer, monkeypatch):
-    def fail(*_):
+    def fail(*_, **__):
         raise OSError("no space left")
 
     monkeypatch.setattr(flexfmu.build.pipeline, writer, fail)

@@ -6,6 +6,8 @@ Expectations are the standard's (FMI 3.0.2) and the FMI 2.0 FMU's of the same bo
 import math
 import re
 import shutil
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -28,6 +30,9 @@ from flexfmu.master.descriptions import read_description
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 STEP, STEPS = 1e-3, 12
 DISCARD, ERROR = 2, 3
+FUZZER = Path(__file__).parents[1] / "native_master" / "fuzz_fmi3.py"
+# Random calls of each body: whole cases of sixty.
+CALLS = 600
 
 
 @pytest.fixture(scope="module", params=fuzzed.KINDS)
@@ -325,3 +330,11 @@ def test_flexfmu_reads_it_and_says_what_it_does_not_run(fmu, body, tmp_path):
         with pytest.raises(PackagingError, match=words):
             package_fmu(body, tmp_path / "none.fmu", runtime, fmi=version)
     assert not (tmp_path / "none.fmu").exists()
+
+
+def test_random_calls_answer_as_those_of_fmi_2(fmu, body, tmp_path):
+    # Statuses, words, states and values; FMI 2.0's have a fuzzer of their own.
+    package_fmu(body, tmp_path / "two.fmu")
+    words = [str(FUZZER), str(tmp_path / "two.fmu"), str(fmu), "1", str(CALLS)]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=600, check=False)
+    assert done.stdout.splitlines() == [f"CALLS {CALLS}", "FINE"], (done.returncode, done.stdout, done.stderr)

@@ -20,6 +20,8 @@ from flexfmu.program.variable_table import variable_table
 MAIN = Path(__file__).parents[1] / "native_master" / "two_in_one.c"
 # glibc of RHEL 7, the oldest that wheels know.
 OLDEST = (2, 17)
+# Importers of either version of FMI have a macro of their own.
+PREFIX = {"left": 2, "right": 3}
 LOAD, STEPS = 800.0, 20
 
 
@@ -39,7 +41,7 @@ def compiled(compiler, model, folder, side):
     sources, data = folder / side / "sources", (folder / side / "resources" / "body.prog").read_bytes()
     # As xxd -i writes it.
     (sources / "body_prog.h").write_text(f"unsigned char body_prog[] = {{{','.join(map(str, data))}}};\n")
-    flags = [*FLAGS, "-O0", f"-DFMI2_FUNCTION_PREFIX={side}_", '-DFLEX_BODY="body_prog.h"', "-c"]
+    flags = [*FLAGS, "-O0", f"-DFMI{PREFIX[side]}_FUNCTION_PREFIX={side}_", '-DFLEX_BODY="body_prog.h"', "-c"]
     subprocess.run([*compiler, *flags, *sorted(map(str, sources.glob("*.c")))], cwd=sources, check=True)
     guid = re.search(r'guid="([^"]*)"', (folder / side / "modelDescription.xml").read_text())
     return [str(path) for path in sources.glob("*.o")], guid[1]

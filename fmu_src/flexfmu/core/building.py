@@ -73,14 +73,15 @@ def source_files() -> list[Path]:
 
 
 def prefix_header() -> str:
-    """C that puts FMI2_FUNCTION_PREFIX before all names of the core that a linker sees, where it is defined."""
+    """C that puts FMI2_FUNCTION_PREFIX, or FMI3's, before all names of the core that a linker sees."""
     found = {"body_prog", "body_prog_len"}
     for path in (*FOLDER.glob("*.h"), *FOLDER.glob("fmi*.c")):
         found |= set(_GLOBAL.findall(path.read_text("utf-8")))
         found |= set(_CALLS_3.findall(path.read_text("utf-8")))
     lines = [f"#define {name} FLEX_JOIN(FMI2_FUNCTION_PREFIX, {name})" for name in sorted(found)]
     paste = ["#define FLEX_PASTE(a, b) a##b", "#define FLEX_JOIN(a, b) FLEX_PASTE(a, b)"]
-    return "\n".join(["#ifdef FMI2_FUNCTION_PREFIX", *paste, *lines, "#endif", ""])
+    of_3 = ["#ifdef FMI3_FUNCTION_PREFIX", "#define FMI2_FUNCTION_PREFIX FMI3_FUNCTION_PREFIX", "#endif"]
+    return "\n".join([*of_3, "#ifdef FMI2_FUNCTION_PREFIX", *paste, *lines, "#endif", ""])
 
 
 def source_hash() -> str:
