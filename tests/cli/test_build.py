@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import fmpy
 import h5py
 import numpy as np
 import pytest
@@ -472,3 +473,12 @@ def test_without_its_surface_a_body_is_as_large_whatever_its_mesh(folder):
     bare = FlexibleBody(build_fmu(folder / "body.toml", folder / "bare.fmu"))
     with pytest.raises(OptionError, match="surface = true"):
         bare.surface_positions(bare.rest())
+
+
+def test_an_fmu_of_fmi_3_is_built_when_asked_for(folder):
+    result = CliRunner().invoke(app, ["build", str(folder / "body.toml"), "-o", str(folder / "bar.fmu"), "--fmi", "3"])
+    assert result.exit_code == 0, result.output
+    assert fmpy.read_model_description(str(folder / "bar.fmu")).fmiVersion == "3.0"
+    result = CliRunner().invoke(app, ["info", str(folder / "bar.fmu")])
+    assert result.exit_code == 0, result.output
+    assert "tip" in result.output
