@@ -38,9 +38,12 @@ def kind_of(path: Path) -> str:
     """Solids, shells, beams or mixed, by the names of elements in a file and those it includes; empty for others."""
     text, suffix = _text(path, 0), path.suffix.lower()
     if suffix in (".msh", ".med", ".exo", ".e", ".g", ".unv", ".vtu", ".vtk"):
-        return "mesh file"
+        return "" if "git-lfs" in text[:100] else "mesh file"
     names: set[str] = set()
     if re.search(r"^\s*\*ELEMENT\b", text, re.M | re.I):
+        # Without a section it is a part of another deck.
+        if not re.search(r"^\s*\*[\w ]*SECTION", text, re.M | re.I):
+            return ""
         if not re.search(r"^\s*\*\s*NODE\b(?!\s*(PRINT|FILE|OUTPUT))", text, re.M | re.I):
             return ""
         names = {one.upper() for one in re.findall(r"^\s*\*ELEMENT\b[^\n]*TYPE\s*=\s*(\w+)", text, re.M | re.I)}

@@ -83,6 +83,19 @@ def test_bulk_data_without_an_end_are_read_unless_grid_points_are_left_over(tmp_
         read_mesh(path)
 
 
+@pytest.mark.parametrize("bar", ["RBAR,5,1,5,123456", "RBAR,5,5,1,,123456", "RBAR,5,1,5"])
+def test_a_rigid_bar_is_a_rigid_element_of_two_points(tmp_path, bar):
+    grid = "GRID,5,,0.,0.,2.\n"
+    found, expected = (read_mesh(_file(tmp_path, grid + card)) for card in (bar, "RBE2,5,1,123456,5"))
+    assert [one.nodes.tolist() for one in found.links] == [one.nodes.tolist() for one in expected.links] == [[0, 4]]
+    np.testing.assert_array_equal(found.node_sets["RBE2 5"], expected.node_sets["RBE2 5"])
+
+
+def test_a_rigid_bar_that_lets_its_points_turn_is_refused(tmp_path):
+    with pytest.raises(MeshError, match="RBAR 5"):
+        read_mesh(_file(tmp_path, "RBAR,5,1,2,123,456"))
+
+
 def test_defaults_of_grid_points_hold_where_these_say_nothing(tmp_path):
     moved = _file(tmp_path, "CORD2R,7,,10.,0.,0.,10.,0.,1.\n,11.,0.,0.\nGRDSET,,7")
     np.testing.assert_allclose(read_mesh(moved).points[0], (10.0, 0.0, 0.0), atol=1e-12)

@@ -154,8 +154,8 @@ def _refuse_early_end(contents: Contents, path: Path) -> None:
 
 
 def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
-    _refuse_others(model, path)
     _fill_defaults(model)
+    _refuse_others(model, path)
     labels = np.array(sorted(model.nodes), dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}
     points = np.array([model.nodes[label].get_position_no_xref(model) for label in labels.tolist()], dtype=float)
@@ -249,7 +249,9 @@ def _refuse_others(model: Any, path: Path) -> None:
     for number, element in model.rigid_elements.items():
         if element.type not in SPIDERS:
             found.setdefault(element.type, []).append(number)
-    known = {one.type for part in (model.elements, model.masses, model.rigid_elements) for one in part.values()}
+    known = {one.type for part in (model.elements, model.masses, model.rigid_elements) for one in part.values()} | {
+        "RBAR"
+    }
     control = model.case_control_deck
     chosen = {key for one in control.subcases.values() for key in one.params} if control else set()
     for name in model.card_count:
@@ -264,17 +266,22 @@ def _refuse_others(model: Any, path: Path) -> None:
             for name, numbers in found.items()
         )
         raise MeshError(
-            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2 "
-            "and RBE3 become node sets). Model these parts by these, springs to the ground by [[support]] with "
+            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2, "
+            "RBAR and RBE3 become node sets). Model these parts by these, springs to the ground by [[support]] with "
             "stiffness; what only shows results can go"
         )
 
 
 def _fill_defaults(model: Any) -> None:
-    """Give grid points what GRDSET says of those that say nothing."""
+    """Give grid points what GRDSET says of those that say nothing; an RBAR between all six directions is an RBE2."""
     for grid in model.nodes.values() if model.grdset else ():
         for name in ("cp", "cd", "ps"):
             setattr(grid, name, getattr(grid, name) or getattr(model.grdset, name))
+    for bar in [one for one in model.rigid_elements.values() if one.type == "RBAR"]:
+        for leading, other, ends in ((bar.cna, bar.cnb, bar.nodes), (bar.cnb, bar.cna, bar.nodes[::-1])):
+            if leading == "123456" and other in ("", "0") and bar.eid in model.rigid_elements:
+                del model.rigid_elements[bar.eid]
+                model.add_rbe2(bar.eid, ends[0], "123456", ends[1:])
 
 
 def _is_face(element: Any, model: Any) -> bool:
