@@ -270,7 +270,10 @@ def test_materials_of_ansys_are_those_at_their_first_temperature(tmp_path, lines
         (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECOFFSET,USER,.1\nSECDATA,.1,1", "181 with section 1"),
         (181, [(1, 2, 3, 4)], "KEYOPT,1,1,1\nSECTYPE,1,SHELL\nSECDATA,.1,1", "181 with section 1"),
         (185, [(1, 2, 3, 4, 5, 5, 5, 5)], "", "pyramids of element type 185: elements 1"),
-        (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CE,R5.0,DEFI, 1, 1,  0.0", "joins nodes by CE"),
+        (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CE,R5.0,DEFI, 1, 1,  0.0", "by CE \\(line"),
+        (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CPCYC,ALL,,1,0.1", "by CPCYC \\(line"),
+        (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "ET,9,21\nTYPE,9\nEN,998,1", "by EN \\(line"),
+        (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "TB,ANEL,1", "by TB \\(line"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "MP,EX,1,2e11\nMP,EY,1,1e11", "material 1 is orthotropic"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 99)], "", "names node 99, which is not there"),
     ],
@@ -278,6 +281,13 @@ def test_materials_of_ansys_are_those_at_their_first_temperature(tmp_path, lines
 def test_what_ansys_has_beyond_isotropic_solids_is_refused(tmp_path, kind, elements, tail, message):
     with pytest.raises(MeshError, match=message):
         ansys(tmp_path, kind, elements, tail)
+
+
+@pytest.mark.parametrize(
+    "tail", ["EN,R5.5,ATTR,       -1,", "ET,9,170\nTYPE,9\nEN,998,1", "TYPE,tid\nE,1", "F,1,FX,1."]
+)
+def test_ends_of_blocks_and_elements_of_contact_are_passed_over(tmp_path, tail):
+    assert ansys(tmp_path, 185, [(1, 2, 3, 4, 5, 6, 7, 8)], tail).element_count == 1
 
 
 @pytest.mark.parametrize(

@@ -35,8 +35,12 @@ _NAME = "SECTION {}"
 _ATTRIBUTES = 10
 """Numbers of an element before its nodes."""
 _CONSTANTS = {"EX": "youngs_modulus", "NUXY": "poissons_ratio", "PRXY": "poissons_ratio", "DENS": "density"}
-# Commands that join nodes or hold them.
-_JOINS = ("CE", "CP", "CERIG", "RBE3", "CPINTF", "CEINTF")
+# Commands that join nodes, add elements or make materials anisotropic.
+_JOINS = re.compile(
+    r"\s*((CE|CP)(|RIG|INTF|LGEN|NGEN|SGEN|GEN|CYC)|RBE3|PSPRNG|EN?|E(GEN|INTF|SYM)|TB\s*,\s*(ANEL|ELAS)\w*)\s*"
+    r"(,(?!R[\d.]+,ATTR,\s*-1)|$)",
+    re.IGNORECASE,
+)
 
 
 def read_ansys(path: Path, units: UnitSystem) -> Contents:
@@ -121,7 +125,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
     for kind, count in passed.items():
         joins = "; parts that only contact joins come apart" if kind in _CONTACT else ""
         notes.append(f"{count} elements of type {kind} are left unused: they have no stiffness of their own{joins}")
-    notes += _joined(text, path)
+    notes += _joined(text, path, kind_of_type)
     materials, of_number = _materials(text, path, units)
     cells, cell_labels, material = cells_of(kinds, row, of_number, f"{path}: an element names node")
     mesh = meshio.Mesh(
@@ -202,14 +206,23 @@ def _rows(numbers: Iterable[int], row: dict[int, int]) -> IntArray:
     return np.array(sorted(row[int(one)] for one in numbers if int(one) in row), dtype=np.int64)
 
 
-def _joined(text: list[str], path: Path) -> list[str]:
+def _joined(text: list[str], path: Path, kind_of_type: dict[int, int]) -> list[str]:
     """Refuse equations between nodes; say where constraints were left out."""
     first = [line.partition(",")[0].strip().upper() for line in text]
-    joins = sorted(set(_JOINS) & set(first))
+    joins: dict[str, int] = {}
+    passed = False
+    for number, (line, name) in enumerate(zip(text, first, strict=True), start=1):
+        if name == "TYPE":
+            # Parameters stand for contact's elements, as Workbench writes them.
+            own = line.split(",")[-1].strip()
+            passed = not own.isdigit() or kind_of_type.get(int(own), 0) in _PASSED
+        if _JOINS.match(line) and not (passed and name in ("E", "EN")):
+            joins.setdefault(name, number)
     if joins:
+        found = ", ".join(f"{name} (line {number})" for name, number in joins.items())
         raise MeshError(
-            f"{path} joins nodes by {', '.join(joins)}, which would be lost: mesh the parts so that they share nodes, "
-            "or let them be interfaces (node components) and write the archive without these commands"
+            f"{path} joins nodes, or says more of elements, by {found}, which would be lost: mesh the parts so that "
+            "they share nodes, or let them be interfaces (node components) and write the archive without these commands"
         )
     return ["constraints (D) are left out: give a [[support]]"] if "D" in first else []
 
