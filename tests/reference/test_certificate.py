@@ -13,7 +13,7 @@ from flexfmu.core.library import Core
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import Shadow
 from flexfmu.model.variants import missing
-from flexfmu.program.compile import shadow_draft
+from flexfmu.program.compile import compile_draft, shadow_draft
 from reference import Reference
 
 BODIES = {"held": ({"modes": 4, "frames": 2}, {"modes": 6}), "free": ({"modes": 9, "free": True}, {"modes": 11})}
@@ -66,6 +66,22 @@ def test_the_error_is_one_step_of_newton_s_method_of_the_shadow_under_the_same_i
     (there, turned), (here, now) = finer.places(moved), own.places(q)
     there, turned = there[finer.interfaces].real, turned[finer.interfaces].real
     here, now = here[own.interfaces].real, now[own.interfaces].real
-    np.testing.assert_allclose(found[:, 0], np.linalg.norm(there - here, axis=1), rtol=1e-8, atol=1e-12)
+    # Curvatures of the shadow's program are of single precision.
+    np.testing.assert_allclose(found[:, 0], np.linalg.norm(there - here, axis=1), rtol=2e-7, atol=1e-12)
     np.testing.assert_allclose(found[:, 1], angle(turned @ now.swapaxes(1, 2)), rtol=1e-6, atol=1e-9)
     assert share > 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", BODIES)
+def test_an_error_does_not_feel_that_its_shadow_is_of_single_precision(kind, seed):
+    model = with_shadow(kind, seed)
+    own, other = BODIES[kind]
+    exact = compile_draft(body_of_everything(seed + 1, **(own | other | {"frames": 4})), Method.SECOND_ORDER)
+    rounded = shadow_draft(model)
+    assert not np.array_equal(np.ravel(exact.arrays["curvature"]), np.ravel(rounded.arrays["curvature"]))
+    exact.sizes["embedded"], exact.arrays["embedding"] = model.mode_count, model.shadow.embedding
+    rng, body = np.random.default_rng(seed + 2), FlexibleBody(model, Method.FRAMES)
+    q, inputs = 0.02 * rng.standard_normal(model.mode_count), rng.standard_normal(6 * model.interface_count + 3)
+    told, known = (body.core.error(Core(draft.image()), inputs, q)[0] for draft in (rounded, exact))
+    np.testing.assert_allclose(told, known, rtol=1e-6, atol=1e-7 * np.abs(known).max())

@@ -89,6 +89,22 @@ def test_another_body_gives_other_bytes(tmp_path):
     assert (tmp_path / "a.h5").read_bytes() != (tmp_path / "b.h5").read_bytes()
 
 
+def test_symmetric_matrices_are_kept_as_triangles(tmp_path):
+    body = with_second_order(random_body())
+    write_modal_file(body, tmp_path / "body.h5")
+    m = body.mode_count
+    with h5py.File(tmp_path / "body.h5", "r+") as content:
+        kept = content["second/rotation"]
+        assert kept.shape == (*body.second.rotation.shape[:2], m * (m + 1) // 2)
+        np.testing.assert_array_equal(kept[..., m * (m + 1) // 2 - m :], body.second.rotation[..., -1, :])
+        del content["second/rotation"]
+        content["second/rotation"] = np.zeros((*body.second.rotation.shape[:2], m * (m + 1) // 2 + 1))
+    with unsealed(tmp_path / "body.h5"):
+        pass
+    with pytest.raises(ModalFileError, match="no triangle"):
+        read_modal_file(tmp_path / "body.h5")
+
+
 def test_every_dataset_states_its_unit_and_its_meaning(file):
     names = datasets(file)
     assert len(names) >= 17

@@ -17,7 +17,7 @@ from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 
 FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
-VERSION = 2
+VERSION = 3
 _MARK = b"flexprog"
 _WORD = 8
 _HEAD = struct.Struct("<8sqQqQQ")

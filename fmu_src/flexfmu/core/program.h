@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define PROGRAM_VERSION 2
+#define PROGRAM_VERSION 3
 
 typedef struct {
 #define SIZE(name) int64_t name;

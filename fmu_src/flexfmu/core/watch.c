@@ -249,6 +249,7 @@ static void judged(const Body *body, const double *inputs, double *change, doubl
     const int64_t e = body->p.elastic_count;
     sum_of_triangles(inputs, body->p.judge_change, body->p.loads, e, change);
     sum_of_triangles(inputs, body->p.judge_missed, body->p.loads, e, missed);
+    for (int64_t i = 0; i < e * e; i++) missed[i] = -missed[i];
     for (int64_t i = 0; i < e; i++) change[i * (e + 1)] += 1.0;
 }
 

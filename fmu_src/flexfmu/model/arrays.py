@@ -6,7 +6,7 @@ a number of the part's own, told by the first array that has it.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -47,10 +47,16 @@ class Entry:
     single: bool = False
 
     @property
+    def symmetric(self) -> bool:
+        """Whether it is of symmetric matrices, as all but geometric stiffness: the file has the lower triangles."""
+        return self.shape.endswith(" m m") and not self.path.startswith("stiffness/")
+
+    @property
     def description(self) -> str:
         """Shape and meaning, as the file tells them."""
         sizes = {"L": "6I or 6I + 3"}
-        listed = [sizes.get(token, token) for token in self.shape.split()]
+        shape, triangles = (self.shape[:-4], ["m (m + 1) / 2: lower triangles"]) if self.symmetric else (self.shape, [])
+        listed = [sizes.get(token, token) for token in shape.split()] + triangles
         return f"({', '.join(listed)}{',' if len(listed) == 1 else ''}) {self.words}"
 
 
@@ -76,7 +82,7 @@ BODY = (
     Entry("watched_frame", "watched/frame", "w", "1", "frame of each watched element, -1 for none", int, optional=True),
     Entry(
         "watched_rotation", "watched/rotation", "w 3 m", "rad/(kg^0.5 m)", "mean rotation of watched elements",
-        optional=True,
+        optional=True, single=True,
     ),
     Entry(
         "watched_strain", "watched/strain", "v 6 m", "1/(kg^0.5 m)",
@@ -139,7 +145,7 @@ SURFACE = (
     Entry("interface", "surface/interface", "n", "1", "interface that holds the point, or -1", int, optional=True),
     Entry("support", "surface/support", "n", "1", "1 where a support holds the point", int, optional=True),
     Entry("second", "surface/second", "n 3 r", "m", "second-order displacement per form", optional=True, single=True),
-    Entry("form", "surface/form", "r m m", "1/(kg m^2)", "quadratic forms of modal coordinates", optional=True),
+    Entry("form", "surface/form", "r m m", "1/(kg m^2)", "forms of modal coordinates", optional=True, single=True),
     Entry("turn", "surface/turn", "g 3 m", "rad/(kg^0.5 m)", "rotation to undo in second, per mode", optional=True),
     Entry("pivot", "surface/pivot", "g 3", "m", "the points that they are about", optional=True),
     Entry("piece", "surface/piece", "n", "1", "which of them each point takes part in", int, optional=True),
@@ -168,6 +174,12 @@ STRESS = (
         "xx, yy, zz, xy, yz, zx per mode, turning with the material",
     ),
 )  # fmt: skip
+
+
+def in_single(holder: Any) -> Any:
+    """A data class of arrays, or None, with its numbers rounded to single precision."""
+    rounded = {f.name: getattr(holder, f.name).astype(np.float32) for f in fields(holder)} if holder else {}
+    return replace(holder, **rounded) if rounded else None
 
 
 def settle(holder: object, entries: tuple[Entry, ...], sizes: Mapping[str, int], title: str = "") -> None:
@@ -212,10 +224,10 @@ def settle(holder: object, entries: tuple[Entry, ...], sizes: Mapping[str, int],
             if not np.all(np.isfinite(value)):
                 raise ModalFileError(f"{label} holds values that are not finite")
             value = value.reshape(expected)
-            if entry.single:
-                value = value.astype(np.float32).astype(np.float64)
             if value.flags.writeable or (isinstance(value.base, np.ndarray) and value.base.flags.writeable):
                 # The caller's array stays the caller's.
-                value = value.copy()
-                value.flags.writeable = False
+                value = 0.5 * value + 0.5 * value.swapaxes(-1, -2) if entry.symmetric else value.copy()
+            if entry.single:
+                value = value.astype(np.float32).astype(np.float64)
+            value.flags.writeable = False
         object.__setattr__(holder, entry.name, value)

@@ -4,6 +4,7 @@ import hashlib
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
+from math import isqrt
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,10 +17,12 @@ from .methods import Mass, Method
 from .reduced_body import GROUPS, ReducedBody, Shadow, StressSet
 
 FORMAT = "flexfmu modal file"
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 # In front of HDF5's own bytes, which its library may read for ever once they are damaged.
 _BLOCK = 512
 _SEAL = b"flexfmu modal file, SHA-256 of all behind these 512 bytes: "
+# Groups of a shadow that `Shadow` holds in single precision.
+_SINGLE = ("second/", "membrane/")
 FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
 
 
@@ -33,7 +36,8 @@ def _datasets(body: ReducedBody) -> Iterator[tuple[str, Entry, Any]]:
     if body.shadow is not None:
         for entry in SHADOW:
             yield entry.path, entry, getattr(body.shadow, entry.name)
-        yield from ((f"shadow/{path}", entry, value) for path, entry, value in _datasets(body.shadow.body))
+        for path, entry, value in _datasets(body.shadow.body):
+            yield f"shadow/{path}", replace(entry, single=entry.single or path.startswith(_SINGLE)), value
     for number, stresses in enumerate(body.stress_sets):
         for entry in STRESS:
             yield f"stress/{number:03d}_{stresses.name}/{entry.path}", entry, getattr(stresses, entry.name)
@@ -64,10 +68,8 @@ def _checksum(body: ReducedBody) -> str:
     digest.update("\0".join(texts).encode())
     for path, entry, value in _datasets(body):
         digest.update(f"\0{path}\0{np.shape(value)}\0".encode())
-        if entry.kind is str:
-            digest.update("\0".join(value).encode())
-        else:
-            digest.update(np.ascontiguousarray(value).astype(value.dtype.newbyteorder("<")).tobytes())
+        stored = _stored(entry, value)
+        digest.update(stored.astype(stored.dtype.newbyteorder("<")).tobytes())
     return digest.hexdigest()
 
 
@@ -130,9 +132,31 @@ def _encoded(names: tuple[str, ...]) -> Any:
     return np.array([name.encode() for name in names] or [b""], dtype="S")[: len(names)]
 
 
+def _stored(entry: Entry, value: Any) -> Any:
+    """What the file holds of a value: names in bytes, of symmetric matrices (…, m, m) their triangles."""
+    if entry.kind is str:
+        return _encoded(value)
+    data = value[..., *np.tril_indices(value.shape[-1])] if entry.symmetric else value
+    return data.astype("<f4") if entry.single else data
+
+
+def _whole(triangles: Any) -> Any:
+    """Symmetric matrices (…, m, m) from their lower triangles."""
+    count = triangles.shape[-1] if np.ndim(triangles) else -1
+    m = (isqrt(8 * count + 1) - 1) // 2 if count >= 0 else 0
+    if m * (m + 1) // 2 != count:
+        raise ValueError(f"{count} numbers are no triangle of a matrix")
+    rows, columns = np.tril_indices(m)
+    whole = np.empty((*triangles.shape[:-1], m, m), triangles.dtype)
+    whole[..., rows, columns] = whole[..., columns, rows] = triangles
+    return whole
+
+
 def _write(file: Any, path: str, entry: Entry, value: Any) -> None:
-    data = _encoded(value) if entry.kind is str else value.astype("<f4") if entry.single else value
-    dataset = file.create_dataset(path, data=data, track_times=False)
+    data = _stored(entry, value)
+    # Their shuffled bytes are smaller in an FMU, which is packed as a whole.
+    shuffled = entry.single and entry.symmetric and data.size > 0
+    dataset = file.create_dataset(path, data=data, track_times=False, shuffle=shuffled)
     dataset.attrs["unit"] = entry.unit
     dataset.attrs["description"] = entry.description
 
@@ -218,5 +242,7 @@ def _read_entries(group: Any, entries: tuple[Entry, ...]) -> dict[str, Any]:
             if np.ndim(value) != 1:
                 raise ValueError(f"{entry.path} has shape {np.shape(value)}, expected a list of names")
             value = tuple(text.decode() for text in value)
+        elif entry.symmetric:
+            value = _whole(value)
         found[entry.name] = value
     return found

@@ -20,6 +20,7 @@ from .arrays import (
     TIES,
     WHOLE,
     Entry,
+    in_single,
     settle,
 )
 from .errors import ModalFileError
@@ -343,13 +344,7 @@ class ReducedBody:
     shadow: "Shadow | None" = None
 
     def __post_init__(self) -> None:
-        """Bring the arrays into their types and check shapes and physics.
-
-        Raises
-        ------
-        ModalFileError
-            Naming the first array that is wrong, and how.
-        """
+        """Bring the arrays into their types and check shapes and physics."""
         sizes = {"m": np.size(self.angular_frequency), "I": len(self.interface_names), "S": len(self.frame_names)}
         sizes["L"] = 6 * sizes["I"] + (0 if self.masses is None else 3)
         sizes["K"] = sizes["S"] + sizes["I"] + (0 if self.masses is None else np.size(self.masses.mass))
@@ -459,13 +454,17 @@ class Shadow:
     Attributes
     ----------
     body : ReducedBody
-        Of the same interfaces.
+        Of the same interfaces; what of it is of second order is rounded to single precision: it tells an estimate.
     embedding : (m_S, m) float
         Its coordinates at unit coordinates of the body; columns are orthonormal.
     """
 
     body: ReducedBody
     embedding: FloatArray
+
+    def __post_init__(self) -> None:
+        rounded = {name: in_single(getattr(self.body, name)) for name in ("second", "membrane")}
+        object.__setattr__(self, "body", replace(self.body, **rounded))
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,8 @@ def shadow_draft(body: ReducedBody) -> Draft:
     if shadow is None:
         raise OptionError("the body was built without what tells its error: build it with error = true in [output]")
     draft = compile_draft(replace(shadow.body, following_interfaces=body.following_interfaces), Method.SECOND_ORDER)
+    # As `Shadow` has what it is made of.
+    draft.arrays["curvature"] = np.asarray(draft.arrays["curvature"], np.float32)
     draft.sizes["embedded"] = body.mode_count
     draft.arrays["embedding"] = shadow.embedding
     return draft

@@ -16,6 +16,8 @@ from .mechanics import advice, mechanics
 _CHAIN = 0.25
 # Critical load of the clamped column over what the moment u × F alone makes of it.
 _MOMENT = 8.0 / np.pi**2
+# Bits of its numbers: estimates of a few percent need no more, and shorter numbers pack well.
+_BITS = 16
 _BY_LOAD, _BY_SECOND_ORDER = "geometric stiffness by load", "the frames to second order"
 
 
@@ -94,9 +96,11 @@ def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
 
     def scaled(tangents: FloatArray) -> FloatArray:
         part = tangents[:, elastic, elastic]
-        return 0.5 * (part + part.swapaxes(1, 2)) / (omega[:, None] * omega)
+        fraction, power = np.frexp(0.5 * (part + part.swapaxes(1, 2)) / (omega[:, None] * omega))
+        return np.ldexp(np.rint(np.ldexp(fraction, _BITS)), power - _BITS)
 
-    judged, missed = scaled(change), scaled(own - change)
+    # Of methods that know of no loads both are the same array, which an FMU then has once.
+    judged, missed = scaled(change), scaled(change - own)
     triangle = np.tril_indices(count)
     draft.sizes |= {"judged": 1, "judged_pairs": triangle[0].size}
     draft.arrays |= {
