@@ -29,11 +29,17 @@ class Support:
         Of "x", "y", "z", those held.
     stiffness : 3 float, optional
         Of springs instead, shared equally by the nodes, N/m.
+    rotational_stiffness : 3 float, optional
+        N m/rad; makes a bushing, which acts on the nodes' averaged motion.
+    axes : 2 vectors, optional
+        Of the bushing: its x, and a vector in the plane of its x and y; default: the body's.
     """
 
     nodes: Nodes
     fix: str = "xyz"
     stiffness: Sequence[float] | None = None
+    rotational_stiffness: Sequence[float] | None = None
+    axes: Sequence[Sequence[float]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +103,9 @@ def support_table(sets: NodeChoices, given: Support | Nodes, title: str) -> dict
     """A table of `[[support]]`; its nodes become a set of the mesh where they are not one."""
     support = given if isinstance(given, Support) else Support(given)
     table: dict[str, Any] = {"nodes": sets.name(support.nodes, title)}
-    if support.stiffness is not None:
-        return table | {"stiffness": plain(support.stiffness)}
-    return table | {"fix": list(support.fix)}
+    names = ("stiffness", "rotational_stiffness", "axes")
+    soft = {name: plain(found) for name in names if (found := getattr(support, name)) is not None}
+    return table | (soft or {"fix": list(support.fix)})
 
 
 def interface_table(sets: NodeChoices, name: str, given: Interface | Nodes) -> dict[str, Any]:

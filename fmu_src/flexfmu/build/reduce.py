@@ -94,8 +94,8 @@ def reduce_mesh(
         options, model = replace(prepared.options, levels=levels or prepared.options.levels), prepared.model
         mesh = model.mesh
         properties = body_properties(mesh, mesh.volume_matrices)
-        if model.spring.any():
-            properties = replace(properties, spring=model.spring.sum(axis=0))
+        if model.sprung.any():
+            properties = replace(properties, spring=model.springs_along_axes)
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import fields
 from itertools import pairwise
+from math import hypot, inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -162,23 +163,44 @@ class SupportTable(Table):
         Directions that are held: of `"x"`, `"y"`, `"z"`.
     stiffness
         Springs to the ground instead: `[kx, ky, kz]` in N/m, divided equally among the nodes.
+    rotational_stiffness
+        Makes a bushing, N m/rad: it acts on the nodes' mean displacement and rotation.
+    axes
+        Bushing's x, and a vector in the plane of its x and y. Default: global
     """
 
     nodes: Nodes = Field(examples=["CLAMP"])
     fix: list[Literal["x", "y", "z"]] = Field(default=[], examples=[["x", "y", "z"]])
     stiffness: Vector | None = Field(default=None, examples=[[1e6, 1e6, 1e6]])
+    rotational_stiffness: Vector | None = Field(default=None, examples=[[100.0, 100.0, 0.0]])
+    axes: list[Vector] | None = Field(default=None, min_length=2, max_length=2, examples=[[[0, 1, 0], [0, 0, 1]]])
 
-    @field_validator("stiffness")
+    @field_validator("stiffness", "rotational_stiffness")
     @classmethod
     def _not_negative(cls, value: list[float] | None) -> list[float] | None:
-        if value is not None and (min(value) < 0.0 or max(value) == 0.0):
-            raise ValueError(f"is {value} N/m, expected three numbers ≥ 0 along x, y, z, not all of them zero")
+        if value is not None and not 0.0 <= min(value) <= max(value) < inf:
+            raise ValueError(f"is {value}, expected three numbers ≥ 0")
+        return value
+
+    @field_validator("axes")
+    @classmethod
+    def _not_parallel(cls, value: list[list[float]] | None) -> list[list[float]] | None:
+        if value is not None:
+            (a, b, c), (x, y, z) = value
+            normal = hypot(b * z - c * y, c * x - a * z, a * y - b * x)
+            if not 1e-6 * hypot(a, b, c) * hypot(x, y, z) < normal < inf:
+                raise ValueError(f"are {value}, expected two vectors that are not parallel")
         return value
 
     @model_validator(mode="after")
     def _holds_something(self) -> "SupportTable":
-        if not self.fix and self.stiffness is None:
+        turning = self.rotational_stiffness
+        if not self.fix and not any((*(self.stiffness or ()), *(turning or ()))):
             raise ValueError('holds nothing: give fix = ["x", "y", "z"], or stiffness = [kx, ky, kz] in N/m')
+        if self.axes is not None and turning is None:
+            raise ValueError("has axes, which take rotational_stiffness = [kx, ky, kz] in N m/rad, zeros if need be")
+        if self.fix and turning is not None:
+            raise ValueError("both fixes directions and is a bushing (rotational_stiffness), expected one of the two")
         for axis, value in zip(("x", "y", "z"), self.stiffness or (), strict=False):
             if axis in self.fix and value > 0.0:
                 raise ValueError(

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..fe.assembly import stiffness
 from ..fe.factorisation import solver_name
@@ -48,7 +47,8 @@ class Matrices:
         tied = () if found is None else (found.data, found.indices, found.indptr)
         stiff = [part for one in mesh.simplices for part in (one.nodes, one.stiffness)]
         hung = [part for one in mesh.masses for part in (one.mass, one.inertia, one.point, one.nodes)]
-        supports = model.fixed, model.spring, model.rigid.shape
+        soft = () if model.bushings is None else (model.bushings.data, model.bushings.indices)
+        supports = model.fixed, model.spring, model.rigid.shape, *soft
         return content_key(__name__, mesh.points, *blocks, *materials, *supports, *tied, *stiff, *hung)
 
     @cached_property
@@ -58,7 +58,7 @@ class Matrices:
         with self._report.stage("Assemble stiffness and mass"):
             # Without names for those of all degrees of freedom, which are not kept beside the factors.
             matrices = eliminated(
-                stiffness(model.mesh) + model.unknowns.in_means(sp.diags_array(model.spring.ravel())),
+                stiffness(model.mesh) + model.unknowns.in_means(model.springs),
                 model_mass(model.mesh, self._volumes),
                 model.unknowns,
             )

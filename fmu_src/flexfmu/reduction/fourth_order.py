@@ -77,7 +77,8 @@ class FourthOrder:
             g of (18c).
         """
         model, mesh = self.matrices.supported, self._mesh
-        applied = model.applied(fields)
+        # Forces of springs to the ground keep their axes.
+        applied = model.applied(fields) - self.matrices.model.springs @ fields
         with self.report.counted(
             f"Flattening of {len(pairs)} pairs of motions", mesh.element_count, "elements"
         ) as tell:

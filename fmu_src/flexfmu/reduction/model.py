@@ -13,13 +13,16 @@ from ..mesh.checks import connected_parts, without_mechanisms
 from ..mesh.links import simplex
 from ..mesh.model import Mesh
 from .materials import completed
-from .options import BodyOptions
+from .options import BodyOptions, SupportNodes
 from .places import node_set
+from .rigid_fit import by_node, rigid_fit
 from .rigid_nodes import with_rigid_nodes
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 # Relative size of a singular value below which a rigid motion is not held.
 _FREE = 1e-9
+# A bushing's averaged motion couples all of its nodes.
+_MOST_AVERAGED = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,8 @@ class Model:
         Stiffness of springs from translations to the ground, N/m.
     rigid : (3n, r) float
         Rigid motions that no support resists, zero where one holds; none for most bodies.
+    bushings : (6b, 3n) sparse
+        Of b bushings to the ground: roots of their stiffnesses times averaged motions along their axes.
     unknowns : Unknowns
         What supports and the mesh's equations leave to be found.
     """
@@ -43,6 +48,7 @@ class Model:
     fixed: BoolArray
     spring: FloatArray
     rigid: FloatArray
+    bushings: sp.csr_array | None = None
     unknowns: Unknowns = field(init=False)
 
     def __post_init__(self) -> None:
@@ -55,9 +61,29 @@ class Model:
         return self.unknowns.free
 
     @property
+    def sprung(self) -> BoolArray:
+        """Translations (n, 3) that springs resist."""
+        found = self.spring > 0.0
+        if self.bushings is not None:
+            found[np.unique(self.bushings.indices // 3)] = True
+        return found
+
+    @property
+    def springs(self) -> sp.csr_array:
+        """Stiffness (3n, 3n) of all springs to the ground, N/m."""
+        single = sp.csr_array(sp.diags_array(self.spring.ravel()))
+        return single if self.bushings is None else sp.csr_array(single + self.bushings.T @ self.bushings)
+
+    @property
+    def springs_along_axes(self) -> FloatArray:
+        """Stiffness (3,) of all springs to the ground against a translation of the body, N/m."""
+        together = np.tile(np.eye(3), (len(self.fixed), 1))
+        return np.einsum("ij,ij->j", together, self.springs @ together)
+
+    @property
     def anchored(self) -> IntArray:
         """Nodes from which distances along the body count: those held best, in all directions and without springs."""
-        held = self.fixed | (self.spring > 0.0)
+        held = self.fixed | self.sprung
         for chosen in (self.fixed.all(axis=1), self.fixed.any(axis=1), held.all(axis=1)):
             if np.any(chosen):
                 # Corners of beams at a node that is held bear its number.
@@ -105,15 +131,43 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     fixed = mesh.fixed.copy()
     if not config.boundary:
         fixed[:] = False
-    spring = np.zeros(fixed.shape)
+    spring, bushings = np.zeros(fixed.shape), []
     for number, support in enumerate(config.supports, start=1):
         nodes = node_set(mesh, support.nodes, f"support[{number}].nodes")
         for axis in support.fix:
             fixed[nodes, _AXES[axis]] = True
-        if support.stiffness is not None:
+        if support.rotational_stiffness is not None:
+            rows, text = _bushing(mesh, nodes, support, f"support[{number}]")
+            bushings.append(rows)
+            mesh = replace(mesh, notes=(*mesh.notes, text))
+        elif support.stiffness is not None:
             spring[nodes] += np.array(support.stiffness) / nodes.size
-    rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free)
-    return Model(mesh, fixed, spring, rigid)
+    soft = sp.csr_array(sp.vstack(bushings)) if bushings else None
+    rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free, None if soft is None else _unit_rows(soft))
+    return Model(mesh, fixed, spring, rigid, soft)
+
+
+def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> tuple[sp.csr_array, str]:
+    """Rows (6, 3n) of a bushing about its nodes' mean as of `Model.bushings`, and what is said of it."""
+    assert support.rotational_stiffness is not None
+    if nodes.size > _MOST_AVERAGED:
+        raise ModelError(f"{key} is a bushing on {nodes.size} nodes, at most {_MOST_AVERAGED}: take every few of them")
+    weighted = by_node(nodes)
+    centre = weighted.centre(mesh.points)
+    fit, rank = rigid_fit(mesh.points, weighted, centre)
+    if rank < 6 and any(support.rotational_stiffness):
+        raise ModelError(f"{key}: its nodes lie on a line or in a point, which has no rotation: give more nodes")
+    first, second = (np.array(one) for one in (support.axes or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))))
+    third = np.cross(first, second)
+    axes = np.array([first, np.cross(third, first), third])
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    stiff = np.array([*(support.stiffness or (0.0,) * 3), *support.rotational_stiffness])
+    local = np.sqrt(stiff)[:, None] * (np.kron(np.eye(2), axes) @ fit)
+    columns = (3 * nodes[:, None] + np.arange(3)).ravel()
+    whole = sp.csr_array((local.ravel(), np.tile(columns, 6), local.shape[1] * np.arange(7)), (6, mesh.points.size))
+    one, two = (", ".join(f"{k:.4g}" for k in part) for part in (stiff[:3], stiff[3:]))
+    place = ", ".join(f"{x:.4g}" for x in centre)
+    return whole, f"{key} is a bushing at ({place}) m: {one} N/m, {two} N m/rad along its axes"
 
 
 def rigid_basis(points: FloatArray) -> FloatArray:
@@ -127,10 +181,18 @@ def rigid_basis(points: FloatArray) -> FloatArray:
     return motions
 
 
-def free_motions(points: FloatArray, held: BoolArray) -> FloatArray:
-    """Rigid motions (3n, r) of points (n, 3) that move no held translation (n, 3)."""
+def _unit_rows(soft: sp.csr_array) -> sp.csr_array:
+    """Rows that are not zero, each of length one."""
+    size = sp.linalg.norm(soft, axis=1)
+    return sp.csr_array(sp.diags_array(1.0 / size[size > 0.0]) @ soft[np.flatnonzero(size)])
+
+
+def free_motions(points: FloatArray, held: BoolArray, soft: sp.csr_array | None = None) -> FloatArray:
+    """Rigid motions (3n, r) of points (n, 3) that move no held translation (n, 3) and no bushing (6b, 3n)."""
     motions = rigid_basis(points)
     rows = motions[held]
+    if soft is not None:
+        rows = np.concatenate([rows, soft @ motions.reshape(-1, 6)])
     _, values, turn = np.linalg.svd(np.concatenate([rows, np.zeros((6, 6))]))
     # Without any support the plain translations and rotations are clearer than the axes of a decomposition.
     free = np.eye(6) if not rows.size else turn[values <= _FREE * values.max()].T
@@ -194,7 +256,7 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     return inside
 
 
-def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool) -> FloatArray:
+def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool, soft: sp.csr_array | None) -> FloatArray:
     """Rigid motions (3n, r) that move no held translation (n, 3); refused where the body file does not expect them."""
     part = connected_parts(mesh)
     parts = int(part.max()) + 1
@@ -202,9 +264,11 @@ def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool) -> FloatArray:
     for number in range(parts):
         nodes = np.flatnonzero(part == number)
         if mesh.equations is None:
-            motions = free_motions(mesh.points[nodes], held[nodes])
+            own = None if soft is None else soft[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
+            motions = free_motions(mesh.points[nodes], held[nodes], own)
         else:
-            motions = _motions_of_joined(mesh, mesh.equations, nodes, held)
+            rows = mesh.equations if soft is None else sp.csr_array(sp.vstack([mesh.equations, soft]))
+            motions = _motions_of_joined(mesh, rows, nodes, held)
         if not motions.shape[1]:
             continue
         if parts > 1 or not may_float:

@@ -59,11 +59,17 @@ class MaterialConstants:
 
 @dataclass(frozen=True, slots=True)
 class SupportNodes:
-    """Nodes whose translations are held along some axes, or by springs (N/m) that they share equally."""
+    """Nodes whose translations are held along some axes, or by springs (N/m) that they share equally.
+
+    With stiffness against turning (N m/rad) a bushing: both act on the averaged motion, along axes of which x and a
+    vector in the plane of x and y are given.
+    """
 
     nodes: Nodes
     fix: tuple[str, ...] = ()
     stiffness: tuple[float, ...] | None = None
+    rotational_stiffness: tuple[float, ...] | None = None
+    axes: tuple[tuple[float, ...], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -357,7 +357,9 @@ def _second_order(
     rigid = np.flatnonzero(modes.angular_frequency == 0.0)
     floating = any(domain.floating for domain in subdomains)
     with report.stage(f"Find where {len(readings)} places go at second order"):
-        every = second_order(mesh, basis.matrices.supported, modes.shapes, rigid, floating, readings)
+        every = second_order(
+            mesh, basis.matrices.supported, modes.shapes, rigid, floating, readings, divided.model.bushings
+        )
     last = len(every.displacement) - 2 * len(nodes)
     lumped = np.arange(last - len(lump_centres), last)
     displacement, rotation = (np.delete(part, lumped, 0) for part in (every.displacement, every.rotation))
@@ -393,7 +395,7 @@ def _surface(
     """The surface for pictures, and how it moves."""
     model, modes, subdomains = divided.model, basis.modes, divided.subdomains
     fields = _surface_fields(basis, loads, divided.faces, store, report) if second is not None else None
-    sets, held = [interface.nodes for interface in divided.interfaces], model.fixed | (model.spring > 0.0)
+    sets, held = [interface.nodes for interface in divided.interfaces], model.fixed | model.sprung
     moved = np.flatnonzero(held.any(axis=1))
     surface = body_surface(
         model.mesh, modes.shapes, divided.faces, subdomains, sets, moved, fields, config.surface_stress

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..fe.gradients import geometric_stiffness
 from ..files.array_types import FloatArray, IntArray
@@ -25,7 +26,7 @@ from ..model.reduced_body import SecondOrder
 from ..model.rotations import skew
 from .interfaces import InterfaceFit
 from .masses import Centre
-from .rigid_fit import Weighted, rigid_fit
+from .rigid_fit import Weighted, by_node, rigid_fit
 from .subdomains import Subdomain, Turn, carrying_frame
 from .supported import Supported
 
@@ -144,8 +145,36 @@ def node_readings(
     return readings + [NodeReading(np.zeros(3), none, np.zeros((3, 0)), *_still(modes)) for _ in springs]
 
 
+def _of_bushings(points: FloatArray, bushings: sp.csr_array, shapes: FloatArray) -> FloatArray:
+    """What the rows of bushings read (6b, m, m) of turned nodes at second order beside their displacements."""
+    modes, found = shapes.shape[1], []
+    for first in range(0, bushings.shape[0], _RANK):
+        rows = bushings[first + 3 : first + _RANK]
+        nodes = np.unique(rows.indices // 3)
+        weighted = by_node(nodes)
+        columns = (3 * nodes[:, None] + np.arange(3)).ravel()
+        turning = rigid_fit(points, weighted, weighted.centre(points))[0][3:] @ shapes[columns]
+        reading = NodeReading(points[0], nodes, turning, Turn(nodes, rows[:, columns].toarray()), turning)
+        found += [np.zeros((3, modes, modes)), reading.turned_back(points, shapes, turning)]
+    return np.concatenate(found)
+
+
+def _relieved(mesh: Mesh, fields: FloatArray, shapes: FloatArray, bushings: sp.csr_array | None) -> FloatArray:
+    """Work (l, m, m) of the initial strains, and of the bushings' own, on the stress of fields (3n, l)."""
+    found = -geometric_stiffness(mesh, fields, shapes)
+    if bushings is not None:
+        found -= np.einsum("kl,kab->lab", bushings @ fields, _of_bushings(mesh.points, bushings, shapes))
+    return found
+
+
 def second_order(
-    mesh: Mesh, model: Supported, shapes: FloatArray, rigid: IntArray, floating: bool, readings: Sequence[NodeReading]
+    mesh: Mesh,
+    model: Supported,
+    shapes: FloatArray,
+    rigid: IntArray,
+    floating: bool,
+    readings: Sequence[NodeReading],
+    bushings: sp.csr_array | None = None,
 ) -> SecondOrder:
     """Second derivatives (18) of the motions of the tree's nodes.
 
@@ -161,6 +190,8 @@ def second_order(
         Whether motions are to be seen from the floating frame, which makes these motions.
     readings : sequence of NodeReading
         One for each node of the tree, in its order; the first of a frame.
+    bushings : (6b, 3n) sparse, optional
+        As of `Model`.
 
     Returns
     -------
@@ -171,7 +202,7 @@ def second_order(
     fields = model.whole(model.static(model.forces(loads)))
     elastic = shapes.copy()
     elastic[:, rigid] = 0.0
-    motion = -geometric_stiffness(mesh, fields, elastic).reshape(len(readings), 2, 3, modes, modes)
+    motion = _relieved(mesh, fields, elastic, bushings).reshape(len(readings), 2, 3, modes, modes)
     displacement, rotation = motion[:, 0], motion[:, 1]
     angles = np.array([reading.angle for reading in readings])
     bent = angles.copy()

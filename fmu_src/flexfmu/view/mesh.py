@@ -63,7 +63,7 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
     if subdomains:
         numbered.append(Region(FRAMES, names, frame))
     interfaces = [fit_interface(table, mesh, faces, ()) for table in options.interfaces]
-    held = np.flatnonzero((model.fixed | (model.spring > 0.0)).any(axis=1))
+    held = np.flatnonzero((model.fixed | model.sprung).any(axis=1))
     sets = [*(interface.nodes for interface in interfaces), held]
     titles = (*(interface.name for interface in interfaces), "supports")
     numbered.append(Region(INTERFACES, titles, set_numbers(count, sets)))

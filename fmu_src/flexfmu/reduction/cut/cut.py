@@ -148,6 +148,8 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes
         A section that is missing, that is no section across the body, or that leaves a part without any support.
     """
     mesh, fixed, spring = model.mesh, model.fixed, model.spring
+    if model.bushings is not None:
+        raise BodyFileError("a body on bushings (rotational_stiffness) cannot be cut: take out cut")
     first = np.arange(len(mesh.points))
     for cut in cuts:
         mesh, origin = _opened(mesh, cut)

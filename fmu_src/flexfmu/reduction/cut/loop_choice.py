@@ -80,7 +80,7 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
 
 def _closes_loops(model: Model) -> bool:
     """Whether several supports, and not too many, hold a body that cannot move."""
-    if model.rigid.shape[1] or not model.anchored.size:
+    if model.rigid.shape[1] or not model.anchored.size or model.bushings is not None:
         return False
     return 1 <= int(support_groups(model.mesh, model.anchored).max()) < _MOST_SUPPORTS
 

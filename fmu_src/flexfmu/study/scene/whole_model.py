@@ -106,6 +106,11 @@ class WholeModel:
                 f"{case.name}: the body is free to move, so that the finite element model has no equilibrium to "
                 f'compare with; bring results: results = "{case.name}.csv"'
             )
+        if self.model.bushings is not None:
+            return (
+                f"{case.name}: the finite element model knows no bushings (rotational_stiffness); bring results: "
+                f'results = "{case.name}.csv"'
+            )
         return ""
 
     def equilibria(self, case: StaticCase) -> Equilibria:
