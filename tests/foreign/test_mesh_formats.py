@@ -242,3 +242,10 @@ def test_a_truncated_file_is_a_mesh_error(tmp_path):
 def test_a_missing_file_is_a_mesh_error(tmp_path):
     with pytest.raises(MeshError, match="no such file"):
         read_mesh(tmp_path / "gone.vtk", UnitSystem.SI)
+
+
+@pytest.mark.parametrize("suffix", [".g", ".gen"])
+def test_geometry_files_of_cubit_are_exodus(tmp_path, suffix):
+    path = tmp_path / f"body{suffix}"
+    path.write_bytes((Path(__file__).parent / "exodus_bricks.e").read_bytes())
+    assert read_mesh(path).element_count == 24

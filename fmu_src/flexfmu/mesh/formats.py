@@ -24,7 +24,7 @@ from flexfmu.mesh.other.extras import quiet
 DECK_SUFFIX = ".inp"
 NASTRAN_SUFFIXES = (".bdf", ".nas", ".fem")
 ANSYS_SUFFIXES = (".cdb",)
-EXODUS_SUFFIXES = (".e", ".exo", ".ex2", ".exii")
+EXODUS_SUFFIXES = (".e", ".exo", ".ex2", ".exii", ".g", ".gen")
 # Programs write input files under these; the first lines tell whose they are.
 _SHARED_SUFFIXES = (".dat", ".inp")
 _LINES = 2000
