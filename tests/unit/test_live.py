@@ -34,15 +34,23 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def bar(tmp_path_factory):
-    """A clamped bar with its own error estimate, and its live page."""
+def modal_file(tmp_path_factory):
+    """A clamped bar with its own error estimate."""
     folder = tmp_path_factory.mktemp("live")
     mesh = box(ElementType.C3D20R, (16, 2, 2), (1.0, 0.03, 0.03))
     model = reduce_body(body_file(mesh, folder, interface=["TIP"], name="bar", output={"error": True}), Reporter())
     write_modal_file(model, folder / "bar.h5")
-    result = CliRunner().invoke(app, ["view", str(folder / "bar.h5"), "--live", str(folder / "bar.html")])
+    return model, folder / "bar.h5"
+
+
+@pytest.fixture(scope="module")
+def bar(modal_file):
+    """The bar and its live page."""
+    model, path = modal_file
+    page = path.with_suffix(".html")
+    result = CliRunner().invoke(app, ["view", str(path), "--live", str(page)])
     assert result.exit_code == 0, result.output
-    return model, folder / "bar.html"
+    return model, page
 
 
 def data_of(page):
@@ -171,10 +179,10 @@ def test_a_body_that_refuses_says_so_and_goes_on(bar):
         assert tab.said == []
 
 
-def test_without_a_compiler_the_page_says_what_brings_one(bar, tmp_path, monkeypatch):
+def test_without_a_compiler_the_page_says_what_brings_one(modal_file, tmp_path, monkeypatch):
     monkeypatch.setenv("FLEXFMU_CACHE", str(tmp_path / "empty"))
     monkeypatch.setattr(binaries, "zig_compiler", lambda: None)
-    result = CliRunner().invoke(app, ["view", str(bar[1].with_suffix(".h5")), "--live", str(tmp_path / "page.html")])
+    result = CliRunner().invoke(app, ["view", str(modal_file[1]), "--live", str(tmp_path / "page.html")])
     assert result.exit_code != 0
     assert "flexfmu[platforms]" in " ".join(result.output.split())
     assert not (tmp_path / "page.html").exists()
