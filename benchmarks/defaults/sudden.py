@@ -122,7 +122,9 @@ def measure(body: Body) -> list[dict[str, object]]:
     off = [np.sqrt(((own - expected[:count])[..., part] ** 2).sum(-1).mean(0)) for part in (slice(3), slice(3, 6))]
     size = [np.sqrt((expected[..., part] ** 2).sum(-1).mean(0)).max() for part in (slice(3), slice(3, 6))]
     peak = np.linalg.norm(expected[..., :3], axis=-1).max() / float(np.ptp(body.mesh.points, axis=0).max())
-    errors = {f"{key}_error": f"{o.max() / s:.3g}" for key, o, s in zip(("displacement", "rotation"), off, size, strict=True)}
+    errors = {
+        f"{key}_error": f"{o.max() / s:.3g}" for key, o, s in zip(("displacement", "rotation"), off, size, strict=True)
+    }
     said = " | ".join(log)[:200] if whole else "refused: " + " | ".join(log)[:200]
     row: dict[str, object] = {"body": body.name, "case": case, "moved": f"{peak:.3g}", **errors}
     return [row | {"estimate": f"{estimate:.3g}", "log": said, "build": f"{seconds:.3g}"}]

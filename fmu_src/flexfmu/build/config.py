@@ -35,7 +35,7 @@ class BodySpec(Table):
     root
         Free body: interface from which frames are counted, and which a master may hold. Default: the first interface
     cut
-        `"auto"`: cut loops between supports at slender sections; `[]`: never; or `[[cut]]` tables.
+        `"auto"`: cut loops at slender sections; `[]`: never; or `[[cut]]` tables.
         Default: where parts turn far against each other, if no key divides the body
     """
 

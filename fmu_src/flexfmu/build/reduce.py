@@ -20,10 +20,9 @@ from ..model.summary import NORMAL_MODES, first_frequency, summary
 from ..model.variants import chosen
 from ..program.mass_polynomial import mass_polynomial
 from ..reduction.cut.loop_choice import chosen_cuts
-from ..reduction.cut.parts import reduced_parts
+from ..reduction.cut.parts import reduced_parts, reduced_whole
 from ..reduction.making import used_body
 from ..reduction.masses import body_properties
-from ..reduction.piece import reduced_piece
 from ..reduction.rigid_nodes import stretch_free
 from .body_model import body_model
 from .config import BodyFile, BodySpec
@@ -105,9 +104,9 @@ def reduce_mesh(
     store = store or Store()
     options, model = chosen_cuts(options, model, report, store)
     if options.cuts:
-        body = reduced_parts(options, model, report, store)
+        body, _ = reduced_parts(options, model, report, store)
     else:
-        piece = reduced_piece(options, model, report, store)
+        piece = reduced_whole(options, model, report, store)
         body = piece.body
         if piece.fine is not None:
             with report.stage("Find how mass changes as the body bends"):

@@ -231,15 +231,21 @@ int bounded_error(Body *body, Body *shadow, const double *inputs, const double *
     places(body, room.rigid, room.other);
     const double now = apart(room.moved, room.other, p->interfaces, error);
     *deflection = fmax(*deflection, fmax(now, deflection_by(body, room.rest, &room)));
-    const double soft = newton_step(shadow, &room, inputs);
+    /* A shadow with loops opened: its frames are others, and stiff joints that turned are soft only against their start. */
+    const int opened = shadow->p.ties > p->ties;
+    double soft = newton_step(shadow, &room, inputs);
+    if (soft > 0.0 && opened) {
+        /* Its joints were loops of the body, which a first step closes. */
+        soft = newton_step(shadow, &room, inputs);
+    }
     if (soft > 0.0) {
         places(shadow, room.q, room.other);
         apart(room.moved, room.other, p->interfaces, error);
     }
     *share = *bound = share_of(p, error, *deflection);
     if (soft > 0.0 && *deflection > 0.0) {
-        const double within = moved_within(body, shadow, &room, q), flat = moved_by_flattening(body, &room, q);
-        *bound = bound_of(*share, soft, within / *deflection, flat / *deflection);
+        const double within = opened ? 0.0 : moved_within(body, shadow, &room, q), flat = moved_by_flattening(body, &room, q);
+        *bound = bound_of(*share, opened ? 1.0 : soft, within / *deflection, flat / *deflection);
     }
     if (*share == 0.0) memset(error, 0, (size_t)(2 * p->interfaces) * sizeof(double));
     return FLEX_OK;

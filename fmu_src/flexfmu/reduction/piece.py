@@ -58,12 +58,18 @@ class Reduced:
         Work of the nodal forces `warping` on the basis, and on that of the shadow.
     fine : ReducedBody or None
         Of held bodies in one piece: the same modes on a finer tree, with the mass of the turned body.
+    shapes : (3n, m) float
+        Its modes.
+    span : (m, k) float
+        Its coordinates in the motions of another basis.
     """
 
     body: ReducedBody
     warping_work: FloatArray
     shadow_work: FloatArray
     fine: ReducedBody | None
+    shapes: FloatArray
+    span: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +106,7 @@ def reduced_piece(
     store: Store,
     springs: Sequence[Spring] = (),
     warping: FloatArray | None = None,
+    spanned: FloatArray | None = None,
 ) -> Reduced:
     """Reduce a model in one piece, or a part of a cut one.
 
@@ -114,6 +121,8 @@ def reduced_piece(
         From a part to the ground.
     warping : (3n, w) float, optional
         Nodal forces on a part's sections, for which the basis has room; none: the body is in one piece.
+    spanned : (3n, k) float, optional
+        Motions of another basis.
 
     Returns
     -------
@@ -131,9 +140,11 @@ def reduced_piece(
     if config.certificate:
         with report.stage("Reduce the body once more, finer, to know its error"):
             finer, finer_basis = _shadow(config, divided, basis, every, springs, store, cut=cut)
-        span = embedding(matrices.supported, finer_basis.modes, basis.modes)
+        span = embedding(matrices.supported, finer_basis.modes.shapes, basis.modes.shapes)
         body, finer_work = replace(body, shadow=Shadow(finer, span)), warping.T @ finer_basis.modes.shapes
-    return Reduced(body, work, finer_work, fine)
+    shapes = basis.modes.shapes
+    spanned = np.zeros((len(loads), 0)) if spanned is None else spanned
+    return Reduced(body, work, finer_work, fine, shapes, embedding(matrices.supported, shapes, spanned))
 
 
 def _shadow(

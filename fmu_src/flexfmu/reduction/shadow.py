@@ -6,13 +6,12 @@ from dataclasses import replace
 from ..files.array_types import FloatArray
 from ..files.limits import MOST_FRAMES
 from ..model.methods import Data, Method, Variant
-from .modes import Modes
 from .options import BodyOptions
 from .subdomains import Subdomain
 from .supported import Supported
 
-# Frames of the shadow for each of the body's.
-_FINER = 2
+FINER = 2
+"""Frames of the shadow for each of the body's."""
 # Shapes of second and third order that it has beside the body's own, and what they have of the energy at least.
 THIRD_LEAST, THIRD_MOST = 1e-3, 6
 
@@ -35,9 +34,14 @@ def shadow_options(config: BodyOptions, subdomains: Sequence[Subdomain]) -> Body
     """
     own = sum(not domain.floating for domain in subdomains)
     found = not (config.frames or config.branches)
-    levels = max(_FINER * (config.levels if found and own > 1 else own), _FINER)
+    levels = max(FINER * (config.levels if found and own > 1 else own), FINER)
     if found and own == 1 and not config.levels_asked:
         levels = 1
+    return finer_shadow(config, levels)
+
+
+def finer_shadow(config: BodyOptions, levels: int) -> BodyOptions:
+    """Options of a shadow with so many levels of frames: second order and stretching, and nothing to look at."""
     return replace(
         config,
         levels=min(levels, MOST_FRAMES),
@@ -55,7 +59,7 @@ def shadow_options(config: BodyOptions, subdomains: Sequence[Subdomain]) -> Body
     )
 
 
-def embedding(model: Supported, shadow: Modes, modes: Modes) -> FloatArray:
-    """The shadow's coordinates (m_S, m) of a body's modes, which its basis spans: P = Φ_Sᵀ M Φ."""
-    result: FloatArray = model.unknowns.of(shadow.shapes).T @ (model.mass @ model.unknowns.of(modes.shapes))
+def embedding(model: Supported, shadow: FloatArray, shapes: FloatArray) -> FloatArray:
+    """The coordinates (M, m), of a basis (3n, M), of the motions (3n, m) of another one: P = Φ_Sᵀ M Φ."""
+    result: FloatArray = model.unknowns.of(shadow).T @ (model.mass @ model.unknowns.of(shapes))
     return result

@@ -19,7 +19,7 @@ from ..model.errors import RuntimeBodyError
 from ..model.methods import Mass, Method, Variant, has_frames
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
-from ..reduction.cut.cut import cut_loops
+from ..reduction.cut.loop_choice import cut_loops
 from .body_text import body_text
 from .candidates import (
     BASES,

@@ -14,7 +14,8 @@ from ..mesh.checks import checked
 from ..mesh.formats import read_mesh
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND
-from ..reduction.cut.cut import cut_loops, cut_parts, part_configs
+from ..reduction.cut.cut import cut_parts, part_configs
+from ..reduction.cut.loop_choice import cut_loops
 from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface
 from ..reduction.model import Model

@@ -26,7 +26,7 @@ from ..places import node_set
 from ..rigid_fit import by_node, rigid_fit
 from ..subdomains import elements_within
 from ..subdomains import section as section_weights
-from .loops import loop_sections
+from .loops import LoopSection
 
 SIDES = ("a", "b")
 _RIGID_MOTIONS = 6
@@ -83,15 +83,20 @@ def side_set(cut: str, side: str) -> str:
     return f"{cut}, side {side}"
 
 
-def cut_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, list[str]]:
-    """Find sections that open the loops between a body's supports.
+def interface_sets(config: BodyOptions, mesh: Mesh) -> dict[str, IntArray]:
+    """Nodes of the interfaces, by their names: no section may touch them."""
+    return {one.name: node_set(mesh, one.nodes, f"interface {one.name!r}, nodes") for one in config.interfaces}
+
+
+def cut_at(config: BodyOptions, model: Model, found: Sequence[LoopSection]) -> tuple[BodyOptions, Model, list[str]]:
+    """Cut a body at sections.
 
     Parameters
     ----------
     config : BodyOptions
-        With `cut` "auto".
     model : Model
         In one piece.
+    found : sequence of LoopSection
 
     Returns
     -------
@@ -103,8 +108,6 @@ def cut_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, li
         Where they are, in words.
     """
     mesh = model.mesh
-    clear = {one.name: node_set(mesh, one.nodes, f"interface {one.name!r}, nodes") for one in config.interfaces}
-    found = loop_sections(mesh, mesh.faces, model.anchored, clear)
     sets, names, notes = dict(mesh.node_sets), [], []
     for k, one in enumerate(found, start=1):
         # A name that no mesh file has.
@@ -116,7 +119,7 @@ def cut_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, li
             f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {one.nodes.size} nodes, {one.width:.3g} m wide'
         )
     if not found:
-        notes.append('cut = "auto": no loop between supports that a slender section opens; the body stays in one piece')
+        notes.append('cut = "auto": no loop that a slender section opens; the body stays in one piece')
     return (
         replace(config, cuts=tuple(names), find_cuts=False),
         replace(model, mesh=replace(mesh, node_sets=sets)),

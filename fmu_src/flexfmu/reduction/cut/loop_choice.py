@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 
@@ -12,13 +13,15 @@ from ...files.progress import Reporter
 from ...files.store import Store
 from ...mesh.model import Mesh
 from ..basis import Matrices
+from ..division import distance_along
 from ..fourth_order import FourthOrder, energy_shares
 from ..interfaces import fit_interface
 from ..model import Model
 from ..options import BodyOptions
 from ..subdomains import mean_rotation
-from .cut import Part, cut_loops, cut_parts, part_configs
-from .loops import support_groups
+from .cut import Part, cut_at, cut_parts, interface_sets, part_configs
+from .inner_loops import inner_sections
+from .loops import LoopSection, loop_sections, support_groups
 
 # How much of the turning (mean square) frames of the parts have to take away: a twist-beam axle has 9 to 12, a beam
 # held at both ends and an arch 5, a portal frame 1.5, a ring on two feet 1.1.
@@ -28,6 +31,8 @@ _PAYS = 3.0
 _STOPS = 4.0
 # Of the turning, what one frame leaves at least.
 _TURNS = 0.05
+# A frame more than levels as deep as those of the closed body have, only where it is worth one.
+_ROUNDED = 0.2
 # Supports beyond which none is looked at: a cover on its bolts is no loop of slender members.
 _MOST_SUPPORTS = 8
 
@@ -42,7 +47,7 @@ class _Choice:
 
 
 def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Store) -> tuple[BodyOptions, Model]:
-    """Find the sections of `cut = "auto"`; cut a body that nothing is said of where its loop turns far.
+    """Find the sections of `cut = "auto"`; cut a body that nothing is said of where its supports' loop turns far.
 
     Parameters
     ----------
@@ -60,22 +65,72 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
     model : Model
         With a node set for each.
     """
-    silent = not config.find_cuts
-    if silent and not (config.may_cut and _closes_loops(model)):
+    if config.find_cuts:
+        with report.stage("Look for loops to cut"):
+            found, opened, notes = cut_loops(config, model)
+        for text in notes:
+            report.note(text)
+        return found, opened
+    if not (config.may_cut and _closes_loops(model)):
         return config, model
     with report.stage("Look for loops to cut"):
-        found, opened, notes = cut_loops(config, model)
-    if silent:
-        parts = _parts(found, opened)
-        if not parts:
-            return config, model
-        choice = _decided(config, model, parts, report, store)
-        report.note(choice.reason)
-        if not choice.cut:
-            return (replace(config, levels=1) if choice.whole else config), model
+        found, opened, notes = cut_at(config, model, _between_supports(config, model))
+    parts = _parts(found, opened)
+    if not parts:
+        return config, model
+    choice = _decided(config, model, parts, report, store)
+    report.note(choice.reason)
+    if not choice.cut:
+        return (replace(config, levels=1, may_cut=False) if choice.whole else config), model
     for text in notes:
         report.note(text)
     return found, opened
+
+
+def cut_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, list[str]]:
+    """Cut a body's loops from support to support; where there are none, those within it.
+
+    Parameters
+    ----------
+    config : BodyOptions
+    model : Model
+        In one piece.
+
+    Returns
+    -------
+    config, model, notes
+        As of `cut_at`.
+    """
+    if _within(config, model):
+        return opened_loops(config, model)
+    return cut_at(config, model, _between_supports(config, model))
+
+
+def opened_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, list[str]]:
+    """Open all loops of a body that has some within it, with frames as long as before; as `cut_loops`."""
+    within = _within(config, model)
+    found, opened, notes = cut_at(config, model, [*within, *_between_supports(config, model)] if within else [])
+    parts = _parts(found, opened)
+    if not parts:
+        return cut_at(config, model, [])
+    if not config.levels_asked:
+        before, *after = (
+            float(distance_along(one.mesh, one.anchored).max()) for one in (model, *(part.model for part in parts))
+        )
+        found = replace(found, levels=len(parts) * ceil(config.levels * max(after) / before - _ROUNDED))
+    return found, opened, notes
+
+
+def _within(config: BodyOptions, model: Model) -> list[LoopSection]:
+    mesh = model.mesh
+    if model.rigid.shape[1] or not model.anchored.size:
+        return []
+    return inner_sections(mesh, mesh.faces, model.anchored, interface_sets(config, mesh))
+
+
+def _between_supports(config: BodyOptions, model: Model) -> list[LoopSection]:
+    mesh = model.mesh
+    return loop_sections(mesh, mesh.faces, model.anchored, interface_sets(config, mesh))
 
 
 def _closes_loops(model: Model) -> bool:

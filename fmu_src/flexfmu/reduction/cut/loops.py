@@ -21,11 +21,14 @@ from ..division import distance_along
 
 SLENDER = 0.25
 """A section is slender if it is no wider than this share of the way from support to support."""
-# How far from the middle of the way a section may lie, of the way, and how many places are tried.
-_OFFSET, _PLACES = 0.3, 41
+# How far from the middle of the way a section may lie, of the way.
+_OFFSET = 0.3
+PLACES = 41
+"""How many places of a section are tried."""
 # What a section's raggedness (1 less its projected area over its area), its area (over the smallest less 1) and its
 # distance from the middle (over the way) weigh: a ragged one costs accuracy, a large one is a corner.
-_RAGGED, _LARGE, _FAR = 10.0, 1.0, 0.3
+RAGGED, LARGE = 10.0, 1.0
+_FAR = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +51,7 @@ class LoopSection:
 
 
 @dataclass(frozen=True, slots=True)
-class _Contacts:
+class Contacts:
     """Faces inside a body: their two elements (f, 2), area vectors from the first to the second (f, 3), m², nodes.
 
     Elements whose nodes equations couple, such as those of sheets at a fold, are last, without area and nodes. Coupled
@@ -84,14 +87,14 @@ def loop_sections(
     group = support_groups(mesh, anchored)
     if int(group.max(initial=0)) < 1:
         return []
-    contacts = _contacts(mesh, faces)
+    contacts = element_contacts(mesh, faces)
     ways = np.array([distance_along(mesh, anchored[group == g]) for g in range(int(group.max()) + 1)])
     # A label for each support; those that nothing slender separates get the same one.
     label = np.arange(len(ways))
     while len(set(label.tolist())) > 1:
         names = np.unique(label)
         near = np.array([ways[label == name].min(axis=0) for name in names])
-        cell = np.argmin([_means(mesh, row) for row in near], axis=0)
+        cell = np.argmin([element_means(mesh, row) for row in near], axis=0)
         met = np.unique(np.sort(cell[contacts.elements], axis=1), axis=0)
         pairs = [(i, j) for i, j in met.tolist() if i != j]
         found = [_best(mesh, contacts, cell, near, pair, anchored, clear) for pair in pairs]
@@ -117,7 +120,7 @@ def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def _contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> _Contacts:
+def element_contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> Contacts:
     """The faces inside a body."""
     centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
     elements, areas, rows, columns = ([np.zeros(shape, int)] for shape in ((0, 2), (0, 3), 0, 0))
@@ -146,17 +149,17 @@ def _contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> _Contacts:
         areas.append(np.zeros((beside.nnz, 3)))
     r, c, pairs = (np.concatenate(parts) for parts in (rows, columns, elements))
     incidence = sp.csr_array(sp.coo_array((np.ones(r.size), (r, c)), shape=(len(pairs), len(mesh.points))))
-    return _Contacts(pairs, np.concatenate(areas), incidence, coupled)
+    return Contacts(pairs, np.concatenate(areas), incidence, coupled)
 
 
-def _means(mesh: Mesh, values: FloatArray) -> FloatArray:
+def element_means(mesh: Mesh, values: FloatArray) -> FloatArray:
     """Mean (e,) over each element's nodes of values (n,)."""
     return np.concatenate([values[block.connectivity].mean(axis=1) for block in mesh.blocks])
 
 
 def _best(
     mesh: Mesh,
-    contacts: _Contacts,
+    contacts: Contacts,
     cell: IntArray,
     near: FloatArray,
     pair: tuple[int, int],
@@ -166,25 +169,25 @@ def _best(
     """The best sections between the cells (e,) of two supports; none if nothing slender and clear separates them."""
     i, j = pair
     way = float((near[i] + near[j]).min())
-    lead = np.where((cell == i) | (cell == j), _means(mesh, near[i] - near[j]), np.nan)
+    lead = np.where((cell == i) | (cell == j), element_means(mesh, near[i] - near[j]), np.nan)
     avoided = np.unique(np.concatenate([anchored, *clear.values()]))
     tried: list[tuple[float, float, float, list[LoopSection]]] = []
-    for offset in _OFFSET * way * np.linspace(-1.0, 1.0, _PLACES):
+    for offset in _OFFSET * way * np.linspace(-1.0, 1.0, PLACES):
         side = np.where(np.isnan(lead), -1, lead > offset)
-        sections, flat, area = _sections(mesh, contacts, side)
+        sections, flat, area = sections_between(mesh, contacts, side)
         touching = any(np.intersect1d(one.nodes, avoided).size for one in sections)
         if not sections or touching or any(one.width > SLENDER * way for one in sections):
             continue
-        if _sides_hang_together(contacts, side) and not _straddled(mesh, side, tuple(clear.values())):
+        if _sides_hang_together(contacts, side) and not straddled(mesh, side, tuple(clear.values())):
             tried.append((flat, area, abs(offset) / way, sections))
     if not tried:
         return []
     smallest = min(area for _, area, _, _ in tried)
-    cost = [_RAGGED * (1.0 - flat) + _LARGE * (area / smallest - 1.0) + _FAR * far for flat, area, far, _ in tried]
+    cost = [RAGGED * (1.0 - flat) + LARGE * (area / smallest - 1.0) + _FAR * far for flat, area, far, _ in tried]
     return tried[int(np.argmin(np.round(cost, 9)))][3]
 
 
-def _sections(mesh: Mesh, contacts: _Contacts, side: IntArray) -> tuple[list[LoopSection], float, float]:
+def sections_between(mesh: Mesh, contacts: Contacts, side: IntArray) -> tuple[list[LoopSection], float, float]:
     """The connected sections between two sides (e,), 0 and 1; how flat the worst is, and the area of all, m².
 
     Flat is projected area over area, one for a plane.
@@ -207,7 +210,7 @@ def _sections(mesh: Mesh, contacts: _Contacts, side: IntArray) -> tuple[list[Loo
     return found, min(flat), float(size.sum())
 
 
-def _sides_hang_together(contacts: _Contacts, side: IntArray) -> bool:
+def _sides_hang_together(contacts: Contacts, side: IntArray) -> bool:
     """Whether each side is in one piece."""
     ends = side[contacts.elements]
     same = contacts.elements[(ends[:, 0] == ends[:, 1]) & (ends[:, 0] >= 0)]
@@ -216,7 +219,7 @@ def _sides_hang_together(contacts: _Contacts, side: IntArray) -> bool:
     return all(np.unique(number[side == one]).size == 1 for one in (0, 1))
 
 
-def _straddled(mesh: Mesh, side: IntArray, sets: Sequence[IntArray]) -> bool:
+def straddled(mesh: Mesh, side: IntArray, sets: Sequence[IntArray]) -> bool:
     """Whether one of some node sets has nodes on both sides."""
     touched = np.zeros((2, len(mesh.points)), dtype=bool)
     for block, own in zip(mesh.blocks, mesh.split(side), strict=True):

@@ -7,6 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from ...files.array_types import BoolArray, FloatArray
+from ...files.counts import plural
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
@@ -15,12 +16,16 @@ from ..basis import Matrices
 from ..interfaces import fit_interface
 from ..model import Model
 from ..options import BodyOptions
-from ..piece import reduced_piece
+from ..piece import Reduced, reduced_piece
+from ..shadow import FINER, finer_shadow
 from .cut import SIDES, cut_parts, on_section, part_configs, section_tractions, side_set
 from .joining import Weld, join_parts
+from .loop_choice import opened_loops
 
 
-def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
+def reduced_parts(
+    config: BodyOptions, model: Model, report: Reporter, store: Store, spanned: FloatArray | None = None
+) -> tuple[ReducedBody, FloatArray]:
     """Reduce the parts of a body each by itself and join them again.
 
     Parameters
@@ -31,11 +36,15 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
         In one piece.
     report : Reporter
     store : Store
+    spanned : (3n, k) float, optional
+        Motions of the body in one piece.
 
     Returns
     -------
-    ReducedBody
+    body : ReducedBody
         Without damping, names and properties.
+    span : (m, k) float
+        Its coordinates in these motions.
 
     Raises
     ------
@@ -53,14 +62,17 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
         one, other = (side_set(name, side) for side in SIDES)
         part = next(part for part in parts if one in part.sections)
         warping[one] = warping[other] = section_tractions(part, one, fields)
-    bodies, ends = [], {}
+    bodies, ends, spans = [], {}, []
+    spanned = np.zeros((3 * len(model.mesh.points), 0)) if spanned is None else spanned
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
         report.detail(
             f"part {number + 1} of {len(parts)}: {part.elements.size} elements, interfaces "
             f"{', '.join(table.name for table in own.interfaces)}"
         )
         forces = [on_section(part, side, warping[side]) for side in part.sections]
-        piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack(forces))
+        origin = (3 * part.origin[:, None] + np.arange(3)).ravel()
+        piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack(forces), spanned[origin])
+        spans.append(piece.span)
         widths = np.cumsum([force.shape[1] for force in forces])[:-1]
         works = (np.split(work, widths) for work in (piece.warping_work, piece.shadow_work))
         for side, *work in zip(part.sections, *works, strict=True):
@@ -75,10 +87,45 @@ def reduced_parts(config: BodyOptions, model: Model, report: Reporter, store: St
     pairs = [[ends[side_set(name, side)] for side in SIDES] for name in names]
     loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
     with report.stage(f"Join {len(parts)} parts"):
-        body, note = _joined(bodies, pairs, loose, [table.name for table in config.interfaces])
+        body, turn, note = _joined(bodies, pairs, loose, [table.name for table in config.interfaces])
     hertz = body.angular_frequency / (2.0 * np.pi)
     report.detail(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
-    return body
+    return body, turn.T @ np.vstack(spans)
+
+
+def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: Store) -> Reduced:
+    """Reduce a body in one piece; where loops close within it, its shadow has them opened.
+
+    Its modes hold such a loop together linearly only, and more frames or modes do not change that.
+
+    Parameters
+    ----------
+    config : BodyOptions
+    model : Model
+    report : Reporter
+    store : Store
+
+    Returns
+    -------
+    Reduced
+    """
+    cuts: tuple[str, ...] = ()
+    if config.certificate:
+        with report.stage("Look for loops within the body"):
+            alike = replace(config, frames=(), branches=(), levels_asked=False)
+            found, opened, _ = opened_loops(alike, model)
+            cuts = found.cuts
+    piece = reduced_piece(replace(config, certificate=config.certificate and not cuts), model, report, store)
+    if not cuts:
+        return piece
+    with report.stage(f"Reduce the body once more, {plural(len(cuts), 'loop')} opened, to know its error"):
+        finer = finer_shadow(found, FINER * found.levels)
+        other, span = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
+    report.note(
+        f"{plural(len(cuts), 'loop')} within the body: its own error is that against the opened body "
+        '(cut = "auto" opens it, with constant mass)'
+    )
+    return replace(piece, body=replace(piece.body, shadow=Shadow(other, span)))
 
 
 # A part and its interface, and how far it warps in the part's coordinates and in those of its shadow.
@@ -87,8 +134,8 @@ _End = tuple[tuple[int, int], Sequence[FloatArray]]
 
 def _joined(
     bodies: Sequence[ReducedBody], pairs: Sequence[Sequence[_End]], loose: Sequence[BoolArray], kept: Sequence[str]
-) -> tuple[ReducedBody, str]:
-    """The parts joined at pairs of sections, and so their shadows; and a note of the joints."""
+) -> tuple[ReducedBody, FloatArray, str]:
+    """The parts joined at pairs of sections, and so their shadows; the turn of coordinates; a note of the joints."""
 
     def welds(which: int) -> list[Weld]:
         return [Weld(first, second, one[which], other[which]) for (first, one), (second, other) in pairs]
@@ -99,7 +146,7 @@ def _joined(
         finer, finer_turn, _ = join_parts([one.body for one in shadows], welds(1), loose, kept)
         span = scipy.linalg.block_diag(*(one.embedding for one in shadows))
         body = replace(body, shadow=Shadow(finer, finer_turn.T @ span @ turn))
-    return body, note
+    return body, turn, note
 
 
 def _unit_responses(config: BodyOptions, model: Model, report: Reporter, store: Store) -> FloatArray:

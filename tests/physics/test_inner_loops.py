@@ -1,0 +1,97 @@
+"""Loops that close within a body: where they are, and that the body in one piece knows its error by the opened one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexfmu import Body, FlexibleBody
+from flexfmu.build.body_model import read_body_model
+from flexfmu.build.reduce import reduce_body
+from flexfmu.fe.nonlinear import load_path
+from flexfmu.files.progress import Reporter
+from flexfmu.mesh.elements import ElementType
+from flexfmu.reduction.cut.inner_loops import inner_sections
+from flexfmu.reduction.interfaces import fit_interface
+from meshes import bars, body_file, box, with_sets
+
+SIDE = 0.01
+# Cells of a stem, and of a rectangle on it with or without posts.
+STEM = ((7, 0, 0), (8, 0, 2))
+RECTANGLE = [((0, 0, 3), (15, 0, 3)), ((0, 0, 4), (0, 0, 13)), ((15, 0, 4), (15, 0, 13)), ((0, 0, 14), (15, 0, 14))]
+POSTS = [((x, 0, 4), (x, 0, 13)) for x in (3, 12)]
+
+
+def frame(*runs, kind=ElementType.C3D20):
+    mesh = bars(kind, [STEM, *RECTANGLE, *runs], SIDE)
+    top = {"TIP": lambda p: np.where(np.abs(p[:, 0] - 0.08) < 0.0101, p[:, 2] - 0.15, 1.0)}
+    return with_sets(mesh, ROOT=lambda p: p[:, 2], **top)
+
+
+def found(mesh, *clear):
+    return inner_sections(mesh, mesh.faces, mesh.node_sets["ROOT"], {name: mesh.node_sets[name] for name in clear})
+
+
+@pytest.mark.parametrize(("posts", "count"), [((), 1), (POSTS[:1], 2), (POSTS, 3)])
+def test_each_loop_has_one_section_across_one_bar_clear_of_the_interface(posts, count):
+    mesh = frame(*posts)
+    sections = found(mesh, "TIP")
+    assert len(sections) == count
+    for one in sections:
+        assert one.nodes.size == 8
+        np.testing.assert_allclose(one.width, SIDE * 2.0**0.5, rtol=1e-9)
+        assert not np.intersect1d(one.nodes, mesh.node_sets["TIP"]).size
+    assert len({tuple(one.place.round(6)) for one in sections}) == count
+
+
+def test_plates_with_holes_and_cantilevers_have_none():
+    plate = box(ElementType.C3D20, (12, 8, 1), (0.12, 0.08, 0.01))
+    (block,) = plate.blocks
+    middle = plate.points[block.connectivity].mean(axis=1)
+    hole = np.all(np.abs(middle[:, :2] - [0.06, 0.04]) < 0.0101, axis=1)
+    holed = replace(plate, blocks=(block.part(~hole),))
+    for mesh in (holed, plate, box(ElementType.C3D20, (30, 1, 1), (0.3, SIDE, SIDE))):
+        assert found(with_sets(mesh, ROOT=lambda p: p[:, 0])) == []
+
+
+def test_many_cells_are_no_frame_of_slender_members():
+    """A rectangle with many posts has more loops than are opened: none is."""
+    assert found(frame(*(((x, 0, 4), (x, 0, 13)) for x in range(1, 15, 2))), "TIP") == []
+
+
+def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
+    """A rectangle on a stem, pressed and turned: in one piece it is 0.03 to 0.9 % wrong, and says so."""
+    mesh = frame()
+    config = body_file(mesh, tmp_path, interface=["TIP"], output={"error": True})
+    notes = []
+
+    class Heard(Reporter):
+        def note(self, text):
+            notes.append(text)
+
+    body = FlexibleBody(reduce_body(config, Heard()))
+    assert body.model.ties is None
+    assert body.model.shadow.body.ties is not None
+    assert any("1 loop within the body" in text for text in notes)
+    read = read_body_model(config, Reporter())
+    model = read.model
+    worst = 0.0
+    fit = fit_interface(read.options.interfaces[0], model.mesh, model.mesh.faces, ())
+    for force in ((0.0, 0.0, -1.0), (0.6, 0.3, -0.8)):
+        full = 15e3 * np.array(force)
+        nodal = fit.nodal_loads(len(model.mesh.points))[:, :3] @ full
+        path = load_path(model.mesh, model.unknowns, model.spring, nodal, [0.5, 1.0], Reporter())
+        for share, field in zip((0.5, 1.0), path.displacement, strict=True):
+            loads = {"tip": (share * full).tolist()}
+            state = body.static(loads)
+            truth = fit.operator[:3] @ field.reshape(-1, 3)[fit.nodes].ravel()
+            off = float(np.linalg.norm(body.response(state).displacement[0] - truth))
+            estimate = body.error(state, loads)
+            assert 0.7 * off < estimate.displacement[0] < 1.4 * off
+            worst = max(worst, estimate.relative)
+    assert worst > 5e-3
+
+
+def test_cuts_that_are_looked_for_open_loops_within_a_body():
+    opened = Body(mesh=frame(), supports=["ROOT"], interfaces={"tip": "TIP"}, cuts="auto").build()
+    assert opened.reduced.ties is not None
