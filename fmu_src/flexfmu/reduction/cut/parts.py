@@ -18,7 +18,7 @@ from ..model import Model
 from ..options import BodyOptions
 from ..piece import Reduced, reduced_piece
 from ..shadow import FINER, finer_shadow
-from .cut import SIDES, cut_parts, on_section, part_configs, section_tractions, side_set
+from .cut import SIDES, Part, cut_parts, on_section, part_configs, section_tractions, side_set
 from .joining import Weld, join_parts
 from .loop_choice import opened_loops
 
@@ -56,12 +56,7 @@ def reduced_parts(
         opened, parts = cut_parts(model, names, config.supports)
         configs = part_configs(config, opened, parts)
     fields = _unit_responses(config, model, report, store)
-    # The shapes of a section's warping are those of its first side, on both sides.
-    warping = {}
-    for name in names:
-        one, other = (side_set(name, side) for side in SIDES)
-        part = next(part for part in parts if one in part.sections)
-        warping[one] = warping[other] = section_tractions(part, one, fields)
+    warping = _warping(names, parts, fields)
     bodies, ends, spans = [], {}, []
     spanned = np.zeros((3 * len(model.mesh.points), 0)) if spanned is None else spanned
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
@@ -91,6 +86,16 @@ def reduced_parts(
     hertz = body.angular_frequency / (2.0 * np.pi)
     report.detail(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
     return body, turn.T @ np.vstack(spans)
+
+
+def _warping(names: Sequence[str], parts: Sequence[Part], fields: FloatArray) -> dict[str, FloatArray]:
+    """Nodal forces by which sections warp: those of its first side, on both sides."""
+    found = {}
+    for name in names:
+        one, other = (side_set(name, side) for side in SIDES)
+        part = next(part for part in parts if one in part.sections)
+        found[one] = found[other] = section_tractions(part, one, fields)
+    return found
 
 
 def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: Store) -> Reduced:
