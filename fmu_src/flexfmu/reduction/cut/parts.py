@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from ...files.array_types import BoolArray, FloatArray
+from ...files.array_types import FloatArray
 from ...files.counts import plural
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
@@ -55,10 +55,9 @@ def reduced_parts(
     with report.stage("Cut into parts"):
         opened, parts = cut_parts(model, names, config.supports)
         configs = part_configs(config, opened, parts)
-    fields = _unit_responses(config, model, report, store)
-    warping = _warping(names, parts, fields)
+    warping = _warping(names, parts, _unit_responses(config, model, report, store))
     bodies, ends, spans = [], {}, []
-    spanned = np.zeros((3 * len(model.mesh.points), 0)) if spanned is None else spanned
+    spanned = np.zeros((model.fixed.size, 0)) if spanned is None else spanned
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
         report.detail(
             f"part {number + 1} of {len(parts)}: {part.elements.size} elements, interfaces "
@@ -75,14 +74,12 @@ def reduced_parts(
             if piece.body.interface_frame[place] < 0:
                 raise BodyFileError(f"[[cut]] {side}: no [[frame]] holds nodes of the section, expected one")
             ends[side] = (number, place), work
-        frames = piece.body.frame_names
-        if not own.frames and len(parts) > 1:
-            frames = tuple(f"part_{number + 1}_{name}" for name in frames)
+        begin = f"part_{number + 1}_" if len(parts) > 1 and not own.frames else ""
+        frames = tuple(f"{begin}{name}" for name in piece.body.frame_names)
         bodies.append(replace(piece.body, frame_names=frames))
-    pairs = [[ends[side_set(name, side)] for side in SIDES] for name in names]
-    loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
     with report.stage(f"Join {len(parts)} parts"):
-        body, turn, note = _joined(bodies, pairs, loose, [table.name for table in config.interfaces])
+        pairs = [[ends[side_set(name, side)] for side in SIDES] for name in names]
+        body, turn, note = _joined(bodies, pairs, parts, [table.name for table in config.interfaces])
     hertz = body.angular_frequency / (2.0 * np.pi)
     report.detail(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
     return body, turn.T @ np.vstack(spans)
@@ -138,13 +135,14 @@ _End = tuple[tuple[int, int], Sequence[FloatArray]]
 
 
 def _joined(
-    bodies: Sequence[ReducedBody], pairs: Sequence[Sequence[_End]], loose: Sequence[BoolArray], kept: Sequence[str]
+    bodies: Sequence[ReducedBody], pairs: Sequence[Sequence[_End]], parts: Sequence[Part], kept: Sequence[str]
 ) -> tuple[ReducedBody, FloatArray, str]:
     """The parts joined at pairs of sections, and so their shadows; the turn of coordinates; a note of the joints."""
 
     def welds(which: int) -> list[Weld]:
         return [Weld(first, second, one[which], other[which]) for (first, one), (second, other) in pairs]
 
+    loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
     body, turn, note = join_parts([replace(one, shadow=None) for one in bodies], welds(0), loose, kept)
     shadows = [one.shadow for one in bodies if one.shadow is not None]
     if shadows:
