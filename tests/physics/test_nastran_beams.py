@@ -262,3 +262,10 @@ def test_bars_of_another_type_are_refused(tmp_path):
     text = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n*ELEMENT, TYPE=DC1D2, ELSET=B\n1, 1, 2\n"
     with pytest.raises(DeckError, match="T3D2"):
         read(tmp_path, text + "*SOLID SECTION, ELSET=B, MATERIAL=S\n1e-4\n*MATERIAL, NAME=S\n*ELASTIC\n1e9, .3\n")
+
+
+@pytest.mark.parametrize(("fields", "told"), [("0.,0.,1e-3,0.,0.,1e-9", True), ("0.,0.,0.,0.,0.,0.", False)])
+def test_warping_and_inertia_beside_a_section_are_told(tmp_path, fields, told):
+    section = "PBEAM,1,1,1e-4,1e-9,1e-9,,2e-9,0.\n,0.,0.,0.,0.,0.,0.,0.,0.\n,1.,1.," + fields + "\n"
+    notes = bulk(tmp_path, chain(section, "CBEAM")).notes
+    assert any("PBEAM 1: warping" in note for note in notes) == told

@@ -181,8 +181,7 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
             kinds.setdefault((card, count), []).append(Member(element.eid, nodes, element.pid))
     named = {(_SOLIDS | _FACES)[key].name: members for key, members in kinds.items()}
     named |= {"line": [Member(one.number, one.nodes, one.property) for one in bars]} if bars else {}
-    if idle := [one.eid for one in model.elements.values() if one.type in CARDS and not is_line(one, model)]:
-        notes.append(f"bars {listed(idle)} have no property: they hold nothing")
+    notes += _bars_left_out(model)
     cells, cell_labels, material = cells_of(named, row, of_property, f"{path}: an element names GRID")
     properties = [np.array([one.material for one in members], dtype=np.int64) for members in named.values()]
     sets: dict[str, list[IntArray]] = {}
@@ -347,3 +346,16 @@ def _materials(
             materials.append(Material(name, found.e * units.stress, found.nu, found.rho * weight + more))
         of_property[number] = rows[material, more]
     return tuple(materials), of_property
+
+
+def _bars_left_out(model: Any) -> list[str]:
+    """What is said of bars without property, and of properties that are read in part."""
+    idle = [one.eid for one in model.elements.values() if one.type in CARDS and not is_line(one, model)]
+    notes = [f"bars {listed(idle)} have no property: they hold nothing"] if idle else []
+    unread = ("cwa", "cwb", "nsia", "nsib", "m1a", "m2a", "m1b", "m2b")
+    sections = [one for one in model.properties.values() if one.type == "PBEAM"]
+    if few := [one.pid for one in sections if any(getattr(one, name) for name in unread)]:
+        notes.append(
+            f"PBEAM {listed(few)}: warping, inertia and place of mass beside the section (CW, NSI, M) are left out"
+        )
+    return notes
