@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 BODIES = {make.__name__: make for make in EVERY}
 SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
 # Of the kept record: points that are wrong while nothing is said, the share that is right, and alarms without cause.
-SILENT, RIGHT_SHARE, FALSE_ALARMS = 0, 0.896, 4
+SILENT, RIGHT_SHARE, FALSE_ALARMS = 0, 0.91, 8
 
 
 @cache
@@ -51,6 +51,13 @@ def test_the_shortest_body_file_is_right_or_the_fmu_says_that_it_is_not(name):
 def test_simple_bodies_are_right_in_every_point(name):
     assert len(answered(rows(name))) == len(rows(name))
     assert max(map(error, rows(name))) < RIGHT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "case"), [("gutter", "side"), ("channel", "along the web"), ("angle", "against")])
+def test_sections_that_warp_do_not_make_frames_turn_wrongly(name, case):
+    """Read from sections that warp, the turn of frames at second order was 1.5 to 4 % wrong."""
+    assert max(error(row) for row in rows(name) if row["case"] == case) < 6e-3
 
 
 def test_kept_results_are_those_of_the_scripts_bodies_and_loads():

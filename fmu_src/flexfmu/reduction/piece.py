@@ -364,7 +364,9 @@ def _second_order(
     centres = mass_centres(mesh, divided.volumes, subdomains)[2] if heavy else []
     centres = centres + lump_centres
     turned, nodes = basis.frames.frame_rotation, [by_node(spring.nodes) for spring in springs]
-    readings = node_readings(mesh.points, modes.shapes, subdomains, turned, divided.interfaces, centres, nodes)
+    readings = node_readings(
+        mesh.points, modes.shapes, subdomains, turned, divided.interfaces, centres, nodes, modes.angular_frequency
+    )
     rigid = np.flatnonzero(modes.angular_frequency == 0.0)
     floating = any(domain.floating for domain in subdomains)
     with report.stage(f"Find where {len(readings)} places go at second order"):
