@@ -127,12 +127,7 @@ def node_readings(
     """
     modes = shapes.shape[1]
     readings = []
-    elastic = rates > 0.0
-    soft = shapes[:, elastic] / rates[elastic]
-    planes = all(
-        _warping(points, soft, domain, angle[:, elastic] / rates[elastic]) < _WARPS
-        for domain, angle in zip(subdomains, frame_rotation, strict=True)
-    )
+    planes = _stay_plane(points, shapes, subdomains, frame_rotation, rates)
     for domain, angle in zip(subdomains, frame_rotation, strict=True):
         operator, rank = rigid_fit(points, domain.joint, domain.joint_point)
         turn, inside = domain.rotation, None
@@ -158,6 +153,19 @@ def node_readings(
         readings.append(NodeReading(centre, spring.nodes, operator[:3], turn, angle))
     none = np.zeros(0, dtype=np.int64)
     return readings + [NodeReading(np.zeros(3), none, np.zeros((3, 0)), *_still(modes)) for _ in springs]
+
+
+def _stay_plane(
+    points: FloatArray,
+    shapes: FloatArray,
+    subdomains: Sequence[Subdomain],
+    frame_rotation: FloatArray,
+    rates: FloatArray,
+) -> bool:
+    """Whether the sections of all joints do."""
+    elastic = rates > 0.0
+    soft, turned = shapes[:, elastic] / rates[elastic], frame_rotation[:, :, elastic] / rates[elastic]
+    return all(_warping(points, soft, *each) < _WARPS for each in zip(subdomains, turned, strict=True))
 
 
 def _warping(points: FloatArray, shapes: FloatArray, domain: Subdomain, angle: FloatArray) -> float:
