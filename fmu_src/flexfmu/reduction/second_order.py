@@ -136,14 +136,11 @@ def node_readings(
             inside = turn.of(shapes) - angle
         readings.append(NodeReading(domain.joint_point, domain.joint.nodes, operator[:3], turn, angle, inside))
     for interface in interfaces:
-        turn = Turn(interface.nodes, interface.operator[3:])
-        readings.append(
-            NodeReading(interface.point, interface.nodes, interface.operator[:3], turn, interface.motion(shapes)[3:])
-        )
+        turn, angle = Turn(interface.nodes, interface.operator[3:]), interface.motion(shapes)[3:]
+        readings.append(NodeReading(interface.point, interface.nodes, interface.operator[:3], turn, angle))
     readings += [NodeReading(c.point, c.nodes, c.operator, *_still(modes)) for c in centres]
     for spring in springs:
-        centre = spring.centre(points)
-        operator, rank = rigid_fit(points, spring, centre)
+        operator, rank = rigid_fit(points, spring, centre := spring.centre(points))
         turn, frame = Turn(spring.nodes, operator[3:]), carrying_frame(subdomains, spring.nodes)
         if rank < _RANK and frame >= 0:
             # A line or a point turns as the sub-domain that carries it.
