@@ -58,7 +58,7 @@ ROWS: tuple[tuple[str, str], ...] = (
     ("fe/shells.py", "shells"),
     ("mesh/strains.py", "shells"),
     ("fe/*.py", "@fe @surface stress nonlinear stability_watch second_order membrane @modes thin_bodies"),
-    ("reduction/cut/*.py", "cut loops ties acceleration"),
+    ("reduction/cut/*.py", "cut loops inner_loops ties acceleration"),
     ("reduction/membrane.py", "membrane loops"),
     ("reduction/fourth_order.py", "membrane loops"),
     ("reduction/flattening.py", "loops membrane"),
@@ -222,7 +222,7 @@ def all_mutations(package: Path) -> list[Mutation]:
     # Wide vectors, FMI and files: no physics of ours.
     others = (
         "vectors",
-        "fmi2*",
+        "fmi[23]*",
         "component",
         "instance*",
         "program",

@@ -216,6 +216,15 @@ def test_an_arc_bent_in_its_plane_is_told_the_error_of_its_deflection_not_of_one
         assert 0.2 * error < body.stiffness_missed(np.append(load, np.zeros(3))) < 4.0 * error
 
 
+def test_a_soft_body_under_a_small_load_misses_what_a_stiff_one_misses_under_a_large_load(arcs):
+    """The disturbance that counts beside the loads is a share of them, not a load of its own: only ratios are seen."""
+    stiff = FlexibleBody(arcs[2], COROTATED)
+    soft = FlexibleBody(replace(arcs[2], angular_frequency=arcs[2].angular_frequency * 2.0**-20), COROTATED)
+    load = np.array([0.0, 9e3, 0.0, 0.0, 0.0, 0.0])
+    assert stiff.stiffness_missed(load) > 1e-3
+    assert soft.stiffness_missed(load * 2.0**-40) == pytest.approx(stiff.stiffness_missed(load), rel=1e-9)
+
+
 def test_of_one_mode_every_deflection_misses_the_same_share_of_stiffness():
     """A linear column of one mode φ under a press P: its tip's moment P φ takes 8/π² P φ φ' of the stiffness ω²."""
     model = beam_body(0, modes=1, planes="y", method=LINEAR)
