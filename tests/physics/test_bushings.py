@@ -40,7 +40,7 @@ def equilibrium(load: np.ndarray) -> np.ndarray:
         turned = exponential(rotation) @ arm
         return moment_of(turn, rotation) - load[3:] - np.cross(turned, load[:3])
 
-    rotation = scipy.optimize.fsolve(residual, np.linalg.solve(turn, load[3:] + np.cross(arm, load[:3])), xtol=1e-13)
+    rotation = scipy.optimize.fsolve(residual, np.linalg.solve(turn, load[3:] + np.cross(arm, load[:3])), xtol=1e-8)
     return np.append(np.linalg.solve(pull, load[:3]) + exponential(rotation) @ arm - arm, rotation)
 
 
