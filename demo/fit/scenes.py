@@ -19,7 +19,8 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.model.reduced_body import ReducedBody
-from flexfmu.study.fit import Fit, fit
+from flexfmu.study.fit import fit
+from flexfmu.study.fitted import Fit
 from flexfmu.study.scene.measure import SceneErrors, errors
 from flexfmu.study.scene.reference import references
 from flexfmu.study.scene.scene import AXES, Scene, read_scene

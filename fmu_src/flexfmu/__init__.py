@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .model.methods import Mass as Mass
     from .model.methods import Method as Method
     from .reduction.options import Basis as Basis
+    from .view.shown import Shown as Shown
 
 # Imported when first asked for.
 _MODULES = {
@@ -69,6 +70,7 @@ _MODULES = {
     ".model.errors": ("EquilibriumError", "RuntimeBodyError", "StepError"),
     ".model.methods": ("Mass", "Method"),
     ".reduction.options": ("Basis",),
+    ".view.shown": ("Shown",),
 }
 
 __all__ = [name for names in _MODULES.values() for name in names]

@@ -7,6 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
+from .build.body_model import body_model
 from .build.choices import (
     Interface,
     NodeChoices,
@@ -20,7 +21,7 @@ from .build.choices import (
 )
 from .build.config import read_body_file
 from .build.reduce import reduce_mesh
-from .files.plain_data import rows_html
+from .files.plain_data import picture_html, rows_html
 from .files.progress import Reporter, ScriptReporter
 from .files.store import Store
 from .files.units import UnitSystem, unit_system
@@ -29,6 +30,8 @@ from .mesh.formats import file_origin, read_mesh
 from .mesh.in_memory import as_mesh
 from .mesh.model import Mesh
 from .model.methods import Mass, Method
+from .view.mesh import model_view
+from .view.shown import Shown
 
 
 class Body:
@@ -149,7 +152,16 @@ class Body:
         """What it is, as a table."""
         rows = [("mesh", repr(self.mesh)), *(("held at", str(table.nodes)) for table in self.spec.support)]
         rows += [(f"interface {table.name}", str(table.nodes)) for table in self.spec.interface]
-        return f"<p>{escape(self.spec.name)}</p>{rows_html(rows)}"
+        return f"<p>{escape(self.spec.name)}</p>{rows_html(rows)}{picture_html(self.plot(), 'png')}"
+
+    def view(self, report: Reporter | None = None) -> Shown:
+        """Show supports, interfaces, frames and cuts on the mesh, before the build: a page in notebooks."""
+        read = body_model(self.mesh, self.spec)
+        return Shown(model_view(read.options, read.model, report or ScriptReporter()))
+
+    def plot(self) -> Any:
+        """A matplotlib figure of `view()`."""
+        return self.view().plot()
 
     def build(
         self,

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 import flexfmu.commands
 from bodies import random_body, with_second_order
+from flexfmu.calls.describing import cost_table, describe
 from flexfmu.commands.cli import COMMANDS, app
 from flexfmu.files.errors import FlexfmuError
 from flexfmu.files.plain_data import json_text
@@ -22,7 +23,6 @@ from flexfmu.files.tables import read_table, write_table
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.model.methods import Method, Variant, masses_of
 from flexfmu.study.cost import StepCost
-from flexfmu.view.tables import cost_table, describe
 
 
 @pytest.fixture(scope="module")

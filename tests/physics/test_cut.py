@@ -13,6 +13,7 @@ from demo.rear_axle.shells import make_mesh
 from scipy.spatial import cKDTree
 
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
+from flexfmu.build.body_model import read_body_model
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import CutTable, MeshTable, SupportTable
@@ -30,7 +31,7 @@ from flexfmu.model.reduced_body import Ties
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
 from flexfmu.reduction.cut.joining import join_parts
-from flexfmu.view.mesh import body_file_view
+from flexfmu.view.mesh import model_view
 from masters import description, master, motion
 from meshes import bars, body_file, box, with_sets
 from references import body_without_error
@@ -608,7 +609,9 @@ def test_before_it_is_built_a_cut_body_is_seen_with_the_frames_of_its_parts(tmp_
     top = np.flatnonzero((mesh.points[:, 1] > 0.199) & (mesh.points[:, 0] < 0.021))
     mesh = replace(mesh, node_sets={**mesh.node_sets, "CORNER": top})
     options = {"frames": 4, "cut": [{"nodes": "MID"}]}
-    view = body_file_view(body_file(mesh, tmp_path, interface=["CORNER"], support="FEET", **options), Reporter())
+    config = body_file(mesh, tmp_path, interface=["CORNER"], support="FEET", **options)
+    read = read_body_model(config, Reporter())
+    view = model_view(read.options, read.model, Reporter())
     frames = next(region for region in view.regions if region.title == "frames")
     assert frames.names == cut.frame_names
     # Nodes of the section are there twice in the body that was cut.

@@ -16,6 +16,7 @@ from rich.console import Console
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.calls.describing import describe
 from flexfmu.files.errors import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
@@ -34,7 +35,6 @@ from flexfmu.study.scene.scene import read_scene
 from flexfmu.study.smallest import reference_scene, smallest
 from flexfmu.study.subspace import subset
 from flexfmu.study.workshop import Workshop
-from flexfmu.view.tables import describe
 from meshes import body_file, box
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 from scene_tools import BEND, Listening, calculix_results, scene_of, with_results

@@ -11,6 +11,7 @@ from rich.console import Console
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import OutputTable
+from flexfmu.calls.describing import describe
 from flexfmu.files.errors import ModelError
 from flexfmu.files.progress import Reporter
 from flexfmu.model.errors import EquilibriumError
@@ -20,7 +21,6 @@ from flexfmu.reduction import membrane
 from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING, _SHELL
 from flexfmu.study.scene.measure import errors
 from flexfmu.study.scene.reference import references
-from flexfmu.view.tables import describe
 from references import BEAM, DEMO, L_FRAME, calculix, relative
 from scene_tools import scene_of
 

@@ -21,6 +21,7 @@ from flexfmu.commands.cli import app
 from flexfmu.core import binaries
 from flexfmu.core.building import zig_compiler
 from flexfmu.files.progress import Reporter
+from flexfmu.fmu.built_body import load
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import write_modal_file
 from flexfmu.program.variable_table import variable_table
@@ -156,6 +157,22 @@ def test_a_pull_with_the_pointer_bends_the_body(bar, tmp_path, width, dark):
         time.sleep(0.2)
         assert tab.value("live.body.time") == still
         assert tab.value("document.documentElement.scrollWidth") <= width
+        assert tab.said == []
+
+
+@needs_zig
+def test_a_notebook_shows_the_body_alive(modal_file, tmp_path):
+    browser()
+    notebook = tmp_path / "notebook.html"
+    notebook.write_text(f"<!DOCTYPE html><title>a notebook</title>{load(modal_file[1]).view(live=True)._repr_html_()}")
+    inside = "document.querySelector('iframe').contentDocument"
+    with Tab(notebook) as tab:
+        tab.until(f"{inside}.body?.dataset.live === 'yes'")
+        frame = tab.value(
+            "(() => { const r = document.querySelector('iframe').getBoundingClientRect(); return [r.width, r.height]; })()"
+        )
+        assert min(frame) > 500
+        tab.picture(tmp_path / "notebook.png")
         assert tab.said == []
 
 

@@ -10,7 +10,7 @@ from ..build.config import read_body_file
 from ..build.suggest import chosen_nodes, likely_mesh, mass_lines, mesh_lines, starting_body_file
 from ..files.array_types import IntArray
 from ..files.errors import OutputError
-from ..files.plain_data import records_frame
+from ..files.plain_data import picture_html, records_frame, table_frame
 from ..files.progress import Reporter, ScriptReporter
 from ..files.store import Store, default_folder
 from ..files.targets import PICTURE_SUFFIXES, check_target
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 
     from ..master import Result
     from ..study.chart.draw import Drawn
-    from ..study.fit import Fit
+    from ..study.fitted import Fit
     from ..study.records import Run
+    from ..view.shown import Shown
 
 __all__ = ["chart", "check", "couple", "fit", "init", "show", "stability"]
 Name = str | Path
@@ -51,6 +52,11 @@ class Checked:
     def __repr__(self) -> str:
         """The words."""
         return "\n".join(self.lines)
+
+    def to_dataframe(self) -> Any:
+        """A pandas.DataFrame, one row a choice: its name, number of nodes, mean place (m)."""
+        rows = ((name, len(of), *self.mesh.points[of].mean(axis=0)) for name, of in self.chosen.items())
+        return table_frame(dict(zip(("name", "nodes", *"xyz"), row, strict=True)) for row in rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +86,6 @@ class StabilityMap:
         return records_frame(self.runs)
 
     def _repr_html_(self) -> str:
-        from ..files.figures import picture_html
-
         return f"<p>{self.finding}</p>{picture_html(self.plot())}"
 
 
@@ -333,34 +337,42 @@ def fit(
 
 
 def show(
-    file: Name, output: Name, *, loads: Mapping[str, str] | None = None, modes: int = 0, report: Reporter | None = None
-) -> Path:
-    """Write a page or picture of a mesh, a body, its modes or an equilibrium.
+    file: Name,
+    output: Name | None = None,
+    *,
+    loads: Mapping[str, str] | None = None,
+    modes: int = 0,
+    live: bool = False,
+    report: Reporter | None = None,
+) -> "Shown":
+    """Show a mesh, a body, its modes or an equilibrium: in a notebook as a page, and in a file.
 
     Parameters
     ----------
     file : path
         FMU, modal file, body file or mesh.
-    output : path
+    output : path, optional
         Page (.html), ParaView (.vtu, .pvd) or picture (.png, .pdf, .svg).
     loads : mapping of str to str, optional
         That hold still, such as {"tip.force.y": "5kN"}.
     modes : int
         How many mode shapes.
+    live : bool
+        Whether the page's body answers to the pointer.
     report : Reporter, optional
 
     Returns
     -------
-    Path
+    Shown
 
     Examples
     --------
     >>> flexfmu.show("arm.fmu", "arm.html", loads={"tip.force.y": "5kN"})
-    PosixPath('arm.html')
+    <Shown 'arm': tip.force.y = 5 kN>
     """
-    from ..view.command import Request
-    from ..view.command import show as write
+    from .showing import Request
+    from .showing import show as make
 
     held = tuple(f"{name}={value}" for name, value in (loads or {}).items())
-    write(Request(Path(file), Path(output), None, held, modes), report or ScriptReporter())
-    return Path(output)
+    target = None if output is None else Path(output)
+    return make(Request(Path(file), target, None, held, modes, live=live), report or ScriptReporter())

@@ -18,9 +18,9 @@ def info(
     """Show what is in an FMU or a modal file: modes, interfaces, tree of frames, origin."""
     from rich.console import Console
 
+    from ..calls.describing import cost_table, data, describe
     from ..files.plain_data import fields_of, json_text
     from ..fmu.package import read_packaged_body
-    from ..view.tables import cost_table, data, describe
 
     body = read_packaged_body(file)
     costs = {}

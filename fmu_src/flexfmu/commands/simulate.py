@@ -32,7 +32,8 @@ def simulate(
     if plot is not None:
         check_target(plot, PICTURE_SUFFIXES, inputs=(fmu, loads, output))
     if shape is not None:
-        from ..view.command import SUFFIXES, show_simulation
+        from ..calls.showing import show_simulation
+        from ..view.shown import SUFFIXES
 
         check_target(shape, SUFFIXES, inputs=(fmu, loads, output))
     settings = parse_parameters(parameter or [])

@@ -32,8 +32,8 @@ def view(
     live: Annotated[Path | None, typer.Option(help="Page (.html) whose body answers to the pointer.")] = None,
 ) -> None:
     """Show a mesh, a body, its modes, an equilibrium or a motion: a page to turn and play, or a picture."""
+    from ..calls.showing import Request, show
     from ..fmu.simulation import parse_parameters
-    from ..view.command import Request, show
 
     target = live or output or Path(f"{file.stem}.html")
     settings = parse_parameters(parameter or [])
@@ -41,6 +41,6 @@ def view(
         file, target, table, tuple(load or ()), modes, colour, scale, method, settings, shapes, live is not None
     )
     seen = show(request, reporter())
-    for case in seen.cases[:1]:
+    for case in seen.view.cases[:1]:
         typer.echo(f"{case.name}: {case.note}")
     show_written(target)

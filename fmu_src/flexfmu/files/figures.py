@@ -3,10 +3,6 @@
 import io
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from .targets import whole_file
@@ -18,8 +14,17 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PINK = (
 _DPI = 150
 
 
+class Drawing(Figure):
+    """A figure without a window: notebooks show it by itself, and keep their own way to draw others."""
+
+    def _repr_png_(self) -> bytes:
+        data = io.BytesIO()
+        self.savefig(data, format="png")
+        return data.getvalue()
+
+
 def save(figure: Figure, picture: Path) -> None:
-    """Write a figure and close it.
+    """Write a figure.
 
     Parameters
     ----------
@@ -32,16 +37,5 @@ def save(figure: Figure, picture: Path) -> None:
     OutputError
         It cannot be written.
     """
-    try:
-        with whole_file(picture) as part:
-            figure.savefig(part, dpi=_DPI, format=picture.suffix[1:])
-    finally:
-        plt.close(figure)
-
-
-def picture_html(figure: Figure) -> str:
-    """A figure for a notebook, as SVG within HTML; it is closed."""
-    text = io.StringIO()
-    figure.savefig(text, format="svg")
-    plt.close(figure)
-    return text.getvalue().partition("<svg")[1] + text.getvalue().partition("<svg")[2]
+    with whole_file(picture) as part:
+        figure.savefig(part, dpi=_DPI, format=picture.suffix[1:])

@@ -1,5 +1,7 @@
 """Results as plain data, for `--json` and for pages."""
 
+import base64
+import io
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -35,14 +37,28 @@ def fields_of(value: object) -> dict[str, object]:
 
 def records_frame(records: Iterable[object]) -> Any:
     """A pandas.DataFrame of dataclasses, one row each."""
+    return table_frame(map(fields_of, records))
+
+
+def table_frame(rows: Iterable[Mapping[str, object]]) -> Any:
+    """A pandas.DataFrame of rows by the names of their columns."""
     import pandas
 
-    return pandas.DataFrame([fields_of(one) for one in records])
+    return pandas.DataFrame([*rows])
 
 
 def rows_html(rows: Iterable[tuple[str, str]]) -> str:
     """Pairs of a label and a value as an HTML table."""
     return f"<table>{''.join(f'<tr><th>{escape(a)}</th><td>{escape(b)}</td></tr>' for a, b in rows)}</table>"
+
+
+def picture_html(figure: Any, kind: str = "svg") -> str:
+    """A matplotlib figure for a notebook, as "svg" or "png" within HTML."""
+    data = io.BytesIO()
+    figure.savefig(data, format=kind)
+    if kind == "png":
+        return f'<img src="data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}">'
+    return "".join(data.getvalue().decode().partition("<svg")[1:])
 
 
 def _plain(value: object) -> object:

@@ -13,14 +13,18 @@ from ..body.flexible_body import FlexibleBody
 from ..body.loads import load_names
 from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
-from ..files.plain_data import rows_html
+from ..files.plain_data import picture_html, rows_html
 from ..files.progress import Reporter, ScriptReporter
+from ..files.quantities import unit_of
 from ..files.tables import write_table
 from ..files.targets import check_target
 from ..model.methods import Mass, Method
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import ReducedBody
 from ..model.summary import first_frequency, summary
+from ..view.live import live_view
+from ..view.motions import MODES, body_view, mode_cases, static_case
+from ..view.shown import Shown
 from .package import package_fmu, read_packaged_body
 from .runtime import Runtime
 from .simulation import simulate
@@ -51,7 +55,60 @@ class BuiltBody(FlexibleBody):
         """What it is made of, as a table."""
         facts = [] if self.reduced.properties is None else summary(self.reduced.properties)
         rows = [*facts, ("first frequency", first_frequency(self.model.angular_frequency))]
-        return f"<p>{html.escape(repr(self))}</p>{rows_html(rows)}"
+        picture = "" if self.model.surface is None else picture_html(Shown(body_view(self)).plot(), "png")
+        return f"<p>{html.escape(repr(self))}</p>{rows_html(rows)}{picture}"
+
+    def view(
+        self,
+        loads: Mapping[str, Sequence[float]] | None = None,
+        *,
+        modes: int = 0,
+        live: bool = False,
+        report: Reporter | None = None,
+    ) -> Shown:
+        """Show the body under loads that hold still, its modes, or alive: a page in notebooks.
+
+        Parameters
+        ----------
+        loads : mapping of str to 3 or 6 float, optional
+            N and N m by interface.
+        modes : int
+            How many mode shapes; without loads some are shown.
+        live : bool
+            Whether the body answers to the pointer, loads or not.
+        report : Reporter, optional
+
+        Returns
+        -------
+        Shown
+            Its `save(path)` writes page or picture, `plot()` is a figure.
+
+        Raises
+        ------
+        FlexfmuError
+            The body was built without its surface, or has no equilibrium.
+
+        Examples
+        --------
+        >>> flexfmu.load("arm.fmu").view({"tip": [0.0, 5e3, 0.0]}).save("bent.html")
+        PosixPath('bent.html')
+        """
+        report = report or ScriptReporter()
+        if live:
+            return Shown(live_view(self, report))
+        cases = []
+        if loads:
+            held = self.loads(loads)
+            values = zip(load_names(self.model), held.packed(with_acceleration=False), strict=False)
+            words = ", ".join(f"{name} = {value:g} {unit_of(name)}" for name, value in values if value)
+            cases.append(static_case(self, held, words, report))
+        if modes or not cases:
+            cases += mode_cases(self, modes or MODES)
+        return Shown(body_view(self, cases))
+
+    def plot(self, loads: Mapping[str, Sequence[float]] | None = None) -> Any:
+        """A matplotlib figure of the body, under loads that hold still."""
+        return (self.view(loads) if loads else Shown(body_view(self))).plot()
 
     def fmu(
         self,
@@ -213,8 +270,6 @@ class SimulationResult:
         return result_figure(self.outputs, self.time, self.values)
 
     def _repr_html_(self) -> str:
-        from ..files.figures import picture_html
-
         return f"<p>{html.escape(repr(self))}</p>{picture_html(self.plot())}"
 
     def to_csv(self, path: str | Path) -> None:

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from math import degrees
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
-from ..files.figures import BLUE, GREEN, VERMILION, save
+from ..files.figures import BLUE, GREEN, VERMILION, Drawing, save
 from ..files.tables import read_table
 
 # Label, and factor from SI units.
@@ -71,9 +70,8 @@ def result_figure(names: Sequence[str], time: FloatArray, values: FloatArray) ->
         raise SimulationError(f"of {', '.join(names)} none is a motion, nothing to draw")
     present = [q for q in _QUANTITIES if any(kind == q for _, _, kind, _ in parts)]
     interfaces = list(dict.fromkeys(interface for _, interface, _, _ in parts))
-    figure, axes = plt.subplots(
-        len(present), 1, sharex=True, figsize=(8.0, 2.4 * len(present) + 0.4), squeeze=False, layout="constrained"
-    )
+    figure = Drawing(figsize=(8.0, 2.4 * len(present) + 0.4), layout="constrained")
+    axes = figure.subplots(len(present), 1, sharex=True, squeeze=False)
     lines: dict[str, Line2D] = {}
     for panel, quantity in zip(axes[:, 0], present, strict=True):
         label, factor = _QUANTITIES[quantity]

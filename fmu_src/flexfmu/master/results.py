@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from ..files.array_types import FloatArray
+from ..files.plain_data import picture_html
 from ..files.tables import write_table
 from ..files.targets import whole_file
 
@@ -60,8 +61,6 @@ class Result:
         return result_figure(self.names, self.time, self.values)
 
     def _repr_html_(self) -> str:
-        from ..files.figures import picture_html
-
         return picture_html(self.plot())
 
 

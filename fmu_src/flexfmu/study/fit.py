@@ -1,6 +1,5 @@
 """The smallest, fastest model of a body that a scene's tolerance allows, as a body file and an FMU."""
 
-import html
 import math
 import time
 from collections.abc import Sequence
@@ -33,6 +32,7 @@ from .candidates import (
     reduction_config,
     times,
 )
+from .fitted import Fit
 from .jobs import Crew
 from .scene.config import BasisChoice
 from .scene.measure import SceneErrors
@@ -77,97 +77,6 @@ class Choice:
         cost = f", {1e6 * self.cost:.3g} µs" if math.isfinite(self.cost) else ""
         basis = BASES[self.reduction.basis.value]
         return f"{basis} {self.reduction.modes} ({plural(self.body.mode_count, 'coordinate')}{cost})"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
-    """What was found.
-
-    Attributes
-    ----------
-    reduction : Reduction
-    variant : Variant
-    measured, given : SceneErrors
-        Of the file that was written, and of the body as the user has it.
-    verified : SceneErrors or None
-        Of the file that was written, against the finite element model where that was asked for.
-    step, given_step : float
-        Time of a step from Python, s; not a number where the body as given has no answer.
-    mode_count, given_mode_count, frame_count, given_frame_count : int
-    reasons : dict of str to str
-        By the key of the body file.
-    seconds : float
-        What it took.
-    tried : int
-        Models whose error was measured.
-    """
-
-    reduction: Reduction
-    variant: Variant
-    measured: SceneErrors
-    given: SceneErrors
-    verified: SceneErrors | None
-    step: float
-    given_step: float
-    mode_count: int
-    given_mode_count: int
-    frame_count: int
-    given_frame_count: int
-    reasons: dict[str, str]
-    seconds: float
-    tried: int
-
-    @property
-    def met(self) -> bool:
-        """Whether the file that was written meets the tolerance."""
-        return self._counts.share <= 1.0
-
-    @property
-    def _counts(self) -> SceneErrors:
-        """The errors that decide."""
-        return self.verified or self.measured
-
-    @property
-    def verdict(self) -> str:
-        """Pass or fail, in a line."""
-        share = times(self._counts.share)
-        if self.met:
-            return f"pass: {share} × the tolerance"
-        return f"fail: {share} × the tolerance; the best model found is written all the same"
-
-    def _repr_html_(self) -> str:
-        return "".join(f"<p>{html.escape(line)}</p>" for line in (*self.summary, self.verdict))
-
-    @property
-    def summary(self) -> list[str]:
-        """The result in a few lines."""
-        measured = self._counts
-        kinds = {
-            "static displacement {:.2g} %": measured.static_displacement,
-            "displacement over time {:.2g} % rms": measured.transient_displacement,
-        }
-        errors = ", ".join(words.format(100.0 * error) for words, error in kinds.items() if not math.isnan(error))
-        where = f" ({measured.limited_by})" if measured.limited_by else ""
-        lines = [
-            f"Error over tolerance: {times(measured.share)}{where}; {errors or measured.failure}.",
-            f"{_size(self.mode_count, self.frame_count)}; a step from Python takes {1e6 * self.step:.3g} µs.",
-        ]
-        if self.verified is not None:
-            lines[0] += f" By the finite element model; {times(self.measured.share)} in the search."
-        else:
-            lines.append("Errors are those against a fine reduced model; chart's, against finite elements, may differ.")
-        if math.isnan(self.given_step):
-            lines.append(f"As given the body has no answer in this scene: {self.given.failure}")
-        else:
-            lines.append(
-                f"As given: {times(self.given.share)} of the tolerance, "
-                f"{_size(self.given_mode_count, self.given_frame_count)}, {1e6 * self.given_step:.3g} µs."
-            )
-        return lines
-
-
-def _size(modes: int, frames: int) -> str:
-    return f"{plural(modes, 'mode')}, {plural(frames, 'frame')}"
 
 
 def fit(

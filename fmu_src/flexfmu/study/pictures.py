@@ -8,7 +8,6 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
-from ..files.figures import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, YELLOW
+from ..files.figures import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, YELLOW, Drawing
 from ..model.methods import Method
 from .candidates import short
 from .front import QUANTITIES, Axis, bodies, recommended, tolerance
@@ -79,7 +78,7 @@ class Picture:
         below = 0.125 * max(len(lines) for lines in names.values()) + 0.15
         above = 0.42 + 0.17 * math.ceil(len(handles) / columns) + 0.4
         height = _HEIGHT + below + above + 0.45
-        figure = plt.figure(figsize=((_WIDTH + _STRIP) * len(fronts), height))
+        figure = Drawing(figsize=((_WIDTH + _STRIP) * len(fronts), height))
         for number, (quantity, members) in enumerate(fronts.items()):
             left = (number + 0.11) / len(fronts)
             bottom, tall = (below + 0.45) / height, _HEIGHT / height

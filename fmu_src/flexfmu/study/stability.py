@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -23,7 +22,7 @@ from matplotlib.patches import Patch, Rectangle
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import Loads
 from ..files.array_types import FloatArray
-from ..files.figures import ORANGE, VERMILION, save
+from ..files.figures import ORANGE, VERMILION, Drawing, save
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.targets import PICTURE_SUFFIXES, check_target
@@ -224,7 +223,8 @@ def map_figure(records: Path) -> Figure:
     across = min(len(cases), max(1, int((_PAGE - _LABELS) / panel_width)))
     down = math.ceil(len(cases) / across)
     size = across * panel_width + _LABELS, down * (_ROW * high + 0.7) + 0.9
-    figure, grid = plt.subplots(down, across, figsize=size, squeeze=False, sharey=True, layout="constrained")
+    figure = Drawing(figsize=size, layout="constrained")
+    grid = figure.subplots(down, across, squeeze=False, sharey=True)
     for panel in grid.flat[len(cases) :]:
         panel.set_visible(False)
     for panel, case in zip(grid.flat, cases, strict=False):

@@ -5,8 +5,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..build.body_model import read_body_model
-from ..build.config import BodyFile
 from ..files.array_types import FloatArray, IntArray
 from ..files.progress import Reporter
 from ..files.units import UnitSystem
@@ -33,12 +31,13 @@ def mesh_view(path: Path) -> View:
     return _view(mesh, path.name, [], (), np.zeros((0, 3)))
 
 
-def body_file_view(config: BodyFile, report: Reporter) -> View:
-    """A body file's mesh with what the file says of it, without any reduction.
+def model_view(options: BodyOptions, model: Model, report: Reporter) -> View:
+    """A finite element model with its supports, interfaces, frames and cuts, without any reduction.
 
     Parameters
     ----------
-    config : BodyFile
+    options : BodyOptions
+    model : Model
     report : Reporter
 
     Returns
@@ -50,8 +49,6 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
     FlexfmuError
         What the mesh does not provide.
     """
-    read = read_body_model(config, report)
-    options, model = read.options, read.model
     if options.find_cuts:
         options, model, _ = cut_loops(options, model)
     mesh = model.mesh
@@ -78,7 +75,7 @@ def body_file_view(config: BodyFile, report: Reporter) -> View:
     for cut in options.cuts:
         marks.append(Mark(MarkKind.CUT, cut))
         places.append(mesh.points[node_set(mesh, cut, "[[cut]] nodes")].mean(axis=0))
-    return _view(mesh, config.name, numbered, tuple(marks), np.array(places))
+    return _view(mesh, options.name, numbered, tuple(marks), np.array(places))
 
 
 def _frames(config: BodyOptions, model: Model, report: Reporter) -> tuple[list[Subdomain], tuple[str, ...], IntArray]:

@@ -17,6 +17,8 @@ from .model import STRESS, Case, Mark, MarkKind, Region, View, metres
 _PHASES, _SHARES = 24, 11
 # Largest displacement of a mode's picture, in sizes of the body.
 _MODE_AMPLITUDE = 0.08
+# Modes that are shown where nobody says how many.
+MODES = 6
 FRAMES, INTERFACES = "frames", "interfaces and supports"
 
 
@@ -154,9 +156,10 @@ def _extremes(
     return words if stress is None else f"{words}, {STRESS} {stress.max() / 1e6:.4g} MPa"
 
 
-def mode_cases(body: FlexibleBody, count: int, size: float) -> list[Case]:
-    """The lowest elastic modes, swinging by a share of the body's size (m)."""
+def mode_cases(body: FlexibleBody, count: int) -> list[Case]:
+    """The lowest elastic modes, swinging by a share of the body's size."""
     surface, model = surface_of(body.model), body.model
+    size = float(np.ptp(surface.points, axis=0).max())
     cases = []
     for number, j in enumerate(range(model.rigid_count, min(model.rigid_count + count, model.mode_count)), start=1):
         amplitude = _MODE_AMPLITUDE * size / np.linalg.norm(surface.modes[:, :, j], axis=1).max()

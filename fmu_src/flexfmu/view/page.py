@@ -3,7 +3,6 @@
 import base64
 from typing import Any
 
-import matplotlib
 import numpy as np
 
 from ..files.array_types import FloatArray
@@ -26,6 +25,8 @@ def page(view: View) -> str:
     -------
     str
     """
+    import matplotlib
+
     ramp = matplotlib.colormaps["viridis"](np.linspace(0.0, 1.0, _RAMP))[:, :3]
     content = {
         "title": view.title,

@@ -1,7 +1,6 @@
 """A view as a picture for reports: shaded faces from back to front, without a display."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -11,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from ..files.array_types import FloatArray, IntArray
-from ..files.errors import OutputError
-from ..files.targets import whole_file
+from ..files.figures import Drawing
 from .model import DISPLACEMENT, STRESS, Case, MarkKind, View
 
 # A palette that colour-blind readers can tell apart (Okabe and Ito), and what belongs to nothing.
@@ -150,7 +148,7 @@ def draw_triad(panel: Any, camera: Camera) -> None:
         panel.text(1.35 * x, 1.35 * y, "xyz"[axis], color=ink, ha="center", va="center", fontsize=9)
 
 
-def write_picture(view: View, case: Case | None, shape: int, colour: str, path: Path) -> None:
+def draw_view(view: View, case: Case | None, shape: int) -> Figure:
     """Draw one shape of a motion beside the undeformed body.
 
     Parameters
@@ -159,15 +157,10 @@ def write_picture(view: View, case: Case | None, shape: int, colour: str, path: 
     case : Case or None
     shape : int
         Index along the motion.
-    colour : str
-        One of `View.colours`.
-    path : Path
-        PNG, PDF or SVG.
 
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
+    Returns
+    -------
+    Figure
     """
     factor = 1.0 if case is None else view.factor(case)
     moved = np.zeros_like(view.points) if case is None else case.places[shape] - view.points
@@ -176,11 +169,11 @@ def write_picture(view: View, case: Case | None, shape: int, colour: str, path: 
     camera = Camera.of(np.ptp(both, axis=0))
     extent = np.ptp(both @ camera.axes[:2].T, axis=0)
     height = float(np.clip(_WIDTH * 0.8 * extent[1] / max(extent[0], 1e-12) + 1.2, 3.2, 7.0))
-    figure = Figure(figsize=(_WIDTH, height))
+    figure = Drawing(figsize=(_WIDTH, height))
     panel = figure.add_axes((0.02, 0.45 / height, 0.8, 1.0 - 0.95 / height))
     panel.set_aspect("equal", adjustable="datalim")
     panel.set_axis_off()
-    tint, bar = _tint(view, case, shape, colour)
+    tint, bar = _tint(view, case, shape, view.colour)
     draw_surface(panel, points, view.faces, camera, tint)
     if case is not None:
         draw_outline(panel, view.points, corner_edges(view.points, view.faces), camera, GHOST)
@@ -191,17 +184,13 @@ def write_picture(view: View, case: Case | None, shape: int, colour: str, path: 
     if bar is not None:
         figure.colorbar(bar[0], cax=figure.add_axes((0.86, 0.2, 0.025, 0.6)), label=bar[1])
     else:
-        _legend(panel, view, colour)
+        _legend(panel, view, view.colour)
     title = view.title if case is None else f"{view.title}: {case.name}"
     figure.text(0.02, 1.0 - 0.12 / height, title, fontsize=12, va="top")
     if case is not None:
         scaled = "" if factor == 1.0 else f"; drawn × {factor:g}"
         figure.text(0.02, 0.1 / height, f"{case.note}{scaled}", fontsize=9, color="#5b6875")
-    try:
-        with whole_file(path) as part:
-            figure.savefig(part, dpi=160)
-    except ValueError as error:
-        raise OutputError(f"{path}: cannot be drawn ({error})") from error
+    return figure
 
 
 def _tint(view: View, case: Case | None, shape: int, colour: str) -> tuple[FloatArray, Any]:

@@ -8,8 +8,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ...files.figures import picture_html, save
-from ...files.plain_data import page_text, records_frame
+from ...files.figures import save
+from ...files.plain_data import page_text, picture_html, records_frame
 from ...files.targets import PICTURE_SUFFIXES, check_target, whole_file
 from ...model.methods import Method
 from .. import pictures as look

@@ -10,6 +10,7 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import Loads, load_names
 from ..body.replay import body_with, replay
+from ..build.body_model import read_body_model
 from ..build.config import read_body_file
 from ..build.reduce import reduce_body
 from ..files.array_types import FloatArray, IntArray
@@ -20,20 +21,16 @@ from ..files.progress import Reporter
 from ..files.quantities import number, unit_of
 from ..files.store import Store, default_folder
 from ..files.tables import read_table
-from ..files.targets import PICTURE_SUFFIXES, check_target, whole_file
+from ..files.targets import check_target
 from ..fmu.package import read_packaged_body
 from ..model.reduced_body import ReducedBody
-from .from_motion import motion_columns, shapes_of_least_energy
-from .live import live_view
-from .mesh import body_file_view, mesh_view
-from .model import Case, View
-from .motions import body_view, mode_cases, motion_case, static_case
-from .page import page
-from .paraview import write_pvd, write_vtu
-from .picture import write_picture
+from ..view.from_motion import motion_columns, shapes_of_least_energy
+from ..view.live import live_view
+from ..view.mesh import mesh_view, model_view
+from ..view.model import Case, View
+from ..view.motions import MODES, body_view, mode_cases, motion_case, static_case
+from ..view.shown import PAGE, SUFFIXES, Shown
 
-PAGE, SHAPE, SERIES = ".html", ".vtu", ".pvd"
-SUFFIXES = (PAGE, SHAPE, SERIES, *PICTURE_SUFFIXES)
 # Most shapes of a motion, and relative difference of motions that are the same.
 MOST_SHAPES, _REPLAYED = 100, 1e-6
 
@@ -46,7 +43,7 @@ class Request:
     ----------
     file : Path
         FMU, modal file, body file or mesh.
-    output : Path
+    output : Path or None
     table : Path or None
         Motion of interfaces over time.
     loads : tuple of str
@@ -66,7 +63,7 @@ class Request:
     """
 
     file: Path
-    output: Path
+    output: Path | None
     table: Path | None = None
     loads: tuple[str, ...] = ()
     modes: int = 0
@@ -78,8 +75,8 @@ class Request:
     live: bool = False
 
 
-def show(request: Request, report: Reporter) -> View:
-    """Make a view and write it.
+def show(request: Request, report: Reporter) -> Shown:
+    """Make a view, and write it where a file is named.
 
     Parameters
     ----------
@@ -88,7 +85,7 @@ def show(request: Request, report: Reporter) -> View:
 
     Returns
     -------
-    View
+    Shown
 
     Raises
     ------
@@ -97,34 +94,15 @@ def show(request: Request, report: Reporter) -> View:
     RuntimeBodyError
         A body that was built without its surface, or has no equilibrium.
     """
-    check_target(
-        request.output,
-        (PAGE,) if request.live else SUFFIXES,
-        inputs=[p for p in (request.file, request.table) if p is not None],
-    )
+    if request.output is not None:
+        inputs = [p for p in (request.file, request.table) if p is not None]
+        check_target(request.output, (PAGE,) if request.live else SUFFIXES, inputs)
     view = _view(request, report)
-    view = replace(view, colour=_colour(request, view), scale=request.scale)
-    _write(view, request.output, report)
-    return view
-
-
-def _write(view: View, output: Path, report: Reporter) -> None:
-    """Write a view as the ending of the file's name says."""
-    case = view.cases[0] if view.cases else None
-    shape = 0 if case is None else view.telling(case)
-    suffix = output.suffix.lower()
-    with report.stage(f"Write {output}"):
-        if suffix == PAGE:
-            with whole_file(output) as part:
-                part.write_text(page(view), encoding="utf-8")
-        elif suffix == SERIES:
-            if case is None:
-                raise FlexfmuError(f"{output}: a series wants a motion; give loads or --modes, or take {SHAPE}")
-            write_pvd(view, case, output)
-        elif suffix == SHAPE:
-            write_vtu(view, case, shape, output)
-        else:
-            write_picture(view, case, shape, view.colour, output)
+    shown = Shown(replace(view, colour=_colour(request, view), scale=request.scale))
+    if request.output is not None:
+        with report.stage(f"Write {request.output}"):
+            shown.save(request.output)
+    return shown
 
 
 def _view(request: Request, report: Reporter) -> View:
@@ -138,7 +116,8 @@ def _view(request: Request, report: Reporter) -> View:
     if kind is Kind.BODY or request.file.suffix.lower() == ".toml":
         config = read_body_file(request.file)
         if not moves:
-            return body_file_view(config, report)
+            read = read_body_model(config, report)
+            return model_view(read.options, read.model, report)
         config = config.model_copy(update={"output": config.output.model_copy(update={"surface": True})})
         model = reduce_body(config, report, Store(default_folder()))
     else:
@@ -170,8 +149,7 @@ def view_of_model(model: ReducedBody, request: Request, report: Reporter) -> Vie
     if request.table is not None:
         cases.append(_table_case(body, request.table, request.shapes, report))
     if request.modes or not cases:
-        bare = body_view(body)
-        cases += mode_cases(body, request.modes or 6, bare.size)
+        cases += mode_cases(body, request.modes or MODES)
     return body_view(body, cases)
 
 
@@ -227,7 +205,9 @@ def show_simulation(
     if off > _REPLAYED * max(float(np.abs(expected).max(initial=0.0)), 1e-12):
         report.warning(f"the picture's motion differs from the FMU's by up to {off:.2g}: its loads are other ones")
     some = _spread(len(found.time), MOST_SHAPES)
-    _write(body_view(body, [motion_case(body, table.name, [*found.q[some]], [*found.time[some]])]), output, report)
+    case = motion_case(body, table.name, [*found.q[some]], [*found.time[some]])
+    with report.stage(f"Write {output}"):
+        Shown(body_view(body, [case])).save(output)
 
 
 def packed_rows(model: ReducedBody, names: Sequence[str], values: FloatArray) -> FloatArray:
