@@ -168,10 +168,8 @@ def test_a_notebook_shows_the_body_alive(modal_file, tmp_path):
     inside = "document.querySelector('iframe').contentDocument"
     with Tab(notebook) as tab:
         tab.until(f"{inside}.body?.dataset.live === 'yes'")
-        frame = tab.value(
-            "(() => { const r = document.querySelector('iframe').getBoundingClientRect(); return [r.width, r.height]; })()"
-        )
-        assert min(frame) > 500
+        width, height = (tab.value(f"document.querySelector('iframe').offset{side}") for side in ("Width", "Height"))
+        assert min(width, height) > 500
         tab.picture(tmp_path / "notebook.png")
         assert tab.said == []
 
