@@ -12,7 +12,7 @@ from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import AccuracyError, BodyFileError, ModelError
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material, Mesh
-from flexfmu.reduction.modes import Modes, normal_modes, with_residual_flexibility
+from flexfmu.reduction.modes import Modes, frequency_spread, normal_modes, with_residual_flexibility
 from flexfmu.reduction.supported import eliminated, supported
 from meshes import EVERY_TYPE, STEEL, box, held, lattice, renumbered, with_sets
 
@@ -207,3 +207,18 @@ def test_one_load_given_twice_adds_a_shape_once_whatever_the_round_off_of_its_so
     twice = with_residual_flexibility(Noisy(model, 5e-12, random), modes, np.hstack([load, load]))
     assert once.angular_frequency.size == twice.angular_frequency.size == 4
     np.testing.assert_allclose(twice.angular_frequency, once.angular_frequency, rtol=1e-5)
+
+
+def test_the_spread_of_a_mode_is_that_of_the_vibrations_it_is_made_of():
+    """λ Σ c²/λ_i − 1 over all vibrations of a mesh, with λ = Σ c² λ_i: by the dense eigenproblem."""
+    mesh = clamped(ElementType.C3D20, (2, 2, 2), (0.3, 0.1, 0.13))
+    k, m = stiffness(mesh), mass(mesh, mesh.volume_matrices)
+    model = supported(eliminated(k, m, unknowns(mesh.fixed, None)), np.zeros((k.shape[0], 0)))
+    loads = np.random.default_rng(5).standard_normal((k.shape[0], 2))
+    found = with_residual_flexibility(model, normal_modes(model, 3), loads)
+    values, vectors = scipy.linalg.eigh(model.stiffness.toarray(), model.mass.toarray())
+    share = (vectors.T @ (model.mass @ model.unknowns.of(found.shapes))) ** 2
+    spread = frequency_spread(model, found)
+    np.testing.assert_array_equal(spread[:3], 0.0)
+    assert np.all(spread[3:] > 0.01)
+    np.testing.assert_allclose(spread, (values @ share) * (1.0 / values @ share) - 1.0, rtol=1e-6, atol=1e-8)

@@ -43,6 +43,7 @@ static double diagnose_spin(Instance *x) { return body_spin(x->body, x->q, x->v)
 
 static double diagnose_momentum(Instance *x) { return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1]; }
 
+static double diagnose_truncation(Instance *x) { return x->single[S_TRUNCATION + sizeof(Truncation) / sizeof(double) - 1]; }
 static double diagnose_inertia(Instance *x) { return x->single[S_INERTIA + sizeof(MissedInertia) / sizeof(double) - 1]; }
 
 static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }

@@ -206,6 +206,15 @@ static void inertia(Body *body, const Watch *watch, const StepEnd *end, Memory *
     snprintf(text, FINDING_TEXT, SAY_INERTIA, 100.0 * memory->inertia.error, 100.0 * watch->limit);
 }
 
+static void truncation(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
+    const Watch *watch = monitor->watch + WATCH_TRUNCATION;
+    body_truncation(monitor->body, end, monitor->shape, &memory->truncation);
+    if (!(watch->limit > 0.0) || !(memory->truncation.error > watch->limit)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_TRUNCATION]);
+    if (!text) return;
+    snprintf(text, FINDING_TEXT, SAY_TRUNCATION, 100.0 * memory->truncation.error, 100.0 * watch->limit);
+}
+
 /* Strain energy over the largest so far by which it has grown, or changed, when the error is looked at again: it grows no
  * faster than the energy, and is looked at in time for a fraction of its limit. */
 static const double GROWN = 1.1, GROWN_FAR = 2.0, MOVED = 0.05, IN_TIME = 0.25;
@@ -272,6 +281,7 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
     rotation(body, watch + WATCH_ROTATION, q, memory, found);
     strain(body, watch + WATCH_STRAIN, q, memory, found);
     error(monitor, end, memory, found);
+    truncation(monitor, end, memory, found);
     if (end->step > 0.0 && body->p.spins) {
         spinning(monitor, q, v, memory, found);
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);

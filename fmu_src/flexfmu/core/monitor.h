@@ -21,12 +21,6 @@ typedef struct {
     OnLimit action;
 } Watch;
 
-/* Where a step, s, ends; of 0 s where none was taken yet: in times of the body, and loads as they act on it. */
-typedef struct {
-    const double *q, *v, *motion, *inputs; /* (m), (m), (6I) and (L) */
-    double step;
-} StepEnd;
-
 /* Beyond these no method means anything; 0 for no bound. */
 typedef struct {
     double rotation, displacement; /* rad; over the size of the body */
@@ -45,6 +39,7 @@ typedef struct {
     double beyond;           /* what stability was known to lie above then */
     Momentum momentum;
     MissedInertia inertia;
+    Truncation truncation;
     ErrorMemory error;
     double warned[WATCHES];  /* once a run, since a body that swings would be told of twice a period */
 } Memory;

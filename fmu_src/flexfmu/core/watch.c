@@ -404,6 +404,48 @@ void body_missed_inertia(Body *body, const double *q, const double *v, double st
     so_far->error = sqrt(so_far->most_moved / so_far->energy / 3.0) * phase + so_far->most_missed / so_far->energy;
 }
 
+/* Largest linear displacement of an interface by elastic coordinates (m), squared. */
+static double linear_reach(const Program *p, const double *q) {
+    const int64_t r = p->rigid;
+    double most = 0.0;
+    for (int64_t i = 0; i < p->interfaces; i++) {
+        double square = 0.0;
+        for (int c = 0; c < 3; c++) {
+            const double moved = dot(p->load_operator + (3 * i + c) * p->modes + r, q + r, p->modes - r);
+            square += moved * moved;
+        }
+        most = fmax(most, square);
+    }
+    return most;
+}
+
+void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, count = p->interfaces;
+    double mixed = 0.0;
+    if (!p->mixed) return;
+    so_far->time += end->step;
+    for (int64_t i = 0; i < p->mixed; i++) {
+        const double off = p->mixed_reach[i] * end->v[p->mixed_mode[i]] * fmin(1.0, p->mixed_drift[i] * so_far->time);
+        mixed += off * off;
+    }
+    if (mixed == 0.0 && end->step > 0.0) return;
+    so_far->mixed = fmax(so_far->mixed, mixed);
+    so_far->moved = fmax(so_far->moved, linear_reach(p, end->q));
+    /* A body that has just been pushed is on its way: to where its rates carry it, and to where the loads would hold it. */
+    for (int64_t j = p->rigid; j < m; j++) ahead[j] = end->v[j] / p->omega[j];
+    double moved = fmax(so_far->moved, linear_reach(p, ahead));
+    memset(ahead, 0, (size_t)m * sizeof(double));
+    for (int64_t i = 0; i < count; i++) {
+        add_rows(end->inputs + 6 * i, p->load_operator + 3 * i * m, ahead, 3, m);
+        add_rows(end->inputs + 6 * i + 3, p->load_operator + 3 * (count + i) * m, ahead, 3, m);
+    }
+    if (p->loads > 6 * count) add_rows(end->inputs + 6 * count, p->inertia_operator, ahead, 3, m);
+    for (int64_t j = p->rigid; j < m; j++) ahead[j] /= p->omega[j] * p->omega[j];
+    moved = fmax(moved, linear_reach(p, ahead));
+    if (moved > 0.0) so_far->error = sqrt(so_far->mixed / moved);
+}
+
 /* Share of a moment below which the model hardly feels it, near full turns: what it is cannot be told from the motion. */
 static const double UNFELT = 0.05;
 

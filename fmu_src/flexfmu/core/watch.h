@@ -5,6 +5,12 @@
 
 #include "data.h"
 
+/* Where a step, s, ends; of 0 s where none was taken yet: in times of the body, and loads as they act on it. */
+typedef struct {
+    const double *q, *v, *motion, *inputs; /* (m), (m), (6I) and (L) */
+    double step;
+} StepEnd;
+
 void stability_demand(const Body *body, Arena *arena);
 void judgement_demand(const Body *body, Arena *arena);
 void inertia_demand(const Body *body, Arena *arena);
@@ -36,6 +42,13 @@ void body_momentum(Body *body, const double *q, const double *v, Momentum *so_fa
 typedef struct {
     double time, missed, moved, most_missed, most_moved, energy, error;
 } MissedInertia;
+/* How far modes that are no vibrations of the finite element model have moved interfaces out of phase: seconds so far, the largest
+ * square of that, m2, and of linear displacements of interfaces; the error of the motion that follows. `ahead` is workspace
+ * of m numbers. */
+typedef struct {
+    double time, mixed, moved, error;
+} Truncation;
+void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far);
 void body_missed_inertia(Body *body, const double *q, const double *v, double step, MissedInertia *so_far);
 
 #endif

@@ -65,6 +65,10 @@ BODY = (
     Entry("interface_names", "interfaces/name", "I", "1", "names", str),
     Entry("frame_names", "frames/name", "S", "1", "names", str),
     Entry("angular_frequency", "modes/angular_frequency", "m", "rad/s", "undamped angular frequencies"),
+    Entry(
+        "frequency_spread", "modes/frequency_spread", "m", "1", "spread of the vibrations that a mode is made of",
+        optional=True,
+    ),
     Entry("damping_ratio", "modes/damping_ratio", "m", "1", "modal damping ratios"),
     Entry("interface_point", "interfaces/point", "I 3", "m", "reference points"),
     Entry("interface_displacement", "interfaces/displacement", "I 3 m", "kg^-0.5", "displacement per mode"),

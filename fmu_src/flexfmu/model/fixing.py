@@ -65,6 +65,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
         angular_frequency=np.sqrt(squares),
         damping_ratio=share.T @ body.damping_ratio,
         interface_frame=np.maximum(body.interface_frame - gone, GROUND),
+        frequency_spread=None,
         watched_frame=None if body.watched_frame is None else np.maximum(body.watched_frame - gone, GROUND),
         stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
         root_interface=GROUND,

@@ -276,6 +276,8 @@ class ReducedBody:
         Reduced geometric stiffness of each unit modal coordinate, 1/(s² kg^1/2 m).
     watched_frame, watched_rotation, watched_strain : (w,) int, (w, 3, m) float and (v, 6, m) float, or None
         Frames and mean rotations of elements that are watched; mean strain of each material in each frame.
+    frequency_spread : (m,) float or None
+        How far modes are from vibrations of the finite element model, as of `reduction.modes.frequency_spread`.
     method : Method
         The one that the body file asks for; another may be chosen when the body is used.
     mass : Mass
@@ -326,6 +328,7 @@ class ReducedBody:
     watched_frame: IntArray | None = None
     watched_rotation: FloatArray | None = None
     watched_strain: FloatArray | None = None
+    frequency_spread: FloatArray | None = None
     method: Method = DEFAULT
     mass: Mass = Mass.CONSTANT
     velocity_outputs: bool = False

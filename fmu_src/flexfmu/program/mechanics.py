@@ -52,6 +52,7 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     _put_modes(draft, body)
     _put_nodes(draft, body, tree)
     _put_loads(draft, body)
+    _put_mixed(draft, body)
     _put_watched(draft, body, recipe, tree)
     if tree.curvature is not None:
         draft.sizes["curved"] = 1
@@ -91,6 +92,19 @@ def _put_modes(draft: Draft, body: ReducedBody) -> None:
         "weight": np.where(omega > 0.0, omega, omega[rigid]),
         "suggested_step": np.array([body.suggested_step]),
         "body_size": np.array([_size(body)]),
+    }
+
+
+def _put_mixed(draft: Draft, body: ReducedBody) -> None:
+    """Modes that are no vibrations of the finite element model, and how far they move an interface."""
+    spread = np.zeros(body.mode_count) if body.frequency_spread is None else body.frequency_spread
+    mixed = np.flatnonzero(spread)
+    reach = np.linalg.norm(body.interface_displacement[:, :, mixed], axis=1).max(axis=0, initial=0.0)
+    draft.sizes |= {"mixed": mixed.size}
+    draft.arrays |= {
+        "mixed_mode": mixed,
+        "mixed_reach": reach / body.angular_frequency[mixed],
+        "mixed_drift": 0.5 * spread[mixed] * body.angular_frequency[mixed],
     }
 
 

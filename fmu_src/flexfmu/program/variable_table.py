@@ -39,6 +39,7 @@ CONDITIONS: dict[str, Callable[[ReducedBody], bool]] = {
     "turning": lambda body: body.polynomial is not None and body.mass is Mass.CONSTANT,
     "fixable": lambda body: body.root_interface != GROUND,
     "certified": lambda body: body.shadow is not None,
+    "truncated": lambda body: body.frequency_spread is not None,
     "unsprung": lambda body: body.properties is None or body.properties.spring is None,
     "unladen": lambda body: body.properties is None or body.properties.point_mass is None,
 }

@@ -83,6 +83,7 @@ class Parts:
     watched_frame: IntArray | None = None
     watched_rotation: FloatArray | None = None
     watched_strain: FloatArray | None = None
+    frequency_spread: FloatArray | None = None
     root_interface: int = GROUND
     whole: WholeFrame | None = None
     masses: Masses | None = None

@@ -36,6 +36,8 @@ _HELD_ALREADY = 1e-10
 _OF_ROUND_OFF = 30.0
 # Smallest eigenvalue of the interfaces' scaled compliance below which they depend on each other.
 _DEPENDENT = 1e-10
+# Force that a mode lacks to be one of the whole model, over that of its inertia, which is more than round-off.
+_MIXED = 1e-4
 # After the small eigenproblem.
 _ORTHONORMALISATIONS = 2
 # A component this close to the largest may serve to fix a sign: the first such one is taken.
@@ -170,6 +172,30 @@ def with_residual_flexibility(
         At most 6I more.
     """
     return _joined(model, modes, _statics(model, model.forces(interface_loads)), missed)
+
+
+def frequency_spread(model: Supported, modes: Modes) -> FloatArray:
+    """How far modes are from vibrations of the whole model: λ ⟨1/λ⟩ − 1 over the vibrations that each is made of.
+
+    Parameters
+    ----------
+    model : Supported
+    modes : Modes
+
+    Returns
+    -------
+    (m,) float
+        0 where a mode is one of the model's own, and for rigid motions.
+    """
+    found, squares = np.zeros(modes.angular_frequency.size), modes.angular_frequency**2
+    shapes = model.unknowns.of(modes.shapes)
+    inertia = (model.mass @ shapes) * squares
+    rest = model.stiffness @ shapes - inertia
+    mixed = np.linalg.norm(rest, axis=0) > _MIXED * np.linalg.norm(inertia, axis=0)
+    mixed &= squares > 0.0
+    rest = rest[:, mixed]
+    found[mixed] = np.einsum("ij,ij->j", rest, model.static(rest)) / squares[mixed]
+    return found
 
 
 def _statics(model: Supported, loads: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from .making import NO_PARTS, Motion, Parts, made_body
 from .masses import Centre, mass_centres, sub_masses
 from .membrane import Stretching, membrane_energy
 from .model import Model
-from .modes import Modes
+from .modes import Modes, frequency_spread
 from .options import BodyOptions, BodyUse
 from .rigid_fit import by_node, modal_fit
 from .second_order import node_readings, second_order
@@ -269,6 +269,7 @@ def _parts(
         stress_sets=_stress_sets(config, model, modes),
         stiffness_by_load=loaded,
         stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if by_mode else None,
+        frequency_spread=frequency_spread(matrices.supported, modes) if config.watched else None,
         surface=surface,
         second=second,
     )

@@ -119,6 +119,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     return replace(
         body,
         angular_frequency=angular_frequency,
+        frequency_spread=None,
         damping_ratio=np.full(len(angular_frequency), body.damping_ratio[0]),
         surface=body.surface and body.surface.in_coordinates(turn),
         membrane=body.membrane and body.membrane.turned(turn, angular_frequency**2),
