@@ -273,6 +273,7 @@ def body_of_everything(
         stiffness_by_mode=by_mode + by_mode.transpose(0, 2, 1),
         inertia=inertia,
         whole=whole,
+        frequency_spread=np.where(np.arange(modes) > modes // 2, 0.3, 0.0),
     )
     if free:
         body = _floating(body)

@@ -167,6 +167,7 @@ def test_lumps_in_another_basis_are_those_of_the_turned_modes(whole, random):
         model,
         angular_frequency=np.arange(1.0, 5.0),
         damping_ratio=np.zeros(4),
+        frequency_spread=None,
         inertia=without_frames(model.inertia, turn, 0),
         whole=None,
         surface=None,

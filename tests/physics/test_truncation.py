@@ -47,7 +47,7 @@ def told(folder, model, course, count):
 
 
 COURSES = {
-    "sudden": lambda number: 40.0,
+    "sudden": lambda _: 40.0,
     "a blow": lambda number: 400.0 * (number < 5),
     "slow": lambda number: 40.0 * min(number / 300, 1.0),
 }

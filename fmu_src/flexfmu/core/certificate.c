@@ -207,10 +207,10 @@ static double moved_by_flattening(Body *body, Room *room, const double *q) {
 }
 
 /* Bound of an error of which the shadow finds a share: near a critical load what it does not see grows as well, and the next
- * order after the second, `within` of the deflection, is to it as that is to the first. Of flattening, `flat` of it, only the
- * first order is known: in tubes and pipe bends what is missed is 0.2 to 2 times as much. */
+ * order after the second, `within` of the deflection, is that of a cosine. Of flattening, `flat` of it, only the first order is
+ * known: in tubes and pipe bends what is missed is 0.2 to 2 times as much. */
 static double bound_of(double share, double soft, double within, double flat) {
-    return share > 0.0 ? MARGIN * (share / sqrt(soft) + within * within + 1.5 * flat) : 0.0;
+    return share > 0.0 ? MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat) : 0.0;
 }
 
 int bounded_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,

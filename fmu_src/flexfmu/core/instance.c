@@ -369,17 +369,13 @@ static Answer inspect(Instance *x, const double *q, const double *v, double step
     x->memory.largest = x->single[S_LARGEST];
     x->memory.beyond = x->single[S_BEYOND];
     memcpy(x->memory.warned, x->single + S_WARNED, sizeof x->memory.warned);
-    memcpy(&x->memory.momentum, x->single + S_MOMENTUM, sizeof x->memory.momentum);
-    memcpy(&x->memory.inertia, x->single + S_INERTIA, sizeof x->memory.inertia);
+    memcpy(&x->memory.course, x->single + S_COURSE, sizeof x->memory.course);
     memcpy(&x->memory.error, x->single + S_SEEN, sizeof x->memory.error);
-    memcpy(&x->memory.truncation, x->single + S_TRUNCATION, sizeof x->memory.truncation);
     look(&monitor, &end, &x->memory, &found);
     memcpy(x->single + S_SEEN, &x->memory.error, sizeof x->memory.error);
     x->single[S_LARGEST] = x->memory.largest;
     x->single[S_BEYOND] = x->memory.beyond;
-    memcpy(x->single + S_MOMENTUM, &x->memory.momentum, sizeof x->memory.momentum);
-    memcpy(x->single + S_INERTIA, &x->memory.inertia, sizeof x->memory.inertia);
-    memcpy(x->single + S_TRUNCATION, &x->memory.truncation, sizeof x->memory.truncation);
+    memcpy(x->single + S_COURSE, &x->memory.course, sizeof x->memory.course);
     memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);
     for (int i = 0; i < found.count; i++) {
         if (found.action[i] == ON_WARN) continue;

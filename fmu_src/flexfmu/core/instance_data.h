@@ -75,9 +75,8 @@ typedef struct {
 /* Single numbers of the state. */
 enum {
     S_LAST_STEP, S_TIME, S_KNOWN, S_RUNNING, S_STATUS, S_HINT, S_MODES, S_SUBSTEPS, S_ITERATIONS, S_ERROR, S_LARGEST, S_BEYOND,
-    S_WARNED, S_MOMENTUM = S_WARNED + WATCHES, S_INERTIA = S_MOMENTUM + sizeof(Momentum) / sizeof(double),
-    S_SEEN = S_INERTIA + sizeof(MissedInertia) / sizeof(double), S_TRUNCATION = S_SEEN + sizeof(ErrorMemory) / sizeof(double),
-    S_COUNT = S_TRUNCATION + sizeof(Truncation) / sizeof(double)
+    S_WARNED, S_COURSE = S_WARNED + WATCHES, S_SEEN = S_COURSE + sizeof(Course) / sizeof(double),
+    S_COUNT = S_SEEN + sizeof(ErrorMemory) / sizeof(double)
 };
 
 static inline const Program *description(const Instance *x) { return &x->described->p; }

@@ -1,6 +1,7 @@
 #include "instance_values.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -41,10 +42,11 @@ static double diagnose_error(Instance *x) {
 
 static double diagnose_spin(Instance *x) { return body_spin(x->body, x->q, x->v); }
 
-static double diagnose_momentum(Instance *x) { return x->single[S_MOMENTUM + sizeof(Momentum) / sizeof(double) - 1]; }
-
-static double diagnose_truncation(Instance *x) { return x->single[S_TRUNCATION + sizeof(Truncation) / sizeof(double) - 1]; }
-static double diagnose_inertia(Instance *x) { return x->single[S_INERTIA + sizeof(MissedInertia) / sizeof(double) - 1]; }
+/* Of the motion so far. */
+static double of_course(const Instance *x, size_t place) { return x->single[S_COURSE + place / sizeof(double)]; }
+static double diagnose_momentum(Instance *x) { return of_course(x, offsetof(Course, momentum.drift)); }
+static double diagnose_truncation(Instance *x) { return of_course(x, offsetof(Course, truncation.error)); }
+static double diagnose_inertia(Instance *x) { return of_course(x, offsetof(Course, inertia.error)); }
 
 static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }
 

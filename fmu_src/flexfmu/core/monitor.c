@@ -190,29 +190,29 @@ static void spinning(const Monitor *monitor, const double *q, const double *v, M
 
 static void momentum(Body *body, const Watch *watch, const double *q, const double *v, Memory *memory, Findings *found) {
     const Program *p = &body->p;
-    body_momentum(body, q, v, &memory->momentum);
-    if (!(watch->limit > 0.0) || !(memory->momentum.drift > watch->limit)) return;
+    body_momentum(body, q, v, &memory->course.momentum);
+    if (!(watch->limit > 0.0) || !(memory->course.momentum.drift > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_MOMENTUM]);
     if (!text) return;
     snprintf(text, FINDING_TEXT, SAY_MOMENTUM,
-             100.0 * memory->momentum.drift, 100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
+             100.0 * memory->course.momentum.drift, 100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
 }
 
 static void inertia(Body *body, const Watch *watch, const StepEnd *end, Memory *memory, Findings *found) {
-    body_missed_inertia(body, end->q, end->v, end->step, &memory->inertia);
-    if (!(watch->limit > 0.0) || !(memory->inertia.error > watch->limit)) return;
+    body_missed_inertia(body, end->q, end->v, end->step, &memory->course.inertia);
+    if (!(watch->limit > 0.0) || !(memory->course.inertia.error > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_INERTIA]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT, SAY_INERTIA, 100.0 * memory->inertia.error, 100.0 * watch->limit);
+    snprintf(text, FINDING_TEXT, SAY_INERTIA, 100.0 * memory->course.inertia.error, 100.0 * watch->limit);
 }
 
 static void truncation(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_TRUNCATION;
-    body_truncation(monitor->body, end, monitor->shape, &memory->truncation);
-    if (!(watch->limit > 0.0) || !(memory->truncation.error > watch->limit)) return;
+    body_truncation(monitor->body, end, monitor->shape, &memory->course.truncation);
+    if (!(watch->limit > 0.0) || !(memory->course.truncation.error > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_TRUNCATION]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT, SAY_TRUNCATION, 100.0 * memory->truncation.error, 100.0 * watch->limit);
+    snprintf(text, FINDING_TEXT, SAY_TRUNCATION, 100.0 * memory->course.truncation.error, 100.0 * watch->limit);
 }
 
 /* Strain energy over the largest so far by which it has grown, or changed, when the error is looked at again: it grows no

@@ -32,14 +32,19 @@ typedef struct {
     double deflection, energy, largest, steps, bound;
 } ErrorMemory;
 
+/* Of the whole motion so far. */
+typedef struct {
+    Momentum momentum;
+    MissedInertia inertia;
+    Truncation truncation;
+} Course;
+
 /* What the monitor remembers: all of it is state. */
 typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
     double largest;          /* square of the largest loads so far */
     double beyond;           /* what stability was known to lie above then */
-    Momentum momentum;
-    MissedInertia inertia;
-    Truncation truncation;
+    Course course;
     ErrorMemory error;
     double warned[WATCHES];  /* once a run, since a body that swings would be told of twice a period */
 } Memory;

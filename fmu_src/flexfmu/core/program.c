@@ -136,6 +136,7 @@ static const char *inconsistent(const Program *p) {
     if (!positive(p->lump_mass, p->lumps, 1)) return "a lump's mass is negative";
     if (p->body_size[0] < 0.0) return "the body's size is negative";
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";
+    if (!within(p->mixed_mode, p->mixed, p->rigid, m - 1)) return "a mode that is none of the mesh is out of range";
     if (!within(p->follower, p->followers, 0, p->interfaces - 1) || (p->followers && p->placement != PLACE_DEFORMED))
         return "a load follows no interface";
     if (p->compliances > p->interfaces || !within(p->compliance_interface, p->compliances, 0, p->interfaces - 1))

@@ -419,6 +419,9 @@ static double linear_reach(const Program *p, const double *q) {
     return most;
 }
 
+/* Deflection over the size of the body below which no motion matters. */
+static const double UNSEEN = 1e-3;
+
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far) {
     const Program *p = &body->p;
     const int64_t m = p->modes, count = p->interfaces;
@@ -442,7 +445,7 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
     }
     if (p->loads > 6 * count) add_rows(end->inputs + 6 * count, p->inertia_operator, ahead, 3, m);
     for (int64_t j = p->rigid; j < m; j++) ahead[j] /= p->omega[j] * p->omega[j];
-    moved = fmax(moved, linear_reach(p, ahead));
+    moved = fmax(fmax(moved, linear_reach(p, ahead)), UNSEEN * UNSEEN * p->body_size[0] * p->body_size[0]);
     if (moved > 0.0) so_far->error = sqrt(so_far->mixed / moved);
 }
 

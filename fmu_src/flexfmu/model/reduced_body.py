@@ -274,10 +274,8 @@ class ReducedBody:
         masses, accelerations of the supports; 1/(s² N), 1/(s² N m), 1/m.
     stiffness_by_mode : (m, m, m) float or None
         Reduced geometric stiffness of each unit modal coordinate, 1/(s² kg^1/2 m).
-    watched_frame, watched_rotation, watched_strain : (w,) int, (w, 3, m) float and (v, 6, m) float, or None
-        Frames and mean rotations of elements that are watched; mean strain of each material in each frame.
-    frequency_spread : (m,) float or None
-        How far modes are from vibrations of the finite element model, as of `reduction.modes.frequency_spread`.
+    watched_frame, watched_rotation, watched_strain, frequency_spread : (w,), (w, 3, m), (v, 6, m) and (m,), or None
+        Frames and rotations of watched elements; strain of each material in each frame; `modes.frequency_spread`.
     method : Method
         The one that the body file asks for; another may be chosen when the body is used.
     mass : Mass

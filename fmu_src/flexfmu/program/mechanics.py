@@ -98,7 +98,7 @@ def _put_modes(draft: Draft, body: ReducedBody) -> None:
 def _put_mixed(draft: Draft, body: ReducedBody) -> None:
     """Modes that are no vibrations of the finite element model, and how far they move an interface."""
     spread = np.zeros(body.mode_count) if body.frequency_spread is None else body.frequency_spread
-    mixed = np.flatnonzero(spread)
+    mixed = np.flatnonzero(spread * body.angular_frequency)
     reach = np.linalg.norm(body.interface_displacement[:, :, mixed], axis=1).max(axis=0, initial=0.0)
     draft.sizes |= {"mixed": mixed.size}
     draft.arrays |= {
