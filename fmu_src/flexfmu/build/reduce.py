@@ -104,15 +104,15 @@ def reduce_mesh(
     store = store or Store()
     options, model = chosen_cuts(options, model, report, store)
     if options.cuts:
-        body, _ = reduced_parts(options, model, report, store)
+        body, _, fine = reduced_parts(options, model, report, store)
     else:
         piece = reduced_whole(options, model, report, store)
-        body = piece.body
-        if piece.fine is not None:
-            with report.stage("Find how mass changes as the body bends"):
-                body = replace(body, polynomial=mass_polynomial(piece.fine))
+        body, fine = piece.body, [] if piece.fine is None else [(piece.fine, np.eye(piece.body.mode_count))]
+    if fine:
+        with report.stage("Find how mass changes as the body bends"):
+            body = replace(body, polynomial=mass_polynomial(fine))
     use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
-    if use.variant.mass is Mass.POLYNOMIAL and body.polynomial is None:
+    if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
         use = replace(use, variant=Variant(use.variant.method))
     body = used_body(body, use)
     _tell(config, body, report)

@@ -59,7 +59,7 @@ def missing(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> st
     for data in Data:
         if data in needs(method, mass) and getattr(body, data.value) is None:
             return f"{ASKED_BY[data]} in [reduction]"
-    if mass is Mass.POLYNOMIAL and body.polynomial is None:
+    if mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
         return "the polynomial, which bodies from a mesh hold that are held and in one piece"
     if has_frames(method) and not body.frame_count:
         return "frames"

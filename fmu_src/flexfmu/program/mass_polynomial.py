@@ -7,6 +7,8 @@ M(q) − 1 to second order in q follows from the mass of the lumps on a fine tre
 a table of pairs of rates by coordinates and pairs of them, of low rank: the few combinations that matter are kept.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..core.library import Core
@@ -25,19 +27,28 @@ _TURN = 1e-3
 _WEIGHED, _SMALL = 0.3, 3e-3
 
 
-def mass_polynomial(body: ReducedBody) -> MassPolynomial | None:
-    """The polynomial of a held body.
+def mass_polynomial(parts: Sequence[tuple[ReducedBody, FloatArray]]) -> MassPolynomial | None:
+    """The polynomial of a held body, or of one that is joined of held parts.
 
     Parameters
     ----------
-    body : ReducedBody
-        With frames, lumps and second order, and without rigid motions.
+    parts : sequence of (ReducedBody, (m_p, m) float)
+        With frames, lumps and second order, and without rigid motions; and their coordinates in those of the body.
 
     Returns
     -------
     MassPolynomial or None
         None where nothing of the mass changes.
     """
+    found = [(own, turn) for part, turn in parts if (own := _of_part(part)) is not None]
+    if not found:
+        return None
+    every = [(turn.T @ own.form @ turn, own.linear @ turn, turn.T @ own.square @ turn) for own, turn in found]
+    return MassPolynomial(*(np.concatenate(arrays) for arrays in zip(*every, strict=True)))
+
+
+def _of_part(body: ReducedBody) -> MassPolynomial | None:
+    """The polynomial of a held body, or none where nothing of the mass changes."""
     count, modes = inertial_modes(body), body.mode_count
     turn = _largest_turn(body)[:count]
     linear, quadratic = _differences(body, _TURN / turn)

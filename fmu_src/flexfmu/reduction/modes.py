@@ -36,8 +36,8 @@ _HELD_ALREADY = 1e-10
 _OF_ROUND_OFF = 30.0
 # Smallest eigenvalue of the interfaces' scaled compliance below which they depend on each other.
 _DEPENDENT = 1e-10
-# Force that a mode lacks to be one of the whole model, over that of its inertia, which is more than round-off.
-_MIXED = 1e-4
+# Spread of a mode's vibrations that is more than round-off.
+_MIXED = 1e-6
 # After the small eigenproblem.
 _ORTHONORMALISATIONS = 2
 # A component this close to the largest may serve to fix a sign: the first such one is taken.
@@ -174,28 +174,30 @@ def with_residual_flexibility(
     return _joined(model, modes, _statics(model, model.forces(interface_loads)), missed)
 
 
-def frequency_spread(model: Supported, modes: Modes) -> FloatArray:
+def frequency_spread(model: Supported, angular_frequency: FloatArray, shapes: FloatArray) -> FloatArray:
     """How far modes are from vibrations of the whole model: λ ⟨1/λ⟩ − 1 over the vibrations that each is made of.
 
     Parameters
     ----------
     model : Supported
-    modes : Modes
+    angular_frequency : (m,) float
+        rad/s.
+    shapes : (3n, m) float
 
     Returns
     -------
     (m,) float
         0 where a mode is one of the model's own, and for rigid motions.
     """
-    found, squares = np.zeros(modes.angular_frequency.size), modes.angular_frequency**2
-    shapes = model.unknowns.of(modes.shapes)
-    inertia = (model.mass @ shapes) * squares
-    rest = model.stiffness @ shapes - inertia
-    mixed = np.linalg.norm(rest, axis=0) > _MIXED * np.linalg.norm(inertia, axis=0)
-    mixed &= squares > 0.0
-    rest = rest[:, mixed]
-    found[mixed] = np.einsum("ij,ij->j", rest, model.static(rest)) / squares[mixed]
-    return found
+    shapes = model.unknowns.of(shapes)
+    inertia = model.mass @ shapes
+    energy = np.einsum("ij,ij->j", shapes, inertia)
+    elastic = (angular_frequency > 0.0) & (energy > 0.0)
+    felt = inertia[:, elastic]
+    found = np.zeros(elastic.size)
+    mean = np.einsum("ij,ij->j", felt, model.static(felt)) / energy[elastic]
+    found[elastic] = angular_frequency[elastic] ** 2 * mean - 1.0
+    return np.where(found > _MIXED, found, 0.0)
 
 
 def _statics(model: Supported, loads: FloatArray) -> FloatArray:

@@ -57,7 +57,7 @@ class Reduced:
     warping_work, shadow_work : (w, m) float
         Work of the nodal forces `warping` on the basis, and on that of the shadow.
     fine : ReducedBody or None
-        Of held bodies in one piece: the same modes on a finer tree, with the mass of the turned body.
+        Of held pieces: the same modes on a finer tree, with the mass of the turned body.
     shapes : (3n, m) float
         Its modes.
     span : (m, k) float
@@ -135,7 +135,7 @@ def reduced_piece(
     every = np.hstack([loads, warping])
     basis = _with_modes(config, divided, matrices, every, report, store)
     body = _reduced(config, divided, basis, springs, report, store, cut=cut)
-    fine = None if cut else _fine_tree(config, divided, basis, body.membrane)
+    fine = _fine_tree(config, divided, basis, body.membrane) if config.certificate or not cut else None
     work = finer_work = warping.T @ basis.modes.shapes
     if config.certificate:
         with report.stage("Reduce the body once more, finer, to know its error"):
@@ -257,8 +257,9 @@ def _parts(
     by_load, by_mode = Data.BY_LOAD in stored, Data.BY_MODE in stored
     surface = _surface(config, divided, basis, loads, second, report, store) if config.surface else None
     loaded = stiffness_by_load(matrices, modes, key, loads, config.acceleration, store, report) if by_load else None
-    parts = NO_PARTS
+    parts, spread = NO_PARTS, None
     if config.watched:
+        spread = frequency_spread(matrices.supported, modes.angular_frequency, modes.shapes)
         turned = basis.frames.frame_rotation
         parts = Parts(*watched_material(model.mesh, modes.shapes, modes.angular_frequency, loads, subdomains, turned))
     return replace(
@@ -269,7 +270,7 @@ def _parts(
         stress_sets=_stress_sets(config, model, modes),
         stiffness_by_load=loaded,
         stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if by_mode else None,
-        frequency_spread=frequency_spread(matrices.supported, modes) if config.watched else None,
+        frequency_spread=spread,
         surface=surface,
         second=second,
     )

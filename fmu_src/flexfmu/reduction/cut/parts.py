@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from ...files.array_types import FloatArray
+from ...files.array_types import FloatArray, IntArray
 from ...files.counts import plural
 from ...files.errors import BodyFileError
 from ...files.progress import Reporter
@@ -15,6 +15,7 @@ from ...model.reduced_body import ReducedBody, Shadow
 from ..basis import Matrices
 from ..interfaces import fit_interface
 from ..model import Model
+from ..modes import frequency_spread
 from ..options import BodyOptions
 from ..piece import Reduced, reduced_piece
 from ..shadow import FINER, finer_shadow
@@ -25,7 +26,7 @@ from .loop_choice import opened_loops
 
 def reduced_parts(
     config: BodyOptions, model: Model, report: Reporter, store: Store, spanned: FloatArray | None = None
-) -> tuple[ReducedBody, FloatArray]:
+) -> tuple[ReducedBody, FloatArray, list[tuple[ReducedBody, FloatArray]]]:
     """Reduce the parts of a body each by itself and join them again.
 
     Parameters
@@ -45,6 +46,8 @@ def reduced_parts(
         Without damping, names and properties.
     span : (m, k) float
         Its coordinates in these motions.
+    fine : list of (ReducedBody, (m_p, m) float)
+        Held parts on finer trees, as of `Reduced`, and their coordinates in those of the body.
 
     Raises
     ------
@@ -55,8 +58,9 @@ def reduced_parts(
     with report.stage("Cut into parts"):
         opened, parts = cut_parts(model, names, config.supports)
         configs = part_configs(config, opened, parts)
-    warping = _warping(names, parts, _unit_responses(config, model, report, store))
-    bodies, ends, spans = [], {}, []
+    matrices = Matrices(model, model.mesh.volume_matrices, report)
+    warping = _warping(names, parts, _unit_responses(config, matrices, report, store))
+    pieces, bodies, ends = [], [], {}
     spanned = np.zeros((model.fixed.size, 0)) if spanned is None else spanned
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
         report.detail(
@@ -66,7 +70,7 @@ def reduced_parts(
         forces = [on_section(part, side, warping[side]) for side in part.sections]
         origin = (3 * part.origin[:, None] + np.arange(3)).ravel()
         piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack(forces), spanned[origin])
-        spans.append(piece.span)
+        pieces.append(piece)
         widths = np.cumsum([force.shape[1] for force in forces])[:-1]
         works = (np.split(work, widths) for work in (piece.warping_work, piece.shadow_work))
         for side, *work in zip(part.sections, *works, strict=True):
@@ -82,7 +86,25 @@ def reduced_parts(
         body, turn, note = _joined(bodies, pairs, parts, [table.name for table in config.interfaces])
     hertz = body.angular_frequency / (2.0 * np.pi)
     report.detail(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
-    return body, turn.T @ np.vstack(spans)
+    rows = np.split(turn, np.cumsum([part.mode_count for part in bodies])[:-1])
+    if config.watched:
+        shapes = _whole_shapes(
+            model, [(p.origin, one.shapes @ own) for p, one, own in zip(parts, pieces, rows, strict=True)]
+        )
+        spread = frequency_spread(matrices.supported, body.angular_frequency, shapes)
+        body = replace(body, frequency_spread=spread)
+    fine = [(one.fine, own) for one, own in zip(pieces, rows, strict=True) if one.fine is not None]
+    return body, turn.T @ np.vstack([one.span for one in pieces]), fine
+
+
+def _whole_shapes(model: Model, parts: Sequence[tuple[IntArray, FloatArray]]) -> FloatArray:
+    """Shapes (3n, m) in one piece, by those (3n_p, m) of parts and their nodes: the mean on sections."""
+    count = np.zeros(len(model.mesh.points))
+    found = np.zeros((count.size, 3, parts[0][1].shape[1]))
+    for nodes, shapes in parts:
+        np.add.at(found, nodes, shapes.reshape(len(nodes), 3, -1))
+        np.add.at(count, nodes, 1.0)
+    return (found / np.maximum(count, 1.0)[:, None, None]).reshape(3 * count.size, -1)
 
 
 def _warping(names: Sequence[str], parts: Sequence[Part], fields: FloatArray) -> dict[str, FloatArray]:
@@ -122,7 +144,7 @@ def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: St
         return piece
     with report.stage(f"Reduce the body once more, {plural(len(cuts), 'loop')} opened, to know its error"):
         finer = finer_shadow(found, FINER * found.levels)
-        other, span = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
+        other, span, _ = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
     report.note(
         f"{plural(len(cuts), 'loop')} within the body: its own error is that against the opened body "
         '(cut = "auto" opens it, with constant mass)'
@@ -152,14 +174,13 @@ def _joined(
     return body, turn, note
 
 
-def _unit_responses(config: BodyOptions, model: Model, report: Reporter, store: Store) -> FloatArray:
+def _unit_responses(config: BodyOptions, matrices: Matrices, report: Reporter, store: Store) -> FloatArray:
     """Static displacements (3n, l) of the body in one piece under its interfaces' unit loads, of unit work."""
-    mesh = model.mesh
+    mesh = matrices.model.mesh
     faces = mesh.faces
     loads = np.hstack(
         [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
     )
-    matrices = Matrices(model, mesh.volume_matrices, report)
 
     def make() -> dict[str, FloatArray]:
         whole = matrices.supported
