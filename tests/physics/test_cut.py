@@ -12,6 +12,7 @@ from demo.rear_axle.run import solve as solve_axle
 from demo.rear_axle.shells import make_mesh
 from scipy.spatial import cKDTree
 
+from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.build.body_model import read_body_model
 from flexfmu.build.config import read_body_file
@@ -108,6 +109,28 @@ def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):
     assert found.response(found.static(tiny)).displacement == pytest.approx(
         expected.response(expected.static(tiny)).displacement, rel=1e-3, abs=1e-12
     )
+
+
+def test_a_cut_body_tells_how_far_its_rough_modes_put_it_out_of_phase(tmp_path):
+    """Against the same cut with more modes."""
+    found, told = {}, {}
+    for modes in (1, 10):
+        tables = {"reduction": {"modes": modes, "residual_flexibility": True}, "output": {"error": True}}
+        body = reduced(tmp_path, cut=[{"nodes": "MID"}], **tables)
+        folder = tmp_path / f"of_{modes}"
+        folder.mkdir()
+        driven = Driven(replace(body, damping_ratio=np.zeros(body.mode_count)), folder)
+        found[modes] = []
+        for _ in range(150):
+            driven.set(**{"corner.force.z": 8e3})
+            assert driven.taken(2e-4)
+            found[modes].append([driven.get(f"corner.displacement.{axis}")[0] for axis in "xyz"])
+        told[modes] = driven.get("diagnostics.truncation")[0]
+        assert 0.0 < driven.get("diagnostics.inertia_missed")[0] < 0.01
+    few, many = (np.array(found[modes]) for modes in (1, 10))
+    error = np.sqrt(np.mean(np.sum((few - many) ** 2, axis=1))) / np.linalg.norm(many, axis=1).max()
+    assert 0.3 * error < told[1] < 3.0 * error
+    assert told[1] > 5.0 * told[10]
 
 
 def test_the_surfaces_of_both_sides_of_a_cut_stay_together(cut):
