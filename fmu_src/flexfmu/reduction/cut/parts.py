@@ -23,6 +23,9 @@ from .cut import SIDES, Part, cut_parts, on_section, part_configs, section_tract
 from .joining import Weld, join_parts
 from .loop_choice import opened_loops
 
+# A part and its interface, and how far it warps in the part's coordinates and in those of its shadow.
+_End = tuple[tuple[int, int], Sequence[FloatArray]]
+
 
 def reduced_parts(
     config: BodyOptions, model: Model, report: Reporter, store: Store, spanned: FloatArray | None = None
@@ -54,13 +57,12 @@ def reduced_parts(
     BodyFileError
         A section without a frame.
     """
-    names = config.cuts
     with report.stage("Cut into parts"):
-        opened, parts = cut_parts(model, names, config.supports)
+        opened, parts = cut_parts(model, config.cuts, config.supports)
         configs = part_configs(config, opened, parts)
-    matrices = Matrices(model, model.mesh.volume_matrices, report)
-    warping = _warping(names, parts, _unit_responses(config, matrices, report, store))
-    pieces, bodies, ends = [], [], {}
+    whole = Matrices(model, model.mesh.volume_matrices, report)
+    warping = _warping(config.cuts, parts, _unit_responses(config, whole, report, store))
+    pieces, bodies, ends = [], [], dict[str, _End]()
     spanned = np.zeros((model.fixed.size, 0)) if spanned is None else spanned
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
         report.detail(
@@ -71,40 +73,45 @@ def reduced_parts(
         origin = (3 * part.origin[:, None] + np.arange(3)).ravel()
         piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack(forces), spanned[origin])
         pieces.append(piece)
-        widths = np.cumsum([force.shape[1] for force in forces])[:-1]
-        works = (np.split(work, widths) for work in (piece.warping_work, piece.shadow_work))
-        for side, *work in zip(part.sections, *works, strict=True):
-            place = piece.body.interface_names.index(side)
-            if piece.body.interface_frame[place] < 0:
-                raise BodyFileError(f"[[cut]] {side}: no [[frame]] holds nodes of the section, expected one")
-            ends[side] = (number, place), work
+        ends |= _ends(number, part, piece, np.cumsum([force.shape[1] for force in forces])[:-1])
         begin = f"part_{number + 1}_" if len(parts) > 1 and not own.frames else ""
-        frames = tuple(f"{begin}{name}" for name in piece.body.frame_names)
-        bodies.append(replace(piece.body, frame_names=frames))
+        bodies.append(replace(piece.body, frame_names=tuple(f"{begin}{name}" for name in piece.body.frame_names)))
     with report.stage(f"Join {len(parts)} parts"):
-        pairs = [[ends[side_set(name, side)] for side in SIDES] for name in names]
+        pairs = [[ends[side_set(name, side)] for side in SIDES] for name in config.cuts]
         body, turn, note = _joined(bodies, pairs, parts, [table.name for table in config.interfaces])
-    hertz = body.angular_frequency / (2.0 * np.pi)
-    report.detail(f"{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; {note}")
+    first, last = body.angular_frequency[[0, -1]] / (2.0 * np.pi)
+    report.detail(f"{body.mode_count} modes, {first:.4g} to {last:.4g} Hz; {note}")
     rows = np.split(turn, np.cumsum([part.mode_count for part in bodies])[:-1])
     if config.watched:
-        shapes = _whole_shapes(
-            model, [(p.origin, one.shapes @ own) for p, one, own in zip(parts, pieces, rows, strict=True)]
-        )
-        spread = frequency_spread(matrices.supported, body.angular_frequency, shapes)
-        body = replace(body, frequency_spread=spread)
+        shapes = [one.shapes @ own for one, own in zip(pieces, rows, strict=True)]
+        body = replace(body, frequency_spread=_spread(whole, parts, shapes, body.angular_frequency))
     fine = [(one.fine, own) for one, own in zip(pieces, rows, strict=True) if one.fine is not None]
     return body, turn.T @ np.vstack([one.span for one in pieces]), fine
 
 
-def _whole_shapes(model: Model, parts: Sequence[tuple[IntArray, FloatArray]]) -> FloatArray:
-    """Shapes (3n, m) in one piece, by those (3n_p, m) of parts and their nodes: the mean on sections."""
-    count = np.zeros(len(model.mesh.points))
-    found = np.zeros((count.size, 3, parts[0][1].shape[1]))
-    for nodes, shapes in parts:
-        np.add.at(found, nodes, shapes.reshape(len(nodes), 3, -1))
-        np.add.at(count, nodes, 1.0)
-    return (found / np.maximum(count, 1.0)[:, None, None]).reshape(3 * count.size, -1)
+def _ends(number: int, part: Part, piece: Reduced, widths: IntArray) -> dict[str, _End]:
+    """Sections of a part by name: its number, their place among its interfaces, and their warping's work."""
+    found: dict[str, _End] = {}
+    works = (np.split(work, widths) for work in (piece.warping_work, piece.shadow_work))
+    for side, *work in zip(part.sections, *works, strict=True):
+        place = piece.body.interface_names.index(side)
+        if piece.body.interface_frame[place] < 0:
+            raise BodyFileError(f"[[cut]] {side}: no [[frame]] holds nodes of the section, expected one")
+        found[side] = (number, place), work
+    return found
+
+
+def _spread(
+    matrices: Matrices, parts: Sequence[Part], shapes: Sequence[FloatArray], angular_frequency: FloatArray
+) -> FloatArray:
+    """`frequency_spread` of joined modes, by their shapes (3n_p, m) in each part: their mean on sections."""
+    count = np.zeros(len(matrices.model.mesh.points))
+    whole = np.zeros((count.size, 3, angular_frequency.size))
+    for part, own in zip(parts, shapes, strict=True):
+        np.add.at(whole, part.origin, own.reshape(-1, *whole.shape[1:]))
+        np.add.at(count, part.origin, 1.0)
+    whole /= np.maximum(count, 1.0)[:, None, None]
+    return frequency_spread(matrices.supported, angular_frequency, whole.reshape(3 * count.size, -1))
 
 
 def _warping(names: Sequence[str], parts: Sequence[Part], fields: FloatArray) -> dict[str, FloatArray]:
@@ -150,10 +157,6 @@ def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: St
         '(cut = "auto" opens it, with constant mass)'
     )
     return replace(piece, body=replace(piece.body, shadow=Shadow(other, span)))
-
-
-# A part and its interface, and how far it warps in the part's coordinates and in those of its shadow.
-_End = tuple[tuple[int, int], Sequence[FloatArray]]
 
 
 def _joined(
