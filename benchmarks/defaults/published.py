@@ -7,6 +7,7 @@ from demo.mesh_tools import Material, box_mesh
 
 from benchmarks.defaults.bodies import GROUPS
 from benchmarks.defaults.body import Body, above, below, both, end, near
+from benchmarks.defaults.branched import BRANCHED
 from benchmarks.defaults.shapes import FloatArray, bar, constant, cylindrical, moved
 
 
@@ -54,5 +55,5 @@ def half_cylinder() -> Body:
     return Body("half_cylinder", mesh, near(0, 0.0), {"crown": lambda _: crown}, cases, material, guides={"z": edge})
 
 
-ALL = GROUPS | {"published": (twisted_cantilever, slit_annulus, half_cylinder)}
+ALL = GROUPS | BRANCHED | {"published": (twisted_cantilever, slit_annulus, half_cylinder)}
 EVERY = tuple(make for group in ALL.values() for make in group)

@@ -8,11 +8,12 @@ displacement takes away (section 4c). Both act on the body once more where it ha
 A basis without K⁻¹d and K⁻¹g answers too stiffly: it locks where the body would evade its stretch.
 """
 
+from collections.abc import Iterator
 from itertools import combinations_with_replacement, permutations
 
 import numpy as np
 
-from ..fe.gradients import mean_spin, quadratic_strain
+from ..fe.gradients import mean_spin, own_spin, quadratic_strain
 from ..fe.stressed import stressed_gradients
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter, tell_nobody
@@ -25,12 +26,13 @@ from .modes import Modes
 _MOST, _LEAST = 6, 0.02
 # Motions that are combined: the softest ones.
 _MOTIONS = 6
-# Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it.
-_STIFF = 1e-2
+# Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it; of
+# the second round. A strip that is twenty times as wide as thick turns 1/400 as much on edge, and yet evades sideways.
+_STIFF, _STIFFER = 1e-2, 1e-4
 # Relative size of an eigenvalue below which loads depend on each other.
 _DEPENDENT = 1e-10
-# Rotation of the material (rms, rad) at which shapes are compared.
-_TURN = 0.5
+# Rotation of the material (rms, rad) at which shapes are compared: over all of it; of the second round, where it turns.
+_TURN, _OWN_TURN = 0.5, 0.6
 
 
 def with_third_order(
@@ -64,7 +66,7 @@ def third_order_loads(
         Energy of a shape over the linear one of the motion that makes it, where the material turns by 0.5 rad (rms), up
         to which it is left out: by about as much a motion under its own load is too small without the shape.
     most : int
-        How many shapes at most.
+        How many shapes at most; and two for each interface, of motions by its loads alone.
     report : Reporter
 
     Returns
@@ -76,19 +78,49 @@ def third_order_loads(
     # Loads on a support do nothing.
     if not np.any(model.forces(loads)):
         return np.zeros((len(loads), 0))
+    found, count = np.zeros((len(loads), 0)), loads.shape[1] // 6
+
+    def held(forces: FloatArray) -> FloatArray:
+        result: FloatArray = (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
+        return result
+
     with report.stage("Find static shapes of third order"):
-        forces = _forces(matrices, *softest_motions(matrices, loads))
-        free = model.forces(forces)
-        work = free.T @ model.static(free)
-        held = (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
-        # What they do outside the basis.
-        values, axes = np.linalg.eigh(0.5 * (work + work.T) - held.T @ held)
-    chosen = np.flatnonzero(values > 2.0 * least)[::-1][:most]
-    result: FloatArray = forces @ (axes[:, chosen] / np.sqrt(values[chosen]))
-    return result
+        for which, number in ((_together, most), (_by_interface, 2 * count)):
+            forces = np.hstack([found[:, :0], *(_forces(matrices, *motions) for motions in which(matrices, loads))])
+            free, known = model.forces(forces), held(forces)
+            answer = model.static(free)
+            taken = model.forces(found).T @ answer - held(found).T @ known
+            # What they do outside the basis, and what is taken already.
+            work = free.T @ answer
+            values, axes = np.linalg.eigh(0.5 * (work + work.T) - known.T @ known - taken.T @ taken)
+            chosen = np.flatnonzero(values > 2.0 * least)[::-1][:number]
+            found = np.hstack([found, (forces - found @ taken) @ (axes[:, chosen] / np.sqrt(values[chosen]))])
+    return found
 
 
-def softest_motions(matrices: Matrices, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
+_Motions = tuple[FloatArray, FloatArray]
+
+
+def _together(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
+    """The softest motions of all loads, each at 0.5 rad."""
+    yield softest_motions(matrices, loads)
+
+
+def _by_interface(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
+    """The softest motions of each interface's loads, stiffer ones too, at the same energy, where that adds any.
+
+    Of all together the softest may be those of other arms than the one that evades sideways. Stiff motions at large
+    turns of their own would outweigh all others, under loads that no body bears.
+    """
+    for own in np.arange(loads.shape[1]).reshape(2, -1, 3).swapaxes(0, 1).reshape(-1, 6):
+        fields, energy = softest_motions(matrices, loads[:, own], _STIFFER)
+        known = own.size == loads.shape[1] and softest_motions(matrices, loads)[1].size
+        if energy.size > known:
+            first = energy[0] * _OWN_TURN**2 / own_spin(matrices.model.mesh, fields[:, 0])
+            yield fields * np.sqrt(first / energy), np.full(energy.size, first)
+
+
+def softest_motions(matrices: Matrices, loads: FloatArray, stiff: float = _STIFF) -> _Motions:
     """Motions (3n, m) under loads (3n, l) that turn the material most at the same energy, by 0.5 rad; energies (m,)."""
     model = matrices.supported
     found = model.static(model.forces(loads))
@@ -99,7 +131,7 @@ def softest_motions(matrices: Matrices, loads: FloatArray) -> tuple[FloatArray, 
     kept = values > _DEPENDENT * values[-1]
     fields = model.whole(found @ (axes[:, kept] / np.sqrt(values[kept]) / size[:, None]))
     turned, axes = np.linalg.eigh(mean_spin(matrices.model.mesh, fields))
-    chosen = np.flatnonzero(turned > _STIFF * turned[-1])[::-1][:_MOTIONS]
+    chosen = np.flatnonzero(turned > stiff * turned[-1])[::-1][:_MOTIONS]
     scale = _TURN / np.sqrt(turned[chosen])
     # Their squares are twice the energy: the fields had a half of one.
     return fields @ (axes[:, chosen] * scale), 0.5 * scale**2
