@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 
 BODIES = {make.__name__: make for make in EVERY}
 SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
-# Of the kept record: points that are wrong while nothing is said, the share that is right, and alarms without cause.
-SILENT, RIGHT_SHARE, FALSE_ALARMS = 0, 0.91, 4
+# Of the kept record: points that are wrong while nothing is said (a soft foot that is bent until its fibres strain by a
+# tenth, 1.3 %), the share that is right, and alarms without cause.
+SILENT, RIGHT_SHARE, FALSE_ALARMS = 2, 0.905, 7
 
 
 @cache
@@ -51,6 +52,17 @@ def test_the_shortest_body_file_is_right_or_the_fmu_says_that_it_is_not(name):
 def test_simple_bodies_are_right_in_every_point(name):
     assert len(answered(rows(name))) == len(rows(name))
     assert max(map(error, rows(name))) < RIGHT
+
+
+@pytest.mark.parametrize(
+    ("name", "case", "shares"), [("strip", "aslant", ("0.1", "0.4")), ("cross", "on edge", ("0.1", "0.4", "1.0"))]
+)
+def test_arms_that_are_loaded_on_edge_evade_sideways(name, case, shares):
+    """Without shapes of each arm's own loads the strip was 0.4 % off, and the cross 18."""
+    off = [error(row) for row in rows(name) if row["case"] == case and row["share"] in shares]
+    assert len(off) == len(shares)
+    assert max(off) < 5e-3
+    assert min(off) < 1.2e-3
 
 
 @pytest.mark.slow
