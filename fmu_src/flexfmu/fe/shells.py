@@ -23,10 +23,11 @@ from ..mesh.shapes import Quadrature, brick_rule, wedge_rule
 from .beams import ROWS as BEAM_ROWS
 from .beams import beam_law
 from .cells import Cells, turning
+from .layers import Laminate, laminates
 
-# Share of the shear that is constant across the thickness and is not; and, of triangles, by how much shear of elements
-# that are wide against their thickness is softened (M. Lyly, R. Stenberg, T. Vihinen, 1993).
-_SHEAR, _SOFTENED = 5.0 / 6.0, 0.1
+# By how much shear of triangles that are wide against their thickness is softened (M. Lyly, R. Stenberg, T. Vihinen,
+# 1993).
+_SOFTENED = 0.1
 # Elements at a time whose matrices are made together.
 _TOGETHER = 2048
 
@@ -142,10 +143,20 @@ def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
     slope, strains = shape.gradient(rule.points), shell_rule(block.type)
     corners = mesh.points[block.connectivity]
     inverse, determinant = jacobians(corners, slope)
-    materials = [mesh.materials[k] for k in block.material]
-    if any(material.constants is not None for material in materials):
-        raise ModelError("shells and beams of anisotropic material are not supported: give Young's modulus and ν")
-    constants = np.array([(material.youngs_modulus, material.poissons_ratio) for material in materials])
+    count = len(strains.rows)
+    law, enhanced = (
+        np.zeros((len(corners), count, count)),
+        np.zeros((len(corners), 4 if block.type is ElementType.S4 else 0, count)),
+    )
+    if block.section is not None:
+        materials = [mesh.materials[k] for k in block.material]
+        if any(material.constants is not None or material.layers for material in materials):
+            raise ModelError("beams of anisotropic material are not supported: give Young's modulus and ν")
+        constants = np.array([(material.youngs_modulus, material.poissons_ratio) for material in materials])
+        law = beam_law(corners, strains.merged, constants, block.section)
+    else:
+        for chosen, laminate in laminates(mesh, block):
+            law[chosen], enhanced[chosen] = _law(block.type, corners[chosen], strains, laminate)
     return ShellCells(
         block.connectivity,
         shape.value(rule.points),
@@ -155,7 +166,8 @@ def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
         strains,
         strains.slope[None],
         strains.slope @ corners,
-        *_law(block, corners, strains, constants),
+        law,
+        enhanced,
     )
 
 
@@ -178,8 +190,7 @@ def face_stress(mesh: Mesh, block: ElementBlock, fields: FloatArray) -> tuple[Fl
     """
     some, corners, rule = _made(mesh, block), mesh.points[block.connectivity], face_rule(block.type)
     at = _Places(block.type, corners, some.rule, rule)
-    constants = np.array([(m.youngs_modulus, m.poissons_ratio) for m in (mesh.materials[k] for k in block.material)])
-    elastic, natural = _plane_stress(constants, 1.0), some.strains(fields)
+    natural, made = some.strains(fields), list(laminates(mesh, block))
     own = some.enhanced @ natural
     found = np.empty((len(corners), len(rule.points), 6, fields.shape[2]))
     for q, point in enumerate(rule.points):
@@ -187,7 +198,9 @@ def face_stress(mesh: Mesh, block: ElementBlock, fields: FloatArray) -> tuple[Fl
         if own.shape[1]:
             strain = strain + at.own(q, point) @ own
         # Faces are free: no shear there, and the modulus across keeps the thickness alone.
-        stress = elastic @ strain
+        stress = np.empty_like(strain)
+        for chosen, laminate in made:
+            stress[chosen] = laminate.at(at.axes[chosen, q], -1 if point[2] > 0.0 else 0) @ strain[chosen]
         stress[:, [2, 4, 5]] = 0.0
         found[:, q] = turning(at.axes[:, q].swapaxes(1, 2)) @ stress
     return np.einsum("qa,eai->eqi", block.type.shape.value(rule.points), corners), found
@@ -204,24 +217,25 @@ def face_rule(kind: ElementType) -> Quadrature:
 
 
 def _law(
-    block: ElementBlock, corners: FloatArray, strains: ShellRule, constants: FloatArray
+    kind: ElementType, corners: FloatArray, strains: ShellRule, laminate: Laminate
 ) -> tuple[FloatArray, FloatArray]:
-    """D (e, r, r), and strains of their own (e, 4 or 0, r), of elements with nodes (e, a, 3) and E, ν (e, 2)."""
-    if block.section is not None:
-        law = beam_law(corners, strains.merged, constants, block.section)
-        return law, law[:, :0]
-    quad, rule = block.type is ElementType.S4, block.type.mass
-    at = _Places(block.type, corners, strains, rule)
+    """D (e, r, r), and strains of their own (e, 4 or 0, r), of shells with nodes (e, a, 3)."""
+    quad, (rule, layers) = kind is ElementType.S4, laminate.rule(kind.mass)
+    at = _Places(kind, corners, strains, rule)
     count = len(strains.rows)
-    elastic = _plane_stress(constants, _softening(corners) if block.type is ElementType.S3 else 1.0)
+    softened = _softening(corners) if kind is ElementType.S3 else np.ones(len(corners))
     law = np.zeros((len(corners), count, count))
     own, mixed = np.zeros((len(corners), 4, 4)), np.zeros((len(corners), 4, count))
-    mean = _patched(at, _Places(block.type, corners, strains, brick_rule(2))) if block.type is ElementType.S8 else {}
+    exact = (
+        [_Places(kind, corners, strains, one) for one in (kind.mass, brick_rule(2))] if kind is ElementType.S8 else []
+    )
+    mean = _patched(*exact) if exact else {}
     for q, (point, weight) in enumerate(zip(rule.points, rule.weights, strict=True)):
         local = at.strains(q)
-        if mean:
-            local = local + at.turned(q, mean[float(np.sign(point[2]))], back=False)
-        stiff = (weight * at.determinant[:, q])[:, None, None] * elastic
+        for side, more in mean.items():
+            local = local + 0.5 * (1.0 + 3.0**0.5 * side * point[2]) * at.turned(q, more, back=False)
+        stiff = (weight * at.determinant[:, q])[:, None, None] * laminate.at(at.axes[:, q], layers[q])
+        stiff[:, 4:, 4:] *= softened[:, None, None]
         law += local.swapaxes(1, 2) @ (stiff @ local)
         if quad:
             extra = at.own(q, point)
@@ -293,18 +307,6 @@ def _patched(at: _Places, exact: _Places) -> dict[float, FloatArray]:
     """What gives assumed strains the means, above and below, of those of the positions: patches of distorted shells."""
     found, wanted = at.means(), exact.means()
     return {side: wanted[side] - found[side] for side in found}
-
-
-def _plane_stress(constants: FloatArray, softened: FloatArray | float) -> FloatArray:
-    """Matrix (e, 6, 6) of plane stress in the first two axes; across, the modulus alone, which keeps the thickness."""
-    modulus, poisson = constants.T
-    shear = 0.5 * modulus / (1.0 + poisson)
-    result = np.zeros((len(constants), 6, 6))
-    result[:, 0, 0] = result[:, 1, 1] = modulus / (1.0 - poisson**2)
-    result[:, 0, 1] = result[:, 1, 0] = poisson * modulus / (1.0 - poisson**2)
-    result[:, 2, 2], result[:, 3, 3] = modulus, shear
-    result[:, 4, 4] = result[:, 5, 5] = _SHEAR * softened * shear
-    return result
 
 
 def _softening(corners: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +18,24 @@ from flexfmu.mesh.shapes import BRICK
 NO_MATERIAL = -1
 SECTION_SHARES = 0.5 * np.array([[1.0, x, y, x * y] for x, y in BRICK.corners[:4, :2].tolist()])
 """Displacements of the corners of a beam's section by their mean, both slopes and twist."""
+
+
+class Layer(NamedTuple):
+    """A layer of shells.
+
+    Attributes
+    ----------
+    share : float
+        Of the thickness, or what is in proportion to it.
+    angle : float
+        From the first axis of the laminate to its own, rad.
+    constants : tuple of float
+        As of `Material.constants`.
+    """
+
+    share: float
+    angle: float
+    constants: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +54,10 @@ class Material:
     constants : tuple of float, optional
         Of an anisotropic material: rows of the symmetric matrix (6, 6) from strain xx, yy, zz and twice xy, yz, zx to
         stress xx, yy, zz, xy, yz, zx, in the material's axes, N/m².
+    layers : tuple of Layer
+        Of shells that have several, from the side against their normal; the others are averages then.
+    by_normal : bool
+        Whether the layers' angles turn about the shells' normal, and not the material's third axis.
     """
 
     name: str
@@ -43,6 +65,8 @@ class Material:
     poissons_ratio: float
     density: float
     constants: tuple[float, ...] | None = None
+    layers: tuple[Layer, ...] = ()
+    by_normal: bool = False
 
     @property
     def elasticity(self) -> FloatArray:

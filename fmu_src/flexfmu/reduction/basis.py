@@ -41,8 +41,8 @@ class Matrices:
     def key(self) -> str:
         """Hash of all that the matrices depend on."""
         model, mesh = self.model, self.model.mesh
-        blocks = [part for b in mesh.blocks for part in (b.type.name, b.connectivity, b.material, b.axes)]
-        materials = [(*m.elasticity.ravel().tolist(), m.density) for m in mesh.materials]
+        blocks = [part for b in mesh.blocks for part in (b.type.name, b.connectivity, b.material, b.axes, b.section)]
+        materials = [(*m.elasticity.ravel().tolist(), m.density, m.by_normal, m.layers) for m in mesh.materials]
         found = mesh.equations
         tied = () if found is None else (found.data, found.indices, found.indptr)
         stiff = [part for one in mesh.simplices for part in (one.nodes, one.stiffness)]

@@ -117,7 +117,8 @@ def _with(material: Material, table: MaterialConstants, keys: Sequence[str], uni
     scale = {"youngs_modulus": units.stress, "poissons_ratio": 1.0, "density": units.density}
     values = {key: getattr(table, key) * scale[key] for key in keys}
     # Constants of directions do not survive a modulus without any.
-    return replace(material, **values, constants=material.constants if set(keys) <= {"density"} else None)
+    directed = {} if set(keys) <= {"density"} else {"constants": None, "layers": ()}
+    return replace(material, **values, **directed)
 
 
 def _units(units: UnitSystem) -> str:
