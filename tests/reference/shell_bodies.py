@@ -48,8 +48,18 @@ BODIES = {
         0.003,
         (0.0, 600.0, 1800.0),
     ),
+    "laminate": ([(flat((0, 0, 0), (1, 0, 0), (0, 0.06, 0.08)), 48, 4)], 0.005, (0.0, 0.0, 55.0)),
     "tube": ([(half, 32, 24) for half in tube(0.03, 0.8)], 0.0015, (0.0, 0.0, 10000.0)),
 }
+
+# Angles of layers of the same thickness, degrees, and their constants in place of the isotropic ones.
+LAYERS = {"laminate": (0.0, 45.0, 90.0, -30.0)}
+PLY = """*MATERIAL, NAME=PLY
+*ELASTIC, TYPE=ENGINEERING CONSTANTS
+140.E9, 10.E9, 10.E9, 0.3, 0.3, 0.4, 5.E9, 5.E9
+3.5E9
+*DENSITY
+1600."""
 
 
 class Middle:
@@ -57,6 +67,7 @@ class Middle:
 
     def __init__(self, name, kind="S4"):
         patches, self.thickness, self.force = BODIES[name]
+        self.layers = LAYERS.get(name, ())
         self.kind, self.points, self.cells, known = kind, [], [], {}
 
         def node(place):
@@ -103,8 +114,18 @@ class Middle:
         lines += [f"{k}, " + ", ".join(str(n + 1) for n in row) for k, row in enumerate(self.cells, start=1)]
         for name, rows in (("ROOT", self.root), ("TIP", self.tip)):
             lines += [f"*NSET, NSET={name}", *(f"{row + 1}," for row in rows)]
-        lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{MODULUS}, {POISSON}", "*DENSITY", f"{DENSITY}"]
-        lines += ["*SHELL SECTION, ELSET=SHELL, MATERIAL=STEEL", f"{self.thickness}", "*BOUNDARY", "ROOT, 1, 6"]
+        if self.layers:
+            # Directions in the plane of the first patch, 0.6 and 0.8 being the sides of its unit across.
+            for angle in self.layers:
+                a, b = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+                lines += [f"*ORIENTATION, NAME=AT{angle:g}"]
+                lines += [f"{a:.12f}, {0.6 * b:.12f}, {0.8 * b:.12f}, {-b:.12f}, {0.6 * a:.12f}, {0.8 * a:.12f}"]
+            lines += [PLY, "*SHELL SECTION, ELSET=SHELL, COMPOSITE"]
+            lines += [f"{self.thickness / len(self.layers)}, , PLY, AT{angle:g}" for angle in self.layers]
+        else:
+            lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{MODULUS}, {POISSON}", "*DENSITY", f"{DENSITY}"]
+            lines += ["*SHELL SECTION, ELSET=SHELL, MATERIAL=STEEL", f"{self.thickness}"]
+        lines += ["*BOUNDARY", "ROOT, 1, 6"]
         return "\n".join(lines) + "\n"
 
 
@@ -118,7 +139,7 @@ def results(name):
         for axis, force in enumerate(middle.force)
         if force
     )
-    asked = "*NODE FILE, OUTPUT=2D\nU\n*END STEP\n"
+    asked = f"*NODE FILE, OUTPUT={'3D' if middle.layers else '2D'}\nU\n*END STEP\n"
     static = f"*STEP\n*STATIC\n{loads}{asked}"
     steps = {"far": f"*STEP, NLGEOM, INC=500\n*STATIC\n0.1, 1.\n{loads}{asked}", "linear": static}
     steps["modes"] = "*STEP\n*FREQUENCY\n6\n*END STEP\n"
@@ -128,19 +149,22 @@ def results(name):
             (Path(folder) / f"{job}.inp").write_text(middle.deck() + step)
             subprocess.run(["ccx", job], cwd=folder, check=False, capture_output=True)
             if job != "modes":
-                moved.append(shares @ displacements((Path(folder) / f"{job}.frd").read_text(), len(shares)))
+                moved.append(shares @ displacements((Path(folder) / f"{job}.frd").read_text(), middle))
         rows = [line.split() for line in (Path(folder) / "modes.dat").read_text().splitlines()]
     return [*moved, [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()][:6]]
 
 
-def displacements(text, count):
-    """Last displacements (count, 3) of a result file."""
-    found, inside = np.zeros((count, 3)), False
+def displacements(text, middle):
+    """Last displacements (n, 3) of a result file; of layers the mean across the thickness."""
+    known = {"    2C": {}, " -4  DISP": {}}
     for line in text.splitlines():
-        inside = line.startswith(" -4  DISP") or (inside and line[:3] in (" -1", " -5"))
+        begun = next((head for head in known if line.startswith(head)), None)
+        inside = begun or (inside if line[:3] in (" -1", " -5", " -4") and line[:8] != " -4  " else None)  # noqa: F821
         if inside and line.startswith(" -1"):
-            found[int(line[3:13]) - 1] = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
-    return found
+            known[inside][int(line[3:13])] = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
+    places, moved = (np.array([known[head][label] for label in known[" -4  DISP"]]) for head in known)
+    near = np.linalg.norm(middle.points[:, None] - places, axis=2) < 0.51 * middle.thickness
+    return near @ moved / near.sum(axis=1, keepdims=True)
 
 
 def main(names):

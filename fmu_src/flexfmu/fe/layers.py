@@ -107,7 +107,8 @@ def _shear(z: FloatArray, elastic: FloatArray) -> FloatArray:
     flexible = np.linalg.inv(np.block([[stretch, both], [both, bend]]))[:, 3:]
     # Stress by moments is linear across a layer, so is the shear by shear forces quadratic.
     along, length = np.polynomial.legendre.leggauss(3)
-    below, soft = np.zeros((2, 2)), np.zeros((2, 2))
+    below: FloatArray = np.zeros((2, 2))
+    soft: FloatArray = np.zeros((2, 2))
     rows, columns = np.array([[0, 2], [2, 1]]), np.array([[0, 1], [0, 1]])
     for low, high, own, shear in zip(z[:-1], z[1:], plane, across, strict=True):
 
@@ -119,6 +120,6 @@ def _shear(z: FloatArray, elastic: FloatArray) -> FloatArray:
         for place, weight in zip(along, length, strict=True):
             stress = below + upto(0.5 * (low + high + place * (high - low)))
             soft += 0.5 * weight * (high - low) * stress.T @ np.linalg.solve(shear, stress)
-        below = below + upto(high)
-    found: FloatArray = np.linalg.inv(soft)
+        below = np.asarray(below + upto(high), dtype=np.float64)
+    found: FloatArray = np.linalg.inv(soft).astype(np.float64)
     return found

@@ -60,6 +60,8 @@ class Contents:
         By the cell number of lines; SI units.
     hinges : set of str
         Point sets that mean points of beams without their turns.
+    axes : mapping of int to (3, 3) float
+        By the cell number of shells whose material has a direction: its axes as columns.
     """
 
     mesh: Any
@@ -76,6 +78,7 @@ class Contents:
     beams: Mapping[int, Beam] = field(default_factory=dict)
     hinges: Set[str] = frozenset()
     faces: Mapping[int, FloatArray] = field(default_factory=dict)
+    axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
 
 class Member(NamedTuple):
@@ -366,7 +369,9 @@ def _shell_blocks(
         labels = positions[place] + 1 if contents.cell_labels is None else contents.cell_labels[place]
         material = np.full(len(labels), NO_MATERIAL) if contents.material is None else contents.material[place]
         data = np.asarray(cells[place].data, dtype=np.int64)
-        blocks.append(ElementBlock(SHELLS[cells[place].type], labels[rows], data[rows], material[rows]))
+        axes = [contents.axes.get(label, np.eye(3)) for label in labels[rows].tolist()]
+        own = labels[rows], data[rows], material[rows], np.array(axes) if contents.axes else None
+        blocks.append(ElementBlock(SHELLS[cells[place].type], *own))
         found.append(np.repeat(heights[place][rows, None], MOST_NODES, axis=1))
         for row, label in enumerate(labels[rows].tolist() if contents.faces else ()):
             if label in contents.faces:

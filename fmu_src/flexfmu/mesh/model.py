@@ -80,6 +80,56 @@ class Material:
         return result
 
 
+def isotropic_average(constants: tuple[float, ...]) -> tuple[float, float]:
+    """Young's modulus and Poisson's ratio of the average of a stiffness over all directions (Voigt).
+
+    Parameters
+    ----------
+    constants : tuple of float
+        As of `Material.constants`.
+
+    Returns
+    -------
+    youngs_modulus, poissons_ratio : float
+    """
+    c = np.array(constants).reshape(6, 6)
+    direct, mixed, shear = np.trace(c[:3, :3]), c[0, 1] + c[1, 2] + c[0, 2], np.trace(c[3:, 3:])
+    bulk, rigidity = (direct + 2.0 * mixed) / 9.0, (direct - mixed + 3.0 * shear) / 15.0
+    poisson = (3.0 * bulk - 2.0 * rigidity) / (6.0 * bulk + 2.0 * rigidity)
+    return float(2.0 * rigidity * (1.0 + poisson)), float(poisson)
+
+
+def laminate(
+    name: str, layers: Sequence[tuple[float, float, Material]], *, by_normal: bool, more: float = 0.0
+) -> Material:
+    """What shells of several layers are made of.
+
+    Parameters
+    ----------
+    name : str
+    layers : sequence of (float, float, Material)
+        Thickness, angle in rad, material, from the side against the shells' normal.
+    by_normal : bool
+        As of `Material`.
+    more : float
+        Density that no layer has, kg/m³.
+
+    Returns
+    -------
+    Material
+    """
+    thickness, _, materials = zip(*layers, strict=True)
+    share = np.array(thickness) / sum(thickness)
+    stiff = np.array([one.elasticity.ravel() for one in materials])
+    found = [
+        Layer(h, angle, tuple(own.tolist()))
+        for h, (_, angle, _), own in zip(share.tolist(), layers, stiff, strict=True)
+    ]
+    density = float(share @ [one.density for one in materials]) + more
+    average = isotropic_average(tuple((share @ stiff).tolist()))
+    return Material(name, *average, density, layers=tuple(found), by_normal=by_normal)
+
+
 @dataclass(frozen=True, slots=True)
 class PointMass:
     """A mass that hangs on nodes of the mesh.

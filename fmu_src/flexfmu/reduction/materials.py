@@ -117,8 +117,8 @@ def _with(material: Material, table: MaterialConstants, keys: Sequence[str], uni
     scale = {"youngs_modulus": units.stress, "poissons_ratio": 1.0, "density": units.density}
     values = {key: getattr(table, key) * scale[key] for key in keys}
     # Constants of directions do not survive a modulus without any.
-    directed = {} if set(keys) <= {"density"} else {"constants": None, "layers": ()}
-    return replace(material, **values, **directed)
+    found = replace(material, **values)
+    return found if set(keys) <= {"density"} else replace(found, constants=None, layers=())
 
 
 def _units(units: UnitSystem) -> str:

@@ -79,25 +79,6 @@ def elastic_constants(card: Card, units: UnitSystem) -> Elastic:
     return Elastic(None, tuple(matrix.ravel().tolist()), tuple(notes))
 
 
-def isotropic_average(constants: tuple[float, ...]) -> tuple[float, float]:
-    """Young's modulus and Poisson's ratio of the average of a stiffness over all directions (Voigt).
-
-    Parameters
-    ----------
-    constants : tuple of float
-        As of `Material.constants`.
-
-    Returns
-    -------
-    youngs_modulus, poissons_ratio : float
-    """
-    c = np.array(constants).reshape(6, 6)
-    direct, mixed, shear = np.trace(c[:3, :3]), c[0, 1] + c[1, 2] + c[0, 2], np.trace(c[3:, 3:])
-    bulk, rigidity = (direct + 2.0 * mixed) / 9.0, (direct - mixed + 3.0 * shear) / 15.0
-    poisson = (3.0 * bulk - 2.0 * rigidity) / (6.0 * bulk + 2.0 * rigidity)
-    return float(2.0 * rigidity * (1.0 + poisson)), float(poisson)
-
-
 def _isotropic(line: Line, values: list[float], units: UnitSystem) -> tuple[float, float]:
     youngs, poisson = values[0] * units.stress, values[1]
     if youngs <= 0.0:

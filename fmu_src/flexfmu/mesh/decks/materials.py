@@ -8,16 +8,18 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
-from flexfmu.mesh.decks.elasticity import elastic_constants, isotropic_average
+from flexfmu.mesh.decks.elasticity import elastic_constants
 from flexfmu.mesh.decks.orientation import Orientation, orientation
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, Material
+from flexfmu.mesh.model import NO_MATERIAL, Material, isotropic_average, laminate
 from flexfmu.mesh.plausibility import is_likely_density
 
 # Hardly any solid lies outside, kg/m³; a deck whose units are not the declared ones misses by 1e6 and more.
 DENSITY_RANGE = (1e-4, 1e5)
 _UNTOLD = float("nan")
+# Differences of directions that are none.
+_SAME = 1e-6
 
 
 @dataclass(slots=True)
@@ -44,14 +46,40 @@ class MaterialCard:
     density: float | None = None
 
 
+class Ply(NamedTuple):
+    """A row of *SHELL SECTION, COMPOSITE: `direction` is an angle in degrees, or an orientation."""
+
+    thickness: float
+    material: str
+    direction: str
+    line: Line
+
+
 class Section(NamedTuple):
-    """A *SOLID SECTION line: an element set made of a material."""
+    """A section: an element set made of a material, or of layers."""
 
     element_set: str
     material: str
     orientation: str
     line: Line
     scope: Scope
+    shell: bool
+    layers: tuple[Ply, ...]
+
+
+def plies(card: Card) -> tuple[Ply, ...]:
+    """Layers of a *SHELL SECTION; none without COMPOSITE."""
+    if "COMPOSITE" not in card.parameters:
+        return ()
+    found = []
+    for line in card.data:
+        thickness, _, material, direction, *_ = [*fields(line), "", "", ""]
+        found.append(Ply(number(thickness, line, "the thickness of the layer"), material, direction, line))
+        if found[-1].thickness <= 0.0 or not material:
+            raise line.error("a layer should have a positive thickness, then, third, its material; correct the row")
+    if not found:
+        raise card.line.error("*SHELL SECTION, COMPOSITE should have a row for each layer; add them")
+    return (*found, *(found[::-1] if "SYMMETRIC" in card.parameters else ()))
 
 
 class Assigned(NamedTuple):
@@ -161,7 +189,7 @@ class DeckMaterials:
         self._current(card).density = density
 
     def section(self, card: Card) -> None:
-        """Take a *SOLID SECTION card.
+        """Take a *SOLID SECTION card, or that of shells or beams.
 
         Parameters
         ----------
@@ -173,7 +201,10 @@ class DeckMaterials:
             Its element set or material is not given.
         """
         name = card.parameters.get("ORIENTATION", "")
-        self.sections.append(Section(card.required("ELSET"), card.required("MATERIAL"), name, card.line, card.scope))
+        layers, elements = plies(card), card.required("ELSET")
+        material = f"layers of {elements}, {card.line.place}" if layers else card.required("MATERIAL")
+        shell = card.key == "SHELLSECTION"
+        self.sections.append(Section(elements, material, name, card.line, card.scope, shell, layers))
 
     def oriented(self, card: Card) -> None:
         """Take an *ORIENTATION card.
@@ -216,15 +247,19 @@ class DeckMaterials:
         axes = np.tile(np.eye(3), (len(labels), 1, 1))
         directed = False
         for section in self.sections:
-            name = section.material.upper()
-            if name not in used:
-                used[name] = len(materials)
-                materials.append(self._material(section))
-            row = used[name]
             found = np.array(
                 sorted(element_sets.find(section.element_set, section.line, section.scope)), dtype=np.int64
             )
             members = found[found < len(labels)]
+            base = self._axes(section, centres[members])
+            name = section.material.upper()
+            if name not in used:
+                used[name] = len(materials)
+                layered = section.layers and len(members)
+                materials.append(
+                    self._laminate(section, centres[members], base) if layered else self._material(section)
+                )
+            row = used[name]
             taken = members[(rows[members] != NO_MATERIAL) & (rows[members] != row)]
             if len(taken):
                 raise section.line.error(
@@ -233,19 +268,49 @@ class DeckMaterials:
                     f"give each element one section"
                 )
             rows[members] = row
-            if section.orientation:
-                axes[members] = section.scope.find(
-                    section.orientation, self.orientations, "orientation", section.line
-                ).axes(centres[members])
-            elif section.scope.rotation is not None:
-                axes[members] = section.scope.rotation
-            directed |= materials[row].constants is not None
+            axes[members] = base
+            directed |= materials[row].constants is not None or bool(section.layers)
+        plied = {layer.material.upper() for section in self.sections for layer in section.layers}
         unused = [
-            f"{card.line.place}: no *SOLID SECTION uses the material '{card.name}'"
+            f"{card.line.place}: no section uses the material '{card.name}'"
             for key, card in self.cards.items()
-            if key not in used
+            if key not in {*used, *plied}
         ]
         return Assigned(tuple(materials), rows, axes if directed else None, (*self.notes, *unused))
+
+    def _axes(self, section: Section, places: FloatArray, name: str = "") -> FloatArray:
+        """Axes (n, 3, 3), as columns, of a section's orientation or another; of shells the last is the normal's."""
+        name, scope = name or section.orientation, section.scope
+        if not name:
+            return np.tile(np.eye(3) if scope.rotation is None else scope.rotation, (len(places), 1, 1))
+        found = scope.find(name, self.orientations, "orientation", section.line)
+        return found.axes(places)[:, :, found.on_shells] if section.shell else found.axes(places)
+
+    def _laminate(self, section: Section, places: FloatArray, base: FloatArray) -> Material:
+        """What a section with layers is made of, whose axes are `base` at places; they become that of a layer."""
+        materials = [self._material(section._replace(material=layer.material)) for layer in section.layers]
+        texts = [layer.direction for layer in section.layers]
+        named = [text for text in texts if text and not text.lstrip("+-.")[:1].isdigit()]
+        if not named:
+            angles = [
+                np.radians(number(layer.direction, layer.line, "the angle of the layer")) if layer.direction else 0.0
+                for layer in section.layers
+            ]
+        else:
+            if any(text and text not in named for text in texts):
+                raise section.line.error("layers have angles and orientations; give them one or the other")
+            if not section.orientation:
+                base[:] = self._axes(section, places, named[0])
+            own = [self._axes(section, places, text) for text in texts]
+            turns = [base.swapaxes(1, 2) @ one for one in own]
+            if any(np.ptp(one, axis=0).max() > _SAME or abs(one[0, 2, 2]) < 1.0 - _SAME for one in turns):
+                raise section.line.error(
+                    "the orientations of the layers should differ by turns about one axis, the same in all elements"
+                )
+            angles = [float(np.arctan2(one[0, 1, 0], one[0, 0, 0])) for one in turns]
+        heights = [layer.thickness for layer in section.layers]
+        every = list(zip(heights, angles, materials, strict=True))
+        return laminate(section.material, every, by_normal=not named)
 
     def _material(self, section: Section) -> Material:
         card = self.cards.get(section.material.upper())

@@ -25,12 +25,15 @@ class Orientation:
         Rectangular: on the first axis, and in the plane of the first two, from the origin. Cylindrical: on the line.
     turn : (3, 3) float
         Turn about one of the axes, applied last.
+    on_shells : tuple of int
+        Axes in the order in which shells take them, the last nearest to their normal.
     """
 
     cylindrical: bool
     first: FloatArray
     second: FloatArray
     turn: FloatArray
+    on_shells: tuple[int, ...]
 
     def axes(self, places: FloatArray) -> FloatArray:
         """Return the axes as columns (n, 3, 3) at places (n, 3).
@@ -92,7 +95,7 @@ def orientation(card: Card) -> Orientation:
     scale = np.abs(values).max() if cylindrical else np.linalg.norm(first) * np.linalg.norm(second)
     if not size > _PARALLEL * scale:
         raise card.data[0].error("the points of this orientation lie on one line, which gives no axes; correct them")
-    turn = np.eye(3)
+    turn, axis = np.eye(3), 3
     if len(card.data) == 2:
         row = [*fields(card.data[1]), "", ""]
         axis = integer(row[0], card.data[1], "the axis of the turn") if row[0] else 1
@@ -104,7 +107,7 @@ def orientation(card: Card) -> Orientation:
         first, second = (card.scope.rotation @ point for point in (first, second))
         if cylindrical:
             first, second = first + card.scope.shift, second + card.scope.shift
-    return Orientation(cylindrical, first, second, turn)
+    return Orientation(cylindrical, first, second, turn, (axis % 3, (axis + 1) % 3, axis - 1))
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from flexfmu.files.errors import MeshError
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.geometry import Elements, ElementTable
-from flexfmu.mesh.decks.materials import DeckMaterials
+from flexfmu.mesh.decks.materials import DeckMaterials, plies
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.decks.structures import take
 from flexfmu.mesh.elements import ElementType
@@ -27,10 +27,6 @@ _PARAMETERS = ("ELSET", "MATERIAL", "OFFSET", "ORIENTATION", "CONTROLS", "SECTIO
 _BY_NODE = "NODALTHICKNESS"
 # Offsets of the middle from the nodes, over the thickness.
 _SIDES = {"SPOS": 0.5, "SNEG": -0.5}
-_REFUSED = {
-    "COMPOSITE": "layers are not supported: give one material and the thickness",
-    "SHELLTHICKNESS": "thickness by a distribution is not supported: give sets of elements their thickness",
-}
 
 
 class Faces(NamedTuple):
@@ -88,14 +84,18 @@ def take_shells(
 
 def _faces(card: Card) -> Faces:
     """Heights of both faces over the nodes, along the normal."""
-    for key, words in _REFUSED.items():
-        if key in card.parameters:
-            raise card.line.error(f"*SHELL SECTION, {key}: {words}")
-    card.allow((*_PARAMETERS, _BY_NODE))
-    texts = fields(card.data[0]) if card.data else []
+    if "SHELLTHICKNESS" in card.parameters:
+        raise card.line.error(
+            "*SHELL SECTION, SHELLTHICKNESS: thickness by a distribution is not supported: give sets of elements their "
+            "thickness"
+        )
+    card.allow((*_PARAMETERS, _BY_NODE, "COMPOSITE", "LAYUP", "SYMMETRIC"))
+    texts, layers = fields(card.data[0]) if card.data else [], plies(card)
     if not (texts and texts[0]) and _BY_NODE not in card.parameters:
         raise card.line.error("*SHELL SECTION should have a row with the thickness; add it")
-    value = 1.0 if _BY_NODE in card.parameters else number(texts[0], card.data[0], "the thickness")
+    value = sum(layer.thickness for layer in layers)
+    if _BY_NODE in card.parameters or not layers:
+        value = 1.0 if _BY_NODE in card.parameters else number(texts[0], card.data[0], "the thickness")
     if value <= 0.0:
         raise card.data[0].error(f"the thickness is {value:g}, expected a positive number")
     text = card.parameters.get("OFFSET", "0").upper()

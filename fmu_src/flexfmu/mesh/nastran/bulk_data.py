@@ -2,15 +2,17 @@
 
 import contextlib
 import io
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import meshio
 import numpy as np
 
-from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ASSUMED
@@ -28,6 +30,7 @@ from flexfmu.mesh.nastran.node_cards import (
     spiders,
     unit_of_mass,
 )
+from flexfmu.mesh.nastran.shell_cards import LAYERED, SHELLS, directions, faces_of_shells, layers, material
 from flexfmu.mesh.other.extras import imported, quiet
 from flexfmu.mesh.shapes import FACE_SHAPES
 
@@ -36,8 +39,6 @@ from flexfmu.mesh.shapes import FACE_SHAPES
 _SOLIDS = {(kind.shape.polytope.nastran, kind.node_count): kind.shape for kind in ASSUMED.values()}
 _FACES = {(f"{shape.polytope.nastran}{count}", count): shape for count, shape in FACE_SHAPES.items()}
 _CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SOLIDS.values()}
-# Shells, where their property is a PSHELL, and the faces that are like them.
-_SHELLS = {name: name for name in ("CTRIA3", "CTRIA6", "CQUAD4", "CQUAD8")} | {"CTRIAR": "CTRIA3", "CQUADR": "CQUAD4"}
 # They hold or load nothing.
 _IDLE = ("PLOTEL", "PLOTEL3", "PLOTEL4", "CHBDYE", "CHBDYG", "CHBDYP")
 # Cards with stiffness, mass or constraints by their names, whether pyNastran knows them or not.
@@ -167,15 +168,15 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     equations, links = multi_point_rows(model, row, path), rigid_links(model, row)
     used = {node for element in model.elements.values() for node in getattr(element, "nodes", ())}
     masses = point_masses(model, points, row, used, path, units, notes)
-    (shells, faces), bars = _faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))
+    (shells, faces), bars = faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))
     materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
     for element in model.elements.values():
         if element.type not in (*_IDLE, *CARDS):
-            card = _SHELLS.get(element.type, element.type)
+            card = SHELLS.get(element.type, element.type)
             flat = _is_face(element, model)
             count = len(element.nodes) if flat else _node_count(element, card, path)
-            card = f"{card[:-1]}{count}" if card in _SHELLS else card
+            card = f"{card[:-1]}{count}" if card in SHELLS else card
             shape = (_SOLIDS | _FACES)[card, count]
             nodes = [element.nodes[k] for k in shape.layered]
             kinds.setdefault((card, count), []).append(Member(element.eid, nodes, element.pid))
@@ -188,7 +189,8 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     for name, kept in (("PSOLID", _SOLIDS), ("Faces", _FACES)):
         inside = [*(key in kept for key in kinds), *([False] if bars else [])]
         for number in np.unique(np.concatenate([np.zeros(0, dtype=int), *properties])).tolist():
-            known = f"PSHELL {number}" if f"PSHELL {number}" in shells and kept is _FACES else f"{name} {number}"
+            shell = next((one for one in ("PSHELL", *LAYERED) if f"{one} {number}" in shells and kept is _FACES), name)
+            known = f"{shell} {number}"
             sets[known] = [np.flatnonzero((pids == number) & use) for pids, use in zip(properties, inside, strict=True)]
     for number in {one.property for one in bars if one.property > 0}:
         sets[f"{model.properties[number].type} {number}"] = [np.flatnonzero(pids == number) for pids in properties]
@@ -206,35 +208,8 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     )
     more = tuple(notes), references, equations, masses, links, shells
     beams = {one.number: one.beam for one in bars}
-    return Contents(mesh, labels, cell_labels, materials, material, *more, beams, hinges(model), faces)
-
-
-def _faces_of_shells(model: Any, path: Path) -> tuple[dict[str, tuple[float, float]], dict[int, FloatArray]]:
-    """Heights of both faces over the grid points by "PSHELL n"; where they are others, by element at its corners."""
-    found: dict[str, tuple[float, float]] = {}
-    others: dict[int, FloatArray] = {}
-    for element in model.elements.values():
-        if element.type not in _SHELLS or element.pid not in model.properties:
-            continue
-        own = model.properties[element.pid]
-        if own.type != "PSHELL":
-            raise MeshError(f"{path}: property {own.pid} is a {own.type}, expected PSHELL for shells of one material")
-        bent = own.mid2 == own.mid1 and own.mid3 in (own.mid1, None) and own.mid4 in (0, None)
-        usual = np.allclose([own.twelveIt3, own.tst, own.nsm], [1.0, 5.0 / 6.0, 0.0], atol=1e-4)
-        if not (bent and usual and own.t):
-            raise MeshError(
-                f"{path}: PSHELL {own.pid} should have a thickness, one material for stretching, bending and shear "
-                "(MID1 = MID2 = MID3), 12I/T**3 = 1, TS/T = 0.833333 and NSM = 0"
-            )
-        found[f"PSHELL {own.pid}"] = -0.5 * own.t, 0.5 * own.t
-        corners = [getattr(element, f"T{k}", None) for k in range(1, (3 if "TRIA" in element.type else 4) + 1)]
-        if element.zoffset or any(one is not None for one in corners):
-            unit = own.t if element.tflag else 1.0
-            thick = np.array([own.t if one is None else one * unit for one in corners])
-            if thick.min() <= 0.0:
-                raise MeshError(f"{path}: {element.type} {element.eid} has a thickness of {thick.min():g} at a corner")
-            others[element.eid] = (element.zoffset or 0.0) + thick[:, None] * [-0.5, 0.5]
-    return found, others
+    axes = directions(model, dict(zip(labels.tolist(), points, strict=True)), path)
+    return Contents(mesh, labels, cell_labels, materials, material, *more, beams, hinges(model), faces, axes)
 
 
 def _refuse_others(model: Any, path: Path) -> None:
@@ -242,7 +217,7 @@ def _refuse_others(model: Any, path: Path) -> None:
     found: dict[str, list[int]] = {}
     masses = [(number, one) for number, one in model.masses.items() if one.type != "CONM2"]
     for number, element in [*model.elements.items(), *masses]:
-        shell = element.type in _SHELLS and element.pid in model.properties
+        shell = element.type in SHELLS and element.pid in model.properties
         if element.type not in (*_IDLE, *_CORNERS, *CARDS) and not shell and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():
@@ -265,7 +240,7 @@ def _refuse_others(model: Any, path: Path) -> None:
             for name, numbers in found.items()
         )
         raise MeshError(
-            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *_SHELLS, *CARDS])} (RBE2, "
+            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *SHELLS, *CARDS])} (RBE2, "
             "RBAR and RBE3 become node sets). Model these parts by these, springs to the ground by [[support]] with "
             "stiffness; what only shows results can go"
         )
@@ -328,24 +303,34 @@ def _materials(
     rows: dict[tuple[int, float], int] = {}
     of_property: dict[int, int] = {}
     wanted = {one.property: (one.material, one.more) for one in bars}
-    for number in {element.pid for element in model.elements.values() if element.type in (*_CORNERS, *_SHELLS)}:
+    for number in {element.pid for element in model.elements.values() if element.type in (*_CORNERS, *SHELLS)}:
         given = model.properties.get(number)
-        if given is not None and given.type not in ("PSOLID", "PSHELL"):
-            raise MeshError(f"{path}: property {number} is a {given.type}, expected PSOLID or PSHELL")
-        wanted[number] = (0 if given is None else given.mid if given.type == "PSOLID" else given.mid1), 0.0
-    for number, (material, more) in wanted.items():
-        found = model.materials.get(material)
-        if found is not None and found.type != "MAT1":
-            raise MeshError(f"{path}: material {material} is a {found.type}, expected MAT1 (isotropic)")
-        if found is None or not (found.rho or more):
+        if given is not None and given.type not in ("PSOLID", "PSHELL", *LAYERED):
+            raise MeshError(f"{path}: property {number} is a {given.type}, expected PSOLID, PSHELL, PCOMP or PCOMPG")
+        if given is not None and given.type in LAYERED and set(given.mids) <= set(model.materials):
+            of_property[number] = len(materials)
+            materials.append(_weighed(layers(model, given, units, weight, path)))
+        elif given is None or given.type not in LAYERED:
+            more = given.nsm * weight / given.t if given is not None and given.type == "PSHELL" else 0.0
+            wanted[number] = (0 if given is None else given.mid if given.type == "PSOLID" else given.mid1), more
+    flat = {number for number in wanted if getattr(model.properties.get(number), "type", "") == "PSHELL"}
+    for number, (mid, more) in wanted.items():
+        found = model.materials.get(mid)
+        if found is not None and found.type != "MAT1" and number not in flat:
+            raise MeshError(f"{path}: material {mid} is a {found.type}, expected MAT1 (isotropic)")
+        if found is None or (found.type == "MAT1" and not (found.rho or more)):
             of_property[number] = NO_MATERIAL
             continue
-        if (material, more) not in rows:
-            rows[material, more] = len(materials)
-            name = f"MAT1 {material}{' with the mass of a section' if more else ''}"
-            materials.append(Material(name, found.e * units.stress, found.nu, found.rho * weight + more))
-        of_property[number] = rows[material, more]
+        if (mid, more) not in rows:
+            rows[mid, more] = len(materials)
+            materials.append(_weighed(material(model, mid, units, weight, path, more)))
+        of_property[number] = rows[mid, more]
     return tuple(materials), of_property
+
+
+def _weighed(found: Material) -> Material:
+    """A material whose density the file does not tell where it is zero."""
+    return found if found.density else replace(found, density=math.nan)
 
 
 def _bars_left_out(model: Any) -> list[str]:

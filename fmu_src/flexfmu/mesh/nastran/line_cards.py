@@ -165,7 +165,7 @@ def _directed(element: Any, model: Any, path: Path) -> tuple[FloatArray, FloatAr
     if element.g0:
         direction = model.nodes[element.g0].get_position_no_xref(model) - ends[0]
     else:
-        direction = _basic(np.array(element.x, dtype=float), 0 if letters[0] == "B" else systems[0], model, title)
+        direction = basic(np.array(element.x, dtype=float), 0 if letters[0] == "B" else systems[0], model, title)
     along = (ends[1] - ends[0]) / max(np.linalg.norm(ends[1] - ends[0]), 1e-300)
     third = np.cross(along, direction)
     third = third / max(np.linalg.norm(third), 1e-300)
@@ -173,17 +173,17 @@ def _directed(element: Any, model: Any, path: Path) -> tuple[FloatArray, FloatAr
     for given, system, letter in zip((element.wa, element.wb), systems, letters[1:], strict=True):
         own = np.array(given, dtype=float)
         of_element = own @ np.array([along, np.cross(third, along), third])
-        offsets.append(of_element if letter in "OE" else _basic(own, 0 if letter == "B" else system, model, title))
+        offsets.append(of_element if letter in "OE" else basic(own, 0 if letter == "B" else system, model, title))
     return direction, np.concatenate(offsets)
 
 
-def _basic(vector: FloatArray, system: int, model: Any, title: str) -> FloatArray:
+def basic(vector: FloatArray, system: int, model: Any, title: str) -> FloatArray:
     """A vector of a system in the basic one."""
     if not system or not vector.any():
         return vector
     known = model.coords[system]
     if not known.type.endswith("R"):
-        raise MeshError(f"{title} has a vector in {known.type} {system}, expected rectangular systems: give it as BGG")
+        raise MeshError(f"{title} has a vector in {known.type} {system}, expected rectangular systems")
     origin, there = (known.transform_node_to_global_no_xref(one, model) for one in (np.zeros(3), vector))
     found: FloatArray = there - origin
     return found
