@@ -170,7 +170,7 @@ def test_single_shells_move_without_energy_as_rigid_bodies_alone(kind):
     assert found[6] > 1e-7 * found[-1]
 
 
-@pytest.mark.parametrize("name", ["strip", "channel", "tee", "tube"])
+@pytest.mark.parametrize("name", ["strip", "channel", "tee", "laminate", "tube"])
 def test_quadratic_shells_are_as_stiff_and_as_heavy_as_calculixs(tmp_path, name):
     middle, file = Middle(name, "S8R"), tmp_path / "body.inp"
     file.write_text(middle.deck())
@@ -334,7 +334,8 @@ def test_shells_and_their_knots_turn_far_without_strain(tmp_path, name, kind):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [(name, kind) for name in ("strip", "channel", "tee", "tube") for kind in ("S4", "S8R")] + [("strip", "S3")],
+    [(name, kind) for name in ("strip", "channel", "tee", "laminate", "tube") for kind in ("S4", "S8R")]
+    + [("strip", "S3"), ("laminate", "S3")],
 )
 def test_thin_bodies_bend_far_as_in_calculix_with_the_shortest_body_file(tmp_path, name, kind):
     middle = Middle(name, kind)
@@ -524,8 +525,8 @@ def test_quadratic_shells_of_bulk_data_have_all_of_their_nodes_or_corners_alone(
     ("shell", "own", "message"),
     [
         ("PSHELL,1,1,0.005", "", "PSHELL 1 should have a thickness, one material"),
-        ("PSHELL,1,1,0.005,1,,1,,2.", "", "NSM = 0"),
-        ("PCOMP,1\n,1,0.005,0.", "", "expected PSHELL"),
+        ("PSHELL,1,1,0.005,1,,1,,2.", "\n,,,0.004", "CQUAD4 1 has a thickness of its own beside NSM"),
+        ("PLPLANE,1,1", "", "expected PSHELL, PCOMP"),
         ("", "\n,,,0.", "CQUAD4 1 has a thickness of 0 at a corner"),
     ],
 )
@@ -615,7 +616,6 @@ SHELLS = """*NODE
 @pytest.mark.parametrize(
     ("parameters", "row", "message"),
     [
-        (", COMPOSITE", "0.1", "COMPOSITE: layers are not supported"),
         (", SHELL THICKNESS=D", "0.1", "SHELLTHICKNESS: thickness by a distribution"),
         ("", "0.", "thickness is 0, expected a positive number"),
         ("", "", "should have a row with the thickness"),
