@@ -43,7 +43,7 @@ def in_plane(ply, angle):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("by_normal", "sense"), [(True, 1.0), (False, 1.0), (False, -1.0)])
 def test_energy_of_stretched_and_bent_patches_is_that_of_laminate_theory(kind, by_normal, sense):
-    points, cells = grid(3, 3, lambda a, b: (0.24 * a, 0.12 * b, 0.0), kind, 0.3)
+    points, cells = grid(4, 4, lambda a, b: (0.24 * a, 0.12 * b, 0.0), kind, 0.3)
     thickness, angles, turn = 0.003, np.radians([10.0, -40.0, 75.0]), exponential(np.array([0.3, 1.0, -2.0]))
     heights, direction = thickness * np.array([0.5, 0.2, 0.3]), np.radians(25.0)
     plies = [(h, a, CARBON) for h, a in zip(heights, angles, strict=True)]
@@ -117,7 +117,8 @@ def test_one_layer_is_what_the_material_by_itself_is():
         laminate("s", [(1, 0.3, steel)] * 3, by_normal=True),
     ):
         difference = stiffness(replace(plain, materials=(made,))) - stiffness(plain)
-        assert abs(difference).max() < 1e-12 * abs(stiffness(plain)).max()
+        # Of a warped shell the three layers' own points differ from those of the whole by the change of its area.
+        assert abs(difference).max() < 1e-6 * abs(stiffness(plain)).max()
 
 
 def test_stress_on_the_faces_is_that_of_the_outer_layers():
@@ -217,6 +218,10 @@ def test_layers_of_bulk_data_are_those_of_the_deck(tmp_path):
     deck = flexfmu.read_mesh(tmp_path / "body.inp")
     thick, angles = middle.thickness / 4.0, LAYERS["laminate"]
     plies = [f"2,{thick},{angle},NO" for angle in angles]
+    forces = np.zeros_like(deck.points)
+    forces[middle.tip] = 1.0, -2.0, 3.0
+    held = np.tile(deck.points[:, :1] < 1e-6, (1, 3))
+    expected = solved(replace(deck, fixed=held), forces)
     system = "CORD2R,9,,0.,0.,0.,0.,-.8,.6\n,1.,.0,0."
     for card, own in (
         ("PCOMP,1\n" + "".join(f",{ply}\n" for ply in plies), ""),
@@ -226,8 +231,11 @@ def test_layers_of_bulk_data_are_those_of_the_deck(tmp_path):
     ):
         (tmp_path / "body.bdf").write_text(bulk_data(middle, shell=f"{card}{MAT8}\n{system}", own=own))
         found = flexfmu.read_mesh(tmp_path / "body.bdf")
-        np.testing.assert_allclose(found.points, deck.points, atol=1e-9)
-        assert difference(found, deck) < 1e-4
+        np.testing.assert_allclose(found.points, deck.points, atol=1e-5)
+        # What keeps the thickness is no constant of these materials.
+        np.testing.assert_allclose(
+            solved(replace(found, fixed=held), forces), expected, atol=2e-4 * abs(expected).max()
+        )
         assert found.materials[0].density == pytest.approx(1600.0)
     name = card[: card.index(",")]
     assert found.element_sets[f"{name} 1"].size == len(middle.cells)

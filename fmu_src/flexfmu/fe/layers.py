@@ -20,6 +20,8 @@ from .cells import turning
 _PLANE, _ACROSS = np.array([0, 1, 3]), np.array([5, 4])
 # Sine of the angle to the normal below which the first axis gives no direction: 0.1 degrees.
 _NORMAL = np.sin(np.radians(0.1))
+# Bending stiffness that differs by less is the same in all directions.
+_EVEN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +87,48 @@ def _stack(material: Material) -> tuple[FloatArray, FloatArray]:
     layers = material.layers or (Layer(1.0, 0.0, tuple(material.elasticity.ravel().tolist())),)
     heights = np.cumsum([0.0, *(layer.share for layer in layers)])
     heights = 2.0 * heights / heights[-1] - 1.0
-    angle = np.array([layer.angle for layer in layers])
-    turn = np.tile(np.eye(3), (len(layers), 1, 1))
-    turn[:, 0, 0], turn[:, 1, 1] = np.cos(angle), np.cos(angle)
-    turn[:, 1, 0], turn[:, 0, 1] = np.sin(angle), -np.sin(angle)
     soft = np.linalg.inv(np.array([layer.constants for layer in layers]).reshape(-1, 6, 6))
     elastic = np.zeros_like(soft)
     for part in (_PLANE, _ACROSS):
         elastic[:, part[:, None], part] = np.linalg.inv(soft[:, part[:, None], part])
     elastic[:, 2, 2] = 1.0 / soft[:, 2, 2]
-    both = turning(turn)
-    elastic = both @ elastic @ both.swapaxes(1, 2)
-    elastic[:, _ACROSS[:, None], _ACROSS] = _shear(0.5 * heights, elastic)
+    elastic = _turned(elastic, np.array([layer.angle for layer in layers]))
+    # Bending about either axis by itself is another thing in other axes: those of the largest bending stiffness.
+    main = _stiffest(np.einsum("lij,l->ij", elastic[:, _PLANE[:, None], _PLANE], np.diff(heights**3)))
+    whole = np.zeros((1, 6, 6))
+    whole[0, _ACROSS[:, None], _ACROSS] = _shear(0.5 * heights, _turned(elastic, np.full(len(layers), -main)))
+    elastic[:, _ACROSS[:, None], _ACROSS] = _turned(whole, np.array([main]))[:, _ACROSS[:, None], _ACROSS]
     return heights, elastic
+
+
+def _turned(elastic: FloatArray, angle: FloatArray) -> FloatArray:
+    """Elasticity (l, 6, 6) turned about the third axis by angles (l,), rad."""
+    turn = np.tile(np.eye(3), (len(angle), 1, 1))
+    turn[:, 0, 0], turn[:, 1, 1] = np.cos(angle), np.cos(angle)
+    turn[:, 1, 0], turn[:, 0, 1] = np.sin(angle), -np.sin(angle)
+    both = turning(turn)
+    found: FloatArray = both @ elastic @ both.swapaxes(1, 2)
+    return found
+
+
+def _stiffest(bend: FloatArray) -> float:
+    """Angle, rad, of the direction in which the bending stiffness (3, 3) is largest."""
+
+    def slopes(angle: float) -> tuple[float, float, float]:
+        c, s = np.cos(2.0 * angle), np.sin(2.0 * angle)
+        place, first = np.array([0.5 + 0.5 * c, 0.5 - 0.5 * c, s]), np.array([-s, s, 2.0 * c])
+        second = np.array([-2.0 * c, 2.0 * c, -4.0 * s])
+        return place @ bend @ place, first @ bend @ place, first @ bend @ first + second @ bend @ place
+
+    angles = np.linspace(0.0, np.pi, 180, endpoint=False)
+    sizes = [slopes(angle)[0] for angle in angles]
+    if np.ptp(sizes) < _EVEN * max(sizes):
+        return 0.0
+    best: float = angles[np.argmax(sizes)]
+    for _ in range(4):
+        _, slope, curve = slopes(best)
+        best -= slope / curve
+    return best
 
 
 def _shear(z: FloatArray, elastic: FloatArray) -> FloatArray:
