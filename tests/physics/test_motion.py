@@ -233,6 +233,22 @@ def test_a_step_far_shorter_than_any_period_answers_by_half_its_square(kind, ste
     assert np.linalg.norm(found.v - step * expected) < 1e-3 * step * np.linalg.norm(expected)
 
 
+@pytest.mark.parametrize("kind", ["frames", "second order", "cut"])
+@pytest.mark.parametrize("size", [1.0, -2.0])
+def test_each_component_of_a_load_moves_the_body_in_a_step_of_its_own(kind, size):
+    """From a bent shape at rest: what moves it in a short step beyond its own forces is the modal force of that load."""
+    body, step = body_of(kind, ONE_STEP, damped=False), 1e-6
+    q = 0.1 * np.random.default_rng(1).standard_normal(body.core.modes)
+    state, names = State(q, np.zeros(q.size)), body.model.interface_names
+    unloaded = body.step(state, {}, step).v
+    for name in names:
+        for load in size * np.eye(6):
+            loads = {name: tuple(load)}
+            push = body.forces(state, body.loads(loads).packed(True)) - body.forces(state, body.loads({}).packed(True))
+            found = (body.step(state, loads, step).v - unloaded) / step
+            np.testing.assert_allclose(found, push, rtol=0.0, atol=1e-4 * np.linalg.norm(push))
+
+
 def test_moments_may_leave_a_body_stable_whose_tangent_is_indefinite_in_its_symmetric_part():
     body = FlexibleBody(body_of_everything(26, modes=3, frames=2), Method.FRAMES)
     moments = 1000.0 * np.random.default_rng(26).standard_normal((2, 3))
