@@ -236,7 +236,7 @@ def test_a_step_far_shorter_than_any_period_answers_by_half_its_square(kind, ste
 @pytest.mark.parametrize("kind", ["frames", "second order", "cut"])
 @pytest.mark.parametrize("size", [1.0, -2.0])
 def test_each_component_of_a_load_moves_the_body_in_a_step_of_its_own(kind, size):
-    """From a bent shape at rest: what moves it in a short step beyond its own forces is the modal force of that load."""
+    """From a bent shape at rest: what moves it in a short step beyond its own forces is that load's modal force."""
     body, step = body_of(kind, ONE_STEP, damped=False), 1e-6
     q = 0.1 * np.random.default_rng(1).standard_normal(body.core.modes)
     state, names = State(q, np.zeros(q.size)), body.model.interface_names
