@@ -3,6 +3,7 @@
 from .config import CouplingFile, parse_coupling, read_coupling_file
 from .coupling import CouplingStoppedError, couple, run
 from .results import Result, write_result
+from .ssp import write_ssp
 
 __all__ = [
     "CouplingFile",
@@ -13,4 +14,5 @@ __all__ = [
     "read_coupling_file",
     "run",
     "write_result",
+    "write_ssp",
 ]
