@@ -127,11 +127,11 @@ def _structure(
     joints = Element("ssd:Connections")
     for text in inputs:
         end = dict(zip(("endElement", "endConnector"), text.split(".", 1), strict=True))
-        SubElement(joints, "ssd:Connection", startConnector=_TABLE + text, **end)
+        SubElement(joints, "ssd:Connection", {"startConnector": _TABLE + text, **end})
     for link in links:
         start = dict(zip(("startElement", "startConnector"), link.source.split(".", 1), strict=True))
         end = dict(zip(("endElement", "endConnector"), link.target.split(".", 1), strict=True))
-        joint = SubElement(joints, "ssd:Connection", **start, **end)
+        joint = SubElement(joints, "ssd:Connection", start | end)
         if link.factor is not None:
             # The factor is all of the conversion.
             joint.set("suppressUnitConversion", "true")
@@ -139,7 +139,7 @@ def _structure(
     if len(joints):
         system.append(joints)
     note = SubElement(SubElement(system, "ssd:Annotations"), "ssc:Annotation", type="org.openmodelica")
-    note = SubElement(SubElement(note, "oms:Annotations", **{"xmlns:oms": _OMS}), "oms:SimulationInformation")
+    note = SubElement(SubElement(note, "oms:Annotations", {"xmlns:oms": _OMS}), "oms:SimulationInformation")
     SubElement(note, "oms:FixedStepMaster", description="oms-ma", stepSize=repr(coupling.experiment.step))
     SubElement(root, "ssd:DefaultExperiment", startTime="0.0", stopTime=repr(coupling.experiment.stop))
     return root
