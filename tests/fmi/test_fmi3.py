@@ -57,7 +57,7 @@ def fmu(kind, body, tmp_path_factory):
 class Slave:
     """An FMU of FMI 3.0 behind fmpy, by names; its log as status, category and text."""
 
-    def __init__(self, path, folder, start=True):
+    def __init__(self, path, folder, start=True, **options):
         self.description = fmpy.read_model_description(str(path))
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
         self.log = []
@@ -67,7 +67,9 @@ class Slave:
         token, model = self.description.instantiationToken, self.description.coSimulation.modelIdentifier
         self.fmu = FMU3Slave(guid=token, modelIdentifier=model, unzipDirectory=str(folder), instanceName="body")
         self.fmu.instantiate(
-            loggingOn=True, logMessage=lambda _, status, kind, text: self.log.append((status, kind, text.decode()))
+            loggingOn=True,
+            logMessage=lambda _, status, kind, text: self.log.append((status, kind, text.decode())),
+            **options,
         )
         if start:
             self.start()
@@ -212,6 +214,60 @@ def test_after_a_refused_step_another_may_be_tried(slave):
     assert slave.get(*slave.names("output"), "time") == [*before, pytest.approx(2 * STEP)]
     slave.set(name, 0.0, 0.0, 0.0)
     assert slave.fmu.doStep(2 * STEP, STEP) == (False, False, False, pytest.approx(3 * STEP))
+
+
+def test_a_refused_step_is_taken_as_far_as_it_goes_where_the_master_allows_early_return(fmu, tmp_path):
+    one, strict, other = (Slave(fmu, tmp_path, earlyReturnAllowed=allowed) for allowed in (True, False, False))
+    name = one.names("input")[0]
+    load, state = 1.0, strict.fmu.getFMUState()
+    with pytest.raises(FMICallException) as refused:
+        while load < 1e12:
+            load *= 2.0
+            strict.fmu.setFMUState(state)
+            strict.set(name, load, 0.0, 0.0)
+            strict.fmu.doStep(0.0, 0.1)
+    for side in (one, other):
+        side.set(name, load, 0.0, 0.0)
+    assert refused.value.status == DISCARD
+    *flags, reached = one.fmu.doStep(0.0, 0.1)
+    assert flags == [False, False, True]
+    assert 0.1 / reached in (2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)
+    assert one.get("time") == [reached]
+    assert DISCARD not in [status for status, *_ in one.log]
+    # What is reached is what the shorter step gives.
+    assert other.fmu.doStep(0.0, reached) == (False, False, False, reached)
+    assert one.fmu.serializeFMUState(one.fmu.getFMUState()) == other.fmu.serializeFMUState(other.fmu.getFMUState())
+    # A step that is not refused is whole, and one that no part of is taken is refused.
+    one.set(name, 0.0, 0.0, 0.0)
+    assert one.fmu.doStep(reached, 1e-6) == (False, False, False, reached + 1e-6)
+    one.set(name, float("nan"), 0.0, 0.0)
+    with pytest.raises(FMICallException) as refused:
+        one.fmu.doStep(reached + 1e-6, 1e-6)
+    assert refused.value.status == DISCARD
+
+
+def test_plain_fmpy_goes_on_to_where_no_part_of_a_step_is_taken(tmp_path):
+    path = tmp_path / "body.fmu"
+    package_fmu(fuzzed.fuzzed_body("plain"), path, fmi=3)
+    times = []
+
+    def look(time, _):
+        times.append(time)
+        return True
+
+    with pytest.raises(FMICallException) as refused:
+        fmpy.simulate_fmu(
+            str(path),
+            stop_time=1.0,
+            output_interval=0.1,
+            start_values={"port_1.force": [1e5, 0.0, 0.0]},
+            early_return_allowed=True,
+            step_finished=look,
+        )
+    assert refused.value.status == DISCARD
+    assert len(times) > 1
+    assert np.all(np.diff(times) > 0.0)
+    assert 0.0 < times[-1] < 0.1
 
 
 def test_a_state_replays_to_the_last_bit_also_in_another_instance(slave, fmu, tmp_path):

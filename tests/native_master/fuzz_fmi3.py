@@ -39,7 +39,7 @@ TYPES["String"] = ("String", c_char_p)
 class Three:
     """An instance of FMI 3.0; arrays are given by the references of their numbers in FMI 2.0."""
 
-    def __init__(self, path, library):
+    def __init__(self, path, library, early=False):
         self.folder = Path(tempfile.mkdtemp(prefix="fmu-"))
         shutil.unpack_archive(path, self.folder, "zip")
         root = ElementTree.parse(self.folder / "modelDescription.xml").getroot()
@@ -51,7 +51,7 @@ class Three:
         self.write = Log(lambda _, status, __, text: self.log.append((status, text.decode(errors="replace"))))
         self.library.fmi3InstantiateCoSimulation.restype = c_void_p
         words = b"case", root.get("instantiationToken").encode(), str(self.folder / "resources").encode()
-        flags = c_bool(False), c_bool(True), c_bool(False), c_bool(True), None, c_size_t(0), None, self.write, None
+        flags = c_bool(False), c_bool(True), c_bool(False), c_bool(early), None, c_size_t(0), None, self.write, None
         self.component = c_void_p(self.library.fmi3InstantiateCoSimulation(*words, *flags))
         assert self.component.value, self.log
 
@@ -101,6 +101,7 @@ class Pair:
 
     def __init__(self, path, path_3, seed, library):
         self.random, self.fmu, self.three = random.Random(seed), Fmu(path, library), Three(path_3, library)
+        self.eager = Three(path_3, library, early=True)
         self.two, self.reached, self.saved = self.fmu.instantiate("case"), 0.0, []
         self.arrays = {int(v.get("valueReference")): v for v in self.three.variables}
         self.wide = {n: 3 if v.find("Dimension") is not None else 1 for n, v in self.arrays.items()}
@@ -126,7 +127,8 @@ class Pair:
         self.three.log.clear()
         two, three = call()
         assert repr(two) == repr(three), (call.__name__, two, three, self.fmu.log, self.three.log)
-        words = [(status, text.replace("%%", "%")) for status, _, text in self.fmu.log]
+        here, there = str(self.fmu.folder), str(self.three.folder)
+        words = [(status, text.replace("%%", "%").replace(here, there)) for status, _, text in self.fmu.log]
         assert [status for status, _ in words] == [status for status, _ in self.three.log] or call == self.strange
         for (_, one), (_, other) in zip(words, self.three.log, strict=False):
             assert one == other or "fmi2" in one, (one, other)
@@ -149,7 +151,11 @@ class Pair:
         status = self.two.setup(start, stop, tolerance)
         status = self.two.enter() if status == OK else status
         given = c_bool(tolerance is not None), c_double(tolerance or 0.0), c_double(start)
-        other = self.three.call("EnterInitializationMode", *given, c_bool(stop is not None), c_double(stop or 0.0))
+        given += c_bool(stop is not None), c_double(stop or 0.0)
+        # A stop time is no part of the state.
+        assert self.eager.set_bytes(self.three.bytes()) == OK
+        self.eager.call("EnterInitializationMode", *given)
+        other = self.three.call("EnterInitializationMode", *given)
         self.reached = start if status == OK else self.reached
         return status, other
 
@@ -162,12 +168,36 @@ class Pair:
     def reset(self):
         return self.two.reset(), self.three.call("Reset")
 
+    def ahead(self, before, time, size, status):
+        """The same step where the master allows early return: whole, in part, or refused."""
+        assert self.eager.set_bytes(before) == OK
+        flags, last = [c_bool(True) for _ in range(3)], c_double(-7.0)
+        found = self.eager.call("DoStep", c_double(time), c_double(size), c_bool(True), *map(byref, flags), byref(last))
+        events, terminate, early = (flag.value for flag in flags)
+        if last.value == -7.0:
+            assert found == status == ERROR
+            return
+        assert not events
+        assert not terminate
+        if status != DISCARD:
+            assert (found, early) == (status, False), self.eager.log[-1:]
+            assert self.eager.bytes() == self.three.bytes()
+        elif early:
+            assert found == OK
+            assert time <= last.value <= time + 0.51 * size + 1e-15 * abs(time)
+        else:
+            # Where no part is taken either, the state is as before, but for the status.
+            assert found in (DISCARD, ERROR)
+            assert self.eager.bytes()[HEAD:] == self.three.bytes()[HEAD:], (found, self.eager.log[-1:])
+
     def step(self):
         size, time = self.random.choice(STEPS), self.random.choice([*[self.reached] * 20, *TIMES])
+        before = self.three.bytes()
         status = self.two.step(time, size)
         flags, last = [c_bool(True) for _ in range(3)], c_double(-7.0)
         other = self.three.call("DoStep", c_double(time), c_double(size), c_bool(True), *map(byref, flags), byref(last))
         assert last.value == -7.0 or not any(flag.value for flag in flags)
+        self.ahead(before, time, size, other)
         if status <= DISCARD:
             # A refused step leaves the time where it was.
             assert (OK, [last.value]) == self.three.got([self.time], 1)
@@ -320,6 +350,7 @@ def main(path, path_3, seed, calls, library=None):
         pair.two.free()
         pair.fmu.remove()
         pair.three.close()
+        pair.eager.close()
     print("CALLS", played)
     print("FINE")
 

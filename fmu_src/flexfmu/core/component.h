@@ -36,6 +36,7 @@ typedef struct {
     int logging, logged[CATEGORIES];
     int set_up; /* whether fmi2SetupExperiment was called */
     double stop; /* s: steps end here at the latest */
+    int halvings; /* FMI 3.0: how often a refused step is tried at half its length; 0: the master wants whole steps */
     int talkative; /* whether the master asked for the log: else it gets refusals and the first warning of a kind */
     char text[TEXT_SIZE], line[2 * TEXT_SIZE], room[TEXT_SIZE / 4];
     /* Names handed out by fmi2GetString stay until the next call. */
@@ -48,6 +49,8 @@ typedef struct {
 /* A component that tells as `how` does; null, told, where `wrong` is given or there is no body. */
 Component *component_open(const Component *how, fmi2String name, const char *wrong, fmi2String guid, fmi2String location, int logging);
 void component_close(Component *c);
+/* fmi2DoStep, with `halvings` as of instance_step. */
+fmi2Status component_step(fmi2Component handle, double time, double step, int *halvings);
 /* Tell the master, of a status. */
 void tell(void *to, int status, const char *text);
 fmi2Status fail(Component *c, const char *text);

@@ -97,8 +97,7 @@ static int same_time(double a, double b, double step) {
     return fabs(a - b) <= 1e-6 * step + 1e-12 * fmax(fabs(a), fabs(b));
 }
 
-FMI_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state) {
-    (void)no_set_state;
+fmi2Status component_step(fmi2Component handle, double time, double step, int *halvings) {
     /* After a refused step the state is as it was: another step, shorter or with other inputs, may be tried. */
     Component *c = allowed(handle, STEPPING | STEP_FAILED, "fmi2DoStep");
     if (!c) return fmi2Error;
@@ -114,7 +113,7 @@ FMI_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real s
             return fail(c, c->text);
         }
     }
-    switch (instance_step(c->body, time, step, c->text)) {
+    switch (instance_step(c->body, time, step, halvings, c->text)) {
     case ANSWER_OK: c->phase = STEPPING; return fmi2OK;
     case ANSWER_REFUSED:
         c->phase = STEP_FAILED;
@@ -124,6 +123,12 @@ FMI_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real s
         c->phase = FAILED;
         return fail(c, c->text);
     }
+}
+
+FMI_EXPORT fmi2Status fmi2DoStep(fmi2Component handle, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state) {
+    (void)no_set_state;
+    int none = 0;
+    return component_step(handle, time, step, &none);
 }
 
 FMI_EXPORT fmi2Status fmi2CancelStep(fmi2Component handle) {

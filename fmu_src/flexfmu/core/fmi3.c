@@ -9,6 +9,9 @@ FMI_EXPORT fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t
     return fmi2SetDebugLogging(c, on, count, categories);
 }
 
+/* The shortest step that is taken in place of a refused one: 1/256 of it. */
+enum { HALVINGS = 8 };
+
 static fmi3Instance opened(fmi3String name, const char *wrong, fmi3String token, fmi3String path, fmi3Boolean logging,
                            fmi3InstanceEnvironment environment, fmi3LogMessageCallback log) {
     if (!log) return 0;
@@ -21,9 +24,11 @@ FMI_EXPORT fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String 
                                                     const fmi3ValueReference between[], size_t count,
                                                     fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                                                     fmi3IntermediateUpdateCallback update) {
-    (void)visible, (void)early, (void)between, (void)update;
+    (void)visible, (void)between, (void)update;
     const char *wrong = events ? "this FMU has no event mode" : count ? "this FMU has no intermediate variables" : 0;
-    return opened(name, wrong, token, path, logging, environment, log);
+    Component *c = opened(name, wrong, token, path, logging, environment, log);
+    if (c) c->halvings = early ? HALVINGS : 0;
+    return c;
 }
 
 FMI_EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String path, fmi3Boolean visible,
@@ -57,10 +62,12 @@ FMI_EXPORT fmi3Status fmi3DoStep(fmi3Instance handle, fmi3Float64 time, fmi3Floa
                                  fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached) {
     Component *c = given(allowed(handle, STEPPING | STEP_FAILED, "fmi2DoStep"), events && terminate && early && reached, "fmi2DoStep");
     if (!c) return fmi2Error;
-    const fmi3Status status = fmi2DoStep(c, time, step, no_set_state);
-    /* A step is taken whole or not at all. */
-    *events = *terminate = *early = false;
+    (void)no_set_state;
+    int left = c->halvings;
+    const fmi3Status status = component_step(c, time, step, &left);
+    *events = *terminate = false;
     *reached = instance_time(c->body);
+    *early = status == fmi2OK && left < c->halvings;
     return status;
 }
 

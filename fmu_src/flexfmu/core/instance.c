@@ -442,7 +442,7 @@ static int over_step(Instance *x, double step) {
     return differ;
 }
 
-Answer instance_step(Instance *x, double time, double step, char *why) {
+static Answer whole_step(Instance *x, double time, double step, char *why) {
     if (!isfinite(time) || !isfinite(step) || step < 0.0 || !isfinite(time + step)) {
         snprintf(why, TEXT_SIZE, SAY_BAD_TIME, step, time);
         return instance_failed(x, ANSWER_REFUSED);
@@ -495,4 +495,14 @@ Answer instance_step(Instance *x, double time, double step, char *why) {
     x->single[S_ERROR] = work.error;
     x->cached = CACHED_MOTION;
     return ANSWER_OK;
+}
+
+Answer instance_step(Instance *x, double time, double step, int *halvings, char *why) {
+    const double status = x->single[S_STATUS];
+    Answer answer = whole_step(x, time, step, why);
+    for (; answer == ANSWER_REFUSED && *halvings > 0; --*halvings) {
+        x->single[S_STATUS] = status;
+        answer = whole_step(x, time, step *= 0.5, why);
+    }
+    return answer;
 }

@@ -29,8 +29,9 @@ void start_changed(Instance *instance);
 
 /* Fix parameters and the start. */
 Answer instance_start(Instance *instance, char *why);
-/* ANSWER_REFUSED leaves the state as it was; ANSWER_FAILED ends the simulation. */
-Answer instance_step(Instance *instance, double time, double step, char *why);
+/* ANSWER_REFUSED leaves the state as it was; ANSWER_FAILED ends the simulation. A refused step is tried at most so many
+ * times at half its length; those left are told. */
+Answer instance_step(Instance *instance, double time, double step, int *halvings, char *why);
 /* Body and state, found from parameters and inputs when first asked for. */
 Answer instance_begin(Instance *instance, char *why);
 /* The answer, kept in status.code. */

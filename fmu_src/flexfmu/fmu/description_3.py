@@ -18,6 +18,7 @@ _CAN = (
     "providesDirectionalDerivatives",
     "providesAdjointDerivatives",
     "canHandleVariableCommunicationStepSize",
+    "mightReturnEarlyFromDoStep",
 )
 
 
