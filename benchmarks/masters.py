@@ -1,8 +1,9 @@
-"""One FMU in every master that is a Python package, against the numbers of the body itself.
+"""One FMU in other masters, against the numbers of the body itself.
 
 Run from the repository's root: python -m benchmarks.masters MASTER[=PYTHON] … [--output FILE.csv]. A master that is too
 large for the environment of the tests lies in one of its own: cofmupy=/path/to/venv/bin/python. Both exports are run.
-Prints a table and writes it.
+fmusim, a program of the Reference FMUs that must be on the PATH, runs the native ones of FMI 2.0
+and 3.0. Prints a table and writes it.
 """
 
 import argparse
@@ -33,8 +34,14 @@ FIRST = {"tip.force.x": -500.0, "tip.force.y": 4000.0}
 LATER = {"tip.force.z": 1500.0, "tip.moment.x": 40.0}
 OUTPUTS = [f"tip.{quantity}.{axis}" for quantity in ("displacement", "rotation") for axis in "xyz"]
 COLUMNS = ("master", "version", "fmpy", "numpy", "python", "export", "steps", "motion", "difference", "failure")
-VERSIONS = "import sys, platform\nfrom importlib.metadata import version\n"
-VERSIONS += "print(version(sys.argv[1]), version('fmpy'), version('numpy'), platform.python_version())"
+EXPORTS = (("native", Runtime.NATIVE, 2), ("python", Runtime.PYTHON, 2), ("fmi3", Runtime.NATIVE, 3))
+VERSIONS = """
+import platform, subprocess, sys
+from importlib.metadata import version
+name = sys.argv[1]
+own = subprocess.getoutput("fmusim --version").split()[1] if name == "fmusim" else version(name.replace("_", "-"))
+print(own, version("fmpy"), version("numpy"), platform.python_version())
+"""
 
 
 def by_the_body(body):
@@ -49,10 +56,9 @@ def by_the_body(body):
     return np.array(rows)
 
 
-def record(master, python, fmu, runtime, expected):
+def record(master, python, fmu, export, expected):
     """A row of the table."""
-    package = master.replace("_", "-")
-    found = subprocess.run([python, "-c", VERSIONS, package], capture_output=True, text=True, check=True)
+    found = subprocess.run([python, "-c", VERSIONS, master], capture_output=True, text=True, check=True)
     versions = dict(zip(COLUMNS[1:5], found.stdout.split(), strict=True))
     arguments = json.dumps([str(fmu), {}, FIRST, LATER, STEP, COUNT, OUTPUTS])
     done = subprocess.run([python, str(DRIVERS), master, arguments], capture_output=True, text=True, check=False)
@@ -60,7 +66,7 @@ def record(master, python, fmu, runtime, expected):
     row = {
         "master": master,
         **versions,
-        "export": runtime.value,
+        "export": export,
         "steps": COUNT,
         "motion": f"{np.max(np.abs(expected)):.3g}",
     }
@@ -80,12 +86,14 @@ def main():
     expected = by_the_body(FlexibleBody(reduced))
     rows = []
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
-        for runtime in Runtime:
-            fmu = Path(folder) / f"beam_{runtime.value}.fmu"
-            package_fmu(reduced, fmu, runtime)
+        for export, runtime, version in EXPORTS:
+            fmu = Path(folder) / f"beam_{export}.fmu"
+            package_fmu(reduced, fmu, runtime, fmi=version)
             for name in options.masters:
                 master, _, python = name.partition("=")
-                rows.append(record(master, python or sys.executable, fmu, runtime, expected))
+                if export not in (("native", "fmi3") if master == "fmusim" else ("native", "python")):
+                    continue
+                rows.append(record(master, python or sys.executable, fmu, export, expected))
                 print("  ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
     write_records(options.output, rows)
 

@@ -29,7 +29,7 @@ from flexfmu.master.descriptions import read_description
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 STEP, STEPS = 1e-3, 12
-DISCARD, ERROR = 2, 3
+OK, DISCARD, ERROR = 0, 2, 3
 FUZZER = Path(__file__).parents[1] / "native_master" / "fuzz_fmi3.py"
 # Random calls of each body: whole cases of sixty.
 CALLS = 600
@@ -216,19 +216,55 @@ def test_after_a_refused_step_another_may_be_tried(slave):
     assert slave.fmu.doStep(2 * STEP, STEP) == (False, False, False, pytest.approx(3 * STEP))
 
 
+def status_of(call):
+    """Of a call behind fmpy, which raises from `fmi3Discard` on."""
+    try:
+        call()
+    except FMICallException as error:
+        return error.status
+    return OK
+
+
+@pytest.mark.parametrize("kind", ["plain"], indirect=True)
+def test_the_order_of_calls_is_that_of_the_standard(fmu, tmp_path):
+    one = Slave(fmu, tmp_path, start=False)
+
+    def found(*calls):
+        return [status_of(call) for call in calls]
+
+    def begin():
+        one.fmu.enterInitializationMode(startTime=1.0, stopTime=1.01)
+
+    step, read = (lambda: one.fmu.doStep(1.0, 0.006)), (lambda: one.get("time"))
+    # Only what the standard allows before, in and after initialisation.
+    assert found(step, read, one.fmu.exitInitializationMode, one.fmu.terminate) == [ERROR] * 4
+    assert found(begin, begin, read, step, one.fmu.terminate) == [OK, ERROR, OK, ERROR, ERROR]
+    assert found(one.fmu.exitInitializationMode, one.fmu.exitInitializationMode, begin) == [OK, ERROR, ERROR]
+    assert found(lambda: one.fmu.doStep(1.001, 0.006), step, step) == [ERROR, OK, ERROR]
+    assert "expected one from 1.006 s" in one.log[-1][2]
+    assert status_of(lambda: one.fmu.doStep(1.006, 0.006)) == ERROR
+    assert "goes beyond the stop time of fmi3EnterInitializationMode" in one.log[-1][2]
+    assert found(lambda: one.fmu.doStep(1.006, 0.004), one.fmu.terminate, step, read) == [OK, OK, ERROR, OK]
+    assert found(one.fmu.terminate, one.fmu.reset, read, begin, read) == [ERROR, OK, ERROR, OK, OK]
+    assert one.get("time") == [1.0]
+    one.fmu.freeInstance()
+
+
 def test_a_refused_step_is_taken_as_far_as_it_goes_where_the_master_allows_early_return(fmu, tmp_path):
     one, strict, other = (Slave(fmu, tmp_path, earlyReturnAllowed=allowed) for allowed in (True, False, False))
     name = one.names("input")[0]
     load, state = 1.0, strict.fmu.getFMUState()
-    with pytest.raises(FMICallException) as refused:
-        while load < 1e12:
-            load *= 2.0
-            strict.fmu.setFMUState(state)
-            strict.set(name, load, 0.0, 0.0)
-            strict.fmu.doStep(0.0, 0.1)
+
+    def pushed():
+        strict.fmu.setFMUState(state)
+        strict.set(name, load, 0.0, 0.0)
+        return status_of(lambda: strict.fmu.doStep(0.0, 0.1))
+
+    while pushed() == OK:
+        load *= 2.0
     for side in (one, other):
         side.set(name, load, 0.0, 0.0)
-    assert refused.value.status == DISCARD
+    assert pushed() == DISCARD
     *flags, reached = one.fmu.doStep(0.0, 0.1)
     assert flags == [False, False, True]
     assert 0.1 / reached in (2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)

@@ -146,6 +146,17 @@ def test_random_calls_touch_no_foreign_memory_and_do_nothing_undefined(kinds, ru
     assert fuzz(kinds, kind, calls, "--library", sanitized[0], **environment) >= calls
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", fuzzed.KINDS)
+def test_random_calls_of_fmi_3_touch_no_foreign_memory_and_do_nothing_undefined(sanitized, tmp_path, kind):
+    calls = CALLS // len(fuzzed.KINDS)
+    for version in (2, 3):
+        package_fmu(fuzzed.fuzzed_body(kind), tmp_path / f"{version}.fmu", fmi=version)
+    words = [str(tmp_path / "2.fmu"), str(tmp_path / "3.fmu"), SEED, str(calls), str(sanitized[0])]
+    done = run("fuzz_fmi3.py", *words, timeout=1800, LD_PRELOAD=sanitized[1], ASAN_OPTIONS="detect_leaks=0")
+    assert done.stdout.splitlines()[-1:] == ["FINE"], (done.returncode, done.stdout, done.stderr)
+
+
 def compiled(source, program, *flags):
     """A C program of the tests."""
     compiler = system_compiler()

@@ -8,6 +8,7 @@ import contextlib
 import ctypes
 import json
 import os
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -172,6 +173,44 @@ def run_gemseo_fmu(path, texts, loads, later, step, count, outputs):
         found = body.execute(values)
         rows.append([float(found[name][0]) for name in outputs])
     return rows
+
+
+def run_fmusim(path, texts, loads, later, step, count, outputs):
+    """fmusim of the Reference FMUs, a program in C: inputs as a table, whose rows at one time are a jump."""
+    names = [*dict.fromkeys([*loads, *later])]
+    change, first = (count // 2) * step, [loads.get(name, 0.0) for name in names]
+    last = [later.get(name, loads.get(name, 0.0)) for name in names]
+    rows = [(0.0, first), (change, first), (change, last), (count * step, last)]
+    folder = Path(tempfile.mkdtemp())
+    described = fmpy.read_model_description(path)
+    arrays = described.fmiVersion.startswith("3")
+
+    def column(name):
+        """The name of a number, or of the array that it is in."""
+        return name.rpartition(".")[0] if arrays else name
+
+    columns = [*dict.fromkeys(map(column, names))]
+    lines = [",".join(["time", *columns])]
+    for time, values in rows:
+        given = dict(zip(names, values, strict=True))
+        cells = [
+            " ".join(repr(given.get(f"{one}.{axis}", 0.0)) for axis in "xyz") if arrays else repr(given[one])
+            for one in columns
+        ]
+        lines.append(",".join([repr(time), *cells]))
+    (folder / "inputs.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    asked = [*dict.fromkeys(map(column, outputs))]
+    words = ["fmusim", "--interface-type", "cs", "--stop-time", repr(count * step), "--output-interval"]
+    words += [repr(step), "--input-file", str(folder / "inputs.csv"), "--output-file", str(folder / "outputs.csv")]
+    words += [word for name in asked for word in ("--output-variable", name)]
+    words += [word for name, text in texts.items() for word in ("--start-value", name, text)]
+    subprocess.run([*words, path], check=True)
+    table = [line.split(",") for line in (folder / "outputs.csv").read_text(encoding="utf-8").splitlines()]
+    places = [table[0].index(f'"{column(name)}"') for name in outputs]
+    axes = ["xyz".index(name[-1]) if arrays else 0 for name in outputs]
+    found = [[float(row[n].split()[k]) for n, k in zip(places, axes, strict=True)] for row in table[1:]]
+    assert len(found) == count + 1, f"fmusim ended after {len(found) - 1} steps"
+    return found[1:]
 
 
 def main():
