@@ -32,9 +32,7 @@ const char *variable_text(const Instance *x, int64_t variable, int64_t index, ch
         const char *end = strchr(at, '\n');
         if (!end) return "";
         if (index-- == 0) {
-            const size_t length = (size_t)(end - at) < TEXT_SIZE / 4 - 1 ? (size_t)(end - at) : TEXT_SIZE / 4 - 1;
-            memcpy(room, at, length);
-            room[length] = 0;
+            snprintf(room, TEXT_SIZE / 4, "%.*s", (int)(end - at), at);
             return room;
         }
         at = end + 1;
@@ -53,10 +51,8 @@ static Body *open_named(Instance *x, const char *name, char *why) {
     const char *wrong;
     Body *body = body_open_file(x->folder, name, x->described, &wrong);
     if (body) return body;
-    if (wrong)
-        snprintf(why, TEXT_SIZE, "%s cannot be used: %s; build the FMU again", name, wrong);
-    else
-        snprintf(why, TEXT_SIZE, "%s is not in the FMU's resources (%.600s)", name, x->folder);
+    if (wrong) snprintf(why, TEXT_SIZE, "%s cannot be used: %s; build the FMU again", name, wrong);
+    else snprintf(why, TEXT_SIZE, "%s is not in the FMU's resources (%.600s)", name, x->folder);
     return 0;
 }
 
@@ -319,9 +315,7 @@ Answer instance_begin(Instance *x, char *why) {
     memset(x->v, 0, (size_t)x->modes * sizeof(double));
     if (x->parameter[P_INITIALIZATION] == START_STATIC) {
         for (int64_t i = 0; i < x->loads; i++)
-            if (!isfinite(x->input[i])) {
-                return wrong_input(x, i, "static initialisation: ", why);
-            }
+            if (!isfinite(x->input[i])) return wrong_input(x, i, "static initialisation: ", why);
         double share;
         int64_t rounds;
         scale_inputs(&x->scale, description(x), x->input, x->start_inputs);
@@ -499,10 +493,8 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
 
 Answer instance_step(Instance *x, double time, double step, int *halvings, char *why) {
     const double status = x->single[S_STATUS];
-    Answer answer = whole_step(x, time, step, why);
-    for (; answer == ANSWER_REFUSED && *halvings > 0; --*halvings) {
-        x->single[S_STATUS] = status;
-        answer = whole_step(x, time, step *= 0.5, why);
+    for (;; --*halvings, step *= 0.5, x->single[S_STATUS] = status) {
+        const Answer answer = whole_step(x, time, step, why);
+        if (answer != ANSWER_REFUSED || *halvings <= 0) return answer;
     }
-    return answer;
 }
