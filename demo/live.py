@@ -10,10 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from demo.mesh_tools import box_mesh
 
 import flexfmu
 
 HERE = Path(__file__).parent
+STEEL = (2.1e11, 0.3, 7850.0)
+AXLE_MODES = 6
 
 
 def of_deck(file: str, supports: list[str], interfaces: dict[str, str], **more: bool) -> flexfmu.Body:
@@ -24,23 +27,41 @@ def of_deck(file: str, supports: list[str], interfaces: dict[str, str], **more: 
     )
 
 
-def gutter() -> flexfmu.Body:
-    """Half a pipe of shells, 0.6 m long and 1.5 mm thick."""
-    along, around = np.meshgrid(np.linspace(0.0, 0.6, 31), np.linspace(0.0, np.pi, 13), indexing="ij")
-    points = np.column_stack([along.ravel(), 0.04 * np.cos(around).ravel(), -0.04 * np.sin(around).ravel()])
-    first = (13 * np.arange(30)[:, None] + np.arange(12)).ravel()
-    cells = {"quad": np.column_stack([first, first + 13, first + 14, first + 1])}
-    mesh = flexfmu.shell_mesh(points, cells, 0.0015, ROOT=np.arange(13), TIP=390 + np.arange(13))
-    return flexfmu.Body(mesh, (2.1e11, 0.3, 7850.0), ["ROOT"], {"tip": "TIP"}, name="gutter", damping=0.02)
+def coil_spring() -> flexfmu.Body:
+    """Four turns of a square wire, held at the lower end."""
+    turns, radius, wire, pitch = 4, 0.04, 0.009, 0.022
+    across = np.array([-0.5 * wire, 0.5 * wire])
+    mesh = box_mesh(np.linspace(0.0, turns, 20 * turns + 1), across, across)
+    turn, outward, upward = 2.0 * np.pi * mesh.points[:, 0], *mesh.points[:, 1:, None].swapaxes(0, 1)
+    out = np.column_stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)])
+    rise = pitch / (2.0 * np.pi) / radius
+    along = np.column_stack([-out[:, 1], out[:, 0], np.full_like(turn, rise)]) / np.hypot(1.0, rise)
+    points = (radius + outward) * out + upward * np.cross(along, out)
+    points[:, 2] += pitch * mesh.points[:, 0]
+    ends = (mesh.nodes_where(np.isclose(mesh.points[:, 0], end)) for end in (0.0, turns))
+    root, tip = ends
+    return flexfmu.Body((points, mesh.bricks), STEEL, [root], {"tip": tip}, name="coil_spring", damping=0.02)
+
+
+def leaf() -> flexfmu.Body:
+    """A bent, tapered leaf of shells, 4 mm thick."""
+    along, across = np.meshgrid(np.linspace(0.0, 1.0, 31), np.linspace(-0.06, 0.06, 7), indexing="ij")
+    angle, radius = np.radians(70.0) * along, 0.5
+    width = across * (1.0 - 0.5 * along)
+    points = np.stack([radius * np.sin(angle), width, radius * (1.0 - np.cos(angle))], axis=-1).reshape(-1, 3)
+    first = (7 * np.arange(30)[:, None] + np.arange(6)).ravel()
+    cells = {"quad": np.column_stack([first, first + 7, first + 8, first + 1])}
+    mesh = flexfmu.shell_mesh(points, cells, 0.004, ROOT=np.arange(7), TIP=210 + np.arange(7))
+    return flexfmu.Body(mesh, STEEL, ["ROOT"], {"tip": "TIP"}, name="leaf", damping=0.02)
 
 
 BODIES: dict[str, Callable[[], flexfmu.Body]] = {
     "beam": lambda: of_deck("clamped_beam/beam.inp", ["ROOT"], {"tip": "TIP"}),
     "l_frame": lambda: of_deck("l_frame/l_frame.inp", ["ROOT"], {"tip": "TIP"}),
-    "plate": lambda: flexfmu.Body.read(HERE / "plate/body.toml"),
+    "plate": lambda: of_deck("plate/plate.inp", ["ROOT"], {"left": "CORNER_LEFT", "right": "CORNER_RIGHT"}),
     "arch": lambda: of_deck("shallow_arch/shallow_arch.inp", ["ROOT", "FAR"], {"crown": "CROWN"}),
-    "coil_spring": lambda: of_deck("curved/helix.inp", ["ROOT"], {"tip": "TIP"}),
-    "gutter": gutter,
+    "coil_spring": coil_spring,
+    "leaf": leaf,
     "bar": lambda: of_deck("clamped_beam/beam.inp", [], {"root": "ROOT", "tip": "TIP"}, free=True),
     "axle": lambda: flexfmu.Body.read(HERE / "rear_axle/body.toml"),
 }
@@ -54,7 +75,8 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
     for name in arguments.names:
-        print(BODIES[name]().build().view(live=True).save(arguments.output / f"{name}.html"))
+        body = BODIES[name]().build(modes=AXLE_MODES if name == "axle" else None)
+        print(body.view(live=True).save(arguments.output / f"{name}.html"), flush=True)
 
 
 if __name__ == "__main__":

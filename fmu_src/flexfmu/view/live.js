@@ -3,7 +3,7 @@ const unpack = async text => new Uint8Array(await new Response(new Blob([bytes(t
 const SPEEDS = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4];
 // Steps in a period of the first mode, its frequency on the screen (Hz), time for steps of a picture (ms), how far fingers miss (px).
 const STEPS = 400, SHOWN = 0.8, BUDGET = 12, NEAR = { mouse: 26, pen: 30, touch: 44 };
-const SAMPLES = 400, FOLLOW = 0.06;
+const SAMPLES = 400, FOLLOW = 0.06, CHASE = 0.6;
 
 class Live {
   static async open(spec) {
@@ -34,7 +34,7 @@ class Live {
   }
   get ghost() { return this.ghostShown && this.line && !this.line.lost && this.moving ? this.ghostPlaces : null; }
   fresh() {
-    this.pull = null; this.moving = false; this.refused = ""; this.warned = ""; this.error = null; this.told.length = 0; this.history = []; this.top = 1e-9 * this.size; this.debt = 0;
+    this.pull = null; this.moving = false; this.refused = ""; this.warned = ""; this.critical = ""; this.error = null; this.told.length = 0; this.history = []; this.top = 1e-9 * this.size; this.debt = 0;
     for (const one of [this.body, this.line]) if (one) { one.start(); one.lost = false; one.before = null; }
     this.low = [0, 1, 2].map(() => -0.1 * this.size); this.high = [0, 1, 2].map(() => 0.1 * this.size);
     this.read();
@@ -75,18 +75,24 @@ class Live {
   advance(time) {
     const real = Math.min((time - (this.last ?? time)) / 1000, 0.05);
     this.last = time;
-    if (this.paused || !this.moving) return this.tell();
+    if (this.paused || !this.moving) return this.tell() || !this.touched;
     if (this.pull) { const w = 1 - Math.exp(-real / FOLLOW), goal = this.goal(); this.pull.aim = this.pull.aim.map((x, c) => x + w * (goal[c] - x)); }
     const end = performance.now() + BUDGET;
     this.debt = Math.min(this.debt + real * this.speed / this.h, 1e6);
     while (this.debt >= 1 && performance.now() < end) { this.debt -= 1; if (!this.step()) break; }
     if (this.debt >= 1) this.debt = 0;
     this.read();
+    if (!this.pull && this.spec.free) this.chase(1 - Math.exp(-real / CHASE));
     if (this.errorNumber >= 0) this.error = this.body.get([this.errorNumber])[0];
     this.history.push([this.body.time, this.value(this.motion), this.lineMotion && this.value(this.lineMotion)]);
     if (this.history.length > SAMPLES) this.history.shift();
     this.tell();
     return true;
+  }
+  // The camera goes with a free body that nothing holds.
+  chase(w) {
+    const mean = [0, 1, 2].map(c => this.markNow.reduce((s, p, k) => s + p[c] - DATA.markPoints[k][c], 0) / this.markNow.length);
+    centre = centre.map((x, c) => x + w * (0.5 * (low[c] + high[c]) + mean[c] - x));
   }
   shape(now, moved) {
     const places = this.body.places();
@@ -115,7 +121,7 @@ class Live {
     const c = dot(turn[2], sub(this.markNow[pull.k], centre));
     return centre.map((x, k) => x + a * turn[0][k] + b * turn[1][k] + c * turn[2][k]);
   }
-  begin(k, more) { this.pull = { k, aim: [...this.markNow[k]], ...more }; this.moving = true; this.refused = ""; for (const one of [this.body, this.line]) if (one) one.before = null; }
+  begin(k, more) { this.pull = { k, aim: [...this.markNow[k]], ...more }; if (!this.moving) { this.moving = this.touched = true; words(); } this.refused = ""; for (const one of [this.body, this.line]) if (one) one.before = null; }
   take(e) {
     const [x, y] = this.at(e), w = area.clientWidth, h = area.clientHeight;
     const far = this.markNow.map(p => { const s = screen(p, w, h); return Math.hypot(s[0] - x, s[1] - y); });
@@ -143,7 +149,7 @@ class Live {
     e.preventDefault();
   }
   pause() { this.paused = !this.paused; this.told_ = ""; }
-  reset() { this.fresh(); this.paused = false; dirty = true; words(); }
+  reset() { this.fresh(); this.paused = false; if (this.spec.free) fit(); dirty = true; words(); }
   flip() { this.ghostShown = !this.ghostShown; $("linear").setAttribute("aria-pressed", this.ghostShown); dirty = true; }
 
   // The plot's output: size of displacement, its parts, size of rotation.
@@ -162,7 +168,7 @@ class Live {
     tools.innerHTML = `<button id="pause" title="space"></button><button id="reset" title="r">reset</button>
       <button id="linear" title="l" aria-pressed="true"><i></i>linear</button><label>speed <select id="speed"></select></label>`;
     panel.id = "livePanel";
-    panel.innerHTML = `<div id="trust"><span></span><i><b></b></i></div><select id="output" aria-label="output of the plot"></select><canvas id="plot"></canvas>`;
+    panel.innerHTML = `<div id="trust"><span>own error estimate</span><i><b></b></i></div><select id="output" aria-label="output of the plot"></select><canvas id="plot"></canvas>`;
     area.append(panel);
     const banner = document.createElement("div"); banner.id = "refused"; banner.hidden = true; banner.setAttribute("role", "status");
     banner.innerHTML = "<b>Refused.</b> <span></span> <button>reset</button>"; area.append(banner); banner.querySelector("button").onclick = () => this.reset();
@@ -178,6 +184,7 @@ class Live {
     const hint = matchMedia("(pointer: coarse)").matches ? "Take an orange point and pull." : "Take an orange point and pull, or press the arrow keys.";
     const warning = this.told.findLast(line => line.name === "body" && line.status === 1);
     if (warning) this.warned = warning.text;
+    if (warning && /critical load/.test(warning.text)) this.critical = ` Before it: ${warning.text}.`;
     this.told.length = 0;
     const text = !this.moving ? hint : `${this.body.time.toPrecision(4)} s${this.paused ? ", paused" : ""}${this.warned ? ` — ${this.warned}` : ""}`;
     if (text === this.said && this.wasRefused === this.refused && this.wasPaused === this.paused) return false;
@@ -185,10 +192,15 @@ class Live {
     $("note").textContent = text;
     $("pause").textContent = this.paused ? "▶" : "❚❚"; $("pause").setAttribute("aria-label", this.paused ? "go on" : "pause");
     $("refused").hidden = !this.refused;
-    $("refused").querySelector("span").textContent = this.refused && `${this.refused}. The body is in its last good state.`;
+    $("refused").querySelector("span").textContent = this.refused && `${this.refused}.${this.critical} The body is in its last good state.`;
     return true;
   }
   annotate(g, w, h, halo) {
+    // Rings that invite, until something was taken.
+    if (!this.touched) for (const p of this.markNow) {
+      const t = performance.now() / 1200 % 1, [x, y] = screen(p, w, h);
+      g.globalAlpha = 1 - t; g.strokeStyle = "#d55e00"; g.lineWidth = 2.5; g.beginPath(); g.arc(x, y, 6 + 22 * t, 0, 7); g.stroke(); g.globalAlpha = 1;
+    }
     if (this.pull && this.load) {
       const from = screen(this.markNow[this.pull.k], w, h), to = screen(this.pull.aim, w, h), long = Math.hypot(to[0] - from[0], to[1] - from[1]);
       if (long > 6) {

@@ -42,11 +42,12 @@ def live_view(body: FlexibleBody, report: Reporter) -> View:
     parts = with_guid(made, _GUID) | {"core": web_core(report), "numbers": numbers.astype("<f4").tobytes()}
     live = {
         "guid": _GUID,
-        "parts": {name: base64.b64encode(gzip.compress(part, 9, mtime=0)).decode() for name, part in parts.items()},
+        "parts": {name: base64.b64encode(gzip.compress(part, 6, mtime=0)).decode() for name, part in parts.items()},
         "variables": [v.name for v in variable_table(model)],
         "interfaces": model.interface_names,
         "stiffness": _stiffness(body),
         "frequency": model.angular_frequency[model.rigid_count] / (2.0 * np.pi),
+        "free": model.rigid_count > 0,
         "sizes": sizes,
         "on": on,
     }
