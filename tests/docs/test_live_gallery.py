@@ -1,0 +1,107 @@
+"""The gallery's live bodies: all are valid, and pages of them open, answer and complain of nothing."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from demo.live import BODIES
+
+from chromium import Tab, browser
+from flexfmu.core.building import zig_compiler
+
+PAGE = Path(__file__).parents[2] / "docs/figures/coil_spring.html"
+WIDTHS = pytest.mark.parametrize(("width", "dark"), [(1400, False), (400, True)])
+needs_zig = pytest.mark.skipif(zig_compiler() is None, reason='no compiler for pages: pip install ".[platforms]"')
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_the_bodies_of_the_gallery_are_valid(name):
+    body = BODIES[name]()
+    assert body.spec.interface
+    assert body.spec.free == (not body.spec.support)
+    assert 0.09 < np.ptp(body.mesh.points, axis=0).max() < 2.0
+
+
+@lru_cache
+def written(name, folder):
+    return BODIES[name]().build().view(live=True).save(folder / f"{name}.html")
+
+
+def opened(page, width, dark):
+    """The page, awake and at rest."""
+    tab = Tab(page, width, 800, dark)
+    tab.until("document.body.dataset.live === 'yes'")
+    assert tab.value("live.body.time") == 0.0
+    assert tab.value("document.documentElement.scrollWidth") <= width
+    return tab
+
+
+def pull(tab, right, up):
+    """Take the last interface with the pointer and pull, px."""
+    x, y = tab.value(
+        "(() => { const r = area.getBoundingClientRect(), s = screen(live.markNow.at(-1), r.width, r.height);"
+        " return [r.left + s[0], r.top + s[1]]; })()"
+    )
+    tab.pointer("mousePressed", x, y)
+    tab.pointer("mouseMoved", x + right, y - up)
+    return x + right, y - up
+
+
+@pytest.mark.slow
+@WIDTHS
+def test_the_page_of_the_docs_opens_and_answers(width, dark):
+    browser()
+    with opened(PAGE, width, dark) as tab:
+        assert tab.value("$('bar').hidden")
+        pull(tab, 10, -60)
+        tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.01 && live.load && live.error !== null")
+        assert not tab.value("$('bar').hidden")
+        assert tab.said == []
+
+
+@pytest.mark.slow
+@needs_zig
+@WIDTHS
+def test_a_leaf_of_shells_bends(tmp_path_factory, width, dark):
+    browser()
+    with opened(written("leaf", tmp_path_factory.getbasetemp()), width, dark) as tab:
+        pull(tab, -80, 80)
+        tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.03")
+        tab.until("live.error < 0.01")
+        assert tab.said == []
+
+
+@pytest.mark.slow
+@needs_zig
+@WIDTHS
+def test_a_free_bar_tumbles_and_the_camera_goes_with_it(tmp_path_factory, width, dark):
+    browser()
+    with opened(written("bar", tmp_path_factory.getbasetemp()), width, dark) as tab:
+        begin = tab.value("centre")
+        x, y = pull(tab, 0, 60 + 0.15 * width)
+        tab.until("Math.abs(live.motion[11]) > 0.3")
+        tab.pointer("mouseReleased", x, y)
+        tab.until("Math.abs(live.motion[11]) > 1.5")
+        assert np.linalg.norm(np.subtract(tab.value("centre"), begin)) > 0.02
+        assert tab.said == []
+
+
+@pytest.mark.slow
+@needs_zig
+@WIDTHS
+def test_an_arch_refuses_to_snap_and_says_that_its_load_is_critical(tmp_path_factory, width, dark):
+    browser()
+    with opened(written("arch", tmp_path_factory.getbasetemp()), width, dark) as tab:
+        # Pressed bit by bit, until it has nothing to say against the load but that.
+        x, y = pull(tab, 0, 0)
+        for _ in range(400):
+            y += 0.25 if width < 500 else 0.75
+            tab.pointer("mouseMoved", x, y)
+            tab.value("new Promise(then => setTimeout(then, 60))")
+            if tab.value("live.refused !== ''"):
+                break
+        assert "critical load" in tab.value("$('refused').textContent")
+        assert not tab.value("$('refused').hidden")
+        assert tab.value("live.motion.every(Number.isFinite)")
+        assert tab.said == []
