@@ -75,7 +75,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
     for name in arguments.names:
-        body = BODIES[name]().build(modes=AXLE_MODES if name == "axle" else None)
+        body = BODIES[name]().build(modes=AXLE_MODES if name == "axle" else None, stress=True)
         print(body.view(live=True).save(arguments.output / f"{name}.html"), flush=True)
 
 

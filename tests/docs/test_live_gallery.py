@@ -8,6 +8,7 @@ import pytest
 from demo.live import BODIES
 
 from chromium import Tab, browser
+from flexfmu.body.recovery import surface_von_mises
 from flexfmu.core.building import zig_compiler
 
 PAGE = Path(__file__).parents[2] / "docs/figures/coil_spring.html"
@@ -24,8 +25,13 @@ def test_the_bodies_of_the_gallery_are_valid(name):
 
 
 @lru_cache
+def built(name):
+    return BODIES[name]().build(stress=True)
+
+
+@lru_cache
 def written(name, folder):
-    return BODIES[name]().build().view(live=True).save(folder / f"{name}.html")
+    return built(name).view(live=True).save(folder / f"{name}.html")
 
 
 def opened(page, width, dark):
@@ -37,12 +43,19 @@ def opened(page, width, dark):
     return tab
 
 
+def place(tab):
+    """Where the last interface is on the screen, px."""
+    # Drawn anew first, if the window has just changed.
+    return tab.value(
+        "new Promise(then => setTimeout(then, 300)).then(() => {"
+        " const r = area.getBoundingClientRect(), s = screen(live.markNow.at(-1), r.width, r.height);"
+        " return [r.left + s[0], r.top + s[1]]; })"
+    )
+
+
 def pull(tab, right, up):
     """Take the last interface with the pointer and pull, px."""
-    x, y = tab.value(
-        "(() => { const r = area.getBoundingClientRect(), s = screen(live.markNow.at(-1), r.width, r.height);"
-        " return [r.left + s[0], r.top + s[1]]; })()"
-    )
+    x, y = place(tab)
     tab.pointer("mousePressed", x, y)
     tab.pointer("mouseMoved", x + right, y - up)
     return x + right, y - up
@@ -66,9 +79,42 @@ def test_the_page_of_the_docs_opens_and_answers(width, dark):
 def test_a_leaf_of_shells_bends(tmp_path_factory, width, dark):
     browser()
     with opened(written("leaf", tmp_path_factory.getbasetemp()), width, dark) as tab:
-        pull(tab, -80, 80)
+        x, y = pull(tab, -80, 80)
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.03")
         tab.until("live.error < 0.01")
+        tab.pointer("mouseReleased", x, y)
+        assert tab.said == []
+
+
+@pytest.mark.slow
+@needs_zig
+@WIDTHS
+def test_a_finger_pulls_and_colours_show_stress_and_error(tmp_path_factory, width, dark):
+    browser()
+    with opened(written("leaf", tmp_path_factory.getbasetemp()), width, dark) as tab:
+        tab.ask("Emulation.setTouchEmulationEnabled", enabled=True)
+        tab.until("matchMedia('(pointer: coarse)').matches")
+        x, y = place(tab)
+        tab.ask("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+        tab.ask("Input.dispatchTouchEvent", type="touchMove", touchPoints=[{"x": x - 80, "y": y - 80}])
+        tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.03")
+        tab.value("(() => { $('colour').value = STRESS; $('colour').dispatchEvent(new Event('change')); })()")
+        tab.until("peak && peak[1] > 1e8")
+        body = built("leaf")
+        count = body.model.mode_count
+        now = f"[live.read(), live.body.modes({count}), live.motion, live.stress()].slice(1).map(x => Array.from(x))"
+        q, motion, stress = (np.array(part) for part in tab.value(now))
+        np.testing.assert_allclose(body.core.motion(q).ravel(), motion, atol=1e-12)
+        np.testing.assert_allclose(stress, surface_von_mises(body.model, q), rtol=1e-4, atol=1e-4 * stress.max())
+        # The mark is where it is largest, and the colours end where the user says.
+        assert tab.value("(shape(), live.stress()[peak[0]] === peak[1] && peak[1] === Math.max(...live.stress()))")
+        assert tab.value("!$('limits').hidden && $('limits').innerText.includes('singular')")
+        tab.value("(() => { $('limit').value = 50; $('limit').dispatchEvent(new Event('input')); })()")
+        tab.until("$('ticks').lastChild.textContent === '50'")
+        tab.value("(() => { $('colour').value = ERROR; $('colour').dispatchEvent(new Event('change')); })()")
+        tab.until("!$('legend').hidden && live.errorTint === ERROR_TINTS[0] && colours[1] > 0.6 && colours[0] === 0")
+        tab.ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+        tab.until("live.pull === null")
         assert tab.said == []
 
 

@@ -2,6 +2,8 @@
 #include "component.h"
 
 #if defined(__wasm__)
+#include <string.h>
+
 /* A page has functions that it calls, not pointers to its own: its logger is this one. */
 __attribute__((import_module("page"), import_name("log")))
 void fmi2FlexfmuLog(fmi2ComponentEnvironment to, fmi2String instance, fmi2Status status, fmi2String category, fmi2String message, ...);
@@ -14,5 +16,13 @@ FMI_EXPORT fmi2Status fmi2FlexfmuSurface(fmi2Component handle, const int64_t *si
     Component *c = allowed(handle, READABLE, "fmi2FlexfmuSurface");
     if (!c || instance_begin(c->body, c->text) != ANSWER_OK) return fmi2Error;
     return body_surface(c->body->body, sizes, on, numbers, c->body->q, value, places) == FLEX_OK ? fmi2OK : fmi2Error;
+}
+
+/* Its modal coordinates there. */
+FMI_EXPORT fmi2Status fmi2FlexfmuModes(fmi2Component handle, double *q, size_t count) {
+    Component *c = allowed(handle, READABLE, "fmi2FlexfmuModes");
+    if (!c || instance_begin(c->body, c->text) != ANSWER_OK) return fmi2Error;
+    memcpy(q, c->body->q, count * sizeof(double));
+    return fmi2OK;
 }
 #endif

@@ -9,12 +9,12 @@ class Live {
   static async open(spec) {
     const parts = {}, told = [];
     for (const [name, text] of Object.entries(spec.parts)) parts[name] = await unpack(text);
-    const { core: wasm, numbers, ...files } = parts;
+    const { core: wasm, numbers, stress, ...files } = parts;
     const core = await Core.open(wasm, files, (name, status, text) => told.push({ name, status, text }));
-    return new Live(spec, core, told, new Float32Array(numbers.buffer));
+    return new Live(spec, core, told, new Float32Array(numbers.buffer), stress && new Float32Array(stress.buffer));
   }
-  constructor(spec, core, told, numbers) {
-    Object.assign(this, { live: true, name: "live", note: "", position: [0], factor: 1, peak: 0, cyclic: false, spec, told, paused: false, speed: 1, debt: 0, ghostShown: true });
+  constructor(spec, core, told, numbers, stressRows) {
+    Object.assign(this, { live: true, name: "live", note: "", position: [0], factor: 1, peak: 0, cyclic: false, spec, told, paused: false, speed: 1, debt: 0, ghostShown: true, stressRows });
     const number = name => spec.variables.indexOf(name), xyz = name => ["x", "y", "z"].map(axis => number(`${name}.${axis}`));
     this.interfaces = spec.interfaces.map((name, k) => ({ name, stiffness: spec.stiffness[k], force: xyz(`${name}.force`), motion: [...xyz(`${name}.displacement`), ...xyz(`${name}.rotation`)] }));
     this.errorNumber = number("diagnostics.error");
@@ -34,7 +34,7 @@ class Live {
   }
   get ghost() { return this.ghostShown && this.line && !this.line.lost && this.moving ? this.ghostPlaces : null; }
   fresh() {
-    this.pull = null; this.moving = false; this.refused = ""; this.warned = ""; this.critical = ""; this.error = null; this.told.length = 0; this.history = []; this.top = 1e-9 * this.size; this.debt = 0;
+    this.pull = null; this.moving = false; this.refused = ""; this.warned = ""; this.critical = ""; this.error = null; this.told.length = 0; this.history = []; this.top = 1e-9 * this.size; this.stressTop = 1; this.debt = 0;
     for (const one of [this.body, this.line]) if (one) { one.start(); one.lost = false; one.before = null; }
     this.low = [0, 1, 2].map(() => -0.1 * this.size); this.high = [0, 1, 2].map(() => 0.1 * this.size);
     this.read();
@@ -111,6 +111,22 @@ class Live {
     if (most > this.top) { this.top = 1.25 * most; words(); }
     if (this.ghost) this.ghostPlaces.set(this.line.places());
   }
+
+  // Von Mises stress at the surface's points, N/m².
+  stress() {
+    const rows = this.stressRows, m = rows.length / (6 * N), q = this.body.modes(m), value = new Float32Array(N), s = new Float64Array(6);
+    let most = 0;
+    for (let i = 0, at = 0; i < N; i++) {
+      for (let k = 0; k < 6; k++) { let sum = 0; for (let j = 0; j < m; j++) sum += rows[at++] * q[j]; s[k] = sum; }
+      const [xx, yy, zz, xy, yz, zx] = s;
+      value[i] = Math.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * (xy * xy + yz * yz + zx * zx));
+      most = Math.max(most, value[i]);
+    }
+    if (most > this.stressTop) { this.stressTop = 1.25 * most; words(); }
+    return value;
+  }
+  get bad() { return this.error < 0 || this.error > 0.1; }
+  get errorTint() { return ERROR_TINTS[this.error === null ? 0 : this.bad || this.error > 0.03 ? 2 : this.error > 0.01 ? 1 : 0]; }
 
   // Pointer and keyboard.
   at(e) { const r = area.getBoundingClientRect(); return [e.clientX - r.left, e.clientY - r.top]; }
@@ -212,10 +228,10 @@ class Live {
       }
     }
     if (this.error !== null) {
-      const bad = this.error < 0 || this.error > 0.1, share = bad ? 1 : Math.min(1, this.error / 0.05);
+      const bad = this.bad, share = bad ? 1 : Math.min(1, this.error / 0.05);
       $("trust").querySelector("span").textContent = `own error estimate ${this.error < 0 ? "unknown" : bad ? "> 10 %" : `${(100 * this.error).toPrecision(2)} %`}`;
       const bar = $("trust").querySelector("b"); bar.style.width = `${100 * share}%`;
-      bar.style.background = bad || this.error > 0.03 ? "#d55e00" : this.error > 0.01 ? "#e69f00" : "#009e73";
+      bar.style.background = this.errorTint;
     }
     this.plot();
   }

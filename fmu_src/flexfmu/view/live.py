@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body.flexible_body import FlexibleBody
-from ..body.recovery import surface_data
+from ..body.recovery import surface_data, surface_of
 from ..core.binaries import web_core
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter
@@ -40,6 +40,8 @@ def live_view(body: FlexibleBody, report: Reporter) -> View:
     made = {name: draft for name, draft in programs(model).items() if name in _PROGRAMS}
     sizes, on, numbers = surface_data(model, body.method)
     parts = with_guid(made, _GUID) | {"core": web_core(report), "numbers": numbers.astype("<f4").tobytes()}
+    if (stress := surface_of(model).stress) is not None:
+        parts["stress"] = stress.astype("<f4").tobytes()
     live = {
         "guid": _GUID,
         "parts": {name: base64.b64encode(gzip.compress(part, 6, mtime=0)).decode() for name, part in parts.items()},
