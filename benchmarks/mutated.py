@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import runpy
 import shutil
+import signal
 import subprocess
 import sys
 from enum import Enum
@@ -27,6 +28,8 @@ hypothesis.settings.load_profile("haste")
 """
 # Tests that take this long (s) do not end any more.
 LONGEST = 900.0
+# Says nothing of the change. (Windows knows no SIGKILL.)
+ENDED_FROM_OUTSIDE = (signal.SIGTERM, signal.SIGINT, getattr(signal, "SIGKILL", signal.SIGTERM))
 
 
 class Outcome(Enum):
@@ -105,6 +108,8 @@ def judged(code: int, output: str) -> tuple[Outcome, str]:
         return Outcome.SURVIVED, ""
     if code == 1:
         return Outcome.KILLED, failed[0].partition("::")[2] if failed else "?"
+    if -code in ENDED_FROM_OUTSIDE:
+        return Outcome.BROKEN, f"the process was ended from outside ({code})"
     if code < 0 or code > 5:
         return Outcome.KILLED, f"the process ended with {code}"
     return Outcome.BROKEN, (output.strip().splitlines() or ["no output"])[-1]
