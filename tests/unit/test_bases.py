@@ -10,6 +10,8 @@ from flexfmu.build.tables import InterfaceTable
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
+from flexfmu.model.errors import OptionError
+from flexfmu.model.fixing import _remaining_modes
 from flexfmu.model.methods import Method
 from flexfmu.reduction.options import Basis
 from meshes import bars, body_file, box, with_sets
@@ -171,3 +173,14 @@ def test_steel_between_blocks_that_are_ten_thousand_times_stiffer_has_orthonorma
     normal = config.reduction.model_copy(update={"residual_flexibility": False})
     expected = reduce_body(config.model_copy(update={"reduction": normal}), Reporter()).angular_frequency
     np.testing.assert_allclose(body.angular_frequency[:8], expected, rtol=2e-5)
+
+
+def test_which_motions_can_be_fixed_together_does_not_depend_on_their_units():
+    """A row in metres beside one in radians may be far smaller: each counts by its direction alone."""
+    rows, squares = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]), np.array([1.0, 2.0, 3.0])
+    for size in (1.0, 1e-12):
+        turn, left = _remaining_modes(rows * [[size], [1.0]], np.sqrt(squares))
+        np.testing.assert_allclose(np.abs(turn[:, 0]), [0.0, 0.0, 1.0], atol=1e-12)
+        assert left == pytest.approx([3.0])
+    with pytest.raises(OptionError, match="depend on each other"):
+        _remaining_modes(rows[[0, 0]] * [[1e-12], [1.0]], np.sqrt(squares))
