@@ -314,7 +314,7 @@ def test_prose_uses_plain_words():
             assert not AVOIDED.findall(prose), page
 
 
-# What a user reads, without what the code writes (docs/reference, generated tables), pages for those who change the code
+# What a user reads, without what the code writes (docs/reference, generated tables), pages for those who change code
 # and the changelog.
 OTHERS = (*RESULTS, "CHANGELOG.md", "ARCHITECTURE.md", "CONTRIBUTING.md")
 READ = [page for page in LINKED if page not in OTHERS and "reference/" not in page]
