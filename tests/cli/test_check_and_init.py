@@ -1,6 +1,8 @@
 """`flexfmu check` tells what a mesh offers; `flexfmu init` writes a body file that builds."""
 
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +13,11 @@ from decks import BODY, COUPLING
 from flexfmu.build.bores import bores
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.build.suggest import likely_mesh, starting_body_file
 from flexfmu.commands.cli import app
 from flexfmu.files.errors import AccuracyError, BodyFileError
 from flexfmu.files.progress import Reporter
+from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.reduction.options import Place
@@ -202,6 +206,23 @@ def test_init_holds_one_bore_of_a_link_without_plane_ends_and_loads_the_other(tm
     config = read_body_file(tmp_path / "link.toml")
     assert [table.name for table in config.interface] == ["bore_2"]
     assert config.support[0].nodes.radius == pytest.approx(0.012, rel=1e-6)
+
+
+def test_init_finds_the_eyes_of_the_wishbone_and_holds_one_of_them():
+    """An end of the box is the end of an eye only: the eye's bore is held, not its rim."""
+    folder = Path(__file__).parents[2] / "demo/wishbone"
+    mesh, units = likely_mesh(folder / "wishbone.msh")
+    written = tomllib.loads(starting_body_file(checked(mesh), folder / "wishbone.msh", units))
+    body = tomllib.loads((folder / "body.toml").read_text(encoding="utf-8"))
+    assert (len(written["support"]), len(written["interface"])) == (1, 2)
+    eyes = [table["nodes"] for table in (*written["support"], *written["interface"])]
+    for table in (*body["support"], *body["interface"]):
+        assert any(same_eye(table["nodes"], eye) for eye in eyes)
+
+
+def same_eye(one, other):
+    ends = np.array(one["cylinder"]), np.array(other["cylinder"])
+    return one["radius"] == pytest.approx(other["radius"]) and np.allclose(*ends, atol=1e-7)
 
 
 def test_init_offers_bores_as_interfaces(tmp_path):

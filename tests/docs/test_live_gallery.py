@@ -45,9 +45,9 @@ def opened(page, width, dark):
 
 def place(tab):
     """Where the last interface is on the screen, px."""
-    # Drawn anew first, if the window has just changed.
+    # Drawn anew first: the window may just have changed.
     return tab.value(
-        "new Promise(then => setTimeout(then, 300)).then(() => {"
+        "new Promise(then => requestAnimationFrame(() => requestAnimationFrame(then))).then(() => {"
         " const r = area.getBoundingClientRect(), s = screen(live.markNow.at(-1), r.width, r.height);"
         " return [r.left + s[0], r.top + s[1]]; })"
     )

@@ -26,6 +26,8 @@ _AXES = ("x", "y", "z")
 _ON_END = 1e-6
 # How deep a round end is, over that side, and how far a box goes beyond its nodes, over that depth.
 _DEEP, _MARGIN = 0.05, 0.01
+# Outer radius of an eye over its bore's, at most.
+_EYE = 2.5
 
 
 def plane_ends(mesh: Mesh) -> dict[str, Place]:
@@ -198,7 +200,10 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
             "what does not belong to the body"
         )
     named, sets = ([(_name(name), f'"{name}"') for name in names] for names in (mesh.references, mesh.node_sets))
-    support, *places = _ends_and_bores(mesh) or (sets[1:] and sets[:2]) or _round_ends(mesh)
+    held, places = _ends_and_bores(mesh)
+    if not held:
+        first, *places = (sets[1:] and sets[:2]) or _round_ends(mesh)
+        held = [first]
     interfaces = named or places or _round_ends(mesh)[1:]
     lines = [f'name = "{_name(file.stem)}"', "", "[mesh]", f'file = "{file.as_posix()}"']
     lines.append(f'units = "{units.value}"   # the mesh\'s own; others: {", ".join(u.value for u in UnitSystem)}')
@@ -208,23 +213,40 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
         steel = {"youngs_modulus": 2.1e11 / units.stress, "poissons_ratio": 0.3, "density": 7850.0 / units.density}
         lines += ["", "[material]   # steel: the mesh file does not tell"]
         lines += [f"{key} = {steel[key]:.6g}" for key in lacking]
-    if not mesh.fixed.any():
-        lines += ["", "[[support]]", f"nodes = {support[1]}", 'fix = ["x", "y", "z"]']
+    for name, nodes in [] if mesh.fixed.any() else held:
+        lines += ["", f"[[support]]   # {name}", f"nodes = {nodes}", 'fix = ["x", "y", "z"]']
     for name, nodes in interfaces:
         lines += ["", "[[interface]]", f'name = "{name}"', f"nodes = {nodes}"]
     every = ", ".join(mesh.node_sets) or "none"
     return "\n".join([*lines, "", f"# node sets of the mesh: {every}", ""])
 
 
-def _ends_and_bores(mesh: Mesh) -> list[tuple[str, str]]:
-    """A plane end to hold, then the bores, or one plane end more, that share no nodes with it; by name."""
+def _ends_and_bores(mesh: Mesh) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """What to hold, and interfaces that share no nodes with it, by name.
+
+    A plane end, or the bores that it surrounds where it is no more than the ends of eyes; then the other bores, or one
+    plane end more.
+    """
     holes = bores(mesh)
     places = plane_ends(mesh) | holes
     rows = {name: node_set(mesh, place, name) for name, place in places.items()}
     held = list(places)[:1]
     apart = [name for name in places if not any(np.isin(rows[name], rows[end]).any() for end in held)]
-    chosen = [*held, *([name for name in apart if name in holes] or apart[:1])]
-    return [(name, _toml(places[name])) for name in chosen]
+    eyes = [name for name in holes if name not in apart]
+    if eyes and np.all(np.min([_of_eye(mesh, rows[held[0]], holes[name]) for name in eyes], axis=0) < _EYE):
+        held = eyes
+    chosen = [name for name in apart if name in holes] or apart[:1]
+    return [(name, _toml(places[name])) for name in held], [(name, _toml(places[name])) for name in chosen]
+
+
+def _of_eye(mesh: Mesh, rows: IntArray, bore: Place) -> FloatArray:
+    """Distances of nodes from the axis of a bore over its radius; infinite where it is half as long as the body."""
+    start, end = np.array(bore.cylinder, dtype=np.float64)
+    length = np.linalg.norm(end - start)
+    if 2.0 * length > np.ptp(mesh.points, axis=0).max():
+        return np.full(len(rows), np.inf)
+    away = np.linalg.norm(np.cross(mesh.points[rows] - start, (end - start) / length), axis=1)
+    return np.asarray(away / bore.radius, dtype=np.float64)
 
 
 def _round_ends(mesh: Mesh) -> list[tuple[str, str]]:

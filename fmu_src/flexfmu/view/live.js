@@ -205,7 +205,7 @@ class Live {
     const text = !this.moving ? hint : `${this.body.time.toPrecision(4)} s${this.paused ? ", paused" : ""}${this.warned ? ` — ${this.warned}` : ""}`;
     if (text === this.said && this.wasRefused === this.refused && this.wasPaused === this.paused) return false;
     [this.said, this.wasRefused, this.wasPaused] = [text, this.refused, this.paused];
-    $("note").textContent = text;
+    $("note").textContent = text; $("livePanel").hidden = !this.moving;
     $("pause").textContent = this.paused ? "▶" : "❚❚"; $("pause").setAttribute("aria-label", this.paused ? "go on" : "pause");
     $("refused").hidden = !this.refused;
     $("refused").querySelector("span").textContent = this.refused && `${this.refused}.${this.critical} The body is in its last good state.`;
