@@ -1,15 +1,23 @@
 """A body on a bushing: closed forms of a rigid body on six springs, a beam's own bending, and what is refused."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.optimize
 from scipy.linalg import eigh
 
 import flexfmu
+from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.errors import BodyFileError, ModelError
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Mesh
 from flexfmu.model.rotations import exponential
+from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.model import assemble_model
+from flexfmu.study.scene.whole_model import finite_motion
 from meshes import box
 
 STIFFNESS, TURNING = np.array([2e4, 5e4, 9e4]), np.array([30.0, 70.0, 110.0])
@@ -104,11 +112,119 @@ def test_bushings_that_cannot_be_are_refused(name):
         built(flexfmu.Support("ROOT", **keys))
 
 
-def test_nodes_on_a_line_take_no_moment_and_a_body_on_bushings_is_not_cut_nor_scaled():
+def test_nodes_on_a_line_take_no_moment():
     line = flexfmu.Support(lambda p: (p[:, 0] < 1e-9) & (p[:, 1] < p[:, 1].min() + 1e-9), rotational_stiffness=TURNING)
     with pytest.raises(ModelError, match="on a line"):
         built(line)
     assert built().reduced.properties.spring.min() > 0.0
-    body = flexfmu.Body(bar(), supports=[BUSHING], interfaces={"tip": "TIP"}, cuts=["TIP"])
-    with pytest.raises(BodyFileError, match="cannot be cut"):
+
+
+DAMPING, TURN_DAMPING = np.array([300.0, 900.0, 1800.0]), np.array([0.6, 1.5, 0.9])
+KINDS = {
+    "linear": {"method": "linear"},
+    "constant": {"method": "second_order", "mass": "constant"},
+    "polynomial": {"method": "second_order", "mass": "polynomial"},
+    "configuration": {"method": "second_order", "mass": "configuration"},
+}
+
+
+def damped(factor: float = 1.0) -> flexfmu.Support:
+    return dataclasses.replace(BUSHING, damping=factor * DAMPING, rotational_damping=factor * TURN_DAMPING)
+
+
+def rigid_bar() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mass, stiffness and damping (6, 6) of a rigid bar about its bushing."""
+    sides = np.array([LENGTH, 0.04, 0.04])
+    mass = bar().materials[0].density * sides.prod()
+    inertia = mass / 12.0 * np.diag(sides @ sides - sides**2)
+    arm = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.5 * LENGTH], [0.0, 0.5 * LENGTH, 0.0]])
+    weight = np.block([[mass * np.eye(3), -mass * arm], [mass * arm, inertia - mass * arm @ arm]])
+    dampers = [AXES @ np.diag(c) @ AXES.T for c in (DAMPING, TURN_DAMPING)]
+    return weight, scipy.linalg.block_diag(*TENSORS), scipy.linalg.block_diag(*dampers)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("factor", [1.0, 30.0])
+def test_a_rigid_body_on_spring_dampers_decays_as_its_closed_form(kind, factor):
+    weight, stiff, damper = rigid_bar()
+    flow = np.block(
+        [[np.zeros((6, 6)), np.eye(6)], [-np.linalg.solve(weight, stiff), -np.linalg.solve(weight, factor * damper)]]
+    )
+    body, step, count = built(damped(factor), **KINDS[kind]), 1e-3, 40
+    state, arm = body.static({"tip": 1e-3 * LOAD}), np.array([LENGTH, 0.0, 0.0])
+    lever = scipy.linalg.block_diag(np.eye(3), np.eye(3))
+    lever[:3, 3:] = -np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])
+    start = np.linalg.solve(stiff, lever.T @ (1e-3 * LOAD))
+    for _ in range(count):
+        state = body.step(state, {}, step)
+    expected = lever @ (scipy.linalg.expm(flow * step * count) @ np.append(start, np.zeros(6)))[:6]
+    found = body.response(state)
+    size = np.abs(lever @ start)
+    np.testing.assert_allclose(found.displacement[0], expected[:3], atol=0.01 * size[:3].max())
+    np.testing.assert_allclose(found.rotation[0], expected[3:], atol=0.01 * size[3:].max())
+
+
+def test_energy_falls_by_the_work_of_the_dampers_as_the_body_turns_far():
+    body = built(damped(), method="second_order", mass="polynomial")
+    state, rows, step = body.static({"tip": LOAD}), body.reduced.damper, 2e-5
+    before, taken = sum(body.energies(state)), 0.0
+    first = before
+    for _ in range(1500):
+        after = body.step(state, {}, step)
+        # The force of a step is that of its mean rate.
+        taken += np.sum((rows @ (after.q - state.q)) ** 2) / step
+        state = after
+    left = sum(body.energies(state))
+    assert left < 0.97 * first
+    assert first - left == pytest.approx(taken, rel=1e-6)
+
+
+def test_a_body_on_bushings_at_both_ends_may_be_cut():
+    """A bar on a bushing at each end: the cut one is as compliant as the one in one piece."""
+    mesh = box(ElementType.C3D20R, (6, 1, 1), (LENGTH, 0.04, 0.04))
+    x = mesh.points[:, 0]
+    far = flexfmu.Support(
+        "TIP", stiffness=STIFFNESS, rotational_stiffness=TURNING, damping=DAMPING, rotational_damping=TURN_DAMPING
+    )
+    load, found = {"middle": [30.0, 40.0, -50.0]}, []
+    for cuts in ([], ["section"]):
+        sets = {**mesh.node_sets, "section": np.flatnonzero(np.abs(x - LENGTH / 3.0) < 1e-9)}
+        own = dataclasses.replace(mesh, node_sets=sets)
+        interface = {"middle": np.abs(x - 2.0 * LENGTH / 3.0) < 1e-9}
+        body = flexfmu.Body(own, supports=[damped(), far], interfaces=interface, cuts=cuts).build(surface=False)
+        state = body.static(load)
+        motion = [body.response(state).displacement[0]]
+        for _ in range(20):
+            state = body.step(state, {}, 1e-3)
+        found.append(np.concatenate([*motion, body.response(state).displacement[0]]))
+    np.testing.assert_allclose(found[1], found[0], atol=2e-3 * np.abs(found[0]).max())
+
+
+def test_dampers_on_a_body_that_floats_are_refused():
+    body = flexfmu.Body(
+        bar(), supports=[flexfmu.Support("ROOT", damping=DAMPING)], interfaces={"tip": "TIP"}, free=True
+    )
+    with pytest.raises(ModelError, match="dampers act on a body that is held"):
         body.build(surface=False)
+
+
+def test_an_interface_may_lie_on_a_bushing():
+    body = flexfmu.Body(bar(), supports=[damped()], interfaces={"root": "ROOT", "tip": "TIP"}).build(surface=False)
+    found = body.response(body.static({"root": 1e-3 * LOAD}))
+    np.testing.assert_allclose(found.displacement[0], np.linalg.solve(TENSORS[0], 1e-3 * LOAD[:3]), rtol=2e-3)
+    np.testing.assert_allclose(found.rotation[0], np.linalg.solve(TENSORS[1], 1e-3 * LOAD[3:]), rtol=2e-3)
+
+
+def test_the_whole_model_on_a_bushing_turns_far_as_a_rigid_body_does():
+    """What scenes and `fit --verify` compare with: the bushing's own forces in turns of any size."""
+    config = flexfmu.Body(bar(), supports=[BUSHING], interfaces={"tip": "TIP"}).spec
+    model = assemble_model(bar(), config.options)
+    interface = fit_interface(config.options.interfaces[0], model.mesh, model.mesh.faces, [])
+    pull = np.append(LOAD[:3], np.zeros(3))
+    load = interface.nodal_loads(len(model.mesh.points)) @ pull
+    path = load_path(model.mesh, model.unknowns, model.spring, load, [1.0], Reporter(), model.bushings.forces)
+    expected = equilibrium(pull)
+    assert np.linalg.norm(expected[3:]) > 0.4
+    found = finite_motion(interface, model.mesh.points, path.displacement[0])
+    np.testing.assert_allclose(found[:3], expected[:3], atol=1e-3 * np.linalg.norm(expected[:3]))
+    np.testing.assert_allclose(found[3:], expected[3:], atol=1e-3 * np.linalg.norm(expected[3:]))

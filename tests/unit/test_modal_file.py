@@ -330,7 +330,7 @@ def with_parts():
         "k": 3,
         "Q": 5,
     }
-    sizes |= {"w": 3, "v": 2, "n": 5, "g": 2, "f": 2, "r": 4, "R": 3}
+    sizes |= {"w": 3, "v": 2, "n": 5, "g": 2, "f": 2, "r": 4, "R": 3, "d": 6}
 
     def made(entry):
         shape = [int(token) if token.isdigit() else sizes[token] for token in entry.shape.split()]

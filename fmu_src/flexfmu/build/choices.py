@@ -31,6 +31,8 @@ class Support:
         Of springs instead, shared equally by the nodes, N/m.
     rotational_stiffness : 3 float, optional
         N m/rad; makes a bushing, which acts on the nodes' averaged motion.
+    damping, rotational_damping : 3 float, optional
+        Of dampers beside the springs, N s/m and N m s/rad; the latter makes a bushing, too.
     axes : 2 vectors, optional
         Of the bushing: its x, and a vector in the plane of its x and y; default: the body's.
     """
@@ -39,6 +41,8 @@ class Support:
     fix: str = "xyz"
     stiffness: Sequence[float] | None = None
     rotational_stiffness: Sequence[float] | None = None
+    damping: Sequence[float] | None = None
+    rotational_damping: Sequence[float] | None = None
     axes: Sequence[Sequence[float]] | None = None
 
 
@@ -103,7 +107,7 @@ def support_table(sets: NodeChoices, given: Support | Nodes, title: str) -> dict
     """A table of `[[support]]`; its nodes become a set of the mesh where they are not one."""
     support = given if isinstance(given, Support) else Support(given)
     table: dict[str, Any] = {"nodes": sets.name(support.nodes, title)}
-    names = ("stiffness", "rotational_stiffness", "axes")
+    names = ("stiffness", "rotational_stiffness", "damping", "rotational_damping", "axes")
     soft = {name: plain(found) for name in names if (found := getattr(support, name)) is not None}
     return table | (soft or {"fix": list(support.fix)})
 

@@ -165,6 +165,10 @@ class SupportTable(Table):
         Springs to the ground instead: `[kx, ky, kz]` in N/m, divided equally among the nodes.
     rotational_stiffness
         Makes a bushing, N m/rad: it acts on the nodes' mean displacement and rotation.
+    damping
+        Dampers beside the springs: `[cx, cy, cz]` in N s/m, divided likewise.
+    rotational_damping
+        Of a bushing, N m s/rad.
     axes
         Bushing's x, and a vector in the plane of its x and y. Default: global
     """
@@ -173,9 +177,11 @@ class SupportTable(Table):
     fix: list[Literal["x", "y", "z"]] = Field(default=[], examples=[["x", "y", "z"]])
     stiffness: Vector | None = Field(default=None, examples=[[1e6, 1e6, 1e6]])
     rotational_stiffness: Vector | None = Field(default=None, examples=[[100.0, 100.0, 0.0]])
+    damping: Vector | None = Field(default=None, examples=[[1e3, 1e3, 1e3]])
+    rotational_damping: Vector | None = Field(default=None, examples=[[0.1, 0.1, 0.1]])
     axes: list[Vector] | None = Field(default=None, min_length=2, max_length=2, examples=[[[0, 1, 0], [0, 0, 1]]])
 
-    @field_validator("stiffness", "rotational_stiffness")
+    @field_validator("stiffness", "rotational_stiffness", "damping", "rotational_damping")
     @classmethod
     def _not_negative(cls, value: list[float] | None) -> list[float] | None:
         if value is not None and not 0.0 <= min(value) <= max(value) < inf:
@@ -194,18 +200,20 @@ class SupportTable(Table):
 
     @model_validator(mode="after")
     def _holds_something(self) -> "SupportTable":
-        turning = self.rotational_stiffness
-        if not self.fix and not any((*(self.stiffness or ()), *(turning or ()))):
+        turning, dampers = self.rotational_stiffness, (*(self.damping or ()), *(self.rotational_damping or ()))
+        bushing = turning is not None or self.rotational_damping is not None
+        if not self.fix and not any((*(self.stiffness or ()), *(turning or ()), *dampers)):
             raise ValueError('holds nothing: give fix = ["x", "y", "z"], or stiffness = [kx, ky, kz] in N/m')
-        if self.axes is not None and turning is None:
+        if self.axes is not None and not bushing:
             raise ValueError("has axes, which take rotational_stiffness = [kx, ky, kz] in N m/rad, zeros if need be")
-        if self.fix and turning is not None:
+        if self.fix and bushing:
             raise ValueError("both fixes directions and is a bushing (rotational_stiffness), expected one of the two")
-        for axis, value in zip(("x", "y", "z"), self.stiffness or (), strict=False):
-            if axis in self.fix and value > 0.0:
-                raise ValueError(
-                    f"both fixes {axis} and puts a spring of {value} N/m along it, expected one of the two"
-                )
+        for kind, values in (("spring of {} N/m", self.stiffness), ("damper of {} N s/m", self.damping)):
+            for axis, value in zip(("x", "y", "z"), values or (), strict=False):
+                if axis in self.fix and value > 0.0:
+                    raise ValueError(
+                        f"both fixes {axis} and puts a {kind.format(value)} along it, expected one of the two"
+                    )
         return self
 
 

@@ -24,8 +24,8 @@ static void lay_out(Body *body, Arena *arena) {
     body->stiffness = take(arena, m);
     body->zeta = take(arena, m);
     body->rate = take(arena, m);
-    body->coupled = take(arena, body->p.tied * m * m);
-    body->square = take(arena, body->p.tied * m * m);
+    body->coupled = take(arena, crossed(&body->p) * m * m);
+    body->square = take(arena, crossed(&body->p) * m * m);
     body->four = take(arena, LANES * m);
     take_configuration(body, arena, &body->memo);
     take_rules(body, arena);
@@ -162,13 +162,17 @@ int body_options(Body *body, double damping_scale, const StepLimits *limits) {
         body->zeta[j] = damping_scale * p->zeta[j];
         body->rate[j] = 2.0 * body->zeta[j] * p->omega[j];
     }
+    if (crossed(p)) memset(body->coupled, 0, (size_t)(m * m) * sizeof(double));
+    for (int64_t i = 0; i < p->dampers * m; i++) {
+        const double *row = p->damper + i / m * m, factor = damping_scale * p->damper[i];
+        add_rows(&factor, row, body->coupled + i % m * m, 1, m);
+    }
     if (!p->tied) return FLEX_OK;
     /* A mode is damped by way of the forces in its material. Those of the springs between the sections are left out: turned
      * frames stretch the modes' linear springs without any cause. */
     double *share = body->square, *weighed = body->coupled;
     for (int64_t i = 0; i < m; i++)
         for (int64_t k = 0; k < m; k++) share[k * m + i] = (i == k ? 1.0 : 0.0) - p->tie_welded[i * m + k] / body->stiffness[k];
-    memset(weighed, 0, (size_t)(m * m) * sizeof(double));
     for (int64_t k = 0; k < m; k++)
         for (int64_t i = 0; i < m; i++) {
             const double factor = share[k * m + i] * 2.0 * body->zeta[k] * p->omega[k];

@@ -73,7 +73,7 @@ static int factor_response(Body *body, const double *inputs, double step, const 
     for (int64_t i = 0; i < m; i++)
         for (int64_t j = 0; j < m; j++) {
             const double slope = room->tangent[i * m + j] - (i == j ? body->stiffness[i] : 0.0);
-            const double coupled = p->tied ? body->coupled[i * m + j] / step : 0.0;
+            const double coupled = crossed(p) ? body->coupled[i * m + j] / step : 0.0;
             room->lower[i * m + j] = (i == j ? 1.0 : 0.0) + rule->gq[i] * (0.5 * slope + coupled);
         }
     return lu_factor(room->lower, body->pivot, m);

@@ -43,7 +43,7 @@ typedef struct {
 typedef struct {
     double step;
     double *p11, *p12, *p21, *p22, *gq, *gv, *ramp, *ramp_rate, *lag; /* (m) */
-    double *response; /* (m, m), of a body with ties: B / g_q of (17a) */
+    double *response; /* (m, m), of a body with ties or dampers: B / g_q of (17a) */
 } Rule;
 
 enum { RULES = 16, TIED_RULES = 8 };
@@ -81,8 +81,8 @@ typedef struct Body {
     Configuration memo;   /* of the q last seen: a step begins, and outputs are read, where the step before it ended */
     Need *memo_need;
     int memo_known;
-    double *coupled;      /* (m, m): damping between modes of a body with ties */
-    double *square;       /* (m, m) of a body with ties: in the making of the former, and of a rule */
+    double *coupled;      /* (m, m): damping between modes of a body with ties, of dampers of any other */
+    double *square;       /* (m, m) of both: in the making of the former, and of a rule */
     double *rate;         /* (m): damping of each mode, 1/s */
     Rule rules[RULES];
     int rule_count, rule_next, rule_limit;
@@ -104,6 +104,9 @@ static inline Arena work_arena(const Body *body) {
     const Arena arena = {body->work, 0, body->work_size, 0};
     return arena;
 }
+
+/* 1 where modes damp each other. */
+static inline int64_t crossed(const Program *p) { return p->tied || p->dampers; }
 
 static inline int64_t larger(int64_t a, int64_t b) { return a > b ? a : b; }
 

@@ -49,10 +49,9 @@ void propagate(const Rule *r, int64_t j, double w, double z) {
     r->lag[j] = 0.0;
 }
 
-/* Of a body with ties: modes that the step does not resolve go by the rule of the middle (17), and the response (17a). */
+/* Of a body with ties: modes that the step does not resolve go by the rule of the middle (17). */
 static void tie_rule(Body *body, Rule *r) {
     const int64_t m = body->p.modes;
-    double *matrix = body->square;
     for (int64_t j = 0; j < m; j++) {
         const double square = body->stiffness[j], h = r->step;
         if (body->p.omega[j] * h > RESOLVED) {
@@ -68,9 +67,16 @@ static void tie_rule(Body *body, Rule *r) {
         }
         r->lag[j] = r->ramp[j] == 0.0 ? 0.0 : r->ramp[j] / r->gq[j];
     }
+}
+
+/* The response (17a) of modes that damp each other. */
+static void response_rule(Body *body, Rule *r) {
+    const int64_t m = body->p.modes;
+    double *matrix = body->square;
     for (int64_t i = 0; i < m; i++)
         for (int64_t j = 0; j < m; j++) {
-            const double coupling = body->coupled[i * m + j] / r->step - 0.5 * body->p.tie_initial[i * m + j];
+            const double held = body->p.tied ? 0.5 * body->p.tie_initial[i * m + j] : 0.0;
+            const double coupling = body->coupled[i * m + j] / r->step - held;
             matrix[i * m + j] = r->gq[i] * coupling + (i == j ? 1.0 : 0.0);
             r->response[i * m + j] = i == j ? 1.0 : 0.0;
         }
@@ -90,7 +96,7 @@ void take_rules(Body *body, Arena *arena) {
     body->rule_limit = body->p.tied ? TIED_RULES : RULES;
     for (int i = 0; i < body->rule_limit; i++) {
         take_rule(body, arena, body->rules + i);
-        body->rules[i].response = take(arena, body->p.tied * m * m);
+        body->rules[i].response = take(arena, crossed(&body->p) * m * m);
     }
     body->rule_count = body->rule_next = 0;
 }
@@ -107,5 +113,6 @@ const Rule *rule_of(Body *body, double step) {
         propagate(r, j, w, body->p.tied ? body->rate[j] / (2.0 * w) : body->zeta[j]);
     }
     if (body->p.tied) tie_rule(body, r);
+    if (crossed(&body->p)) response_rule(body, r);
     return r;
 }

@@ -26,12 +26,13 @@ typedef struct {
     double *trend;        /* (m): change of the force over the internal step before */
     double *excess;       /* (m): what the modes' masses have beyond one, m_j - 1 */
     double *size;         /* (m): what a change of the mean counts */
-    double *mass, *chord; /* (r, r) */
+    double *mass, *chord; /* (r, r), the latter of all modes where these damp each other */
     double start_work, start_energy, load_reach, start_size;
 } Inertial;
 
 static void take_inertial(const Body *body, Arena *arena, Inertial *x) {
-    const int64_t m = body->p.modes, r = body->p.inertial_modes;
+    const Program *p = &body->p;
+    const int64_t m = p->modes, r = p->inertial_modes;
     double **each[] = {&x->v1, &x->free_q, &x->free_v, &x->first, &x->last, &x->force, &x->mean, &x->growth, &x->pushed, &x->bare,
                        &x->momentum, &x->impulse, &x->gradient, &x->half, &x->off, &x->before, &x->after, &x->trend, &x->excess,
                        &x->size};
@@ -41,7 +42,7 @@ static void take_inertial(const Body *body, Arena *arena, Inertial *x) {
     take_rule(body, arena, &x->own);
     for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, m);
     x->mass = take(arena, r * r);
-    x->chord = take(arena, r * r);
+    x->chord = take(arena, p->dampers ? m * m : r * r);
 }
 
 static double resisted(const Body *body, const double *q, const double *v, int64_t j) {
@@ -60,6 +61,7 @@ static int accelerate(Inertial *x, const Configuration *at, const double *v, dou
     subtract_stretch_force(body, s->to, s->to, out);
     convective_force(body, at, v, &x->flow, convective);
     for (int64_t j = 0; j < m; j++) out[j] -= resisted(body, at->q, v, j) + convective[j];
+    subtract_damping(body, v, out);
     memcpy(x->chord, x->mass, (size_t)(r * r) * sizeof(double));
     for (int64_t j = 0; j < r; j++) x->chord[j * r + j] += 1.0;
     s->all->massless = !cholesky(x->chord, r);
@@ -189,21 +191,27 @@ static int residual(Step *s) {
     for (int64_t j = 0; j < m; j++) x->force[j] = x->pushed[j] + x->gradient[j] + s->factor * s->way[j] - x->impulse[j] / h;
     stretch_at(body, s->q1, s->to);
     subtract_stretch_force(body, s->from, s->to, x->force);
+    for (int64_t j = 0; j < m; j++) x->half[j] = s->way[j] / h;
+    subtract_damping(body, x->half, x->force);
     for (int64_t j = 0; j < m; j++) x->off[j] = x->mean[j] - x->force[j];
     if (s->round > 1) return 1;
     /* The mass where the step is foreseen to end. */
     excess_mass(body, s->there, &x->flow, x->mass);
-    for (int64_t i = 0; i < r; i++)
-        for (int64_t j = 0; j < r; j++)
-            x->chord[i * r + j] = (i == j ? 1.0 : 0.0) + (x->mass[i * r + j] - (i == j ? x->excess[j] : 0.0)) * s->rule->gv[j] / h;
-    return lu_factor(x->chord, body->pivot, r);
+    const int64_t solved = body->p.dampers ? m : r;
+    for (int64_t i = 0; i < solved; i++)
+        for (int64_t j = 0; j < solved; j++) {
+            const double own = i == j ? 1.0 : 0.0, damped = solved > r ? body->coupled[i * m + j] * s->rule->gq[j] : 0.0;
+            const double heavy = i < r && j < r ? (x->mass[i * r + j] - own * x->excess[j]) * s->rule->gv[j] : 0.0;
+            x->chord[i * solved + j] = own + (heavy + damped) / h;
+        }
+    return lu_factor(x->chord, body->pivot, solved);
 }
 
 static Progress correct(Step *s) {
     Inertial *x = (Inertial *)s;
     const Program *p = &s->body->p;
     double moved = 0.0, sized = 0.0, blurred = 0.0;
-    lu_solve(x->chord, s->body->pivot, x->off, p->inertial_modes, 1);
+    lu_solve(x->chord, s->body->pivot, x->off, p->dampers ? p->modes : p->inertial_modes, 1);
     const double left = learn(&x->learning, x->size, x->mean, s->round, x->off);
     for (int64_t j = 0; j < p->modes; j++) {
         const double blur = s->blur * s->way[j];

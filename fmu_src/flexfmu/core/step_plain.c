@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #include "algebra.h"
 
@@ -12,13 +13,13 @@ static const double SETTLED_ENOUGH = 1e-5;
 
 typedef struct {
     Step step;
-    double *free, *first, *last, *force, *bare, *mean, *growth, *off;
+    double *free, *first, *last, *force, *bare, *mean, *growth, *off, *speed_mean;
     double start_work, end_work, reach, speed;
     int corrected;
 } Plain;
 
 static void take_plain(const Body *body, Arena *arena, Plain *x) {
-    double **each[] = {&x->free, &x->first, &x->last, &x->force, &x->bare, &x->mean, &x->growth, &x->off};
+    double **each[] = {&x->free, &x->first, &x->last, &x->force, &x->bare, &x->mean, &x->growth, &x->off, &x->speed_mean};
     take_step(body, arena, &x->step);
     for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, body->p.modes);
 }
@@ -31,9 +32,10 @@ static void enter(Step *s, const double *q, const double *v) {
 }
 
 /* Modal force at an end, and the work of the loads there. */
-static double end_force(Step *s, const Configuration *at, const Stretch *stretch, double *force) {
+static double end_force(Step *s, const Configuration *at, const Stretch *stretch, const double *rates, double *force) {
     modal_force(s->body, &s->loads, 1, at, 0, &s->scratch, force);
     subtract_stretch_force(s->body, stretch, stretch, force);
+    subtract_damping(s->body, rates, force);
     return force_work(s->body, &s->loads, at);
 }
 
@@ -43,7 +45,7 @@ static int begin(Step *s) {
     const Rule *rule = s->rule;
     const double *q = s->here->q;
     if (s->all->inputs_end) spread_at(s, (double)s->number + 0.5);
-    if (s->all->inputs_end || s->number == 0) x->start_work = end_force(s, s->here, s->from, x->first);
+    if (s->all->inputs_end || s->number == 0) x->start_work = end_force(s, s->here, s->from, s->v0, x->first);
     x->reach = work_reach(s->body, s->loads.force, s->body->p.nodes) + fabs(x->start_work);
     x->speed = norm(s->v0, m);
     for (int64_t j = 0; j < m; j++) {
@@ -80,6 +82,8 @@ static int residual(Step *s) {
     for (int64_t j = 0; j < m; j++) x->mean[j] = x->force[j] + s->factor * s->way[j];
     stretch_at(body, s->q1, s->to);
     subtract_stretch_force(body, s->from, s->to, x->mean);
+    for (int64_t j = 0; j < m; j++) x->speed_mean[j] = s->way[j] / s->all->step;
+    subtract_damping(body, x->speed_mean, x->mean);
     for (int64_t j = 0; j < m; j++) x->off[j] = s->q1[j] - x->free[j] - rule->gq[j] * x->mean[j];
     return 1;
 }
@@ -88,6 +92,10 @@ static Progress correct(Step *s) {
     Plain *x = (Plain *)s;
     const Program *p = &s->body->p;
     double moved = 0.0, sized = 0.0, blurred = 0.0;
+    if (p->dampers) {
+        rows_times(s->rule->response, x->off, x->bare, p->modes, p->modes);
+        memcpy(x->off, x->bare, (size_t)p->modes * sizeof(double));
+    }
     for (int64_t j = 0; j < p->modes; j++) {
         s->q1[j] -= x->off[j];
         const double step = p->weight[j] * x->off[j], reached = p->weight[j] * s->q1[j];
@@ -113,7 +121,7 @@ static int accept(Step *s, double *error) {
     configure_linear(body, body->need, s->q1, s->there);
     configure_places(body, body->need, s->there);
     stretch_at(body, s->q1, s->to);
-    x->end_work = end_force(s, s->there, s->to, x->last);
+    x->end_work = end_force(s, s->there, s->to, s->v0, x->last);
     *error = leading_error(s, x->first, x->last, s->v0);
     return 1;
 }

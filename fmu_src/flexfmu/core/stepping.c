@@ -85,7 +85,7 @@ static int exact_step(Body *body, const double *inputs, const double *inputs_end
     const int64_t m = body->p.modes;
     Arena arena = work_arena(body);
     Exact room;
-    if (body->p.inertial || body->p.turns) return DIVISIBLE;
+    if (body->p.inertial || body->p.turns || (body->p.dampers && !body->p.tied)) return DIVISIBLE;
     take_exact(body, &arena, &room);
     if (arena.refused) return SHORT;
     Loads *loads = &room.loads;
@@ -135,7 +135,7 @@ static int beyond_reach(Body *body, const double *inputs, const double *inputs_e
 /* Multiply-adds of a round: places and their derivatives, curvature, membrane energy, mass or joints. */
 static double round_cost(const Program *p) {
     const double m = (double)p->modes, places = 18.0 * (double)p->nodes * m, bends = 4.0 * (double)p->bends;
-    const double stretches = 2.0 * (double)p->stretches * m * m, square = p->inertial || p->tied ? 4.0 * m * m : 0.0;
+    const double stretches = 2.0 * (double)p->stretches * m * m, square = p->inertial || crossed(p) ? 4.0 * m * m : 0.0;
     return OVERHEAD + (p->inertial || p->turns ? 3.0 : 1.0) * (places + bends) + stretches + square;
 }
 

@@ -109,6 +109,11 @@ void close_bracket(Step *s, double bracket, double reach, double square) {
     s->blur = s->factor != 0.0 ? NOISE * round_off / square : 0.0;
 }
 
+void subtract_damping(const Body *body, const double *rates, double *force) {
+    const int64_t m = body->p.modes;
+    for (int64_t j = 0; body->p.dampers && j < m; j++) force[j] -= dot(body->coupled + j * m, rates, m);
+}
+
 Progress progress_of(Step *s, double moved, double scale, double blurred, double tolerance) {
     const double before = s->change, size = scale > 0.0 ? sqrt(moved) / scale : 0.0;
     if (!isfinite(size)) return LOST;

@@ -83,6 +83,8 @@ void spread_growth(Step *step, double *growth);
 /* The discrete gradient's factor: what is missing to the work of both ends, over the square of the way. `reach` is what the
  * bracket is a difference of. */
 void close_bracket(Step *step, double bracket, double reach, double square);
+/* Take from a force (m) what dampers make of rates. */
+void subtract_damping(const Body *body, const double *rates, double *force);
 /* Whether an iteration has settled whose last change has a square `moved`, of a motion of size `scale`, where a square of
  * `blurred` is uncertain. */
 Progress progress_of(Step *step, double moved, double scale, double blurred, double tolerance);

@@ -6,7 +6,7 @@ Newton's method with load increments that are cut back where it fails. Source: J
 Mechanics for Finite Element Analysis, 2nd ed., chapter 9.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,11 +61,15 @@ class LoadPath:
     iterations: int
 
 
+Resisting = Callable[[FloatArray], tuple[FloatArray, sp.csr_array]]
+
+
 class _Body:
     """Internal forces and their derivative at a displacement; of shells in means and differences (`fe.unknowns`)."""
 
-    def __init__(self, mesh: Mesh, spring: sp.csr_array):
-        self._spring = spring
+    def __init__(self, mesh: Mesh, unknowns: Unknowns, spring: FloatArray, bushings: Resisting | None):
+        self._spring = unknowns.in_means(sp.csr_array(sp.diags_array(spring.ravel())))
+        self._bushings, self._means = bushings, unknowns.means
         self._parts = list(elastic_cells(mesh, CHUNK, means=True))
         # Amplitudes of the elements' own shape functions, as last found.
         self._own = [np.zeros((len(p.nodes), p.gradient.shape[2] - p.nodes.shape[1], 3)) for p in self._parts]
@@ -76,11 +80,20 @@ class _Body:
         for number, part in enumerate(self._parts):
             slopes, work = self._state(number, displacement)
             np.add.at(result, part.nodes, part.nodal(work[..., None], slopes)[..., 0][:, : part.nodes.shape[1]])
-        return result.ravel()
+        return result.ravel() + self._of_bushings(displacement)[0]
+
+    def _of_bushings(self, displacement: FloatArray) -> tuple[FloatArray, sp.csr_array]:
+        """Their forces (3n,) and the derivative of these (3n, 3n)."""
+        if self._bushings is None:
+            return np.zeros(displacement.size), sp.csr_array((displacement.size, displacement.size))
+        if self._means is None:
+            return self._bushings(displacement)
+        force, tangent = self._bushings(self._means @ displacement)
+        return self._means.T @ force, self._means.T @ tangent @ self._means
 
     def tangent(self, displacement: FloatArray) -> sp.csr_array:
         """Their derivative (3n, 3n), N/m."""
-        parts = [self._spring]
+        parts = [self._spring, self._of_bushings(displacement)[1]]
         for number, part in enumerate(self._parts):
             matrices = _tangent(part, *self._state(number, displacement))
             parts.append(assembled(part.nodes, part.eliminated(matrices)[0], displacement.size))
@@ -122,8 +135,9 @@ def _tangent(part: Cells, slopes: FloatArray, work: FloatArray) -> FloatArray:
 
 @in_one_thread
 def load_path(
-    mesh: Mesh, unknowns: Unknowns, spring: FloatArray, load: FloatArray, factors: Sequence[float], report: Reporter
-) -> LoadPath:
+    mesh: Mesh, unknowns: Unknowns, spring: FloatArray, load: FloatArray, factors: Sequence[float], report: Reporter,
+    bushings: Resisting | None = None,
+) -> LoadPath:  # fmt: skip
     """Equilibria of the whole model under parts of a load.
 
     Parameters
@@ -138,6 +152,8 @@ def load_path(
     factors : sequence of float
         Parts of the load at which equilibria are wanted, ascending and positive.
     report : Reporter
+    bushings : function of (3n,) float, optional
+        Forces (3n,) of springs against displacements of any size, and the derivative of these (3n, 3n).
 
     Returns
     -------
@@ -148,7 +164,7 @@ def load_path(
     AccuracyError
         No equilibrium is found beyond some part of the load.
     """
-    body = _Body(mesh, unknowns.in_means(sp.csr_array(sp.diags_array(spring.ravel()))))
+    body = _Body(mesh, unknowns, spring, bushings)
     means, unknowns = unknowns.means, unknowns.of_means
     load = load if means is None else means.T @ load
     size = float(np.linalg.norm(unknowns.forces(load)))

@@ -274,7 +274,7 @@ def _model(given: GivenModes, mesh: Mesh, options: BodyOptions, shapes: FloatArr
             "no node is held by all modes, and they are not those of a free body: name the nodes from which the body's "
             "frames hang (support = …), such as those of its springs"
         )
-    return Model(mesh, fixed, np.zeros(fixed.shape), rigid)
+    return Model(mesh, fixed, np.zeros(fixed.shape), rigid, np.zeros(fixed.shape))
 
 
 def _subdomains(

@@ -17,7 +17,7 @@ from .blocks import ElementBlock
 from .equations import matrix_of
 from .links import RigidLink, merged
 from .listing import listed
-from .model import Mesh
+from .model import Mesh, hung
 from .sections import CrossSection, principal
 from .shapes import BRICK
 
@@ -123,7 +123,7 @@ def with_beams(
         element_sets={name: np.flatnonzero(np.isin(source, rows)) for name, rows in mesh.element_sets.items()},
         fixed=fixed,
         references=_references(mesh, uses),
-        masses=tuple(replace(one, nodes=moved(one.nodes)) for one in mesh.masses),
+        **hung(mesh, moved),
         links=merged(links, np.arange(count) >= kept.size),
         equations=sp.csr_array(sp.vstack(equations)) if equations else None,
         supports=matrix_of(rows, 3 * count) if rows else None,

@@ -13,7 +13,7 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.equations import coupled_nodes, without
 from flexfmu.mesh.links import RigidLink, merged
 from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import Mesh
+from flexfmu.mesh.model import Mesh, hung
 
 # Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest
 # sensible element (1e-6 for one of aspect 1000 to 1000 to 1), far above round-off of coordinates (1e-13).
@@ -177,7 +177,7 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
         fixed=mesh.fixed[used],
         notes=(*mesh.notes, *notes),
         equations=equations,
-        masses=tuple(replace(one, nodes=rows[one.nodes[used[one.nodes]]]) for one in mesh.masses),
+        **hung(mesh, lambda nodes: rows[nodes[used[nodes]]]),
         # A reference point that several have makes one of them.
         links=tuple(
             RigidLink(one.name, rows[one.nodes[used[one.nodes]]])

@@ -1,7 +1,7 @@
 """The finite element mesh as data: nodes, blocks of solid elements, sets and materials; SI units throughout."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from flexfmu.mesh.blocks import ElementBlock, FaceBlock, by_block, faces_of, vol
 from flexfmu.mesh.links import RigidLink, Simplices
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.shapes import BRICK
+from flexfmu.mesh.springs import SpringDamper, moved_springs
 
 NO_MATERIAL = -1
 SECTION_SHARES = 0.5 * np.array([[1.0, x, y, x * y] for x, y in BRICK.corners[:4, :2].tolist()])
@@ -190,6 +191,7 @@ class Mesh:
         Nodes that the file makes rigid.
     simplices : tuple of Simplices
         What keeps rigid nodes in shape; from `links.with_links`.
+    springs : tuple of SpringDamper
     supports : (r, 3n) sparse, optional
         Equations by which the file itself holds rotations, as `equations`; of the model where `fixed` counts.
     """
@@ -208,6 +210,7 @@ class Mesh:
     links: tuple[RigidLink, ...] = ()
     simplices: tuple[Simplices, ...] = ()
     supports: sp.csr_array | None = None
+    springs: tuple[SpringDamper, ...] = ()
 
     def __repr__(self) -> str:
         """Size, kinds of elements, sets."""
@@ -272,3 +275,9 @@ class Mesh:
     def by_block(self, elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
         """Each block that has some of the elements, counted over all blocks, and their places in it."""
         return by_block(self.blocks, elements)
+
+
+def hung(mesh: Mesh, moved: Callable[[IntArray], IntArray]) -> dict[str, Any]:
+    """What hangs on nodes of a mesh, masses and springs, where these have other rows."""
+    masses = tuple(replace(one, nodes=moved(one.nodes)) for one in mesh.masses)
+    return {"masses": masses, "springs": moved_springs(mesh.springs, moved)}

@@ -17,7 +17,7 @@ from .elements import ElementType
 from .equations import matrix_of
 from .links import RigidLink
 from .listing import listed
-from .model import NO_MATERIAL, Mesh
+from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES, RECTANGLE_8
 
 SHELLS = {
@@ -164,7 +164,7 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
         blocks=tuple(b if b.type.shell else replace(b, connectivity=row[b.connectivity]) for b in blocks),
         node_sets={name: moved(nodes) for name, nodes in mesh.node_sets.items()},
         fixed=fixed,
-        masses=tuple(replace(one, nodes=moved(one.nodes)) for one in mesh.masses),
+        **hung(mesh, moved),
         links=(*(RigidLink(one.name, moved(one.nodes)) for one in mesh.links), *knots),
         equations=sp.csr_array(sp.vstack(parts)) if parts else None,
         supports=sp.csr_array(sp.vstack(own)) if own else None,

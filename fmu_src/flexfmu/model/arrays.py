@@ -69,6 +69,7 @@ BODY = (
         "frequency_spread", "modes/frequency_spread", "m", "1", "spread of the vibrations that a mode is made of",
         optional=True,
     ),
+    Entry("damper", "modes/damper", "d m", "s^-0.5", "rows D of the damping DᵀD beside ratios", optional=True),
     Entry("damping_ratio", "modes/damping_ratio", "m", "1", "modal damping ratios"),
     Entry("interface_point", "interfaces/point", "I 3", "m", "reference points"),
     Entry("interface_displacement", "interfaces/displacement", "I 3 m", "kg^-0.5", "displacement per mode"),

@@ -54,7 +54,9 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
     gone = int(body.floating)
     linear = [
-        entry.name for entry in BODY if entry.shape.endswith(("3 m", "6 m")) and getattr(body, entry.name) is not None
+        entry.name
+        for entry in BODY
+        if entry.shape.endswith(("3 m", "6 m", "d m")) and getattr(body, entry.name) is not None
     ]
     shapes = {name: getattr(body, name) @ turn for name in linear}
     of_frames = {entry.name: getattr(body, entry.name) for entry in BODY if entry.shape.split()[0] == "S"}

@@ -211,10 +211,8 @@ class Properties:
     poissons_ratio : (K,) float
     density : (K,) float
         kg/m³.
-    point_mass : (P,) float or None
-        Masses at points, kg.
-    spring : (3,) float or None
-        All springs to the ground, N/m.
+    point_mass, spring : (P,) float or None, (3,) float or None
+        Masses at points, kg; all springs to the ground, N/m.
     """
 
     box: FloatArray
@@ -274,8 +272,9 @@ class ReducedBody:
         masses, accelerations of the supports; 1/(s² N), 1/(s² N m), 1/m.
     stiffness_by_mode : (m, m, m) float or None
         Reduced geometric stiffness of each unit modal coordinate, 1/(s² kg^1/2 m).
-    watched_frame, watched_rotation, watched_strain, frequency_spread : (w,), (w, 3, m), (v, 6, m) and (m,), or None
-        Frames and rotations of watched elements; strain of each material in each frame; `modes.frequency_spread`.
+    watched_frame, watched_rotation, watched_strain, frequency_spread, damper : arrays or None
+        (w,), (w, 3, m), (v, 6, m): frames and rotations of watched elements, strain of each material in each frame;
+        (m,): `modes.frequency_spread`; (d, m): rows D of the damping DᵀD beside ratios, s^-1/2.
     method : Method
         The one that the body file asks for; another may be chosen when the body is used.
     mass : Mass
@@ -327,6 +326,7 @@ class ReducedBody:
     watched_rotation: FloatArray | None = None
     watched_strain: FloatArray | None = None
     frequency_spread: FloatArray | None = None
+    damper: FloatArray | None = None
     method: Method = DEFAULT
     mass: Mass = Mass.CONSTANT
     velocity_outputs: bool = False

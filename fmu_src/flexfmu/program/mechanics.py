@@ -85,10 +85,12 @@ def _put_modes(draft: Draft, body: ReducedBody) -> None:
     omega, rigid = body.angular_frequency, body.rigid_count
     stiffness = omega**2
     last = int(np.searchsorted(stiffness, _UNBENDING * stiffness[rigid], side="right"))
+    draft.sizes |= {"dampers": 0 if body.damper is None else len(body.damper)}
     draft.sizes |= {"modes": body.mode_count, "rigid": rigid, "elastic_first": rigid, "elastic_count": last - rigid}
     draft.arrays |= {
         "omega": omega,
         "zeta": body.damping_ratio,
+        "damper": np.zeros(0) if body.damper is None else body.damper,
         "weight": np.where(omega > 0.0, omega, omega[rigid]),
         "suggested_step": np.array([body.suggested_step]),
         "body_size": np.array([_size(body)]),

@@ -47,8 +47,7 @@ class Matrices:
         tied = () if found is None else (found.data, found.indices, found.indptr)
         stiff = [part for one in mesh.simplices for part in (one.nodes, one.stiffness)]
         hung = [part for one in mesh.masses for part in (one.mass, one.inertia, one.point, one.nodes)]
-        soft = () if model.bushings is None else (model.bushings.data, model.bushings.indices)
-        supports = model.fixed, model.spring, model.rigid.shape, *soft
+        supports = model.fixed, model.spring, model.rigid.shape, *model.bushings.key
         return content_key(__name__, mesh.points, *blocks, *materials, *supports, *tied, *stiff, *hung)
 
     @cached_property

@@ -60,6 +60,9 @@ class FourthOrder:
         count = len(pairs)
         with self.report.counted(f"Stretch of {count} pairs of motions", self._mesh.element_count, "elements") as tell:
             forces, energies = quadratic_strain(self._mesh, fields, pairs, tell)
+        bushings = self.matrices.model.bushings
+        own = 0.5 * bushings.curvature(fields)[:, pairs[:, 0], pairs[:, 1]]
+        forces, energies = forces + bushings.rows.T @ own, energies + own.T @ own
         free = self.matrices.supported.forces(forces)
         return 0.5 * (energies - self.released(free, f"Static response to {count} stretches")), forces
 

@@ -84,6 +84,7 @@ class Parts:
     watched_rotation: FloatArray | None = None
     watched_strain: FloatArray | None = None
     frequency_spread: FloatArray | None = None
+    damper: FloatArray | None = None
     root_interface: int = GROUND
     whole: WholeFrame | None = None
     masses: Masses | None = None

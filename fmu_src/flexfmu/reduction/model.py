@@ -12,17 +12,16 @@ from ..files.errors import ModelError
 from ..mesh.checks import connected_parts, without_mechanisms
 from ..mesh.links import simplex
 from ..mesh.model import Mesh
+from ..mesh.springs import SpringDamper
+from .bushings import Bushings, End
 from .materials import completed
 from .options import BodyOptions, SupportNodes
 from .places import node_set
-from .rigid_fit import by_node, rigid_fit
 from .rigid_nodes import with_rigid_nodes
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 # Relative size of a singular value below which a rigid motion is not held.
 _FREE = 1e-9
-# A bushing's averaged motion couples all of its nodes.
-_MOST_AVERAGED = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +37,10 @@ class Model:
         Stiffness of springs from translations to the ground, N/m.
     rigid : (3n, r) float
         Rigid motions that no support resists, zero where one holds; none for most bodies.
-    bushings : (6b, 3n) sparse
-        Of b bushings to the ground: roots of their stiffnesses times averaged motions along their axes.
+    damper : (n, 3) float
+        Damping of translations by dampers on the ground, N s/m.
+    bushings : Bushings
+        The mesh's springs.
     unknowns : Unknowns
         What supports and the mesh's equations leave to be found.
     """
@@ -48,11 +49,13 @@ class Model:
     fixed: BoolArray
     spring: FloatArray
     rigid: FloatArray
-    bushings: sp.csr_array | None = None
+    damper: FloatArray
+    bushings: Bushings = field(init=False)
     unknowns: Unknowns = field(init=False)
 
     def __post_init__(self) -> None:
         """Solve the equations."""
+        object.__setattr__(self, "bushings", Bushings(self.mesh.points, self.mesh.springs))
         object.__setattr__(self, "unknowns", unknowns(self.fixed, self.mesh.equations, self.mesh.mixed))
 
     @property
@@ -64,15 +67,27 @@ class Model:
     def sprung(self) -> BoolArray:
         """Translations (n, 3) that springs resist."""
         found = self.spring > 0.0
-        if self.bushings is not None:
-            found[np.unique(self.bushings.indices // 3)] = True
+        for one in self.mesh.springs:
+            if not one.ends[1].size and one.stiffness.any():
+                found[one.ends[0]] = True
         return found
 
     @property
     def springs(self) -> sp.csr_array:
         """Stiffness (3n, 3n) of all springs to the ground, N/m."""
-        single = sp.csr_array(sp.diags_array(self.spring.ravel()))
-        return single if self.bushings is None else sp.csr_array(single + self.bushings.T @ self.bushings)
+        rows = self.bushings.rows
+        return sp.csr_array(sp.diags_array(self.spring.ravel()) + rows.T @ rows)
+
+    def damper_rows(self, shapes: FloatArray) -> FloatArray | None:
+        """Rows G (r, m) of the damping GᵀG that all dampers make of modes (3n, m), s^-1/2."""
+        held = np.flatnonzero(self.damper)
+        single = np.sqrt(self.damper.ravel()[held])[:, None] * shapes[held]
+        whole = np.concatenate([single, self.bushings.dampers @ shapes])
+        # No more rows than modes.
+        if len(whole) > whole.shape[1]:
+            whole = np.asarray(np.linalg.qr(whole, mode="r"))
+        found: FloatArray = whole[whole.any(axis=1)]
+        return found if found.size else None
 
     @property
     def springs_along_axes(self) -> FloatArray:
@@ -131,43 +146,48 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     fixed = mesh.fixed.copy()
     if not config.boundary:
         fixed[:] = False
-    spring, bushings = np.zeros(fixed.shape), []
+    spring, damper, springs = np.zeros(fixed.shape), np.zeros(fixed.shape), list(mesh.springs)
     for number, support in enumerate(config.supports, start=1):
         nodes = node_set(mesh, support.nodes, f"support[{number}].nodes")
         for axis in support.fix:
             fixed[nodes, _AXES[axis]] = True
-        if support.rotational_stiffness is not None:
-            rows, text = _bushing(mesh, nodes, support, f"support[{number}]")
-            bushings.append(rows)
+        if support.bushing:
+            made, text = _bushing(mesh, nodes, support, f"support[{number}]")
+            springs.append(made)
             mesh = replace(mesh, notes=(*mesh.notes, text))
-        elif support.stiffness is not None:
-            spring[nodes] += np.array(support.stiffness) / nodes.size
-    soft = sp.csr_array(sp.vstack(bushings)) if bushings else None
-    rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free, None if soft is None else _unit_rows(soft))
-    return Model(mesh, fixed, spring, rigid, soft)
+            continue
+        for array, values in ((spring, support.stiffness), (damper, support.damping)):
+            array[nodes] += np.array(values or (0.0, 0.0, 0.0)) / nodes.size
+    mesh = replace(mesh, springs=tuple(springs))
+    rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free)
+    model = Model(mesh, fixed, spring, rigid, damper)
+    if rigid.shape[1] and (damper.any() or model.bushings.dampers.nnz):
+        raise ModelError(
+            "dampers act on a body that is held, and this one is free to move: hold it by springs, or put the dampers "
+            "between interfaces in a coupling file"
+        )
+    return model
 
 
-def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> tuple[sp.csr_array, str]:
-    """Rows (6, 3n) of a bushing about its nodes' mean as of `Model.bushings`, and what is said of it."""
-    assert support.rotational_stiffness is not None
-    if nodes.size > _MOST_AVERAGED:
-        raise ModelError(f"{key} is a bushing on {nodes.size} nodes, at most {_MOST_AVERAGED}: take every few of them")
-    weighted = by_node(nodes)
-    centre = weighted.centre(mesh.points)
-    fit, rank = rigid_fit(mesh.points, weighted, centre)
-    if rank < 6 and any(support.rotational_stiffness):
+def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> tuple[SpringDamper, str]:
+    """A bushing from its nodes' mean to the ground, and what is said of it."""
+    centre, still, none = mesh.points[nodes].mean(axis=0), (0.0,) * 3, np.zeros(0, dtype=np.int64)
+    turning = *(support.rotational_stiffness or still), *(support.rotational_damping or still)
+    if any(turning) and End(mesh.points, nodes, centre).rank < 2:
         raise ModelError(f"{key}: its nodes lie on a line or in a point, which has no rotation: give more nodes")
     first, second = (np.array(one) for one in (support.axes or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))))
     third = np.cross(first, second)
     axes = np.array([first, np.cross(third, first), third])
     axes /= np.linalg.norm(axes, axis=1)[:, None]
-    stiff = np.array([*(support.stiffness or (0.0,) * 3), *support.rotational_stiffness])
-    local = np.sqrt(stiff)[:, None] * (np.kron(np.eye(2), axes) @ fit)
-    columns = (3 * nodes[:, None] + np.arange(3)).ravel()
-    whole = sp.csr_array((local.ravel(), np.tile(columns, 6), local.shape[1] * np.arange(7)), (6, mesh.points.size))
-    one, two = (", ".join(f"{k:.4g}" for k in part) for part in (stiff[:3], stiff[3:]))
-    place = ", ".join(f"{x:.4g}" for x in centre)
-    return whole, f"{key} is a bushing at ({place}) m: {one} N/m, {two} N m/rad along its axes"
+    stiff, damped = np.array(
+        [*(support.stiffness or still), *turning[:3], *(support.damping or still), *turning[3:]]
+    ).reshape(2, 6)
+    made = SpringDamper(key, (nodes, none), np.array([centre, centre]), centre, axes, stiff, damped)
+    one, two, three, four, place = (
+        ", ".join(f"{k:.4g}" for k in part) for part in (*stiff.reshape(2, 3), *damped.reshape(2, 3), centre)
+    )
+    words = f"{key} is a bushing at ({place}) m: {one} N/m, {two} N m/rad"
+    return made, words + (f", {three} N s/m, {four} N m s/rad" if damped.any() else "") + " along its axes"
 
 
 def rigid_basis(points: FloatArray) -> FloatArray:
@@ -179,12 +199,6 @@ def rigid_basis(points: FloatArray) -> FloatArray:
     for axis in range(3):
         motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm / size)
     return motions
-
-
-def _unit_rows(soft: sp.csr_array) -> sp.csr_array:
-    """Rows that are not zero, each of length one."""
-    size = sp.linalg.norm(soft, axis=1)
-    return sp.csr_array(sp.diags_array(1.0 / size[size > 0.0]) @ soft[np.flatnonzero(size)])
 
 
 def free_motions(points: FloatArray, held: BoolArray, soft: sp.csr_array | None = None) -> FloatArray:
@@ -256,25 +270,28 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     return inside
 
 
-def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool, soft: sp.csr_array | None) -> FloatArray:
+def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool) -> FloatArray:
     """Rigid motions (3n, r) that move no held translation (n, 3); refused where the body file does not expect them."""
     part = connected_parts(mesh)
     parts = int(part.max()) + 1
+    within = [one for one in mesh.springs if np.unique(part[np.concatenate(one.ends)]).size == 1]
+    soft = Bushings(mesh.points, within).unit_rows
     found = np.zeros((3 * len(mesh.points), 0))
     for number in range(parts):
         nodes = np.flatnonzero(part == number)
         if mesh.equations is None:
-            own = None if soft is None else soft[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
+            own = soft[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
             motions = free_motions(mesh.points[nodes], held[nodes], own)
         else:
-            rows = mesh.equations if soft is None else sp.csr_array(sp.vstack([mesh.equations, soft]))
-            motions = _motions_of_joined(mesh, rows, nodes, held)
+            motions = _motions_of_joined(mesh, sp.csr_array(sp.vstack([mesh.equations, soft])), nodes, held)
         if not motions.shape[1]:
             continue
         if parts > 1 or not may_float:
             one = f"the part of the mesh with node {mesh.labels[nodes[0]]} ({len(nodes)} nodes of {len(part)})"
             which = "the body" if parts == 1 else one
             floating = ", or let it float with free = true" if parts == 1 else ", or join the parts to share nodes"
+            if len(within) < len(mesh.springs):
+                floating += "; parts that springs alone join are bodies of their own: join them by flexfmu couple"
             raise ModelError(
                 f"{which} is free to move in {motions.shape[1]} rigid motions: the supports hold "
                 f"{held[nodes].sum()} of its translations; add a [[support]]{floating}"

@@ -59,17 +59,24 @@ class MaterialConstants:
 
 @dataclass(frozen=True, slots=True)
 class SupportNodes:
-    """Nodes whose translations are held along some axes, or by springs (N/m) that they share equally.
+    """Nodes whose translations are held along some axes, or by springs (N/m, N s/m) that they share equally.
 
-    With stiffness against turning (N m/rad) a bushing: both act on the averaged motion, along axes of which x and a
-    vector in the plane of x and y are given.
+    With stiffness or damping of turns (N m/rad, N m s/rad) a bushing: it acts on the averaged motion, along axes of
+    which x and a vector in the plane of x and y are given.
     """
 
     nodes: Nodes
     fix: tuple[str, ...] = ()
     stiffness: tuple[float, ...] | None = None
     rotational_stiffness: tuple[float, ...] | None = None
+    damping: tuple[float, ...] | None = None
+    rotational_damping: tuple[float, ...] | None = None
     axes: tuple[tuple[float, ...], ...] | None = None
+
+    @property
+    def bushing(self) -> bool:
+        """Whether it acts on the nodes' averaged motion."""
+        return self.rotational_stiffness is not None or self.rotational_damping is not None
 
 
 @dataclass(frozen=True, slots=True)

@@ -271,6 +271,7 @@ def _parts(
         stiffness_by_load=loaded,
         stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if by_mode else None,
         frequency_spread=spread,
+        damper=model.damper_rows(modes.shapes),
         surface=surface,
         second=second,
     )

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..fe.gradients import geometric_stiffness
 from ..files.array_types import FloatArray, IntArray
@@ -24,9 +23,10 @@ from ..mesh.model import Mesh
 from ..model.curvature import from_ground, product
 from ..model.reduced_body import SecondOrder
 from ..model.rotations import skew
+from .bushings import Bushings
 from .interfaces import InterfaceFit
 from .masses import Centre
-from .rigid_fit import Weighted, by_node, rigid_fit
+from .rigid_fit import Weighted, rigid_fit
 from .subdomains import Subdomain, Turn, carrying_frame
 from .supported import Supported
 
@@ -181,26 +181,10 @@ def _warping(points: FloatArray, shapes: FloatArray, domain: Subdomain, angle: F
     return float(np.sqrt((moved**2).sum(axis=(1, 2)).mean()) / (radius * np.linalg.norm(angle)))
 
 
-def _of_bushings(points: FloatArray, bushings: sp.csr_array, shapes: FloatArray) -> FloatArray:
-    """What the rows of bushings read (6b, m, m) of turned nodes at second order beside their displacements."""
-    modes, found = shapes.shape[1], []
-    for first in range(0, bushings.shape[0], _RANK):
-        rows = bushings[first + 3 : first + _RANK]
-        nodes = np.unique(rows.indices // 3)
-        weighted = by_node(nodes)
-        columns = (3 * nodes[:, None] + np.arange(3)).ravel()
-        turning = rigid_fit(points, weighted, weighted.centre(points))[0][3:] @ shapes[columns]
-        reading = NodeReading(points[0], nodes, turning, Turn(nodes, rows[:, columns].toarray()), turning)
-        found += [np.zeros((3, modes, modes)), reading.turned_back(points, shapes, turning)]
-    return np.concatenate(found)
-
-
-def _relieved(mesh: Mesh, fields: FloatArray, shapes: FloatArray, bushings: sp.csr_array | None) -> FloatArray:
+def _relieved(mesh: Mesh, fields: FloatArray, shapes: FloatArray, bushings: Bushings) -> FloatArray:
     """Work (l, m, m) of the initial strains, and of the bushings' own, on the stress of fields (3n, l)."""
-    found = -geometric_stiffness(mesh, fields, shapes)
-    if bushings is not None:
-        found -= np.einsum("kl,kab->lab", bushings @ fields, _of_bushings(mesh.points, bushings, shapes))
-    return found
+    own = np.tensordot((bushings.rows @ fields).T, bushings.curvature(shapes), axes=1)
+    return -geometric_stiffness(mesh, fields, shapes) - own
 
 
 def second_order(
@@ -210,7 +194,7 @@ def second_order(
     rigid: IntArray,
     floating: bool,
     readings: Sequence[NodeReading],
-    bushings: sp.csr_array | None = None,
+    bushings: Bushings,
 ) -> SecondOrder:
     """Second derivatives (18) of the motions of the tree's nodes.
 
@@ -226,8 +210,7 @@ def second_order(
         Whether motions are to be seen from the floating frame, which makes these motions.
     readings : sequence of NodeReading
         One for each node of the tree, in its order; the first of a frame.
-    bushings : (6b, 3n) sparse, optional
-        As of `Model`.
+    bushings : Bushings
 
     Returns
     -------

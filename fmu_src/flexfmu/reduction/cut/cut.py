@@ -18,7 +18,9 @@ from ...mesh.equations import coupled_nodes
 from ...mesh.links import renumbered
 from ...mesh.listing import listed
 from ...mesh.model import Mesh
+from ...mesh.springs import moved_springs
 from ...model.rotations import skew
+from ..bushings import Bushings
 from ..division import neighbours
 from ..model import Model, free_motions
 from ..options import Basis, BodyOptions, BranchJoints, InterfaceNodes, SupportNodes
@@ -150,9 +152,7 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes
     BodyFileError
         A section that is missing, that is no section across the body, or that leaves a part without any support.
     """
-    mesh, fixed, spring = model.mesh, model.fixed, model.spring
-    if model.bushings is not None:
-        raise BodyFileError("a body on bushings (rotational_stiffness) cannot be cut: take out cut")
+    mesh, fixed, spring, damper = model.mesh, model.fixed, model.spring, model.damper
     first = np.arange(len(mesh.points))
     for cut in cuts:
         mesh, origin = _opened(mesh, cut)
@@ -162,16 +162,19 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes
             raise BodyFileError(
                 f"[[cut]] nodes = {cut!r}: a support holds nodes of the section; cut away from supports"
             )
-        fixed, spring = fixed[origin], spring[origin]
+        fixed, spring, damper = fixed[origin], spring[origin], damper[origin]
     part = connected_parts(mesh)
     if torn := [one.name for one in mesh.masses if np.unique(part[one.nodes]).size > 1]:
         raise BodyFileError(f"[[cut]] goes through the nodes of the masses {listed(torn)}: cut elsewhere")
+    if torn := [one.name for one in mesh.springs if np.unique(part[np.concatenate(one.ends)]).size > 1]:
+        raise BodyFileError(f"[[cut]] parts the ends of the springs {listed(torn)}: cut elsewhere")
     names = [side_set(cut, side) for cut in cuts for side in SIDES]
     parts = []
     for number in range(int(part.max()) + 1):
         nodes = np.flatnonzero(part == number)
         inside, elements = _sub_mesh(mesh, nodes)
-        motions = free_motions(inside.points, (fixed | (spring > 0.0))[nodes])
+        soft = Bushings(inside.points, inside.springs).unit_rows
+        motions = free_motions(inside.points, (fixed | (spring > 0.0))[nodes], soft)
         if motions.shape[1] == _RIGID_MOTIONS:
             x, y, z = inside.points.mean(axis=0)
             raise BodyFileError(
@@ -179,7 +182,7 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes
                 "support holds: frames have nothing there to hang from; cut so that each part has a support"
             )
         sections = tuple(name for name in names if name in inside.node_sets)
-        part_model, springs = _springs(Model(inside, fixed[nodes], spring[nodes], motions), supports)
+        part_model, springs = _springs(Model(inside, fixed[nodes], spring[nodes], motions, damper[nodes]), supports)
         parts.append(Part(part_model, nodes, elements, sections, springs, first[nodes]))
     return mesh, parts
 
@@ -292,6 +295,9 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
         fixed=mesh.fixed[nodes],
         notes=(),
         masses=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.masses if np.all(place[one.nodes] >= 0)),
+        springs=moved_springs(
+            [one for one in mesh.springs if np.all(place[np.concatenate(one.ends)] >= 0)], lambda rows: place[rows]
+        ),
         links=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.links if place[one.nodes[0]] >= 0),
         simplices=renumbered(mesh.simplices, place),
     )
@@ -423,8 +429,8 @@ def _springs(model: Model, supports: Sequence[SupportNodes]) -> tuple[Model, tup
             sets[name] = nodes
             stays[nodes] = 0.0
         found.append(Spring(nodes, model.spring[nodes].sum(axis=0), name))
-    motions = free_motions(mesh.points, model.fixed | (stays > 0.0))
-    return Model(replace(mesh, node_sets=sets), model.fixed, stays, motions), tuple(found)
+    motions = free_motions(mesh.points, model.fixed | (stays > 0.0), model.bushings.unit_rows)
+    return Model(replace(mesh, node_sets=sets), model.fixed, stays, motions, model.damper), tuple(found)
 
 
 def section_tractions(part: Part, section: str, fields: FloatArray) -> FloatArray:

@@ -145,6 +145,7 @@ def join_parts(
         ties=_ties(stack, welds, pull, turn, modes),
         second=_second_order(stack, welds, places, modes),
         membrane=_membrane(stack, modes),
+        damper=_dampers(stack, modes),
     )
     body = made_body(motion, BodyUse(parts[0].name), replace(beside, **_watched(stack, modes)))
     return body, modes, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
@@ -175,6 +176,12 @@ def _modes_of_whole(
         raise ModelError(f"the lowest eigenvalue of the joined parts is {values[0]:.3e} 1/s²: they are free to move")
     large = np.argmax(np.abs(modes) >= _NEARLY_LARGEST * np.abs(modes).max(axis=0), axis=0)
     return values, alike @ (modes * np.sign(modes[large, np.arange(len(values))])), pull, turn
+
+
+def _dampers(stack: _Stack, modes: FloatArray) -> FloatArray | None:
+    """Damping of all parts' dampers."""
+    found = [stack.widened(p, part.damper) for p, part in enumerate(stack.parts) if part.damper is not None]
+    return np.concatenate(found) @ modes if found else None
 
 
 def _watched(stack: _Stack, modes: FloatArray) -> dict[str, Any]:

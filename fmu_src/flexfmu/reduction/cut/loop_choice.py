@@ -135,7 +135,7 @@ def _between_supports(config: BodyOptions, model: Model) -> list[LoopSection]:
 
 def _closes_loops(model: Model) -> bool:
     """Whether several supports, and not too many, hold a body that cannot move."""
-    if model.rigid.shape[1] or not model.anchored.size or model.bushings is not None:
+    if model.rigid.shape[1] or not model.anchored.size:
         return False
     return 1 <= int(support_groups(model.mesh, model.anchored).max()) < _MOST_SUPPORTS
 

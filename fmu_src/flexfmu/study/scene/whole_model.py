@@ -106,11 +106,6 @@ class WholeModel:
                 f"{case.name}: the body is free to move, so that the finite element model has no equilibrium to "
                 f'compare with; bring results: results = "{case.name}.csv"'
             )
-        if self.model.bushings is not None:
-            return (
-                f"{case.name}: the finite element model knows no bushings (rotational_stiffness); bring results: "
-                f'results = "{case.name}.csv"'
-            )
         return ""
 
     def equilibria(self, case: StaticCase) -> Equilibria:
@@ -147,7 +142,8 @@ class WholeModel:
         wall, own = time.perf_counter(), time.process_time()
         try:
             with self._report.stage(f"Solve the finite element model under {case.name}"):
-                path = load_path(model.mesh, model.unknowns, model.spring, load, case.factors, self._report)
+                bushings = model.bushings.forces if model.bushings.readings else None
+                path = load_path(model.mesh, model.unknowns, model.spring, load, case.factors, self._report, bushings)
         except AccuracyError as error:
             raise SceneError(f"{case.name}: {error}; or bring results") from error
         # What other programs took of the processor meanwhile does not count, nor do threads.

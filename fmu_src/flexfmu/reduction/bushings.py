@@ -1,0 +1,246 @@
+"""Springs and dampers between places of a body and to the ground: what they read of its nodes (docs/theory.md, 1).
+
+Every end goes by twelve numbers that are linear in displacements: the mean place of its nodes, and how they lie about
+it. What a spring reads of both ends is a function of these, so that one function gives its stiffness, its second order
+and its forces in turns of any size.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..files.array_types import FloatArray, IntArray
+from ..files.errors import ModelError
+from ..mesh.springs import Along, SpringDamper
+
+# A bushing's averaged motion couples all of its nodes.
+_MOST_AVERAGED = 2000
+# Second moments of nodes over the largest below which they do not lie off a line, or a point.
+_FLAT = 1e-9
+# Step of complex differences, and of central differences of these, over the size of a spring.
+_TINY, _SMALL = 1e-30, 3e-5
+_ROUNDS = 60
+_PERMUTATION = np.zeros((3, 3, 3))
+_PERMUTATION[[0, 1, 2], [1, 2, 0], [2, 0, 1]], _PERMUTATION[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = 1.0, -1.0
+_Numbers = NDArray[Any]
+
+
+class End:
+    """How one end of a spring moves by its numbers (z,), m: the mean displacement of its nodes, how they lie about it.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    nodes : (k,) int
+        None: the ground.
+    place : (3,) float
+    """
+
+    def __init__(self, points: FloatArray, nodes: IntArray, place: FloatArray):
+        self.nodes, self.place = nodes, place
+        self.mean = points[nodes].mean(axis=0) if nodes.size else place
+        arm = points[nodes] - self.mean
+        self.size = float(np.sqrt((arm**2).sum() / max(nodes.size, 1)))
+        self.spread = arm.T @ arm / max(nodes.size, 1) / (self.size or 1.0)
+        # By how much the nodes' places are turned; about the line of nodes on one that cannot be told.
+        self._ease = np.linalg.pinv(np.trace(self.spread) * np.eye(3) - self.spread, rcond=_FLAT)
+        values = np.linalg.eigvalsh(self.spread)
+        self.rank = int((values > _FLAT * values[-1]).sum()) if self.size else 0
+        rows = [np.full(nodes.size, 1.0 / max(nodes.size, 1))] if nodes.size else []
+        if self.rank:
+            rows += list(arm.T / (nodes.size * self.size))
+        # Of each direction: its mean, and its moments about the mean along x, y and z.
+        self.rows = np.kron(np.array(rows).reshape(len(rows), nodes.size), np.eye(3))
+
+    def rotation(self, z: _Numbers) -> _Numbers:
+        """Rotations (..., 3, 3) that fit how the nodes lie, for numbers (..., z)."""
+        found = np.broadcast_to(np.eye(3, dtype=z.dtype), (*z.shape[:-1], 3, 3))
+        if not self.rank:
+            return found
+        lie = self.spread + z[..., 3:].reshape(*z.shape[:-1], 3, 3).swapaxes(-1, -2)
+        for _ in range(_ROUNDS):
+            seen = found.swapaxes(-1, -2) @ lie
+            off = np.einsum("ijk,...kj->...i", _PERMUTATION, seen)
+            step = off @ self._ease
+            found = found @ _turn(step)
+            if np.abs(step.real).max(initial=0.0) < 1e-14 and np.abs(step.imag).max(initial=0.0) < 1e-14 * _TINY:
+                break
+        return found
+
+    def at(self, z: _Numbers, turn: _Numbers, point: FloatArray) -> _Numbers:
+        """Where the end carries a point (3,) of the undeformed body, (..., 3)."""
+        moved = z[..., :3] if self.nodes.size else 0.0
+        return self.mean + moved + turn @ (point - self.mean)
+
+
+class SpringReading:
+    """What a spring reads of its ends.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    spring : SpringDamper
+    """
+
+    def __init__(self, points: FloatArray, spring: SpringDamper):
+        self.spring = spring
+        for nodes in spring.ends:
+            if nodes.size > _MOST_AVERAGED:
+                raise ModelError(
+                    f"{spring.name} acts on {nodes.size} nodes, at most {_MOST_AVERAGED}: take every few of them"
+                )
+        self.ends = [End(points, nodes, place) for nodes, place in zip(spring.ends, spring.places, strict=True)]
+        self.length = float(np.linalg.norm(spring.places[0] - spring.places[1]))
+        self.nodes = np.concatenate(spring.ends)
+        self.columns = (3 * self.nodes[:, None] + np.arange(3)).ravel()
+        first, second = (end.rows for end in self.ends)
+        self._split = len(first)
+        self.rows = np.zeros((len(first) + len(second), self.columns.size))
+        self.rows[: len(first), : first.shape[1]], self.rows[len(first) :, first.shape[1] :] = first, second
+        self._size = max(self.length, *(end.size for end in self.ends)) or 1.0
+        # Without turning ends displacements along axes are linear.
+        self.linear = spring.along is not Along.LINE and not any(end.rank for end in self.ends)
+
+    def values(self, z: _Numbers) -> _Numbers:
+        """Displacements along the axes and turns about them (..., 6), for the numbers (..., z) of both ends."""
+        a, b = self.ends
+        own, other = z[..., : self._split], z[..., self._split :]
+        turn, carrier = a.rotation(own), b.rotation(other)
+        axes, spring = self.spring.axes, self.spring
+        if spring.along is Along.LINE:
+            way = a.at(own, turn, spring.places[0]) - b.at(other, carrier, spring.places[1])
+            found = np.zeros((*z.shape[:-1], 6), dtype=z.dtype)
+            found[..., 0] = np.sqrt((way**2).sum(axis=-1)) - self.length
+            return found
+        if spring.along is Along.FIXED:
+            apart = spring.places[0] - spring.places[1]
+            shift = a.at(own, turn, spring.places[0]) - b.at(other, carrier, spring.places[1]) - apart
+            angle = _vector(turn) - _vector(carrier)
+        else:
+            shift = a.at(own, turn, spring.joint) - b.at(other, carrier, spring.joint)
+            back = carrier.swapaxes(-1, -2)
+            shift, angle = (back @ shift[..., None])[..., 0], _vector(back @ turn)
+        return np.concatenate([shift, angle], axis=-1) @ np.kron(np.eye(2), axes).T
+
+    def slope(self, z: FloatArray) -> FloatArray:
+        """First derivatives (..., 6, z) of the values at numbers (..., z)."""
+        step = _TINY * self._size
+        moved = z[..., None, :] + 1j * step * np.eye(z.shape[-1])
+        result: FloatArray = self.values(moved).imag.swapaxes(-1, -2) / step
+        return result
+
+    def bend(self, z: FloatArray) -> FloatArray:
+        """Second derivatives (6, z, z) of the values at numbers (z,)."""
+        step = _SMALL * self._size
+        if self.linear:
+            return np.zeros((6, z.size, z.size))
+        moved = z + step * np.concatenate([np.eye(z.size), -np.eye(z.size)])
+        ahead, behind = np.split(self.slope(moved), 2)
+        found = ((ahead - behind) / (2.0 * step)).transpose(1, 0, 2)
+        return 0.5 * (found + found.swapaxes(1, 2))
+
+    def force(self, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Forces (3k,) on its nodes against displacements (3n,), and their derivative (3k, 3k)."""
+        z = self.rows @ displacement[self.columns]
+        slope, pull = self.slope(z), self.spring.stiffness * self.values(z)
+        tangent = slope.T @ (self.spring.stiffness[:, None] * slope) + np.tensordot(pull, self.bend(z), axes=1)
+        return self.rows.T @ (slope.T @ pull), self.rows.T @ tangent @ self.rows
+
+
+class Bushings:
+    """All springs and dampers of a mesh.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    springs : sequence of SpringDamper
+    """
+
+    def __init__(self, points: FloatArray, springs: Sequence[SpringDamper]):
+        self.size = points.size
+        self.readings = [SpringReading(points, one) for one in springs]
+        self.linear = [one.slope(np.zeros(len(one.rows))) @ one.rows for one in self.readings]
+
+    @cached_property
+    def rows(self) -> sp.csr_array:
+        """Readings (6b, 3n) of all springs over displacements, by the root of their stiffness."""
+        return self._weighed("stiffness")
+
+    @property
+    def unit_rows(self) -> sp.csr_array:
+        """Rows that are not zero, each of length one."""
+        size = sp.linalg.norm(self.rows, axis=1)
+        return sp.csr_array(sp.diags_array(1.0 / size[size > 0.0]) @ self.rows[np.flatnonzero(size)])
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """All that stiffness and its second order depend on."""
+        return self.rows.data, self.rows.indices, *((one.spring.along.value, one.length) for one in self.readings)
+
+    @cached_property
+    def dampers(self) -> sp.csr_array:
+        """The same by the root of their damping."""
+        return self._weighed("damping")
+
+    def _weighed(self, name: str) -> sp.csr_array:
+        count = 6 * len(self.readings)
+        if not count:
+            return sp.csr_array((0, self.size))
+        values = [
+            (np.sqrt(getattr(one.spring, name))[:, None] * own)
+            for one, own in zip(self.readings, self.linear, strict=True)
+        ]
+        columns = [np.tile(one.columns, 6) for one in self.readings]
+        starts = np.cumsum([0, *(one.columns.size for one in self.readings for _ in range(6))])
+        whole = (np.concatenate([own.ravel() for own in values]), np.concatenate(columns), starts)
+        found = sp.csr_array(whole, shape=(count, self.size))
+        # A node at both ends stands once.
+        found.sum_duplicates()
+        found.eliminate_zeros()
+        return found
+
+    def curvature(self, shapes: FloatArray) -> FloatArray:
+        """Second derivatives (6b, m, m) of what `rows` reads of displacements by shapes (3n, m)."""
+        found = []
+        for one in self.readings:
+            local = one.rows @ shapes[one.columns]
+            root = np.sqrt(one.spring.stiffness)[:, None, None]
+            found.append(root * (local.T @ one.bend(np.zeros(len(one.rows))) @ local))
+        return np.concatenate(found) if found else np.zeros((0, shapes.shape[1], shapes.shape[1]))
+
+    def forces(self, displacement: FloatArray) -> tuple[FloatArray, sp.csr_array]:
+        """Nodal forces (3n,) against displacements (3n,) of any size, and their derivative."""
+        force, rows, columns, values = np.zeros(self.size), [], [], []
+        for one in self.readings:
+            own, tangent = one.force(displacement)
+            np.add.at(force, one.columns, own)
+            rows.append(np.repeat(one.columns, one.columns.size))
+            columns.append(np.tile(one.columns, one.columns.size))
+            values.append(tangent.ravel())
+        place = (np.concatenate(rows), np.concatenate(columns))
+        return force, sp.csr_array(sp.coo_array((np.concatenate(values), place), shape=(self.size, self.size)))
+
+
+def _turn(vector: _Numbers) -> _Numbers:
+    """Rotations (..., 3, 3) of rotation vectors (..., 3), complex ones too."""
+    square = (vector**2).sum(axis=-1)[..., None, None]
+    small = np.abs(square) < 1e-8
+    angle = np.sqrt(np.where(small, 1.0, square))
+    one = np.where(small, 1.0 - square / 6.0, np.sin(angle) / angle)
+    two = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(angle)) / np.where(small, 1.0, square))
+    cross = np.einsum("ijk,...j->...ik", _PERMUTATION, vector)
+    return np.eye(3) + one * cross + two * cross @ cross
+
+
+def _vector(rotation: _Numbers) -> _Numbers:
+    """Rotation vectors (..., 3) of rotations (..., 3, 3) by less than half a turn, complex ones too."""
+    sine = 0.5 * np.einsum("ijk,...kj->...i", _PERMUTATION, rotation)
+    square, cosine = (sine**2).sum(axis=-1), 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0)
+    small = np.abs(square) < 1e-8
+    size = np.sqrt(np.where(small, 1.0, square))
+    angle = np.where(small, 1.0 + square / 6.0, 2.0 * np.arctan(size / (1.0 + cosine)) / size)
+    return sine * angle[..., None]
