@@ -68,12 +68,12 @@ def _scaled(body: ReducedBody, seed: int) -> ReducedBody:
     return replace(body, damping_ratio=body.damping_ratio + 1e-3 * (seed - 1))
 
 
-def write(folder: Path, runtime: Runtime) -> None:
+def write(folder: Path, runtime: Runtime, fmi: int = 2) -> None:
     """FMUs of all kinds, each with a twin."""
     for kind in KINDS:
         for name, seed in ((kind, 1), (f"{kind}_twin", 2)):
-            package_fmu(fuzzed_body(kind, seed), folder / f"{name}.fmu", runtime)
+            package_fmu(fuzzed_body(kind, seed), folder / f"{name}.fmu", runtime, fmi=fmi)
 
 
 if __name__ == "__main__":
-    write(Path(sys.argv[1]), Runtime(sys.argv[2]) if len(sys.argv) > 2 else Runtime.NATIVE)
+    write(Path(sys.argv[1]), Runtime(sys.argv[2]) if len(sys.argv) > 2 else Runtime.NATIVE, *map(int, sys.argv[3:]))

@@ -137,7 +137,7 @@ class Body:
         file = config.mesh.file
         body = cls.__new__(cls)
         with (report or ScriptReporter()).stage(f"Read {file.name}"):
-            body.mesh = read_mesh(file, config.mesh.units, config.shells)
+            body.mesh = read_mesh(file, config.mesh.units, config.shells, config.mesh.timeout)
         body.spec = config
         body._origin = file_origin(file)
         return body

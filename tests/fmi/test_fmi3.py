@@ -314,7 +314,7 @@ def test_a_state_replays_to_the_last_bit_also_in_another_instance(slave, fmu, tm
     slave.fmu.setFMUState(state)
     np.testing.assert_array_equal(slave.run(3, STEPS), first)
     slave.fmu.freeFMUState(state)
-    other = Slave(fmu, tmp_path)
+    other = Slave(fmu, tmp_path, start=False)
     other.fmu.setFMUState(other.fmu.deserializeFMUState(block))
     np.testing.assert_array_equal(other.run(3, STEPS), first)
     with pytest.raises(FMICallException):
@@ -429,4 +429,4 @@ def test_random_calls_answer_as_those_of_fmi_2(fmu, body, tmp_path):
     package_fmu(body, tmp_path / "two.fmu")
     words = [str(FUZZER), str(tmp_path / "two.fmu"), str(fmu), "1", str(CALLS)]
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=600, check=False)
-    assert done.stdout.splitlines() == [f"CALLS {CALLS}", "FINE"], (done.returncode, done.stdout, done.stderr)
+    assert done.stdout.splitlines()[1:] == [f"CALLS {CALLS}", "FINE"], (done.returncode, done.stdout, done.stderr)

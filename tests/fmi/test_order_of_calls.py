@@ -56,3 +56,18 @@ def test_no_step_goes_beyond_the_stop_time(driven):
     assert driven.side.status("step", 1.006, 0.006) == ERROR
     assert "beyond the stop time" in driven.log[-1][1]
     assert driven.side.status("step", 1.006, 0.004) == OK
+
+
+@pytest.mark.parametrize("stop", [None, 0.5e-3])
+def test_a_state_handed_to_an_instance_that_is_not_set_up_goes_on_to_any_time(driven, stop):
+    if driven.runtime is Runtime.PYTHON:
+        pytest.skip("pythonfmu's library has no reset of its own")
+    assert driven.taken(1e-3)
+    block = driven.state
+    assert driven.taken(1e-3)
+    end = driven.state
+    # The stop time of an earlier set-up, or none, is no part of it.
+    assert calls(driven, "reset", ("setup", 0.0, stop), "reset") == [OK] * 3
+    driven.state = block
+    assert driven.taken(1e-3), driven.log[-1]
+    assert driven.state == end

@@ -6,6 +6,7 @@ fmpy's classes raise at the first failure and keep masters from most mistakes; t
 import shutil
 import sys
 import tempfile
+import time
 import zipfile
 from ctypes import (
     CDLL,
@@ -41,6 +42,24 @@ class Callbacks(Structure):
         ("stepFinished", StepFinished),
         ("componentEnvironment", c_void_p),
     )
+
+
+class Slowest:
+    """The call that took most of the processor so far: its name and s."""
+
+    def __init__(self):
+        self.name, self.seconds = "", 0.0
+
+    def timed(self, name, call, *arguments):
+        begun = time.thread_time()
+        answer = call(*arguments)
+        taken = time.thread_time() - begun
+        if taken > self.seconds:
+            self.name, self.seconds = name, taken
+        return answer
+
+
+SLOWEST = Slowest()
 
 
 class Fmu:
@@ -99,7 +118,7 @@ class Instance:
         self.reached = 0.0
 
     def _call(self, name, *arguments):
-        return getattr(self.fmu.library, f"fmi2{name}")(self.component, *arguments)
+        return SLOWEST.timed(name, getattr(self.fmu.library, f"fmi2{name}"), self.component, *arguments)
 
     def _set(self, kind, ctype, references, values):
         count = len(references)

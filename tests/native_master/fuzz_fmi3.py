@@ -2,7 +2,8 @@
 
     python fuzz_fmi3.py FMU FMU3 SEED CALLS [CORE]
 
-FMU and FMU3 are of one body. CORE takes the place of both libraries. Prints "CALLS n" and "FINE" at the end.
+FMU and FMU3 are of one body. CORE takes the place of both libraries. Prints "SLOWEST call s", "CALLS n"
+and "FINE" at the end.
 """
 
 import math
@@ -28,7 +29,7 @@ from ctypes import (
 from pathlib import Path
 from xml.etree import ElementTree
 
-from bare_fmi2 import DISCARD, ERROR, OK, Fmu
+from bare_fmi2 import DISCARD, ERROR, OK, SLOWEST, Fmu
 from fuzz_worker import HEAD, LOADS, NUMBERS, STEPS, TIMES, WRONG
 
 Log = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
@@ -60,7 +61,7 @@ class Three:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def call(self, name, *arguments):
-        return getattr(self.library, f"fmi3{name}")(self.component, *arguments)
+        return SLOWEST.timed(name, getattr(self.library, f"fmi3{name}"), self.component, *arguments)
 
     def given(self, references, values, kind="Real", more=0):
         name, ctype = TYPES[kind]
@@ -166,6 +167,8 @@ class Pair:
         return self.two.terminate(), self.three.call("Terminate")
 
     def reset(self):
+        # Nor is whether it was set up.
+        self.eager.call("Reset")
         return self.two.reset(), self.three.call("Reset")
 
     def ahead(self, before, time, size, status):
@@ -351,6 +354,7 @@ def main(path, path_3, seed, calls, library=None):
         pair.fmu.remove()
         pair.three.close()
         pair.eager.close()
+    print("SLOWEST", SLOWEST.name, SLOWEST.seconds)
     print("CALLS", played)
     print("FINE")
 

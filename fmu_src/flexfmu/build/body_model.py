@@ -35,7 +35,7 @@ class BodyModel:
 def read_body_model(config: BodyFile, report: Reporter) -> BodyModel:
     """Read the mesh of a body file; see `body_model`."""
     with report.stage(f"Read {config.mesh.file.name}"):
-        mesh = read_mesh(config.mesh.file, config.mesh.units, config.shells)
+        mesh = read_mesh(config.mesh.file, config.mesh.units, config.shells, config.mesh.timeout)
     return body_model(mesh, config)
 
 

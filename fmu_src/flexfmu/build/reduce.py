@@ -52,7 +52,7 @@ def reduce_body(
     """
     file = config.mesh.file
     with report.stage(f"Read {file.name}"):
-        mesh = read_mesh(file, config.mesh.units, config.shells)
+        mesh = read_mesh(file, config.mesh.units, config.shells, config.mesh.timeout)
     return reduce_mesh(mesh, config, file_origin(file), report, store, levels)
 
 

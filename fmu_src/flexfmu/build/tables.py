@@ -41,9 +41,12 @@ class MeshTable(MeshUnits):
     ----------
     file
         Deck (`.inp`) or another [mesh file](../file-formats.md#mesh).
+    timeout
+        s that the reader of another mesh file may take. Default: 60, and 10 for each MB
     """
 
     file: Path = Field(strict=False, examples=["arm.inp"])
+    timeout: float | None = Field(default=None, gt=0.0)
 
 
 class ShellTable(Table):

@@ -35,7 +35,7 @@ typedef struct {
     Phase phase;
     int logging, logged[CATEGORIES];
     int set_up; /* whether fmi2SetupExperiment was called */
-    double stop; /* s: steps end here at the latest */
+    double stop; /* s: steps end here at the latest, once it is set up: a state may come before */
     int halvings; /* FMI 3.0: how often a refused step is tried at half its length; 0: the master wants whole steps */
     int talkative; /* whether the master asked for the log: else it gets refusals and the first warning of a kind */
     char text[TEXT_SIZE], line[2 * TEXT_SIZE], room[TEXT_SIZE / 4];

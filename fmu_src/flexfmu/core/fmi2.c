@@ -107,7 +107,7 @@ fmi2Status component_step(fmi2Component handle, double time, double step, int *h
             snprintf(c->text, TEXT_SIZE, "fmi2DoStep: a step from %.16g s, expected one from %.16g s, where the last step ended", time, reached);
             return fail(c, c->text);
         }
-        if (time + step > c->stop && !same_time(time + step, c->stop, step)) {
+        if (c->set_up && time + step > c->stop && !same_time(time + step, c->stop, step)) {
             snprintf(c->text, TEXT_SIZE, "fmi2DoStep: a step from %.16g s by %.16g s goes beyond the stop time of fmi2SetupExperiment, %.16g s",
                      time, step, c->stop);
             return fail(c, c->text);

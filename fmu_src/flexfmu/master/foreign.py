@@ -1,25 +1,16 @@
 """FMUs of other programs at work in a process of their own: what exits, crashes or never returns ends its run only."""
 
 import ctypes
-import pickle
-import queue
-import signal
-import subprocess
-import sys
-import threading
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
 
 from ..files.errors import SimulationError
-from . import foreign_worker
+from ..files.workers import Worker, WorkerError
+from ..fmu import foreign_host
 from .log import hand_on, quoted
 
-# s, to end by itself.
-_LAST = 2.0
 # FMI 2.0: after this status nothing may be called.
 _FATAL = 4
 # What a call that waits for the next was to do, as in "fmu NAME failed …".
@@ -45,10 +36,9 @@ class ForeignProcess:
     """
 
     def __init__(self, timeout: float):
-        self._timeout = timeout
-        self._process: subprocess.Popen[bytes] | None = None
-        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._over = False
+        self._timeout, self._over = timeout, False
+        self._worker = Worker(f"{foreign_host.__name__}:Host")
+        self.close = self._worker.close
 
     def ask(self, name: str, calls: Sequence[Call]) -> tuple[list[Any], FMICallException | None]:
         """Have an FMU carry out calls of fmpy's `FMU2Slave`, one after the other.
@@ -76,60 +66,22 @@ class ForeignProcess:
         told = "doStep" if "doStep" in words else words[-1]
         if self._over:
             raise SimulationError(f"fmu {name!r}: the process of FMUs of other programs has ended before {told}")
-        process = self._process = self._process or self._started()
-        assert process.stdin is not None
-        # A process that died is found out when it does not answer.
-        with suppress(OSError):
-            process.stdin.write(pickle.dumps((name, calls)))
-            process.stdin.flush()
         try:
-            answer = self._answers.get(timeout=self._timeout)
-        except queue.Empty:
+            answer = self._worker.ask((name, calls), self._timeout)
+        except WorkerError as error:
             self._over = True
-            process.kill()
+            if error.ending:
+                raise SimulationError(f"fmu {name!r} ended its process in {told}: {error.ending}") from None
             raise SimulationError(
                 f"fmu {name!r} did not come back from {told} within {self._timeout:g} s and was ended: give it "
                 "longer by experiment.timeout, or look into the FMU"
             ) from None
-        if answer is None:
-            self._over = True
-            raise SimulationError(f"fmu {name!r} ended its process in {told}: {_ending(process.wait())}")
         kind, values, wrong, lines = answer
         for line in lines:
             hand_on(*line)
-        if kind == foreign_worker.FAILED:
+        if kind == foreign_host.FAILED:
             raise SimulationError(f"fmu {name!r} failed {words[len(values)]}: {wrong}")
-        return values, FMICallException(*wrong) if kind == foreign_worker.REFUSED else None
-
-    def close(self) -> None:
-        """End the process."""
-        process = self._process
-        if process is None:
-            return
-        assert process.stdin is not None
-        with suppress(OSError):
-            process.stdin.close()
-        try:
-            process.wait(_LAST)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-
-    def _started(self) -> "subprocess.Popen[bytes]":
-        process = subprocess.Popen(
-            [sys.executable, "-P", str(Path(foreign_worker.__file__))],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )
-        threading.Thread(target=self._listen, args=(process,), daemon=True).start()
-        return process
-
-    def _listen(self, process: "subprocess.Popen[bytes]") -> None:
-        assert process.stdout is not None
-        with process.stdout as stream, suppress(EOFError, OSError, pickle.UnpicklingError):
-            while True:
-                self._answers.put(pickle.load(stream))
-        self._answers.put(None)
+        return values, FMICallException(*wrong) if kind == foreign_host.REFUSED else None
 
 
 class ForeignSlave:
@@ -242,12 +194,3 @@ class ForeignSlave:
             return 0
 
         return ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, *kinds)(answered)
-
-
-def _ending(code: int) -> str:
-    """How a process ended, in words."""
-    if code >= 0:
-        return f"exit code {code}"
-    with suppress(ValueError):
-        return signal.Signals(-code).name
-    return f"signal {-code}"

@@ -1,17 +1,21 @@
 """Mesh files of any kind: which reader takes which."""
 
 import hashlib
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import meshio
 
 from flexfmu.files.errors import MeshError
 from flexfmu.files.inputs import Kind, check_input
 from flexfmu.files.units import UnitSystem, unit_system
+from flexfmu.files.workers import Worker, WorkerError
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.in_memory import Contents, from_contents
 from flexfmu.mesh.model import Mesh
@@ -28,6 +32,8 @@ EXODUS_SUFFIXES = (".e", ".exo", ".ex2", ".exii", ".g", ".gen")
 # Programs write input files under these; the first lines tell whose they are.
 _SHARED_SUFFIXES = (".dat", ".inp")
 _LINES = 2000
+# s that a library may take to read a file: some, and s for each byte. A busy machine reads bulk data at 0.5 MB/s.
+_LEAST, _EACH = 60.0, 1e-5
 _GEOMETRY = "a geometry without elements; mesh it first, by gmsh for example", "-3 -order 2"
 # What gmsh makes a mesh of, and how.
 _FOR_GMSH = {
@@ -40,6 +46,7 @@ def read_mesh(
     path: Path | str,
     units: UnitSystem | str = UnitSystem.SI,
     shells: Mapping[str, float | tuple[float, float]] | None = None,
+    timeout: float | None = None,
 ) -> Mesh:
     """Read a body's mesh: an Abaqus or CalculiX deck, or any other file of docs/file-formats.md; see `from_contents`.
 
@@ -51,6 +58,9 @@ def read_mesh(
     shells : mapping of str to float or tuple of float, optional
         Thickness of triangles and quads by cell set, "" for all; or with it the middle over the nodes, over the
         thickness. Decks and bulk data have sections for that.
+    timeout : float, optional
+        s that the library of a format of other programs may take, in a process of its own; default: 60 and 10 for each
+        MB of the file.
 
     Returns
     -------
@@ -60,7 +70,8 @@ def read_mesh(
     Raises
     ------
     MeshError
-        The file cannot be read, or holds volume cells of a kind that is not supported, or none.
+        The file cannot be read or its reader crashes or does not end, or it holds volume cells of a kind that is not
+        supported, or none.
     DeckError
         A deck's line cannot be honoured.
 
@@ -79,17 +90,10 @@ def read_mesh(
         raise MeshError(f"{path}: shells have their thickness by *SHELL SECTION or PSHELL; write it into the file")
     if suffix == DECK_SUFFIX:
         return read_deck(path, units)
-    if suffix in NASTRAN_SUFFIXES:
-        contents = read_nastran(path, units)
-    elif suffix in ANSYS_SUFFIXES:
-        contents = read_ansys(path, units)
-    elif suffix in EXODUS_SUFFIXES:
-        contents = read_exodus(path)
-    elif suffix in _FOR_GMSH:
+    if suffix in _FOR_GMSH:
         what, how = _FOR_GMSH[suffix]
         raise MeshError(f"{path}: {what}: gmsh {path.name} {how} -format msh41 -o {path.stem}.msh")
-    else:
-        contents = Contents(_read_with_meshio(path))
+    contents = _read_elsewhere(path, suffix, units, timeout or _LEAST + _EACH * path.stat().st_size)
     if shells:
         contents = replace(contents, shells={name: _faces(given) for name, given in shells.items()})
     return from_contents(contents, str(path), units)
@@ -120,6 +124,48 @@ def file_origin(path: Path) -> dict[str, str]:
     return {"mesh_file": path.name, "mesh_sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
 
 
-def _read_with_meshio(path: Path) -> Any:
-    with quiet(path, "check the file and its suffix"):
-        return meshio.read(path)
+def _read_elsewhere(path: Path, suffix: str, units: UnitSystem, timeout: float) -> Contents:
+    """Have a library read a file in a process of its own, which may crash or never return."""
+    # A library that is slow to import is so once: the copy of this process has it, too.
+    with suppress(ImportError):
+        import_module("pyNastran.bdf.bdf" if suffix in NASTRAN_SUFFIXES else "meshio")
+    worker = Worker(f"{__name__}:_reader", fork=True, memory=_most_memory())
+    try:
+        found = worker.ask((path, suffix, units), timeout)
+    except WorkerError as error:
+        if error.ending:
+            what, advice = f"the library that read it ended with {error.ending}", "is it damaged? Write it again"
+        else:
+            what = f"the library that reads it gave no answer within {timeout:.3g} s"
+            advice = "is it damaged? Write it again, or give it longer by timeout of [mesh] or read_mesh"
+        raise MeshError(f"{path} cannot be read as a mesh: {what}; {advice}") from None
+    finally:
+        worker.close()
+    if isinstance(found, Exception):
+        raise found
+    return cast("Contents", found)
+
+
+def _most_memory() -> int:
+    """Bytes that a reader may take: half of the machine's memory; 0 where it is not known."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 0
+
+
+def _reader() -> Callable[[tuple[Path, str, UnitSystem]], Contents | Exception]:
+    """What reads a file there: its contents, or why there are none."""
+
+    def answer(request: tuple[Path, str, UnitSystem]) -> Contents | Exception:
+        path, suffix, units = request
+        try:
+            if suffix in NASTRAN_SUFFIXES:
+                return read_nastran(path, units)
+            if suffix in ANSYS_SUFFIXES:
+                return read_ansys(path, units)
+            if suffix in EXODUS_SUFFIXES:
+                return read_exodus(path)
+            with quiet(path, "check the file and its suffix"):
+                return Contents(meshio.read(path))
+        except Exception as error:  # for the one who asked
+            return error
+
+    return answer
