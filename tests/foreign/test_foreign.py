@@ -7,6 +7,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from benchmarks.thin.bodies import Middle
 
 import flexfmu
 import flexfmu.mesh.checks
@@ -15,7 +16,6 @@ from flexfmu.files.errors import MeshError
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from meshes import box
-from reference.shell_bodies import Middle
 
 FOREIGN = Path(__file__).parent
 STEEL = (2.0e11, 0.3, 7850.0)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.thin.bodies import LAYERS, Middle
 
 import flexfmu
 from decks import read
@@ -14,7 +15,6 @@ from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.mesh.model import Material, laminate
 from flexfmu.model.rotations import exponential
 from physics.test_shells import KINDS, bulk_data, grid, shell, solved
-from reference.shell_bodies import LAYERS, Middle
 
 PLANE = np.array([0, 1, 3])
 

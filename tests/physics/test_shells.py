@@ -1,11 +1,14 @@
 """Shells: patch tests, published problems, thin and folded bodies that bend far as in CalculiX, hinges, refusals."""
 
+import warnings
 from dataclasses import replace
 
 import meshio
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
+from benchmarks.thin.bodies import RESULTS as FILE
+from benchmarks.thin.bodies import Middle
 from scipy.interpolate import RegularGridInterpolator
 
 import flexfmu
@@ -14,7 +17,7 @@ from flexfmu.fe.assembly import stiffness
 from flexfmu.fe.elastic import elastic_cells
 from flexfmu.fe.gradients import geometric_stiffness, quadratic_strain
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.fe.stress import nodal_stress, point_stress
+from flexfmu.fe.stress import nodal_stress, point_stress, stress_jumps
 from flexfmu.fe.stressed import stress_stiffness
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import DeckError, FlexfmuError, MeshError
@@ -27,9 +30,8 @@ from flexfmu.model.rotations import exponential
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions
 from meshes import box
-from reference.shell_bodies import FOLDER, Middle
 
-RESULTS = np.genfromtxt(FOLDER / "shell_bodies.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+RESULTS = np.genfromtxt(FILE, delimiter=",", names=True, dtype=None, encoding="utf-8")
 KINDS = ("quad", "triangle", "quad8", "triangle6")
 
 
@@ -388,6 +390,55 @@ def test_plates_with_round_edges_bend_right_or_tell_that_they_do_not(kind, thick
     expected = 4.0 / (8.0 * np.pi * 1e9 * thickness**3 / (12.0 * 0.91)) * abs(c[0] + c[2])
     assert solved(mesh, forces)[edge, 2].mean() == pytest.approx(expected, rel=bound)
     assert sum("bent in their plane" in note for note in mesh.notes) == told
+
+
+def scattered(kind, scatter):
+    """A strip of 1 × 0.1 whose mid-side nodes within stand up to `scatter` off their places, by chance."""
+    points, cells = grid(20, 4, lambda a, b: (a, 0.1 * b, 0.0), kind)
+    middle = np.setdiff1d(cells[:, cells.shape[1] // 2 :], cells[:, : cells.shape[1] // 2])
+    middle = middle[((points[middle, :2] > 1e-9) & (points[middle, :2] < [1.0 - 1e-9, 0.1 - 1e-9])).all(axis=1)]
+    points[middle, :2] += scatter * np.random.default_rng(1).uniform(-1.0, 1.0, (middle.size, 2))
+    return points, cells
+
+
+@pytest.mark.parametrize(
+    ("kind", "scatter", "axis", "locks"),
+    [
+        *((kind, 0.0, axis, False) for kind in ("quad", "quad8", "triangle6") for axis in (1, 2)),
+        ("triangle", 0.0, 2, False),
+        ("triangle", 0.0, 1, True),
+        ("quad8", 0.006, 2, True),
+        ("triangle6", 0.006, 2, True),
+    ],
+)
+def test_meshes_of_shells_that_lock_tell_how_much_of_the_deflection_they_lack(kind, scatter, axis, locks):
+    """Triangles in their plane lack a half, scattered nodes a tenth; sound ones next to nothing."""
+    points, cells = scattered(kind, scatter)
+    fixed = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    mesh = shell(points, cells, 0.002, fixed, fixed)
+    tip, forces = mesh.points[:, 0] > 1.0 - 1e-9, np.zeros_like(mesh.points)
+    forces[tip, axis] = 1.0 / tip.sum()
+    moved = solved(mesh, forces)
+    inertia = 0.1 * 0.002**3 / 12.0 if axis == 2 else 0.002 * 0.1**3 / 12.0
+    lacking = 1.0 - moved[tip, axis].mean() * 3.0 * inertia
+    told = stress_jumps(mesh, moved.ravel())
+    if locks:
+        assert lacking > 0.08
+        assert 0.5 * lacking < told < 2.0 * lacking
+    else:
+        assert abs(lacking) < 0.01
+        assert told < 0.0025
+
+
+@pytest.mark.parametrize(("kind", "told"), [("S3", True), ("S4", False)])
+def test_a_build_warns_of_a_mesh_of_shells_that_is_too_stiff(tmp_path, kind, told):
+    file = tmp_path / "body.inp"
+    file.write_text(Middle("channel", kind).deck())
+    body = flexfmu.Body(flexfmu.read_mesh(file), interfaces={"tip": "TIP"})
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        body.build("linear", modes=2, surface=False)
+    assert any("too stiff" in str(one.message) for one in said) == told
 
 
 def test_cells_of_a_set_are_shells_where_the_script_says_so(tmp_path):

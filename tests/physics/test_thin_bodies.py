@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.assembly import mass, stiffness
+from flexfmu.fe.stress import stress_jumps
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import AccuracyError
 from flexfmu.files.progress import Reporter
@@ -112,3 +114,29 @@ def test_a_mesh_of_linear_solids_tells_how_much_of_the_deflection_it_lacks(tmp_p
         reached, said = built(good)
         assert said == []
         assert reached == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("kind", ["C3D8I", "C3D10", "C3D15", "C3D20", "C3D20R"])
+@pytest.mark.parametrize(("slope", "thickness"), [(0.0, 0.002), (0.25, 0.05), (0.25, 0.0005)])
+def test_quadratic_solids_that_are_too_thin_for_their_shape_tell_how_much_of_the_deflection_they_lack(
+    kind, slope, thickness
+):
+    """Skew ones, a hundred times as long as thick, lock; straight or thick ones do not, and say nothing."""
+    mesh = box(ElementType[kind], (20, 2, 1), (1.0, 0.1, thickness))
+    x, y, _ = mesh.points.T
+    inside = np.sin(np.pi * x) * np.sin(10.0 * np.pi * y)
+    aside = slope * inside * np.array([np.sin(40.0 * y + 9.0 * x) / 20.0, 0.05 * np.cos(33.0 * x + y)])
+    mesh = held(replace(mesh, points=mesh.points + np.vstack([aside, 0.0 * x]).T), "ROOT")
+    free = np.flatnonzero(~mesh.fixed.ravel())
+    force = np.zeros_like(mesh.points)
+    force[mesh.node_sets["TIP"], 2] = 1.0 / mesh.node_sets["TIP"].size
+    moved = np.zeros(force.size)
+    moved[free] = spsolve(stiffness(mesh).tocsc()[free][:, free], force.ravel()[free])
+    reached = moved.reshape(-1, 3)[mesh.node_sets["TIP"], 2].mean() * 3.0 * 2e11 * 0.1 * thickness**3 / 12.0
+    told = stress_jumps(mesh, moved)
+    if slope and thickness < 0.01:
+        assert reached < 0.7
+        assert 0.5 * (1.0 - reached) < told < 1.5 * (1.0 - reached)
+    else:
+        assert reached > 0.92
+        assert told < 0.02

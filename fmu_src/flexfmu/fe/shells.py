@@ -188,32 +188,49 @@ def face_stress(mesh: Mesh, block: ElementBlock, fields: FloatArray) -> tuple[Fl
     stress : (e, q, 6, k) float
         Components xx, yy, zz, xy, yz, zx, N/m².
     """
-    some, corners, rule = _made(mesh, block), mesh.points[block.connectivity], face_rule(block.type)
-    at = _Places(block.type, corners, some.rule, rule)
-    natural, made = some.strains(fields), list(laminates(mesh, block))
+    rule = face_rule(block.type)
+    at, found, _ = local_stress(mesh, block, fields, rule)
+    # Faces are free: no shear there, and the modulus across keeps the thickness alone.
+    found[:, :, [2, 4, 5]] = 0.0
+    places = np.einsum("qa,eai->eqi", block.type.shape.value(rule.points), mesh.points[block.connectivity])
+    return places, turning(at.axes[:, :-1].reshape(-1, 3, 3).swapaxes(1, 2)).reshape(*found.shape[:2], 6, 6) @ found
+
+
+def local_stress(
+    mesh: Mesh, block: ElementBlock, fields: FloatArray, rule: Quadrature
+) -> tuple["Places", FloatArray, FloatArray]:
+    """Stress (e, q, 6, k) of a block's shells at points of a rule, in axes there; of layers the outer ones'.
+
+    Beside it places and axes, and elasticity (e, q, 6, 6).
+    """
+    some, made = _made(mesh, block), list(laminates(mesh, block))
+    at = Places(block.type, mesh.points[block.connectivity], some.rule, rule)
+    natural = some.strains(fields)
     own = some.enhanced @ natural
-    found = np.empty((len(corners), len(rule.points), 6, fields.shape[2]))
+    strain = np.empty((len(natural), len(rule.points), 6, fields.shape[2]))
+    elastic = np.empty((*strain.shape[:3], 6))
     for q, point in enumerate(rule.points):
-        strain = at.strains(q) @ natural
+        strain[:, q] = at.strains(q) @ natural
         if own.shape[1]:
-            strain = strain + at.own(q, point) @ own
-        # Faces are free: no shear there, and the modulus across keeps the thickness alone.
-        stress = np.empty_like(strain)
+            strain[:, q] += at.own(q, point) @ own
         for chosen, laminate in made:
-            stress[chosen] = laminate.at(at.axes[chosen, q], -1 if point[2] > 0.0 else 0) @ strain[chosen]
-        stress[:, [2, 4, 5]] = 0.0
-        found[:, q] = turning(at.axes[:, q].swapaxes(1, 2)) @ stress
-    return np.einsum("qa,eai->eqi", block.type.shape.value(rule.points), corners), found
+            elastic[chosen, q] = laminate.at(at.axes[chosen, q], -1 if point[2] > 0.0 else 0)
+    return at, elastic @ strain, elastic
 
 
 @cache
 def face_rule(kind: ElementType) -> Quadrature:
     """Places on both faces of shells where their stress is known best."""
-    if kind in (ElementType.S4, ElementType.S8):
-        points = brick_rule(2).points
-    else:
-        points = wedge_rule(1 if kind is ElementType.S3 else 2, 2).points
+    points = inner_rule(kind).points
     return Quadrature(np.column_stack([points[:, :2], np.sign(points[:, 2])]), np.ones(len(points)))
+
+
+@cache
+def inner_rule(kind: ElementType) -> Quadrature:
+    """The same places, within shells."""
+    if kind in (ElementType.S4, ElementType.S8):
+        return brick_rule(2)
+    return wedge_rule(1 if kind is ElementType.S3 else 2, 2)
 
 
 def _law(
@@ -221,13 +238,13 @@ def _law(
 ) -> tuple[FloatArray, FloatArray]:
     """D (e, r, r), and strains of their own (e, 4 or 0, r), of shells with nodes (e, a, 3)."""
     quad, (rule, layers) = kind is ElementType.S4, laminate.rule(kind.mass)
-    at = _Places(kind, corners, strains, rule)
+    at = Places(kind, corners, strains, rule)
     count = len(strains.rows)
     softened = _softening(corners) if kind is ElementType.S3 else np.ones(len(corners))
     law = np.zeros((len(corners), count, count))
     own, mixed = np.zeros((len(corners), 4, 4)), np.zeros((len(corners), 4, count))
     exact = (
-        [_Places(kind, corners, strains, one) for one in (kind.mass, brick_rule(2))] if kind is ElementType.S8 else []
+        [Places(kind, corners, strains, one) for one in (kind.mass, brick_rule(2))] if kind is ElementType.S8 else []
     )
     mean = _patched(*exact) if exact else {}
     for q, (point, weight) in enumerate(zip(rule.points, rule.weights, strict=True)):
@@ -247,7 +264,7 @@ def _law(
     return 0.5 * (law + law.swapaxes(1, 2)), enhanced
 
 
-class _Places:
+class Places:
     """Assumed strains of shells in local axes, first along the element, third across it.
 
     Attributes
@@ -303,7 +320,7 @@ class _Places:
         return found
 
 
-def _patched(at: _Places, exact: _Places) -> dict[float, FloatArray]:
+def _patched(at: Places, exact: Places) -> dict[float, FloatArray]:
     """What gives assumed strains the means, above and below, of those of the positions: patches of distorted shells."""
     found, wanted = at.means(), exact.means()
     return {side: wanted[side] - found[side] for side in found}

@@ -1,17 +1,25 @@
 """Stress of displacement fields at the integration points of chosen elements."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import ModelError
+from ..mesh.blocks import ElementBlock
 from ..mesh.elements import ElementType
 from ..mesh.model import Mesh
 from ..mesh.shapes import LINEAR
 from .assembly import CHUNK
-from .cells import cells
-from .shells import face_rule, face_stress
+from .cells import cells, turning
+from .shells import face_rule, face_stress, inner_rule, local_stress
+
+# Of walls: thickness over the second side, and the part that all thin directions at a node have in common.
+_THIN, _SMOOTH = 0.2, 0.95
+# Deflection that quadratic shells lack over the share of jumps: 2 to 5 on plates and strips of scattered nodes.
+_HIDDEN = 3.0
 
 
 def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -89,13 +97,13 @@ def stress_jumps(mesh: Mesh, field: FloatArray) -> float:
     """Share of a field's strain energy in what its stress differs from the same with nodal means, linear between them.
 
     It estimates the share of a deflection that a coarse mesh lacks (O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth.
-    Engng. 24 (1987) 337). Of linear elements alone: where thin walls meet it is too much for quadratic ones. Elements
-    beside another material do not count.
+    Engng. 24 (1987) 337). Of linear elements, of shells of one layer, and of other solids within thin walls: where
+    walls meet it is too much for them. Elements beside another material do not count.
 
     Parameters
     ----------
     mesh : Mesh
-        Solids alone, every element with a material.
+        Every element with a material.
     field : (3n,) float
         Displacements, m.
 
@@ -103,9 +111,17 @@ def stress_jumps(mesh: Mesh, field: FloatArray) -> float:
     -------
     float
     """
-    linear = [b.type.node_count == b.type.corner_count and not b.type.incompatible for b in mesh.blocks]
-    if not any(linear):
-        return 0.0
+    solids, shells = (tuple(b for b in mesh.blocks if b.type.shell is one and not b.type.beam) for one in (False, True))
+    energies = np.zeros(2)
+    if solids:
+        energies += _solid_jumps(replace(mesh, blocks=solids), field)
+    if shells:
+        energies += _shell_jumps(mesh, shells, field)
+    return float(energies[0] / energies[1]) if energies[1] > 0.0 else 0.0
+
+
+def _solid_jumps(mesh: Mesh, field: FloatArray) -> FloatArray:
+    """Twice the energies of jumps and of the field."""
     sides = [block.connectivity[:, : len(_extrapolation(block.type))] for block in mesh.blocks]
     smooth, u = np.zeros((len(mesh.points), 6)), field.reshape(-1, 3, 1)
     nodes = np.unique(np.concatenate([side.ravel() for side in sides]))
@@ -114,17 +130,60 @@ def stress_jumps(mesh: Mesh, field: FloatArray) -> float:
     for block, side in zip(mesh.blocks, sides, strict=True):
         np.minimum.at(first, side, block.material[:, None])
         np.maximum.at(last, side, block.material[:, None])
-    energies = np.zeros(2)
-    for block, side, told in zip(mesh.blocks, sides, linear, strict=True):
+    energies, walls = np.zeros(2), _walls(mesh, sides)
+    for block, side in zip(mesh.blocks, sides, strict=True):
         between = LINEAR[block.type.shape.polytope].value(block.type.stiffness.points)
-        counted = (first == last)[side].all(axis=1) & told
+        linear = block.type.node_count == block.type.corner_count and not block.type.incompatible
+        counted = (first == last)[side].all(axis=1) & (linear | walls[side].all(axis=1))
         for places, some in cells(mesh, block, CHUNK):
             found = some.work(some.strains(u)).reshape(len(some.nodes), 6, -1) / some.volume[:, None]
-            jump = found - np.einsum("qa,eac->ecq", between, smooth[side[places]])
-            weight = some.volume * counted[places, None]
+            jump = (found - np.einsum("qa,eac->ecq", between, smooth[side[places]])) * counted[places, None, None]
             for k, stress in enumerate((jump, found)):
-                energies[k] += np.einsum("ecq,ecq,eq->", stress, np.linalg.solve(some.elasticity, stress), weight)
-    return float(energies[0] / energies[1]) if energies[1] > 0.0 else 0.0
+                energies[k] += np.einsum("ecq,ecq,eq->", stress, np.linalg.solve(some.elasticity, stress), some.volume)
+    return energies
+
+
+def _walls(mesh: Mesh, sides: Sequence[IntArray]) -> BoolArray:
+    """Corner nodes (n,) whose elements are all thin in the same direction."""
+    total, met = np.zeros((len(mesh.points), 3, 3)), np.zeros(len(mesh.points))
+    for side in sides:
+        corners = mesh.points[side]
+        _, size, axes = np.linalg.svd(corners - corners.mean(axis=1, keepdims=True))
+        thin = axes[:, 2] * (size[:, 2:] < _THIN * size[:, 1:2])
+        np.add.at(total, side, (thin[:, :, None] * thin[:, None])[:, None])
+        np.add.at(met, side, 1.0)
+    found: BoolArray = np.linalg.eigvalsh(total)[:, 2] > _SMOOTH * np.maximum(met, 1.0)
+    return found
+
+
+def _shell_jumps(mesh: Mesh, blocks: Sequence[ElementBlock], field: FloatArray) -> FloatArray:
+    """The same of shells, with the shear across them; jumps of quadratic ones count a few times over."""
+    u, energies = field.reshape(-1, 3, 1), np.zeros(2)
+    total, met = np.zeros((len(mesh.points), 6)), np.zeros(len(mesh.points))
+    parts = []
+    for block in blocks:
+        layered = np.array([bool(material.layers) for material in mesh.materials])[block.material]
+        plain, rule = np.flatnonzero(~layered), inner_rule(block.type)
+        for first in range(0, plain.size, CHUNK):
+            part = block.part(plain[first : first + CHUNK])
+            at, local, elastic = local_stress(mesh, part, u, rule)
+            local[:, :, 2] = 0.0
+            turn = turning(at.axes[:, :-1].reshape(-1, 3, 3)).reshape(elastic.shape)
+            stress = np.linalg.solve(turn, local)[..., 0]
+            linear, shape = LINEAR[block.type.shape.polytope], block.type.shape
+            outward = linear.value(shape.nodes) @ np.linalg.pinv(linear.value(rule.points))
+            np.add.at(total, part.connectivity, outward @ stress)
+            np.add.at(met, part.connectivity, 1.0)
+            weight = at.determinant[:, :-1] * rule.weights
+            parts.append((part, shape.value(rule.points), turn, np.linalg.inv(elastic), stress, weight))
+    smooth = total / np.maximum(met, 1.0)[:, None]
+    for part, value, turn, soft, stress, weight in parts:
+        counted = 1.0 if part.type.node_count == part.type.corner_count else _HIDDEN
+        for k, (one, factor) in enumerate(((stress - value @ smooth[part.connectivity], counted), (stress, 1.0))):
+            own = np.einsum("eqcd,eqd->eqc", turn, one)
+            own[:, :, 2] = 0.0
+            energies[k] += factor * np.einsum("eqc,eqcd,eqd,eq->", own, soft, own, weight, optimize=True)
+    return energies
 
 
 @cache

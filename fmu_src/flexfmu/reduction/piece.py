@@ -342,14 +342,13 @@ def _tell(modes: Modes, report: Reporter) -> None:
 
 
 def _tell_coarse(model: Model, modes: Modes, report: Reporter) -> None:
-    """Warn of a mesh of solids that is far too stiff for the first mode."""
-    if any(block.type.natural for block in model.mesh.blocks):
-        return
+    """Warn of a mesh that is far too stiff for the first mode."""
     share = stress_jumps(model.mesh, modes.shapes[:, np.argmax(modes.angular_frequency > 0.0)])
     if share > _JUMPS:
         report.warning(
             f"the mesh is too stiff: stress jumps from element to element, by which deflections of the first mode are "
-            f"some {100.0 * share:.0f} % too small; take quadratic elements or a finer mesh"
+            f"some {100.0 * share:.0f} % too small; take quadratic elements or a finer mesh, shells "
+            "instead of thin solids, and put mid-side nodes into the middle"
         )
 
 

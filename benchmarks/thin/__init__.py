@@ -1,0 +1,1 @@
+"""Thin bodies bent far, through the FMU, beside CalculiX."""
