@@ -9,7 +9,7 @@ from benchmarks.thin.bodies import LAYERS, Middle
 import flexfmu
 from decks import read
 from flexfmu.fe.assembly import stiffness
-from flexfmu.fe.stress import point_stress
+from flexfmu.fe.stress import nodal_stress, point_stress
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.mesh.model import Material, laminate
@@ -121,7 +121,7 @@ def test_one_layer_is_what_the_material_by_itself_is():
         assert abs(difference).max() < 1e-6 * abs(stiffness(plain)).max()
 
 
-def test_stress_on_the_faces_is_that_of_the_outer_layers():
+def test_stress_of_each_layer_is_that_of_its_own_elasticity_and_pictures_show_the_outer_ones():
     points, cells = grid(2, 2, lambda a, b: (0.2 * a, 0.1 * b, 0.0), "quad8", 0.2)
     angles = np.radians([0.0, 30.0, 60.0])
     mesh = shell(points, cells, 0.002)
@@ -130,9 +130,19 @@ def test_stress_on_the_faces_is_that_of_the_outer_layers():
     x, y, _ = mesh.points.T
     moved = np.column_stack([strain[0] * x + 0.5 * strain[2] * y, strain[1] * y + 0.5 * strain[2] * x, 0.0 * x])
     places, stress = point_stress(mesh, np.arange(len(cells)), moved.reshape(-1, 1))
-    for above, angle in ((False, angles[0]), (True, angles[2])):
-        own = stress[(places[:, 2] > 0.0) == above, :, 0]
-        np.testing.assert_allclose(own[:, PLANE], np.tile(in_plane(CARBON, angle) @ strain, (len(own), 1)), rtol=1e-6)
+    # Both faces of three layers, four points on each, which come layer by layer.
+    assert len(places) == len(cells) * 3 * 2 * 4
+    by_layer = stress.reshape(len(cells), 3, 8, 6)
+    heights = places.reshape(len(cells), 3, 2, 4, 3)[..., 2]
+    np.testing.assert_allclose(heights[0, :, :, 0], 1e-3 * np.array([[-1, -1 / 3], [-1 / 3, 1 / 3], [1 / 3, 1]]))
+    for own, angle in zip(by_layer.swapaxes(0, 1), angles, strict=True):
+        expected = in_plane(CARBON, angle) @ strain
+        np.testing.assert_allclose(own[..., PLANE], np.broadcast_to(expected, own[..., PLANE].shape), rtol=1e-6)
+    nodes = np.unique(mesh.blocks[0].connectivity)
+    shown = nodal_stress(mesh, nodes, moved.reshape(-1, 1))[:, PLANE, 0]
+    for node, found in zip(nodes, shown, strict=True):
+        expected = in_plane(CARBON, angles[2 if mesh.points[node, 2] > 0.0 else 0]) @ strain
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 DECK = """*NODE

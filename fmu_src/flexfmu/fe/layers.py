@@ -78,11 +78,11 @@ def laminates(mesh: Mesh, block: ElementBlock) -> Iterator[tuple[IntArray, Lamin
         chosen, material = np.flatnonzero(block.material == row), mesh.materials[row]
         axes = np.tile(np.eye(3), (len(chosen), 1, 1)) if block.axes is None else block.axes[chosen]
         directed = material.layers or material.constants is not None
-        yield chosen, Laminate(*_stack(material), axes if directed else None, not material.by_normal)
+        yield chosen, Laminate(*stack(material), axes if directed else None, not material.by_normal)
 
 
 @cache
-def _stack(material: Material) -> tuple[FloatArray, FloatArray]:
+def stack(material: Material) -> tuple[FloatArray, FloatArray]:
     """Heights (l + 1,) of the faces of a material's layers, −1 to 1, and their elasticity (l, 6, 6) in its axes."""
     layers = material.layers or (Layer(1.0, 0.0, tuple(material.elasticity.ravel().tolist())),)
     heights = np.cumsum([0.0, *(layer.share for layer in layers)])

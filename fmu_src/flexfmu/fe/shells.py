@@ -18,12 +18,12 @@ from ..files.array_types import FloatArray, IntArray
 from ..files.errors import ModelError
 from ..mesh.blocks import ElementBlock, jacobians
 from ..mesh.elements import ElementType
-from ..mesh.model import SECTION_SHARES, Mesh
+from ..mesh.model import SECTION_SHARES, Material, Mesh
 from ..mesh.shapes import Quadrature, brick_rule, wedge_rule
 from .beams import ROWS as BEAM_ROWS
 from .beams import beam_law
 from .cells import Cells, turning
-from .layers import Laminate, laminates
+from .layers import Laminate, laminates, stack
 
 # By how much shear of triangles that are wide against their thickness is softened (M. Lyly, R. Stenberg, T. Vihinen,
 # 1993).
@@ -171,7 +171,9 @@ def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
     )
 
 
-def face_stress(mesh: Mesh, block: ElementBlock, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
+def face_stress(
+    mesh: Mesh, block: ElementBlock, fields: FloatArray, material: Material | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Stress on both faces of a block's shells: membrane and bending.
 
     Parameters
@@ -180,6 +182,8 @@ def face_stress(mesh: Mesh, block: ElementBlock, fields: FloatArray) -> tuple[Fl
     block : ElementBlock
     fields : (n, 3, k) float
         Displacements, m.
+    material : Material, optional
+        That all of them are of: on both faces of each of its layers.
 
     Returns
     -------
@@ -188,8 +192,15 @@ def face_stress(mesh: Mesh, block: ElementBlock, fields: FloatArray) -> tuple[Fl
     stress : (e, q, 6, k) float
         Components xx, yy, zz, xy, yz, zx, N/m².
     """
-    rule = face_rule(block.type)
-    at, found, _ = local_stress(mesh, block, fields, rule)
+    rule, layers = face_rule(block.type), None
+    if material is not None:
+        heights = stack(material)[0]
+        plane = rule.points[rule.points[:, 2] > 0.0, :2]
+        across = np.repeat(np.stack([heights[:-1], heights[1:]], axis=1).ravel(), len(plane))
+        layers = np.repeat(np.arange(len(heights) - 1), 2 * len(plane))
+        places = np.tile(plane, (across.size // len(plane), 1))
+        rule = Quadrature(np.column_stack([places, across]), np.ones(across.size))
+    at, found, _ = local_stress(mesh, block, fields, rule, layers)
     # Faces are free: no shear there, and the modulus across keeps the thickness alone.
     found[:, :, [2, 4, 5]] = 0.0
     places = np.einsum("qa,eai->eqi", block.type.shape.value(rule.points), mesh.points[block.connectivity])
@@ -197,12 +208,13 @@ def face_stress(mesh: Mesh, block: ElementBlock, fields: FloatArray) -> tuple[Fl
 
 
 def local_stress(
-    mesh: Mesh, block: ElementBlock, fields: FloatArray, rule: Quadrature
+    mesh: Mesh, block: ElementBlock, fields: FloatArray, rule: Quadrature, layers: IntArray | None = None
 ) -> tuple["Places", FloatArray, FloatArray]:
-    """Stress (e, q, 6, k) of a block's shells at points of a rule, in axes there; of layers the outer ones'.
+    """Stress (e, q, 6, k) of a block's shells at points of a rule, in axes there; of some layers (q,), or the outer.
 
     Beside it places and axes, and elasticity (e, q, 6, 6).
     """
+    layers = np.where(rule.points[:, 2] > 0.0, -1, 0) if layers is None else layers
     some, made = _made(mesh, block), list(laminates(mesh, block))
     at = Places(block.type, mesh.points[block.connectivity], some.rule, rule)
     natural = some.strains(fields)
@@ -214,7 +226,7 @@ def local_stress(
         if own.shape[1]:
             strain[:, q] += at.own(q, point) @ own
         for chosen, laminate in made:
-            elastic[chosen, q] = laminate.at(at.axes[chosen, q], -1 if point[2] > 0.0 else 0)
+            elastic[chosen, q] = laminate.at(at.axes[chosen, q], layers[q])
     return at, elastic @ strain, elastic
 
 

@@ -23,7 +23,7 @@ _HIDDEN = 3.0
 
 
 def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Linear elastic stress at the stiffness integration points, where elements know it best; of shells on both faces.
+    """Linear elastic stress where elements know it best: at integration points; of shells on both faces of each layer.
 
     Parameters
     ----------
@@ -47,10 +47,13 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
         if block.type.beam:
             raise ModelError("stress of beams is not offered: leave it out of the body file")
         if block.type.shell:
-            for first in range(0, len(inside), CHUNK):
-                place, found = face_stress(mesh, block.part(inside[first : first + CHUNK]), u)
-                places.append(place.reshape(-1, 3))
-                stresses.append(found.reshape(-1, 6, u.shape[2]))
+            for row in np.unique(block.material[inside]).tolist():
+                chosen = inside[block.material[inside] == row]
+                for first in range(0, len(chosen), CHUNK):
+                    part = block.part(chosen[first : first + CHUNK])
+                    place, found = face_stress(mesh, part, u, mesh.materials[row])
+                    places.append(place.reshape(-1, 3))
+                    stresses.append(found.reshape(-1, 6, u.shape[2]))
             continue
         for _, some in cells(mesh, block.part(inside), CHUNK):
             found = some.work(some.strains(u)).reshape(len(some.nodes), 6, -1, u.shape[2]).swapaxes(1, 2)
@@ -84,8 +87,11 @@ def nodal_stress(mesh: Mesh, nodes: IntArray, fields: FloatArray) -> FloatArray:
         corners = row[block.connectivity[:, : len(outward)]]
         touching = np.flatnonzero((corners >= 0).any(axis=1))
         if touching.size:
-            stress = point_stress(mesh, first + touching, fields)[1]
-            stress = stress.reshape(touching.size, -1, 6 * fields.shape[1])
+            stress = (
+                face_stress(mesh, block.part(touching), fields.reshape(len(mesh.points), 3, -1))[1]
+                if block.type.shell
+                else point_stress(mesh, first + touching, fields)[1]
+            ).reshape(touching.size, -1, 6 * fields.shape[1])
             at_corners = (outward @ stress).reshape(-1, 6, fields.shape[1])
             there = corners[touching].ravel()
             np.add.at(total, there[there >= 0], at_corners[there >= 0])
