@@ -12,10 +12,10 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable, OutputTable
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
-from flexfmu.model.errors import ModalFileError, OptionError
-from flexfmu.model.inertia import MassPolynomial
+from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.model.rotations import exponential
 from flexfmu.program import mass_polynomial
 from meshes import body_file, box
 from references import BEAM, L_FRAME, calculix, displacement, relative
@@ -126,24 +126,21 @@ def test_two_frames_follow_the_sudden_load_of_calculix(built, body):
     assert errors[Mass.POLYNOMIAL] < most
 
 
-def test_it_is_the_default_of_a_held_body_and_of_no_other(bodies):
+def test_it_is_the_default_of_bodies_in_one_piece_that_are_held_or_turn_freely(bodies):
     quick = {"modes": 2, "residual_flexibility": False, "membrane": False}
     config, output = bodies.config(BEAM), OutputTable(surface=False, error=False)
     changes = {"reduction": config.reduction.model_copy(update=quick), "output": output, "frames": 1, "frame": []}
-    held = reduce_body(config.model_copy(update=changes | {"formulation": FormulationTable()}), Reporter())
+    changes["formulation"] = FormulationTable()
+    held = reduce_body(config.model_copy(update=changes), Reporter())
     assert (held.method, held.mass) == (Method.SECOND_ORDER, Mass.POLYNOMIAL)
-    method = FormulationTable(method=Method.SECOND_ORDER)
-    free = reduce_body(
-        config.model_copy(update=changes | {"formulation": method, "free": True, "support": []}), Reporter()
-    )
-    assert free.mass is Mass.CONSTANT
-    assert free.polynomial is None
-    with pytest.raises(OptionError, match="held and in one piece"):
-        of(free, Mass.POLYNOMIAL)
-    count = free.mode_count
-    terms = MassPolynomial(np.zeros((1, count, count)), np.zeros((1, count)), np.zeros((1, count, count)))
-    with pytest.raises(ModalFileError, match="free to move"):
-        replace(free, polynomial=terms)
+    free = reduce_body(config.model_copy(update=changes | {"free": True, "support": []}), Reporter())
+    assert free.mass is Mass.POLYNOMIAL
+    # It slides along x, and turns about nothing.
+    support = config.support[0].model_copy(update={"fix": ["y", "z"]})
+    rail = reduce_body(config.model_copy(update=changes | {"free": True, "support": [support]}), Reporter())
+    assert rail.mass is Mass.CONSTANT
+    with pytest.raises(OptionError, match="held or free to turn"):
+        of(rail, Mass.POLYNOMIAL)
 
 
 def test_it_comes_back_from_its_file(built, tmp_path):
@@ -174,3 +171,68 @@ def test_a_body_bent_beyond_its_range_is_refused_and_stays_where_it_was(built, t
     assert driven.get("tip.displacement.z") == before
     driven.set(**{"tip.force.z": 0.0})
     assert driven.taken(1e-5)
+
+
+@pytest.fixture(scope="module")
+def loose(tmp_path_factory):
+    """A free cranked strip of 1 m, undamped, with its lumps on eight frames; its polynomial holds all forms."""
+    mesh = box(ElementType.C3D20, (12, 1, 1), (1.0, 0.01, 0.03))
+    tables = {"frames": 8, "free": True, "damping": {"ratio": 0.0}, "output": {"error": False, "surface": False}}
+    tables["reduction"] = {"modes": 6, "residual_flexibility": False, "inertia": True, "membrane": False}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mass_polynomial, "_SMALL", 1e-12)
+        body = body_file(mesh, tmp_path_factory.mktemp("loose"), interface=["ROOT", "TIP"], support=None, **tables)
+        return reduce_body(body, Reporter())
+
+
+def bent(model, size, seed):
+    """A state that moves and turns (1 rad) as a whole and bends by some radians in its softest modes."""
+    rng, omega, rigid = np.random.default_rng(seed), model.angular_frequency, model.rigid_count
+    first = omega[rigid]
+    turn = np.linalg.norm(model.frame_rotation[:, :, rigid : rigid + 2], axis=1).max()
+    q, v = np.zeros(len(omega)), np.zeros(len(omega))
+    q[rigid:] = size / turn * rng.uniform(-1.0, 1.0, len(omega) - rigid) * first / omega[rigid:]
+    v[rigid:] = first * size / turn * rng.uniform(-1.0, 1.0, len(omega) - rigid) * first / omega[rigid:]
+    motion = np.concatenate([model.joint_displacement[0], model.frame_rotation[0]])[:, :6]
+    q[:6] = np.linalg.solve(motion, [0.1, 0.2, 0.0, 0.3, -0.5, 0.8])
+    v[:6] = np.linalg.solve(motion, [1.0, -2.0, 3.0, *(0.3 * first * rng.uniform(-1.0, 1.0, 3))])
+    return State(q, v)
+
+
+def test_of_a_free_body_it_is_that_of_lumps_in_the_root_s_axes_however_far_it_has_turned(loose):
+    """Of turns and elastic rates: the centre of mass is known to second order, as places are."""
+    way = np.diag(np.concatenate([np.ones(6), loose.angular_frequency[6] / loose.angular_frequency[6:]]))
+    way[:6, :6] = np.linalg.inv(np.concatenate([loose.joint_displacement[0], loose.frame_rotation[0]])[:, :6])
+    heavy, light = (of(loose, mass) for mass in (Mass.CONFIGURATION, Mass.POLYNOMIAL))
+    for seed in range(3):
+        off = []
+        for size in (0.1, 0.2):
+            state = bent(loose, size, seed)
+            straight = State(np.where(np.arange(state.q.size) < 6, state.q, 0.0), state.v)
+            found = [heavy.mass(state), light.mass(state), heavy.mass(straight)]
+            exact, own, before = ((way.T @ one @ way)[3:, 3:] for one in found)
+            off.append(np.linalg.norm(own - exact) / np.linalg.norm(exact - before))
+        assert off[1] < 0.03
+        assert off[0] < 0.4 * off[1]
+
+
+def test_a_free_body_keeps_its_momenta_and_energy_to_round_off(loose):
+    """While it bends by 0.2 rad and turns about all axes."""
+    body = of(loose, Mass.POLYNOMIAL, ONE_STEP)
+    state = bent(loose, 0.2, 5)
+    motion = np.concatenate([loose.joint_displacement[0], loose.frame_rotation[0]])[:, :6]
+
+    def kept(state):
+        linear, own = np.split(np.linalg.solve(motion.T, (body.mass(state) @ state.v)[:6]), 2)
+        place, angle = np.split(motion @ state.q[:6], 2)
+        return linear, exponential(angle) @ own + np.cross(place, linear), sum(body.energies(state))
+
+    first, most = kept(state), 0.0
+    assert 0.5 * state.v @ body.mass(state) @ state.v == pytest.approx(body.energies(state)[1], rel=1e-12)
+    for _ in range(200):
+        state = body.step(state, {}, 0.02 / loose.angular_frequency[6])
+        most = max(most, float(np.abs(loose.angular_frequency[6:] * state.q[6:]).max()))
+    now = kept(state)
+    assert most**2 > 0.02 * first[2]
+    for before, after in zip(first, now, strict=True):
+        np.testing.assert_allclose(after, before, atol=2e-10 * np.linalg.norm(before))

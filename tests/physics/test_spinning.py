@@ -27,6 +27,7 @@ def reduced(mesh, folder, held, **reduction):
     tables = {
         "frames": 2,
         "free": True,
+        "formulation": {"mass": "constant"},
         "reduction": {"modes": 4, "residual_flexibility": False} | reduction,
         "output": {"velocities": True},
     }

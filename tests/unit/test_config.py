@@ -67,17 +67,17 @@ def test_the_method_is_second_order_with_the_deformed_body_s_mass_too(tmp_path):
     assert found == Variant(Method.SECOND_ORDER, Mass.CONFIGURATION)
 
 
-def test_the_mass_is_the_polynomial_of_held_bodies_to_second_order(tmp_path):
+def test_the_mass_is_the_polynomial_of_bodies_in_one_piece_to_second_order(tmp_path):
     def mass(**parts):
         return read(tmp_path, content(**parts)).variant.mass
 
     assert mass(rest='[formulation]\nmass = "constant"') is Mass.CONSTANT
     assert mass(rest='[formulation]\nmethod = "second_order"') is Mass.POLYNOMIAL
     assert mass(rest='[formulation]\nmethod = "frames"') is Mass.CONSTANT
-    assert mass(top="free = true") is Mass.CONSTANT
+    assert mass(top="free = true") is Mass.POLYNOMIAL
     assert mass(top='cut = "auto"') is Mass.CONSTANT
-    for top, reason in (("free = true", "for bodies that are held"), ('cut = "auto"', 'mass "constant" only')):
-        assert reason in message(tmp_path, content(top=top, rest='[formulation]\nmass = "polynomial"'))
+    cut = content(top='cut = "auto"', rest='[formulation]\nmass = "polynomial"')
+    assert 'mass "constant" only' in message(tmp_path, cut)
     assert "second_order" in message(tmp_path, content(rest='[formulation]\nmethod = "frames"\nmass = "polynomial"'))
 
 

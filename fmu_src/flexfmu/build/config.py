@@ -222,7 +222,7 @@ class BodySpec(Table):
             return Variant(Method.LINEAR)
         if table.method is not Method.SECOND_ORDER and (table.method is not None or not possible):
             return table.variant
-        usual = Mass.CONSTANT if self.free or self.cut else Mass.POLYNOMIAL
+        usual = Mass.CONSTANT if self.cut else Mass.POLYNOMIAL
         return Variant(Method.SECOND_ORDER, table.mass or usual)
 
     @property

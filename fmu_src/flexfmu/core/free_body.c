@@ -40,6 +40,24 @@ void modal_rates(const Program *p, const double *z, const double *velocity, doub
     memcpy(v + p->rigid, z + p->turn_axes, (size_t)(p->modes - p->rigid) * sizeof(double));
 }
 
+/* The polynomial is that of the mass about the centre of mass: `shift` is that of the undeformed body until here. */
+static void shift_centre(const Body *body, const Configuration *at, Turning *room, Inertia *out) {
+    const Program *p = &body->p;
+    const int64_t t = p->turn_axes, n = coordinates(p), m = p->modes;
+    double *derivative = room->matrix;
+    polynomial_centre(body, at->q, &room->flow.polynomial, out->centre, derivative);
+    /* e_b x c of the undeformed body. */
+    out->centre[0] += out->shift[n + 2];
+    out->centre[1] += out->shift[2 * n];
+    out->centre[2] += out->shift[1];
+    for (int64_t a = 0; a < t; a++) {
+        double moved[3];
+        cross(p->turn_axis + 3 * a, out->centre, moved);
+        for (int i = 0; i < 3; i++) out->shift[i * n + a] = moved[i];
+    }
+    for (int i = 0; i < 3; i++) memcpy(out->shift + i * n + t, derivative + i * m + p->rigid, (size_t)(m - p->rigid) * sizeof(double));
+}
+
 void inertia_at(const Body *body, const Configuration *at, Turning *room, Inertia *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes, r = p->rigid, t = p->turn_axes, n = coordinates(p);
@@ -53,7 +71,7 @@ void inertia_at(const Body *body, const Configuration *at, Turning *room, Inerti
         excess_mass(body, at, &room->flow, room->matrix);
         for (int64_t i = 0; i < known; i++) memcpy(room->modal + i * m, room->matrix + i * known, (size_t)known * sizeof(double));
         for (int64_t i = 0; i < m; i++) room->modal[i * m + i] += 1.0;
-        if (p->turn_slides) mass_centre(body, at, out->centre);
+        if (p->turn_slides && p->lumped) mass_centre(body, at, out->centre);
     }
     /* Rigid coordinates of the root's translations, then of its turns about the axes, in columns. */
     for (int64_t a = 0; a < t + (p->inertial ? 3 * p->turn_slides : 0); a++) {
@@ -84,6 +102,7 @@ void inertia_at(const Body *body, const Configuration *at, Turning *room, Inerti
     for (int64_t i = 0; p->inertial && p->turn_slides && i < n; i++)
         for (int64_t j = 0; j < n; j++)
             for (int k = 0; k < 3; k++) out->whole[i * n + j] -= mass * out->shift[k * n + i] * out->shift[k * n + j];
+    if (p->centres) shift_centre(body, at, room, out);
 }
 
 void momentum_of(const Program *p, const Inertia *inertia, const double *z, int excess, double *out) {
@@ -210,7 +229,8 @@ void accelerations(Body *body, const double *inputs, const End *end, Turning *ro
         for (int64_t j = 0; j < m - r; j++) out[t + j] -= room->turned[r + j];
         for (int64_t j = 0; p->turn_slides && j < n; j++)
             for (int i = 0; i < 3; i++) out[j] += end->mass.shift[i * n + j] * push[i];
-    } else {
+    }
+    if (!p->lumped) {
         momentum_of(p, &end->mass, end->z, 1, room->rates);
         along_axes(p, room->rates, momentum);
         cross(momentum, spin, turned);
@@ -223,31 +243,38 @@ void accelerations(Body *body, const double *inputs, const End *end, Turning *ro
     for (int64_t j = 0; j < m - r; j++) out[t + j] += body->stiffness[r + j] * end->at->q[r + j];
 }
 
-void enter_end(Body *body, const double *q, const double *v, End *end, Turning *room) {
+void end_rates(const Body *body, const double *v, End *end) {
     const Program *p = &body->p;
     const int64_t m = p->modes, r = p->rigid, t = p->turn_axes, n = coordinates(p);
-    double displacement[3], spin[3], jacobian[9], arm[3], moved[3];
+    double spin[3], moved[3], turned[3];
+    for (int i = 0; i < 3; i++) {
+        end->velocity[i] = dot(p->operator_ + i * m, v, r);
+        spin[i] = dot(p->operator_ + (3 * p->nodes + i) * m, v, r);
+    }
+    for (int64_t a = 0; a < t; a++) end->z[a] = dot(p->turn_axis + 3 * a, spin, 3);
+    memcpy(end->z + t, v + r, (size_t)(m - r) * sizeof(double));
+    for (int i = 0; i < 3; i++) moved[i] = dot(end->mass.shift + i * n, end->z, n);
+    apply(end->rotation, moved, turned);
+    for (int i = 0; i < 3; i++) end->velocity[i] += turned[i];
+}
+
+void enter_end(Body *body, const double *q, const double *v, End *end, Turning *room) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, r = p->rigid;
+    double displacement[3], jacobian[9], arm[3];
     const double *turning = p->operator_ + 3 * p->nodes * m;
     for (int i = 0; i < 3; i++) {
         displacement[i] = dot(p->operator_ + i * m, q, r);
-        end->velocity[i] = dot(p->operator_ + i * m, v, r);
         end->angle[i] = dot(turning + i * m, q, r);
-        spin[i] = dot(turning + i * m, v, r);
     }
     exponential(end->angle, end->rotation, jacobian);
-    for (int64_t a = 0; a < t; a++) end->z[a] = dot(p->turn_axis + 3 * a, spin, 3);
-    memcpy(end->z + t, v + r, (size_t)(m - r) * sizeof(double));
     memset(room->turned, 0, (size_t)r * sizeof(double));
     memcpy(room->turned + r, q + r, (size_t)(m - r) * sizeof(double));
     configure(body, room->turned, end->at);
     inertia_at(body, end->at, room, &end->mass);
     apply(end->rotation, end->mass.centre, arm);
-    for (int i = 0; i < 3; i++) moved[i] = dot(end->mass.shift + i * n, end->z, n);
-    apply(end->rotation, moved, spin);
-    for (int i = 0; i < 3; i++) {
-        end->place[i] = displacement[i] + arm[i];
-        end->velocity[i] += spin[i];
-    }
+    for (int i = 0; i < 3; i++) end->place[i] = displacement[i] + arm[i];
+    end_rates(body, v, end);
 }
 
 void leave_end(Body *body, const End *end, double *q, double *v) {

@@ -36,6 +36,8 @@ double total_mass(const Program *p);
 void take_end(const Body *body, Arena *arena, End *end);
 void take_turning(const Body *body, Arena *arena, Turning *room);
 
+/* Rates at an end whose place and mass are known: linear in v. */
+void end_rates(const Body *body, const double *v, End *end);
 /* From a state to an end. The rotation vector only holds the rotation; rates are those of the root's own axes. */
 void enter_end(Body *body, const double *q, const double *v, End *end, Turning *room);
 /* And back. */

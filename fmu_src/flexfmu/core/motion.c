@@ -5,6 +5,7 @@
 
 #include "algebra.h"
 #include "forces.h"
+#include "free_body.h"
 #include "inertia.h"
 #include "membrane.h"
 #include "rates.h"
@@ -15,14 +16,26 @@ typedef struct {
     Rates rates;
     Flow flow;
     Stretch stretch;
+    Turning turning;
+    End end;
     double *tense, *momentum, *excess; /* (T, 4, 3), (m) and (r, r) */
+    double *unit;                      /* (m, 3 + n): of a body that turns with a polynomial, rates of unit modal ones */
 } Motion;
+
+/* Whether mass is a polynomial in the axes of a root that turns freely. */
+static int turns_by_polynomial(const Program *p) { return p->turns && p->inertial && !p->lumped; }
 
 static void take_motion(const Body *body, Arena *arena, Motion *room) {
     take_rates(body, arena, &room->rates);
     take_configuration(body, arena, &room->at);
     take_flow(body, arena, &room->flow);
     take_stretch(body, arena, &room->stretch);
+    if (turns_by_polynomial(&body->p)) {
+        take_turning(body, arena, &room->turning);
+        take_end(body, arena, &room->end);
+        room->end.at = &room->at;
+        room->unit = take(arena, body->p.modes * (3 + coordinates(&body->p)));
+    }
     room->tense = take(arena, 12 * body->p.ties);
     room->momentum = take(arena, body->p.modes);
     room->excess = take(arena, body->p.inertial_modes * body->p.inertial_modes);
@@ -112,6 +125,13 @@ int body_energies(Body *body, const double *q, const double *v, double *strain, 
         *strain += stretch_energy(body, &room.stretch);
     }
     if (!p->tied && !p->inertial) return FLEX_OK;
+    if (turns_by_polynomial(p)) {
+        const End *end = &room.end;
+        enter_end(body, q, v, &room.end, &room.turning);
+        momentum_of(p, &end->mass, end->z, 0, room.momentum);
+        *kinetic = 0.5 * (total_mass(p) * dot(end->velocity, end->velocity, 3) + dot(end->z, room.momentum, coordinates(p)));
+        return FLEX_OK;
+    }
     configure(body, q, &room.at);
     if (p->tied) {
         *strain += tie_tension(body, &room.at, room.tense);
@@ -124,12 +144,41 @@ int body_energies(Body *body, const double *q, const double *v, double *strain, 
     return FLEX_OK;
 }
 
+/* M of rates v by that of the centre of mass and of the root's own axes. */
+static void turning_mass(Body *body, const double *q, Motion *room, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, n = coordinates(p);
+    const double mass = total_mass(p);
+    End *end = &room->end;
+    memset(out, 0, (size_t)(m * m) * sizeof(double));
+    enter_end(body, q, out, end, &room->turning);
+    for (int64_t j = 0; j < m; j++) {
+        double *unit = room->unit + j * (3 + n), momentum[3];
+        out[j * m + j] = 1.0;
+        end_rates(body, out + j * m, end);
+        memcpy(unit, end->velocity, sizeof end->velocity);
+        memcpy(unit + 3, end->z, (size_t)n * sizeof(double));
+        for (int i = 0; i < 3; i++) momentum[i] = mass * end->velocity[i];
+        momentum_of(p, &end->mass, end->z, 0, room->momentum);
+        for (int64_t i = 0; i <= j; i++) {
+            const double *other = room->unit + i * (3 + n);
+            out[i * m + j] = dot(other, momentum, 3) + dot(other + 3, room->momentum, n);
+        }
+    }
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < i; j++) out[i * m + j] = out[j * m + i];
+}
+
 int body_mass(Body *body, const double *q, double *mass) {
     const int64_t m = body->p.modes, r = body->p.inertial_modes;
     Arena arena = work_arena(body);
     Motion room;
     take_motion(body, &arena, &room);
     if (arena.refused) return FLEX_NO_ROOM;
+    if (turns_by_polynomial(&body->p)) {
+        turning_mass(body, q, &room, mass);
+        return FLEX_OK;
+    }
     for (int64_t i = 0; i < m * m; i++) mass[i] = i % (m + 1) == 0 ? 1.0 : 0.0;
     if (!body->p.inertial) return FLEX_OK;
     configure(body, q, &room.at);

@@ -5,13 +5,13 @@
 #include "algebra.h"
 
 void take_polynomial(const Body *body, Arena *arena, Polynomial *room) {
-    const int64_t pairs = body->p.mass_pairs, columns = body->p.inertial_modes + pairs;
+    const int64_t pairs = body->p.mass_pairs, columns = body->p.modes + pairs;
     room->x = take(arena, columns);
     room->slope = take(arena, columns);
     room->value = take(arena, body->p.mass_forms);
     room->pairs = take(arena, pairs);
     room->rates = take(arena, pairs);
-    room->at = take(arena, body->p.inertial_modes);
+    room->at = take(arena, body->p.modes);
     room->known = 0;
 }
 
@@ -19,21 +19,26 @@ void take_polynomial(const Body *body, Arena *arena, Polynomial *room) {
 static void by_pairs(const Body *body, Polynomial *room, double *out) {
     const Program *p = &body->p;
     const int64_t pairs = p->mass_pairs;
-    rows_times(p->mass_value, room->x, room->value, p->mass_forms, p->inertial_modes + pairs);
+    rows_times(p->mass_value, room->x, room->value, p->mass_forms, p->modes + pairs);
     memset(out, 0, (size_t)pairs * sizeof(double));
     add_rows(room->value, p->mass_form, out, p->mass_forms, pairs);
 }
 
-/* M - 1 by pairs at q, where it is not known already. */
-static void place(const Body *body, const double *q, Polynomial *room) {
-    const int64_t r = body->p.inertial_modes;
-    const size_t size = (size_t)r * sizeof(double);
-    double *x = room->x + r;
-    if (room->known && memcmp(room->at, q, size) == 0) return;
-    memcpy(room->at, q, size);
-    memcpy(room->x, q, size);
+/* q and the pairs of its first coordinates. */
+static void powers(const Program *p, const double *q, double *x) {
+    const int64_t r = p->inertial_modes;
+    memcpy(x, q, (size_t)p->modes * sizeof(double));
+    x += p->modes;
     for (int64_t a = 0; a < r; a++)
         for (int64_t b = a; b < r; b++) *x++ = q[a] * q[b];
+}
+
+/* M - 1 by pairs at q, where it is not known already. */
+static void place(const Body *body, const double *q, Polynomial *room) {
+    const size_t size = (size_t)body->p.modes * sizeof(double);
+    if (room->known && memcmp(room->at, q, size) == 0) return;
+    memcpy(room->at, q, size);
+    powers(&body->p, q, room->x);
     by_pairs(body, room, room->pairs);
     room->known = 1;
 }
@@ -74,6 +79,15 @@ void polynomial_momentum(const Body *body, const double *q, const double *v, Pol
     add_times(room->pairs, v, body->p.inertial_modes, out);
 }
 
+/* out (m) = derivative by q of what x changes by `slope`, which is spent. */
+static void by_coordinates(const Body *body, const double *q, Polynomial *room, double *out) {
+    double *pair = room->slope + body->p.modes;
+    memcpy(out, room->slope, (size_t)body->p.modes * sizeof(double));
+    /* A pair's product changes by both of its factors. */
+    for (int64_t i = 0; i < body->p.mass_pairs; i++) pair[i] *= 2.0;
+    add_times(pair, q, body->p.inertial_modes, out);
+}
+
 void polynomial_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
     const Program *p = &body->p;
     const int64_t r = p->inertial_modes, pairs = p->mass_pairs;
@@ -81,21 +95,36 @@ void polynomial_gradient(const Body *body, const double *q, const double *v, Pol
     for (int64_t a = 0; a < r; a++)
         for (int64_t b = a; b < r; b++) *rate++ = 0.5 * v[a] * v[b];
     rows_times(p->mass_form, room->rates, room->value, p->mass_forms, pairs);
-    memset(room->slope, 0, (size_t)(r + pairs) * sizeof(double));
-    add_rows(room->value, p->mass_value, room->slope, p->mass_forms, r + pairs);
-    memset(out, 0, (size_t)p->modes * sizeof(double));
-    memcpy(out, room->slope, (size_t)r * sizeof(double));
-    /* A pair's product changes by both of its factors. */
-    for (int64_t i = r; i < r + pairs; i++) room->slope[i] *= 2.0;
-    add_times(room->slope + r, q, r, out);
+    memset(room->slope, 0, (size_t)(p->modes + pairs) * sizeof(double));
+    add_rows(room->value, p->mass_value, room->slope, p->mass_forms, p->modes + pairs);
+    by_coordinates(body, q, room, out);
+}
+
+int factor_mass(double *mass, int64_t n) {
+    if (!cholesky(mass, n)) return 0;
+    /* The square of a pivot is the mass of some motion. */
+    for (int64_t j = 0; j < n; j++)
+        if (!(mass[j * n + j] * mass[j * n + j] > LEAST_MASS)) return 0;
+    return 1;
+}
+
+void polynomial_centre(const Body *body, const double *q, Polynomial *room, double *centre, double *derivative) {
+    const Program *p = &body->p;
+    const int64_t columns = p->modes + p->mass_pairs;
+    powers(&body->p, q, room->slope);
+    rows_times(p->mass_centre, room->slope, centre, 3, columns);
+    for (int i = 0; i < 3; i++) {
+        memcpy(room->slope, p->mass_centre + i * columns, (size_t)columns * sizeof(double));
+        by_coordinates(body, q, room, derivative + i * p->modes);
+    }
 }
 
 void polynomial_convective(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
-    const int64_t r = body->p.inertial_modes;
-    double *x = room->x + r;
+    const int64_t r = body->p.inertial_modes, m = body->p.modes;
+    double *x = room->x + m;
     polynomial_gradient(body, q, v, room, out);
-    for (int64_t j = 0; j < r; j++) out[j] = -out[j];
-    memcpy(room->x, v, (size_t)r * sizeof(double));
+    for (int64_t j = 0; j < m; j++) out[j] = -out[j];
+    memcpy(room->x, v, (size_t)m * sizeof(double));
     for (int64_t a = 0; a < r; a++)
         for (int64_t b = a; b < r; b++) *x++ = q[a] * v[b] + v[a] * q[b];
     by_pairs(body, room, room->rates);

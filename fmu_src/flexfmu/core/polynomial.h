@@ -8,11 +8,14 @@
 
 #include "data.h"
 
+/* Mass of any motion, over that of the undeformed body, below which the polynomial is out of its range. */
+static const double LEAST_MASS = 0.1;
+
 typedef struct {
-    double *x, *slope; /* (r + p): q and its pairs; what a change of them does */
+    double *x, *slope; /* (m + p): q and its first ones' pairs; what a change of them does */
     double *value;     /* (R): y */
     double *pairs, *rates; /* (p): M - 1 where it was last asked for; products of two rates, or dM/dt */
-    double *at;        /* (r): that place */
+    double *at;        /* (m): that place */
     int known;
 } Polynomial;
 
@@ -26,5 +29,10 @@ void polynomial_momentum(const Body *body, const double *q, const double *v, Pol
 void polynomial_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
 /* d(M v)/dt - d(v M v / 2)/dq - M dv/dt, (m). */
 void polynomial_convective(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
+
+/* Cholesky factor of the whole mass (n, n) in its place; 0 where the polynomial is out of its range. */
+int factor_mass(double *mass, int64_t n);
+/* Where the centre of mass has gone, seen from the root, and its derivative, (3, m). */
+void polynomial_centre(const Body *body, const double *q, Polynomial *room, double *centre, double *derivative);
 
 #endif

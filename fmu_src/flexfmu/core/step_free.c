@@ -21,6 +21,7 @@ typedef struct {
     Learning learning;
     double *before, *after; /* accelerations (t + e) at both ends */
     double *momentum, *reached, *half, *z, *shift; /* (t + e), the last (3, t + e) */
+    double *by_momentum;                           /* (t + e, 1 + t): rates at the end without and per unit of turning momentum */
     double *free_q, *free_v, *mean_force, *off, *sizes, *push, *bare; /* (e) */
     double *gradient;                                                 /* (m) */
     const double *inputs;
@@ -42,6 +43,7 @@ static void take_free(const Body *body, Arena *arena, Free *x) {
     for (size_t i = 0; i < sizeof of_elastic / sizeof *of_elastic; i++) *of_elastic[i] = take(arena, e);
     x->gradient = take(arena, m);
     x->shift = take(arena, 3 * n);
+    x->by_momentum = take(arena, n * (1 + body->p.turn_axes));
 }
 
 static void enter(Step *s, const double *q, const double *v) {
@@ -208,13 +210,16 @@ static int turn(Free *x) {
     const int64_t r = p->rigid, t = p->turn_axes, e = p->modes - r, solved = p->inertial ? t + e : t;
     const double h = s->all->step, *gv = s->rule->gv + r;
     End *start = x->start, *end = x->end;
-    double off = HUGE_VAL;
+    double off = HUGE_VAL, momentum[3] = {0}, *by = x->by_momentum;
+    memset(by, 0, (size_t)((t + e) * (1 + t)) * sizeof(double));
+    for (int64_t a = 0; a < t; a++) by[a * (1 + t) + 1 + a] = 1.0;
+    for (int64_t j = 0; j < e; j++) by[(t + j) * (1 + t)] = x->free_v[j] + gv[j] * (x->push[j] + x->momentum[t + j] / h);
+    lu_solve(x->room.matrix, s->body->pivot, by, solved, 1 + t);
     for (int number = 0; number < MOST_TURNS && off > SAME_TURN; number++) {
         double now[3];
         if (number) mean_rotation(start->rotation, x->spin, h, end->rotation, x->mean, x->inverse, x->middle);
-        end_momentum(p, end->rotation, start->rotation, x->mean, x->turning, x->moment, h, x->z);
-        for (int64_t j = 0; j < e; j++) x->z[t + j] = x->free_v[j] + gv[j] * (x->push[j] + x->momentum[t + j] / h);
-        lu_solve(x->room.matrix, s->body->pivot, x->z, solved, 1);
+        end_momentum(p, end->rotation, start->rotation, x->mean, x->turning, x->moment, h, momentum);
+        for (int64_t i = 0; i < t; i++) x->z[i] = by[i * (1 + t)] + dot(by + i * (1 + t) + 1, momentum, t);
         for (int64_t a = 0; a < t; a++) x->half[a] = 0.5 * (start->z[a] + x->z[a]);
         along_axes(p, x->half, now);
         off = 0.0;
@@ -224,6 +229,10 @@ static int turn(Free *x) {
         }
         if (!(norm(x->spin, 3) * h <= LONGEST_TURN)) return 0;
         if (t == 1) break;
+    }
+    for (int64_t j = 0; j < e; j++) {
+        const double *row = by + (t + j) * (1 + t);
+        x->z[t + j] = row[0] + dot(row + 1, momentum, t);
     }
     return 1;
 }
@@ -293,7 +302,7 @@ static int keep_momenta(Free *x) {
 static int accept(Step *s, double *found) {
     Free *x = (Free *)s;
     const Program *p = &s->body->p;
-    const int64_t r = p->rigid, t = p->turn_axes, n = coordinates(p);
+    const int64_t r = p->rigid, t = p->turn_axes, n = coordinates(p), e = n - t;
     const double h = s->all->step, *ramp = s->rule->ramp;
     End *start = x->start, *end = x->end;
     mean_rotation(start->rotation, x->spin, h, end->rotation, x->mean, x->inverse, x->middle);
@@ -301,6 +310,10 @@ static int accept(Step *s, double *found) {
     if (p->inertial) inertia_at(s->body, end->at, &x->room, &end->mass);
     if (!keep_momenta(x)) return 0;
     for (int64_t a = 0; a < t; a++) s->all->massless |= !(end->mass.whole[a * (n + 1)] > 0.0);
+    if (p->inertial && !p->lumped) {
+        for (int64_t j = 0; j < e; j++) memcpy(x->room.matrix + j * e, end->mass.whole + (t + j) * n + t, (size_t)e * sizeof(double));
+        s->all->massless |= !factor_mass(x->room.matrix, e);
+    }
     if (s->all->massless) return 0;
     accelerations(s->body, x->inputs, end, &x->room, x->after);
     double error = 0.0, energy = x->whole_mass * dot(end->velocity, end->velocity, 3);

@@ -13,8 +13,6 @@ static const double TOLERANCE = 1e-12;
 /* Change below which what acts in the middle is left as it is: energy does not depend on it, and the rest far below the
  * error. */
 static const double SETTLED_ENOUGH = 1e-6;
-/* Mass of any motion, over that of the undeformed body, below which the polynomial is out of its range. */
-static const double LEAST_MASS = 0.1;
 
 typedef struct {
     Step step;
@@ -64,9 +62,7 @@ static int accelerate(Inertial *x, const Configuration *at, const double *v, dou
     subtract_damping(body, v, out);
     memcpy(x->chord, x->mass, (size_t)(r * r) * sizeof(double));
     for (int64_t j = 0; j < r; j++) x->chord[j * r + j] += 1.0;
-    s->all->massless = !cholesky(x->chord, r);
-    /* The square of a pivot is the mass of some motion. */
-    for (int64_t j = 0; !body->p.lumped && j < r; j++) s->all->massless |= !(x->chord[j * r + j] * x->chord[j * r + j] > LEAST_MASS);
+    s->all->massless = !(body->p.lumped ? cholesky(x->chord, r) : factor_mass(x->chord, r));
     if (s->all->massless) return 0;
     cholesky_solve(x->chord, out, r);
     return 1;
@@ -86,7 +82,7 @@ static int own_rule(Inertial *x) {
     const Program *p = &body->p;
     const Rule *usual = rule_of(s->body, s->all->step), *own = &x->own;
     if (p->lumped) return 1;
-    for (int64_t j = 0; j < p->inertial_modes; j++) x->half[j] = s->here->q[j] + 0.5 * usual->p12[j] * s->v0[j];
+    for (int64_t j = 0; j < p->modes; j++) x->half[j] = s->here->q[j] + 0.5 * usual->p12[j] * s->v0[j];
     polynomial_diagonal(body, x->half, &x->flow.polynomial, x->excess);
     for (int64_t j = 0; j < p->inertial_modes; j++) {
         const double mass = 1.0 + x->excess[j], root = sqrt(fmax(mass, 0.0));

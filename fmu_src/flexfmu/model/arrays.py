@@ -124,6 +124,10 @@ POLYNOMIAL = (
     Entry("form", "polynomial/form", "R m m", "1", "symmetric U_k of M(q) = 1 + sum of (l_k q + q V_k q) U_k"),
     Entry("linear", "polynomial/linear", "R m", "kg^-0.5 m^-1", "l_k"),
     Entry("square", "polynomial/square", "R m m", "kg^-1 m^-2", "symmetric V_k"),
+    Entry(
+        "centre", "polynomial/centre", "3 m", "kg^-0.5", "displacement of a free body's centre of mass", optional=True
+    ),
+    Entry("centre_square", "polynomial/centre_square", "3 m m", "kg^-1 m^-1", "its second order", optional=True),
 )
 TIES = (
     Entry("frame", "ties/frame", "T 2", "1", "frames that carry the ends, -1 for the ground", int),

@@ -72,6 +72,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
         stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
         root_interface=GROUND,
         floating=False,
+        polynomial=None,
         shadow=_shadow_fixed(body, names, turn),
         **(shapes | kept | _parts_fixed(body, turn, squares)),
     )

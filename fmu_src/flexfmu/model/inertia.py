@@ -78,11 +78,16 @@ class MassPolynomial:
         l_k, kg^-1/2 m^-1.
     square : (R, m, m) float
         V_k, symmetric, kg^-1 m^-2.
+    centre, centre_square : (3, m) and (3, m, m) float, or None
+        Of a body that slides freely, whose M is that about the centre of mass: displacement c·q + qᵀC q of that
+        centre in the root frame's axes.
     """
 
     form: FloatArray
     linear: FloatArray
     square: FloatArray
+    centre: FloatArray | None = None
+    centre_square: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Bring the arrays into their types and check their shapes.

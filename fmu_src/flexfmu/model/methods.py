@@ -273,8 +273,6 @@ def conflict(variant: Variant, free: bool, cut: bool) -> str | None:
         return f'[[cut]] goes without geometric stiffness, which method "{name}" needs: it knows bodies in one piece'
     if cut and variant.mass is not Mass.CONSTANT:
         return '[[cut]] goes with mass "constant" only'
-    if free and variant.mass is Mass.POLYNOMIAL:
-        return 'mass "polynomial" is for bodies that are held: take "configuration" for one that is free'
     if cut and _RECIPES[variant.method].layout is FrameLayout.ONE:
         return f'[[cut]] gives each part frames of its own: it does not go with method "{name}"'
     return None

@@ -385,8 +385,6 @@ class ReducedBody:
             )
         if self.mass not in masses_of(self.method):
             raise ModalFileError(f'mass is "{self.mass.value}", which method "{self.method.value}" does not know')
-        if self.polynomial is not None and self.rigid_count:
-            raise ModalFileError("polynomial: the mass of a body that is free to move is none")
         if not set(self.compliance_interfaces) <= set(self.interface_names):
             raise ModalFileError(
                 f"compliance_interfaces are {self.compliance_interfaces}, expected names of interfaces"

@@ -60,7 +60,7 @@ def missing(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> st
         if data in needs(method, mass) and getattr(body, data.value) is None:
             return f"{ASKED_BY[data]} in [reduction]"
     if mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
-        return "the polynomial, which bodies from a mesh hold that are held and in one piece"
+        return "the polynomial, which bodies from a mesh hold that are in one piece, and held or free to turn"
     if has_frames(method) and not body.frame_count:
         return "frames"
     if layout is FrameLayout.ONE and body.ties is not None:

@@ -1,5 +1,7 @@
 """Everything of a program but geometric stiffness: modes, nodes, loads, what is watched, inertia."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..core.image import packed
@@ -64,7 +66,7 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     if body.ties is not None and tree.frames:
         _put_ties(draft, body, tree)
     _put_inertia(draft, body, recipe, mass, tree, lumped)
-    if body.floating and placement is LoadPlacement.DEFORMED and recipe.stiffness is Stiffness.CONSTANT:
+    if placement is LoadPlacement.DEFORMED and recipe.stiffness is Stiffness.CONSTANT:
         _put_turns(draft, body)
     draft.arrays["operator_t"] = np.reshape(draft.arrays["operator_"], (-1, body.mode_count)).T
     return draft
@@ -182,7 +184,7 @@ def _put_inertia(
             "turning_sweep": lumped.sweep[:, :, :kept],
             "inertial_rest": -lumped.at_rest(body.frame_rotation)[:kept, :kept],
         }
-    elif body.rigid_count and tree.frames:
+    elif body.rigid_count and tree.frames and (polynomial is None or mass is not Mass.POLYNOMIAL):
         _put_spin(draft, body)
     elif polynomial is not None and recipe.kinematics in _TREES:
         # With constant mass it is there for the watch.
@@ -192,7 +194,11 @@ def _put_inertia(
         both = np.where(first == second, 1.0, 2.0)
         form, square = (part[:, first, second] * both for part in (polynomial.form, polynomial.square))
         draft.sizes |= {"mass_forms": len(form), "mass_pairs": first.size}
-        draft.arrays |= {"mass_form": form, "mass_value": np.hstack([polynomial.linear[:, :kept], square])}
+        draft.arrays |= {"mass_form": form, "mass_value": np.hstack([polynomial.linear, square])}
+        if polynomial.centre is not None and polynomial.centre_square is not None:
+            draft.sizes["centres"] = 3
+            square = polynomial.centre_square[:, first, second] * both
+            draft.arrays["mass_centre"] = np.hstack([polynomial.centre, square])
 
 
 def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, IntArray]:
@@ -280,9 +286,30 @@ def _put_spin(draft: Draft, body: ReducedBody) -> None:
         draft.arrays["spin_inertia"] = np.linalg.inv(inverse)
 
 
-def _put_turns(draft: Draft, body: ReducedBody) -> None:
-    """Rigid motions of a body whose root frame makes them, and they alone: it turns in its own axes (section 9)."""
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """How a body turns whose root frame makes the rigid motions, and they alone (section 9).
+
+    Attributes
+    ----------
+    axis : (t, 3) float
+        One or three.
+    slides : bool
+        Whether it moves in all directions, too.
+    coordinates : (r, 6) float
+        Rigid coordinates per displacement and turn of the root.
+    """
+
+    axis: FloatArray
+    slides: bool
+    coordinates: FloatArray
+
+
+def turning_of(body: ReducedBody) -> Turning | None:
+    """How a body turns in its own axes; none where it does not."""
     rigid = body.rigid_count
+    if not (body.floating and rigid):
+        return None
     motion = np.concatenate([body.joint_displacement[0], body.frame_rotation[0]])
     turning, sliding = motion[3:, :rigid], motion[:3, :rigid]
     axes, values, _ = np.linalg.svd(turning, full_matrices=False)
@@ -292,14 +319,22 @@ def _put_turns(draft: Draft, body: ReducedBody) -> None:
     slides = rigid == len(axis) + 3
     elastic, own = np.abs(motion[:, rigid:]).max(), np.abs(motion[:, :rigid]).max(initial=0.0)
     if len(axis) not in (1, 3) or not (slides or rigid == len(axis)) or elastic > _STILL * own:
-        return
+        return None
     if not slides and np.abs(sliding).max() > _STILL * own:
+        return None
+    return Turning(axis, slides, np.linalg.pinv(motion[:, :rigid]))
+
+
+def _put_turns(draft: Draft, body: ReducedBody) -> None:
+    """Rigid motions of a body that turns in its own axes."""
+    found = turning_of(body)
+    if found is None:
         return
-    draft.sizes |= {"turns": 1, "turn_axes": len(axis), "turn_slides": int(slides), "spin_inertia_given": 0}
-    draft.arrays |= {"turn_axis": axis, "turn_coordinates": np.linalg.pinv(motion[:, :rigid])}
+    draft.sizes |= {"turns": 1, "turn_axes": len(found.axis), "turn_slides": int(found.slides), "spin_inertia_given": 0}
+    draft.arrays |= {"turn_axis": found.axis, "turn_coordinates": found.coordinates}
     draft.arrays.pop("spin_inertia", None)
     operator = np.array(draft.arrays["operator_"])
-    operator[:, 0, :, rigid:] = 0.0
+    operator[:, 0, :, body.rigid_count :] = 0.0
     draft.arrays["operator_"] = operator
 
 
@@ -330,9 +365,9 @@ def against_rotation(body: ReducedBody, recipe: Recipe) -> str:
 
 def against_spin(body: ReducedBody, recipe: Recipe) -> str:
     """What to do about inertia that constant mass does not know."""
-    words = 'take mass = "configuration"'
+    words = f'take mass = "{"configuration" if body.polynomial is None else "polynomial"}"'
     if recipe.kinematics is not Kinematics.SECOND_ORDER:
         words += ' with method = "second_order"'
-    if body.inertia is None:
+    if body.inertia is None and body.polynomial is None:
         words = f"build with inertia = true in [reduction], and {words}"
     return words

@@ -206,7 +206,7 @@ def _fine_tree(config: BodyOptions, divided: _Divided, basis: _Basis, membrane: 
     """The modes on a tree of `_FINE` frames to second order, with its lumps, whatever the body's own frames are."""
     quiet, model, modes = Reporter(), divided.model, basis.modes
     unheard = config.variant.mass is Mass.CONFIGURATION or not has_frames(config.variant.method)
-    if unheard or not divided.subdomains or modes.angular_frequency[0] == 0.0:
+    if unheard or not divided.subdomains:
         return None
     alone = replace(
         config, levels=_FINE, levels_asked=False, frames=(), branches=(), acceleration=False,
