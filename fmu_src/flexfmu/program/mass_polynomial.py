@@ -57,12 +57,13 @@ def _of_part(body: ReducedBody) -> MassPolynomial | None:
     if rigid and turning is None:
         return None
     whole, turn = np.split(_largest_turn(body), [rigid])
-    (linear, quadratic), centre = _differences(body, _TURN / turn, turning)
+    omega = body.angular_frequency[rigid:]
+    # What hardly moves the lumps is taken as far as the softest motion's energy takes it.
+    (linear, quadratic), centre = _differences(body, _TURN / np.maximum(turn, turn[0] * omega / omega[0]), turning)
     first, second = np.triu_indices(count)
     one, other = np.triu_indices(count - rigid)
     # Coordinates and rates of equal energy, the former at a reference turn, and a spin of the first frequency; a pair
     # stands for both halves.
-    omega = body.angular_frequency[rigid:]
     coordinate = _WEIGHED * omega[0] / turn[0] / omega
     rate = np.concatenate([turn[0] / _WEIGHED / whole, omega[0] / omega])
     both, places = np.where(first == second, 1.0, np.sqrt(2.0)), np.where(one == other, 1.0, np.sqrt(2.0))
