@@ -1,6 +1,7 @@
 """Thin bodies of shells and beams that bend far, and what CalculiX says of them with S8R or solids, NLGEOM.
 
-``python -m benchmarks.thin.bodies [body ...]`` with ``ccx`` on the PATH writes the results anew.
+``python -m benchmarks.thin.bodies [body ...]`` with ``ccx`` on the PATH writes the results anew; ``bent`` instead of
+bodies: frequencies of two that are bent, for the mass of the deformed body.
 """
 
 import subprocess
@@ -12,7 +13,8 @@ import numpy as np
 from demo.calculix_results import read_displacements
 from demo.mesh_tools import Material, box_mesh, merge, traction_weights, write_model
 
-RESULTS = Path(__file__).with_name("calculix.csv")
+RESULTS, BENT = (Path(__file__).with_name(name) for name in ("calculix.csv", "bent.csv"))
+_BENT = "*END STEP\n*STEP, PERTURBATION\n*FREQUENCY\n6\n*END STEP\n"
 MODULUS, POISSON, DENSITY = 2.1e11, 0.3, 7850.0
 STEEL = Material("STEEL", MODULUS, POISSON, DENSITY)
 
@@ -197,15 +199,18 @@ class BesideSolids:
         self.mesh, self.force, self.deck = mesh, force, deck
         self.root, self.tip = np.flatnonzero(root(mesh.points)), np.flatnonzero(tip(mesh.points))
 
-    def results(self):
-        """As of shells."""
+    def solids(self):
+        """Deck of the solids."""
         with tempfile.TemporaryDirectory() as folder:
             write_model(Path(folder) / "solid.inp", self.mesh, {"ROOT": self.root, "TIP": self.tip}, STEEL, [])
-            text = (Path(folder) / "solid.inp").read_text() + "*BOUNDARY\nROOT, 1, 3\n"
+            return (Path(folder) / "solid.inp").read_text() + "*BOUNDARY\nROOT, 1, 3\n"
+
+    def results(self):
+        """As of shells."""
         # A section within has faces on both of its sides.
         shares = traction_weights(self.mesh, self.tip)
         asked = "*NODE PRINT, NSET=TIP\nU\n*END STEP\n"
-        printed = run(text, loads(self.tip, shares, self.force), asked, "dat")
+        printed = run(self.solids(), loads(self.tip, shares, self.force), asked, "dat")
         return [*(shares @ read_displacements(one, "TIP")[1][-1] for one in printed[:2]), frequencies(printed[2])]
 
 
@@ -304,6 +309,30 @@ def displacements(text, middle):
     return near @ moved / near.sum(axis=1, keepdims=True)
 
 
+def bar():
+    """A bar of 1 m × 20 mm × 20 mm, bent by a third of its length."""
+    side = np.linspace(-0.01, 0.01, 3)
+    line = np.array([(x, 0.0, 0.0) for x in np.linspace(0.0, 1.0, 17)])
+    text = _nodes(line) + _elements("B31", "BARS", np.column_stack([np.arange(16), np.arange(1, 17)])) + _steel()
+    text += _set("ROOT", [0]) + _set("TIP", [16])
+    text += "*BEAM SECTION, ELSET=BARS, MATERIAL=STEEL, SECTION=RECT\n0.02, 0.02\n0., 1., 0.\n*BOUNDARY\nROOT, 1, 6\n"
+    mesh = box_mesh(np.linspace(0.0, 1.0, 41), side, side)
+    ends = [lambda p, x=x: np.isclose(p[:, 0], x) for x in (0.0, 1.0)]
+    return BesideSolids(mesh, *ends, (0.0, 0.0, 2800.0), text)
+
+
+def bent():
+    """Write four frequencies of the strip and of the bar, bent by their forces; Hz."""
+    middle, solid = Middle("strip", "S8R"), bar()
+    shares = middle.shares()
+    cards = loads(np.flatnonzero(shares), shares[shares != 0.0], middle.force)
+    found = {"strip": frequencies(run(middle.deck(), cards, _BENT, "dat")[0])[:4]}
+    cards = loads(solid.tip, traction_weights(solid.mesh, solid.tip), solid.force)
+    found["bar"] = frequencies(run(solid.solids(), cards, _BENT, "dat")[0])[:4]
+    rows = [f"{name},{','.join(f'{x:.7g}' for x in row)}" for name, row in found.items()]
+    BENT.write_text("\n".join(["body,f1_hz,f2_hz,f3_hz,f4_hz", *rows]) + "\n")
+
+
 BESIDE_SOLIDS = {"plate on a block": block(), "portal": portal()}
 
 
@@ -318,4 +347,4 @@ def main(names):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    bent() if sys.argv[1:] == ["bent"] else main(sys.argv[1:])

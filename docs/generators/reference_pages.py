@@ -247,6 +247,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "published problems in full": _of("result_tables", "field_in_full"),
     "published problems in short": _of("result_tables", "field_in_short"),
     "scene keys": scene_keys,
+    "thin bodies": _of("result_tables", "thin_bodies"),
     "variables: inputs and outputs": _of("variable_tables", "variables_in_and_out"),
     "variables: local": _of("variable_tables", "local_variables"),
     "variables: log": _of("variable_tables", "log_messages"),

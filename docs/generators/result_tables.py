@@ -117,6 +117,16 @@ def defaults_in_short() -> str:
     return f"{counts}: {share:.0f} % right, {warned} with a warning or refused, {silent} silent{words}."
 
 
+def thin_bodies() -> str:
+    """Thin bodies of shells and beams bent far, through the FMU."""
+    rows = []
+    for row in read_records(ROOT / "benchmarks" / "thin" / "thin.csv"):
+        numbers = (_two_digits(100.0 * float(row[name])) for name in ("moved", "linear", "error", "estimate"))
+        rows.append([row["body"], row["reference"], *numbers, row["word"].replace("told", "warned")])
+    head = ["body", "reference", "tip moves, % of the size", "linear, %", "error, %", "its own estimate, %", ""]
+    return markdown(head, rows)
+
+
 def costs_of_steps() -> str:
     """Time of a step of each kind of body."""
     found = {row["what"]: row for row in read_records(ROOT / "benchmarks" / "core_step.csv")}

@@ -7,9 +7,10 @@ import meshio
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
+from benchmarks.thin.bodies import BENT, Middle, bar
 from benchmarks.thin.bodies import RESULTS as FILE
-from benchmarks.thin.bodies import Middle
 from scipy.interpolate import RegularGridInterpolator
+from scipy.linalg import eigh
 
 import flexfmu
 from decks import read
@@ -261,6 +262,35 @@ def test_the_slit_annulus_is_lifted_far():
     assert found[mesh.labels == 6].mean() == pytest.approx(17.528, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param("pulled cylinder", marks=pytest.mark.slow), pytest.param("half-cylinder", marks=pytest.mark.long)],
+)
+def test_cylinders_are_pulled_and_pinched_far(name):
+    # K. Y. Sze, X. H. Liu, S. H. Lo, Finite Elements Anal. Des. 40 (2004) 1551, sections 3.5 and 3.7.
+    pulled = name == "pulled cylinder"
+    radius, length, angle = (4.953, 5.175, 0.5 * np.pi) if pulled else (1.016, 3.048, 0.5 * np.pi)
+    points, cells, fixed, turning = roof(16 if pulled else 24, radius, length, angle, "quad8")
+    # An eighth, or a half, has its symmetric planes at the far end, at x = 0 and at z = 0.
+    far = points[:, 1] > length - 1e-9
+    fixed[points[:, 1] < 1e-9] = not pulled
+    turning[points[:, 1] < 1e-9] = not pulled
+    if pulled:
+        turning[(points[:, 0] > 1e-9) & (points[:, 2] > 1e-6) & ~far] = False
+    else:
+        fixed[far, 1], turning[far & (points[:, 0] > 1e-9) & (points[:, 2] > 1e-6)] = False, False
+    thickness, constants = (0.094, (10.5e6, 0.3125)) if pulled else (0.03, (2.0685e7, 0.3))
+    mesh = shell(points, cells, thickness, fixed, turning, constants)
+    rows = np.isin(mesh.labels, np.flatnonzero(far & (points[:, 0] < 1e-9)))
+    forces = np.zeros_like(mesh.points)
+    forces[rows, 2] = (10000.0 if pulled else -1000.0) / rows.sum()
+    model = assemble_model(mesh, BodyOptions("cylinder", ()))
+    parts, expected = ([0.1, 1.0], [1.707, 2.768]) if pulled else ([0.5, 1.0], [-1.32653, -1.71505])
+    path = load_path(model.mesh, model.unknowns, model.spring, forces.ravel(), parts, Reporter())
+    found = path.displacement.reshape(len(parts), -1, 3)[:, rows, 2].mean(axis=1)
+    np.testing.assert_allclose(found, expected, rtol=0.01)
+
+
 @pytest.mark.parametrize("kind", ["quad", "quad8", "triangle6"])
 def test_raaschs_hook(kind):
     # N. F. Knight, AIAA J. 35 (1997) 375: 5.027 in.
@@ -348,6 +378,32 @@ def test_thin_bodies_bend_far_as_in_calculix_with_the_shortest_body_file(tmp_pat
     expected = np.array([row[axis] for axis in ("ux_m", "uy_m", "uz_m")])
     found = body.response(body.static({"tip": [*middle.force, 0.0, 0.0, 0.0]})).displacement[0]
     assert np.linalg.norm(found - expected) < 0.01 * np.linalg.norm(expected)
+
+
+def in_plane_frequencies(body, force, places, mass):
+    """Some frequencies, Hz, about the equilibrium under a force at the tip."""
+    loads = {"tip": [*force, 0.0, 0.0, 0.0]}
+    built = body.build(mass=mass, surface=False, modes=10)
+    state = built.static(loads)
+    tangent = built.tangent(state, built.loads(loads).packed(with_acceleration=False))
+    squares = eigh(0.5 * (tangent + tangent.T), built.mass(state), eigvals_only=True)
+    return np.sqrt(squares[places]) / (2.0 * np.pi)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:a mode that is left out has the frequency")
+@pytest.mark.parametrize(("name", "places"), [("strip", [0, 1, 3]), ("bar", [1, 2])])
+def test_bent_shells_and_beams_vibrate_with_the_mass_of_the_deformed_body(tmp_path, name, places):
+    """In their plane, against CalculiX's S8R and C3D20R about the same equilibrium; the mass at rest is off."""
+    own, file = bar() if name == "bar" else Middle("strip", "S8R"), tmp_path / "body.inp"
+    file.write_text(own.deck if name == "bar" else own.deck())
+    body = flexfmu.Body(flexfmu.read_mesh(file), interfaces={"tip": flexfmu.Interface("TIP")})
+    kept = np.genfromtxt(BENT, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    expected = np.array(kept[kept["body"] == name].tolist()[0][1:])[places]
+    for mass in ("configuration", "polynomial"):
+        np.testing.assert_allclose(in_plane_frequencies(body, own.force, places, mass), expected, rtol=4e-3)
+    found = in_plane_frequencies(body, own.force, places, "constant")
+    assert np.abs(found / expected - 1.0).max() > 0.015
 
 
 def test_a_mesh_of_shells_in_memory_is_that_of_the_deck(tmp_path):
