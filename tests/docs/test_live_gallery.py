@@ -48,7 +48,7 @@ def place(tab):
     # Drawn anew first: the window may just have changed.
     return tab.value(
         "new Promise(then => requestAnimationFrame(() => requestAnimationFrame(then))).then(() => {"
-        " const r = area.getBoundingClientRect(), s = screen(live.markNow.at(-1), r.width, r.height);"
+        " const r = area.getBoundingClientRect(), s = screen(live.ends.at(-1), r.width, r.height);"
         " return [r.left + s[0], r.top + s[1]]; })"
     )
 

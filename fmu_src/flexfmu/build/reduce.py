@@ -23,6 +23,9 @@ from ..reduction.cut.loop_choice import chosen_cuts
 from ..reduction.cut.parts import reduced_parts, reduced_whole
 from ..reduction.making import used_body
 from ..reduction.masses import body_properties
+from ..reduction.model import Model
+from ..reduction.options import BodyOptions
+from ..reduction.places import support_places
 from ..reduction.rigid_nodes import stretch_free
 from .body_model import body_model
 from .config import BodyFile, BodySpec
@@ -91,10 +94,7 @@ def reduce_mesh(
     with report.stage("Check the mesh"):
         prepared = body_model(mesh, config)
         options, model = replace(prepared.options, levels=levels or prepared.options.levels), prepared.model
-        mesh = model.mesh
-        properties = body_properties(mesh, mesh.volume_matrices)
-        if model.sprung.any():
-            properties = replace(properties, spring=model.springs_along_axes)
+        mesh, properties = model.mesh, _properties(options, model)
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)
@@ -117,6 +117,18 @@ def reduce_mesh(
     body = used_body(body, use)
     _tell(config, body, report)
     return body
+
+
+def _properties(options: BodyOptions, model: Model) -> Properties:
+    mesh = model.mesh
+    names, points, springs = support_places(mesh, options.supports)
+    return replace(
+        body_properties(mesh, mesh.volume_matrices),
+        spring=model.springs_along_axes if model.sprung.any() else None,
+        support_names=names,
+        support_point=points,
+        support_spring=springs,
+    )
 
 
 def _tell_doubts(mesh: Mesh, config: BodySpec, properties: Properties, report: Reporter) -> None:

@@ -172,6 +172,9 @@ PROPERTIES = (
     Entry("density", "properties/density", "k", "kg/m^3", "of each material"),
     Entry("point_mass", "properties/point_mass", "P", "kg", "masses at points", optional=True),
     Entry("spring", "properties/spring", "3", "N/m", "all springs to the ground", optional=True),
+    Entry("support_names", "properties/support", "B", "1", "names of the supports", str, optional=True),
+    Entry("support_point", "properties/support_point", "B 3", "m", "their centres", optional=True),
+    Entry("support_spring", "properties/support_spring", "B", "1", "1 where springs hold", int, optional=True),
 )
 # The shadow's own arrays are those of a body, in the same group.
 SHADOW = (Entry("embedding", "shadow/embedding", "M m", "1", "coordinates of the shadow per coordinate of the body"),)

@@ -204,15 +204,12 @@ class Properties:
     box : (2, 3) float
         Smallest and largest coordinates of the undeformed body, m.
     material_names : tuple of str
-    volume : (K,) float
-        Of each material, m³.
-    youngs_modulus : (K,) float
-        N/m².
-    poissons_ratio : (K,) float
-    density : (K,) float
-        kg/m³.
+    volume, youngs_modulus, poissons_ratio, density : (K,) float
+        Of each material; m³, N/m², 1 and kg/m³.
     point_mass, spring : (P,) float or None, (3,) float or None
         Masses at points, kg; all springs to the ground, N/m.
+    support_names, support_point, support_spring : tuple of str, (k, 3) float and (k,) int, or None
+        Where the supports are, m, and 1 where one is of springs.
     """
 
     box: FloatArray
@@ -223,6 +220,9 @@ class Properties:
     density: FloatArray
     point_mass: FloatArray | None = None
     spring: FloatArray | None = None
+    support_names: tuple[str, ...] = ()
+    support_point: FloatArray | None = None
+    support_spring: IntArray | None = None
 
     @property
     def mass(self) -> float:

@@ -1,5 +1,6 @@
 """Nodes chosen by place, number or name."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -55,6 +56,20 @@ def reference(mesh: Mesh, nodes: Nodes) -> FloatArray | None:
     if not isinstance(nodes, str):
         return None
     return next((point for name, point in mesh.references.items() if name.upper() == nodes.upper()), None)
+
+
+def support_places(mesh: Mesh, supports: Sequence[SupportNodes]) -> tuple[tuple[str, ...], FloatArray, IntArray]:
+    """Supports, those of the mesh file last: names (k), centres (k, 3), m, and 1 where springs hold (k,)."""
+    found = []
+    for number, table in enumerate(supports, start=1):
+        rows = node_set(mesh, table.nodes, f"support[{number}].nodes")
+        named = isinstance(table.nodes, str) and not table.nodes.startswith(PLACED)
+        found.append((str(table.nodes) if named else f"support {number}", rows, int(not table.fix)))
+    held = np.flatnonzero(mesh.fixed.any(axis=1))
+    if held.size:
+        found.append(("held by the mesh file", held, 0))
+    points = np.array([mesh.points[rows].mean(axis=0) for _, rows, _ in found]).reshape(-1, 3)
+    return tuple(name for name, _, _ in found), points, np.array([spring for _, _, spring in found], dtype=int)
 
 
 def by_name(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, BodyOptions]:

@@ -42,8 +42,9 @@ class Live {
   read() {
     this.motion = this.body.get(this.all);
     this.lineMotion = this.line ? this.line.get(this.all) : null;
-    // The marks of this page are the interfaces.
-    this.markNow = this.interfaces.map((_, k) => DATA.markPoints[k].map((x, c) => x + this.motion[6 * k + c]));
+    // The marks of this page are the interfaces, then the supports, which stay.
+    this.ends = this.interfaces.map((_, k) => DATA.markPoints[k].map((x, c) => x + this.motion[6 * k + c]));
+    this.markNow = [...this.ends, ...DATA.markPoints.slice(this.ends.length)];
   }
 
   // Forces of the pull on one body: F = k (pointer - x) in the plane of the screen, x as it will be when the step ends.
@@ -91,7 +92,7 @@ class Live {
   }
   // The camera goes with a free body that nothing holds.
   chase(w) {
-    const mean = [0, 1, 2].map(c => this.markNow.reduce((s, p, k) => s + p[c] - DATA.markPoints[k][c], 0) / this.markNow.length);
+    const mean = [0, 1, 2].map(c => this.ends.reduce((s, p, k) => s + p[c] - DATA.markPoints[k][c], 0) / this.ends.length);
     centre = centre.map((x, c) => x + w * (0.5 * (low[c] + high[c]) + mean[c] - x));
   }
   shape(now, moved) {
@@ -140,7 +141,7 @@ class Live {
   begin(k, more) { this.pull = { k, aim: [...this.markNow[k]], ...more }; if (!this.moving) { this.moving = this.touched = true; words(); } this.refused = ""; for (const one of [this.body, this.line]) if (one) one.before = null; }
   take(e) {
     const [x, y] = this.at(e), w = area.clientWidth, h = area.clientHeight;
-    const far = this.markNow.map(p => { const s = screen(p, w, h); return Math.hypot(s[0] - x, s[1] - y); });
+    const far = this.ends.map(p => { const s = screen(p, w, h); return Math.hypot(s[0] - x, s[1] - y); });
     const k = far.indexOf(Math.min(...far));
     if (far[k] > (NEAR[e.pointerType] ?? NEAR.mouse)) return false;
     this.begin(k, { pixel: [x, y], pointer: e.pointerId });
@@ -213,7 +214,7 @@ class Live {
   }
   annotate(g, w, h, halo) {
     // Rings that invite, until something was taken.
-    if (!this.touched) for (const p of this.markNow) {
+    if (!this.touched) for (const p of this.ends) {
       const t = performance.now() / 1200 % 1, [x, y] = screen(p, w, h);
       g.globalAlpha = 1 - t; g.strokeStyle = "#d55e00"; g.lineWidth = 2.5; g.beginPath(); g.arc(x, y, 6 + 22 * t, 0, 7); g.stroke(); g.globalAlpha = 1;
     }

@@ -35,7 +35,7 @@ def live_view(body: FlexibleBody, report: Reporter) -> View:
     -------
     View
     """
-    view, count = body_view(body), body.model.interface_count
+    view = body_view(body)
     model = replace(body.model, method=body.method, mass=body.variant.mass)
     made = {name: draft for name, draft in programs(model).items() if name in _PROGRAMS}
     sizes, on, numbers = surface_data(model, body.method)
@@ -53,6 +53,8 @@ def live_view(body: FlexibleBody, report: Reporter) -> View:
         "sizes": sizes,
         "on": on,
     }
+    held = len(model.properties.support_names) if model.properties is not None else 0
+    count = model.interface_count + held
     return replace(view, marks=view.marks[:count], mark_points=view.mark_points[:count], colour=DISPLACEMENT, live=live)
 
 

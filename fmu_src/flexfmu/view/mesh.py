@@ -18,11 +18,11 @@ from ..reduction.frames import body_subdomains
 from ..reduction.interfaces import fit_interface
 from ..reduction.model import Model
 from ..reduction.options import BodyOptions
-from ..reduction.places import PLACED, node_set
+from ..reduction.places import PLACED, node_set, support_places
 from ..reduction.subdomains import Subdomain
 from ..reduction.surface import carrying_frames, set_numbers, surface_nodes
 from .model import Mark, MarkKind, Region, View
-from .motions import FRAMES, INTERFACES
+from .motions import FRAMES, INTERFACES, support_marks
 
 
 def mesh_view(path: Path) -> View:
@@ -68,6 +68,9 @@ def model_view(options: BodyOptions, model: Model, report: Reporter) -> View:
     for interface in interfaces:
         marks.append(Mark(MarkKind.INTERFACE, interface.name))
         places.append(interface.point)
+    supports, points, springs = support_places(mesh, options.supports)
+    marks += support_marks(supports, springs)
+    places += [*points]
     for name, domain in zip(names, subdomains, strict=True):
         if not domain.floating:
             marks.append(Mark(MarkKind.JOINT, name))

@@ -17,6 +17,8 @@ class MarkKind(Enum):
     INTERFACE = "interface"
     JOINT = "joint"
     CUT = "cut"
+    SUPPORT = "support"
+    SPRING = "spring"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody, State
 from ..body.loads import Loads
 from ..body.recovery import surface_of, surface_von_mises
-from ..files.array_types import FloatArray
+from ..files.array_types import FloatArray, IntArray
 from ..files.counts import plural
 from ..files.progress import Reporter
 from ..model.reduced_body import GROUND
@@ -65,11 +65,19 @@ def body_view(body: FlexibleBody, cases: Sequence[Case] = (), **more: object) ->
 
 
 def marks_of(body: FlexibleBody) -> tuple[Mark, ...]:
-    """Interfaces, then joints between frames, then cuts."""
-    model = body.model
+    """Interfaces, then supports, joints between frames, cuts."""
+    model, properties = body.model, body.model.properties
     marks = [Mark(MarkKind.INTERFACE, name) for name in model.interface_names]
+    if properties is not None and properties.support_spring is not None:
+        marks += support_marks(properties.support_names, properties.support_spring)
     marks += [Mark(MarkKind.JOINT, model.frame_names[s]) for s in _joints(body)]
     return (*marks, *(Mark(MarkKind.CUT, f"cut {k + 1}") for k in range(len(_cuts(body)))))
+
+
+def support_marks(names: Sequence[str], springs: IntArray) -> list[Mark]:
+    """Marks of supports, by whether springs hold."""
+    kinds = (MarkKind.SUPPORT, MarkKind.SPRING)
+    return [Mark(kinds[spring], name) for name, spring in zip(names, springs, strict=True)]
 
 
 def _joints(body: FlexibleBody) -> list[int]:
@@ -86,6 +94,8 @@ def mark_places(body: FlexibleBody, q: FloatArray) -> FloatArray:
     """Where the marks are, (k, 3), m."""
     model = body.model
     places = [model.interface_point + body.core.motion(q).reshape(-1, 2, 3)[:, 0]]
+    if model.properties is not None and model.properties.support_point is not None:
+        places.append(model.properties.support_point)
     cuts = _cuts(body)
     if body.core.frames:
         position, _ = body.core.nodes_at(q)

@@ -230,6 +230,8 @@ def _draw_marks(panel: Any, view: View, case: Case | None, shape: int, factor: f
         MarkKind.INTERFACE: ("o", "#d55e00", 6),
         MarkKind.JOINT: ("D", "#1d2733", 3.5),
         MarkKind.CUT: ("D", "#cc79a7", 5),
+        MarkKind.SUPPORT: ("^", "#1d2733", 7),
+        MarkKind.SPRING: ("s", "#1d2733", 6),
     }
     for mark, place in zip(view.marks, places @ camera.axes.T, strict=True):
         form, ink, size = looks[mark.kind]
