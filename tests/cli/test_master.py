@@ -313,9 +313,10 @@ def moving(random, ends=3, size=0.7):
 
 @pytest.fixture
 def springs(random):
-    """Three springs between three ends and the ground, stiff in different ways."""
-    index = np.array([0, 1, 2])
-    return Springs(index, np.array([1, 2, 3]), random.uniform(10.0, 500.0, (3, 6)), random.uniform(0.1, 9.0, (3, 6)))
+    """Three springs between three ends and the ground, stiff in different ways along axes of their own."""
+    index, axes = np.array([0, 1, 2]), exponential(random.uniform(-2.0, 2.0, (3, 3)))
+    stiffness, damping = random.uniform(10.0, 500.0, (3, 6)), random.uniform(0.1, 9.0, (3, 6))
+    return Springs(index, np.array([1, 2, 3]), stiffness, damping, axes)
 
 
 def turned(motion, turn, about=0.0):
@@ -329,13 +330,29 @@ def turned(motion, turn, about=0.0):
 def test_a_large_common_turn_strains_no_spring(springs):
     turn = np.array([0.0, np.pi / 6, 0.0])
     both = np.tile(np.concatenate([[0.3, -0.2, 0.1], turn]), (3, 1))
-    pair = Springs(springs.a[:2], springs.b[:2], 1e9 * springs.stiffness[:2], springs.damping[:2])
+    pair = Springs(springs.a[:2], springs.b[:2], 1e9 * springs.stiffness[:2], springs.damping[:2], springs.axes[:2])
     assert np.max(np.abs(relative_motion(both[0], both[1])[0])) < 1e-15
     np.testing.assert_allclose(loads(pair, both, np.zeros((3, 6))), 0.0, atol=1e-4)
     # A small relative turn on top of it comes out as it is, along the axes that turned.
     small = np.array([1e-3, -2e-3, 3e-3])
     both[0, 3:] = rotation_vector(exponential(turn) @ exponential(small))
     np.testing.assert_allclose(relative_motion(both[0], both[1])[0][3:], small, rtol=1e-12)
+
+
+def test_a_spring_pulls_along_its_own_axes():
+    """Compliance F = Aᵀ K A u of a small motion, and the same of turns and dampers."""
+    axes = exponential(np.array([0.5, -0.8, 0.3]))
+    stiffness, damping = np.array([[1e3, 5e3, 9e3, 2.0, 7.0, 4.0]]), np.array([[30.0, 2.0, 8.0, 0.1, 0.5, 0.9]])
+    spring, motion, rates = (
+        Springs(np.array([0]), np.array([1]), stiffness, damping, axes[None]),
+        np.zeros((1, 6)),
+        np.zeros((1, 6)),
+    )
+    motion[0], rates[0] = 1e-7 * np.array([2.0, -1.0, 3.0, 1.0, 4.0, -2.0]), [0.1, 0.3, -0.2, 0.5, 0.1, -0.4]
+    found = loads(spring, motion, rates)[0]
+    for place in (slice(0, 3), slice(3, 6)):
+        own = [axes.T @ np.diag(k[0, place]) @ axes for k in (stiffness, damping)]
+        np.testing.assert_allclose(found[place], -own[0] @ motion[0, place] - own[1] @ rates[0, place], rtol=1e-5)
 
 
 def test_the_axes_of_the_stiffness_turn_with_b_and_those_of_the_ground_stay():
@@ -352,7 +369,7 @@ def test_the_axes_of_the_stiffness_turn_with_b_and_those_of_the_ground_stay():
 
 def test_loads_between_bodies_balance_about_any_point(springs, random):
     motion, rates = moving(random), moving(random)
-    inner = Springs(springs.a[:2], springs.b[:2], springs.stiffness[:2], springs.damping[:2])
+    inner = Springs(springs.a[:2], springs.b[:2], springs.stiffness[:2], springs.damping[:2], springs.axes[:2])
     found = loads(inner, motion, rates)
     assert np.max(np.abs(found)) > 1.0
     np.testing.assert_allclose(np.sum(found[:, :3], axis=0), 0.0, atol=1e-11)
@@ -362,7 +379,7 @@ def test_loads_between_bodies_balance_about_any_point(springs, random):
 
 def test_loads_turn_with_a_rigid_turn_of_everything(springs, random):
     motion, turn = moving(random), exponential(np.array([0.5, -1.2, 0.8]))
-    inner = Springs(springs.a[:2], springs.b[:2], springs.stiffness[:2], springs.damping[:2])
+    inner = Springs(springs.a[:2], springs.b[:2], springs.stiffness[:2], springs.damping[:2], springs.axes[:2])
     still = np.zeros((3, 6))
     expected = (loads(inner, motion, still).reshape(3, 2, 3) @ turn.T).reshape(3, 6)
     np.testing.assert_allclose(loads(inner, turned(motion, turn, 0.3), still), expected, atol=1e-10)
@@ -390,12 +407,12 @@ def test_loads_are_minus_the_gradient_of_the_energy(springs, random):
 
 def test_dampers_take_energy_and_only_from_relative_motion(springs, random):
     motion = moving(random)
-    dampers = Springs(springs.a, springs.b, 0.0 * springs.stiffness, springs.damping)
+    dampers = Springs(springs.a, springs.b, 0.0 * springs.stiffness, springs.damping, springs.axes)
     for _ in range(20):
         rates = moving(random)
         assert np.sum(loads(dampers, motion, rates) * rates) < 0.0
     # A rigid motion of all: ω, and v = ω × x.
-    inner = Springs(springs.a[:2], springs.b[:2], 0.0 * springs.stiffness[:2], springs.damping[:2])
+    inner = Springs(springs.a[:2], springs.b[:2], 0.0 * springs.stiffness[:2], springs.damping[:2], springs.axes[:2])
     spin = np.array([0.4, 2.0, -1.0])
     rigid = np.concatenate([np.cross(spin, motion[:, :3]) + 5.0, np.tile(spin, (3, 1))], axis=1)
     np.testing.assert_allclose(loads(inner, motion, rigid), 0.0, atol=1e-12)
@@ -430,7 +447,11 @@ def test_the_tangent_is_the_derivative_of_the_loads_of_slightly_strained_springs
     motion = np.tile(moving(random, 1), (3, 1))
     grounded = springs.b == 3
     still = Springs(
-        springs.a[~grounded], springs.b[~grounded], springs.stiffness[~grounded], springs.damping[~grounded]
+        springs.a[~grounded],
+        springs.b[~grounded],
+        springs.stiffness[~grounded],
+        springs.damping[~grounded],
+        springs.axes[~grounded],
     )
     found = tangent(still, motion, np.zeros(3))
     size = 1e-7
@@ -440,7 +461,9 @@ def test_the_tangent_is_the_derivative_of_the_loads_of_slightly_strained_springs
         ahead, behind = (loads(still, spun(motion, s * change_.reshape(3, 6)), np.zeros((3, 6))) for s in (1, -1))
         np.testing.assert_allclose(found[:, column], (ahead - behind).ravel() / (2 * size), atol=1e-4)
     damped = tangent(springs, motion, np.full(3, 100.0)) - tangent(springs, motion, np.zeros(3))
-    expected = tangent(Springs(springs.a, springs.b, 100.0 * springs.damping, springs.damping), motion, np.zeros(3))
+    expected = tangent(
+        Springs(springs.a, springs.b, 100.0 * springs.damping, springs.damping, springs.axes), motion, np.zeros(3)
+    )
     np.testing.assert_allclose(damped, expected, rtol=1e-10, atol=1e-8)
 
 

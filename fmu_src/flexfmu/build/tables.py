@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import fields
 from itertools import pairwise
-from math import hypot, inf
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from ..files.axes import Axes
 from ..files.limits import MOST_MODES
 from ..files.toml_files import Name, Table, Vector
 from ..files.units import UnitSystem
@@ -182,23 +183,13 @@ class SupportTable(Table):
     rotational_stiffness: Vector | None = Field(default=None, examples=[[100.0, 100.0, 0.0]])
     damping: Vector | None = Field(default=None, examples=[[1e3, 1e3, 1e3]])
     rotational_damping: Vector | None = Field(default=None, examples=[[0.1, 0.1, 0.1]])
-    axes: list[Vector] | None = Field(default=None, min_length=2, max_length=2, examples=[[[0, 1, 0], [0, 0, 1]]])
+    axes: Axes | None = Field(default=None, examples=[[[0, 1, 0], [0, 0, 1]]])
 
     @field_validator("stiffness", "rotational_stiffness", "damping", "rotational_damping")
     @classmethod
     def _not_negative(cls, value: list[float] | None) -> list[float] | None:
         if value is not None and not 0.0 <= min(value) <= max(value) < inf:
             raise ValueError(f"is {value}, expected three numbers ≥ 0")
-        return value
-
-    @field_validator("axes")
-    @classmethod
-    def _not_parallel(cls, value: list[list[float]] | None) -> list[list[float]] | None:
-        if value is not None:
-            (a, b, c), (x, y, z) = value
-            normal = hypot(b * z - c * y, c * x - a * z, a * y - b * x)
-            if not 1e-6 * hypot(a, b, c) * hypot(x, y, z) < normal < inf:
-                raise ValueError(f"are {value}, expected two vectors that are not parallel")
         return value
 
     @model_validator(mode="after")

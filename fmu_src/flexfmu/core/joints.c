@@ -47,6 +47,14 @@ void relative_motion(const double *a, const double *b, double *relative, double 
         }
 }
 
+/* e (6) and B (12, 6) of a spring by the motion of all ends. */
+static void joint_motion(const Joints *joints, int64_t k, const double *motion, double *relative, double *matrix) {
+    const double *axes = joints->axes + 9 * k;
+    double whole[78];
+    relative_motion(six_of(joints, motion, joints->a[k]), six_of(joints, motion, joints->b[k]), whole, whole + 6);
+    for (int i = 0; i < 26; i++) apply(axes, whole + 3 * i, i < 2 ? relative + 3 * i : matrix + 3 * (i - 2));
+}
+
 void backward_rates(const double *motion, const double *before, double step, double *rates, int64_t ends) {
     for (int64_t end = 0; end < ends; end++, motion += 6, before += 6, rates += 6) {
         double now[9], then[9], back[9], turn[9], unused[9];
@@ -66,7 +74,7 @@ void joint_loads(const Joints *joints, const double *motion, const double *rates
     for (int64_t k = 0; k < joints->count; k++) {
         const int64_t ends[2] = {joints->a[k], joints->b[k]};
         double relative[6], matrix[72], stress[6];
-        relative_motion(six_of(joints, motion, ends[0]), six_of(joints, motion, ends[1]), relative, matrix);
+        joint_motion(joints, k, motion, relative, matrix);
         const double *rate_a = six_of(joints, rates, ends[0]), *rate_b = six_of(joints, rates, ends[1]);
         for (int j = 0; j < 6; j++) {
             double speed = 0.0;
@@ -86,7 +94,7 @@ void joint_tangent(const Joints *joints, const int64_t *kept, const double *moti
         if (kept && !kept[k]) continue;
         const int64_t ends[2] = {joints->a[k], joints->b[k]};
         double relative[6], matrix[72];
-        relative_motion(six_of(joints, motion, ends[0]), six_of(joints, motion, ends[1]), relative, matrix);
+        joint_motion(joints, k, motion, relative, matrix);
         for (int column = 0; column < 12; column++) {
             const int64_t mover = ends[column / 6];
             if (mover == joints->ends) continue;
@@ -103,7 +111,7 @@ void joint_tangent(const Joints *joints, const int64_t *kept, const double *moti
 double joint_energy(const Joints *joints, const double *motion) {
     double sum = 0.0, relative[6], matrix[72];
     for (int64_t k = 0; k < joints->count; k++) {
-        relative_motion(six_of(joints, motion, joints->a[k]), six_of(joints, motion, joints->b[k]), relative, matrix);
+        joint_motion(joints, k, motion, relative, matrix);
         for (int j = 0; j < 6; j++) sum += joints->stiffness[6 * k + j] * relative[j] * relative[j];
     }
     return 0.5 * sum;
@@ -112,8 +120,8 @@ double joint_energy(const Joints *joints, const double *motion) {
 double joint_losses(const Joints *joints, const double *motion, const double *before, double step) {
     double sum = 0.0, now[6], then[6], matrix[72];
     for (int64_t k = 0; k < joints->count; k++) {
-        relative_motion(six_of(joints, motion, joints->a[k]), six_of(joints, motion, joints->b[k]), now, matrix);
-        relative_motion(six_of(joints, before, joints->a[k]), six_of(joints, before, joints->b[k]), then, matrix);
+        joint_motion(joints, k, motion, now, matrix);
+        joint_motion(joints, k, before, then, matrix);
         for (int j = 0; j < 6; j++) sum += joints->damping[6 * k + j] * (now[j] - then[j]) * (now[j] - then[j]);
     }
     return sum / step;

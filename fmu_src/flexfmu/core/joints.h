@@ -6,7 +6,7 @@
  *
  *     e_rate = B' (v_a, w_a, v_b, w_b),   (f_a, m_a, f_b, m_b) = -B (K e + D e_rate).
  *
- * The axes of K and D are the global ones at first and turn with b; the ground does not turn. A motion that both ends
+ * The axes of K and D, A in rows, turn with b: e and B are taken along A. The ground does not turn. A motion that both ends
  * share leaves e as it is, so forces and moments balance, about any point: b also bears the moment of the force at a. */
 #ifndef FLEX_JOINTS_H
 #define FLEX_JOINTS_H
@@ -16,10 +16,11 @@
 typedef struct {
     int64_t count, ends;               /* springs, and ends between which they are: end number `ends` is the ground */
     const int64_t *a, *b;              /* (count) ends */
-    const double *stiffness, *damping; /* (count, 6): N/m, N m/rad; N s/m, N m s/rad; along axes that turn with b */
+    const double *stiffness, *damping; /* (count, 6): N/m, N m/rad; N s/m, N m s/rad; along the axes */
+    const double *axes;                /* (count, 3, 3) */
 } Joints;
 
-/* e (6) and B (12, 6) of displacement and rotation vector (6) of the ends, global axes; m, rad. */
+/* e (6) and B (12, 6) along global axes that turn with b, of displacement and rotation vector (6) of the ends, global axes; m, rad. */
 void relative_motion(const double *a, const double *b, double *relative, double *matrix);
 /* rates (ends, 6): velocity and angular velocity from the motion (ends, 6) now and a step (s) ago. */
 void backward_rates(const double *motion, const double *before, double step, double *rates, int64_t ends);

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
+from ..files.axes import Axes
 from ..files.errors import SimulationError
 from ..files.inputs import Kind
 from ..files.limits import MOST_COUPLED_STEPS
@@ -146,12 +147,15 @@ class SpringTable(Table):
         Six numbers: three in N/m, three in N m/rad.
     damping
         Six numbers: three in N s/m, three in N m s/rad.
+    axes
+        x of the spring, and a vector in the plane of its x and y; they turn with `b`. Default: global
     """
 
     a: str
     b: str | None = None
     stiffness: Six = Field(examples=[[1e6, 1e6, 1e6, 0.0, 0.0, 0.0]])
     damping: Six = [0.0] * 6
+    axes: Axes | None = Field(default=None, examples=[[[0, 1, 0], [0, 0, 1]]])
 
     @model_validator(mode="after")
     def _two_ends(self) -> "SpringTable":

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..files.array_types import IntArray
+from ..files.axes import orthonormal
 from ..files.errors import SimulationError
 from ..files.units import QUANTITIES
 from .config import SpringTable
@@ -215,4 +216,5 @@ def lay_springs(springs: list[SpringTable], ends: tuple[str, ...]) -> Springs:
         np.array([len(ends) if spring.b is None else ends.index(spring.b) for spring in springs], dtype=np.int64),
         np.array([spring.stiffness for spring in springs], dtype=np.float64).reshape(-1, 6),
         np.array([spring.damping for spring in springs], dtype=np.float64).reshape(-1, 6),
+        np.array([orthonormal(spring.axes) for spring in springs]).reshape(-1, 3, 3),
     )

@@ -41,15 +41,18 @@ class Springs:
     a, b : (N,) int
         Ends; E is the ground.
     stiffness : (N, 6) float
-        N/m, then N m/rad; along the axes that turn with b.
+        N/m, then N m/rad; along and about the axes.
     damping : (N, 6) float
         N s/m, then N m s/rad.
+    axes : (N, 3, 3) float, optional
+        In rows; they turn with b. Default: global.
     """
 
     a: IntArray
     b: IntArray
     stiffness: FloatArray
     damping: FloatArray
+    axes: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)

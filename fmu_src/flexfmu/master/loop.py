@@ -30,7 +30,7 @@ def _named(kind: Any, names: str) -> list[tuple[str, Any]]:
 class _Joints(Structure):
     """`Joints` of core/joints.h."""
 
-    _fields_ = [*_named(_WHOLE, "count ends"), *_named(_PLACE, "a b stiffness damping")]
+    _fields_ = [*_named(_WHOLE, "count ends"), *_named(_PLACE, "a b stiffness damping axes")]
 
 
 class _Wiring(Structure):
@@ -333,6 +333,7 @@ def joined(springs: Springs, ends: int, arrays: "Arrays") -> Structure:
         b=arrays.at(springs.b, np.int64),
         stiffness=arrays.at(springs.stiffness),
         damping=arrays.at(springs.damping),
+        axes=arrays.at(np.tile(np.eye(3), (len(springs.a), 1, 1)) if springs.axes is None else springs.axes),
     )
 
 

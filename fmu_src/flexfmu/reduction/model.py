@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..fe.unknowns import Unknowns, unknowns
 from ..files.array_types import BoolArray, FloatArray, IntArray
+from ..files.axes import orthonormal
 from ..files.errors import ModelError
 from ..mesh.checks import connected_parts, without_mechanisms
 from ..mesh.links import simplex
@@ -175,14 +176,12 @@ def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> tu
     turning = *(support.rotational_stiffness or still), *(support.rotational_damping or still)
     if any(turning) and End(mesh.points, nodes, centre).rank < 2:
         raise ModelError(f"{key}: its nodes lie on a line or in a point, which has no rotation: give more nodes")
-    first, second = (np.array(one) for one in (support.axes or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))))
-    third = np.cross(first, second)
-    axes = np.array([first, np.cross(third, first), third])
-    axes /= np.linalg.norm(axes, axis=1)[:, None]
     stiff, damped = np.array(
         [*(support.stiffness or still), *turning[:3], *(support.damping or still), *turning[3:]]
     ).reshape(2, 6)
-    made = SpringDamper(key, (nodes, none), np.array([centre, centre]), centre, axes, stiff, damped)
+    made = SpringDamper(
+        key, (nodes, none), np.array([centre, centre]), centre, orthonormal(support.axes), stiff, damped
+    )
     one, two, three, four, place = (
         ", ".join(f"{k:.4g}" for k in part) for part in (*stiff.reshape(2, 3), *damped.reshape(2, 3), centre)
     )
