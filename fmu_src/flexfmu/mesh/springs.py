@@ -4,8 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
+import numpy as np
+
 from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.listing import listed
+
+# Distance of two ends across a pull, over where they are, that is round-off of coordinates.
+_ACROSS = 1e-6
 
 
 class Along(Enum):
@@ -49,12 +55,35 @@ class SpringDamper:
     damping: FloatArray
     along: Along = Along.END
 
+    @property
+    def askew(self) -> bool:
+        """Whether it pulls along fixed axes across the line between two ends, so that pull and line make a couple."""
+        if self.along is not Along.FIXED or not all(end.size for end in self.ends):
+            return False
+        used = (self.stiffness + self.damping)[:3] > 0.0
+        across = np.cross(self.axes, self.places[0] - self.places[1])[used]
+        return bool(np.abs(across).max(initial=0.0) > _ACROSS * np.linalg.norm(self.places[0]))
+
 
 def moved_springs(springs: Sequence[SpringDamper], moved: Callable[[IntArray], IntArray]) -> tuple[SpringDamper, ...]:
     """Springs whose nodes have other rows."""
     return tuple(replace(one, ends=(moved(one.ends[0]), moved(one.ends[1]))) for one in springs)
 
 
-def springs_note(springs: Sequence[SpringDamper], what: str) -> list[str]:
-    """A line on the springs of a file; none without them."""
-    return [f"{len(springs)} springs and dampers: {listed(one.name for one in springs)} ({what})"] if springs else []
+def unit_of(direction: int, units: UnitSystem) -> float:
+    """What a stiffness or damping of a file is multiplied with, along an axis (0 to 2) or about one (3 to 5)."""
+    return units.stress * units.length ** (1 if direction < 3 else 3)
+
+
+def springs_note(springs: Sequence[SpringDamper]) -> list[str]:
+    """Lines on the springs of a file; none without them."""
+    if not springs:
+        return []
+    notes = [f"{len(springs)} springs and dampers: {listed(one.name for one in springs)}"]
+    askew = [one.name for one in springs if one.askew]
+    if askew:
+        notes.append(
+            f"springs and dampers {listed(askew)} pull along fixed axes across the line between their nodes: turning "
+            "the body as a whole strains them"
+        )
+    return notes

@@ -21,12 +21,15 @@ from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
 from flexfmu.mesh.decks.equations import equations
 from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
+from flexfmu.mesh.decks.masses import CARDS as MASSES
 from flexfmu.mesh.decks.masses import Carriers, point_masses
 from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
 from flexfmu.mesh.decks.orientation import orientation
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.decks.shells import KEY as SHELLS
 from flexfmu.mesh.decks.shells import Faces, by_element, take_shells, thickness_by_node
+from flexfmu.mesh.decks.springs import CARDS as SPRINGS
+from flexfmu.mesh.decks.springs import deck_springs
 from flexfmu.mesh.decks.surfaces import DeckSurface, surface
 from flexfmu.mesh.decks.ties import TieTable
 from flexfmu.mesh.equations import matrix_of
@@ -107,8 +110,10 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     used = {row for block in blocks for row in block.connectivity.ravel().tolist()}
     turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
     carriers = Carriers(points * units.length, used, turning, couplings)
-    heavy = [*content.cards["MASS"], *content.cards["ROTARYINERTIA"]]
+    heavy, soft = ([card for key in keys for card in content.cards[key]] for keys in (MASSES, SPRINGS))
     masses = point_masses(heavy, element_sets, elements, carriers, units, content.notes)
+    oriented = content.materials.orientations
+    springs = deck_springs(soft, element_sets, elements, carriers, fixed, oriented, units, content.notes)
     coupled, references, links, told = offered(couplings, points * units.length, fixed)
     content.notes.extend(told)
     labels = np.concatenate([block.labels for block in blocks])
@@ -124,6 +129,7 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
         fixed=fixed[:, :3],
         references=references,
         masses=masses,
+        springs=springs,
         links=tuple(links),
         equations=matrix_of(rows, 3 * len(points)) if rows else None,
         notes=(

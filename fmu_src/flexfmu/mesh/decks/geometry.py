@@ -212,8 +212,7 @@ class ElementTable:
         if kind is None:
             raise card.line.error(
                 f"element type {name} is not supported (supported: {SUPPORTED}; faces and edges without a section "
-                "serve sets); mesh what it stands for with solid elements; a spring to the ground is a [[support]] "
-                "with stiffness"
+                "serve sets); mesh what it stands for with solid elements"
             )
         labels = []
         for line, row in _element_rows(card, name, kind.node_count):

@@ -13,8 +13,9 @@ from flexfmu.mesh.decks.geometry import Elements
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.model import PointMass, masses_note
 
-# The type of element that each card gives its numbers, and where I11, I22, I33, I12, I13, I23 stand in a matrix.
-_TYPES = {"MASS": "MASS", "ROTARYINERTIA": "ROTARYI"}
+# Where I11, I22, I33, I12, I13, I23 stand in a matrix.
+CARDS = {"MASS": "MASS", "ROTARYINERTIA": "ROTARYI"}
+"""Cards, and the type of the elements that each is for."""
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -72,9 +73,9 @@ def _given(cards: Sequence[Card], element_sets: SetTable, elements: Elements, un
     for card in cards:
         members = element_sets.find(card.required("ELSET"), card.line, card.scope)
         chosen = elements.others_of(members)
-        if len(chosen) < len(members) or any(other.name != _TYPES[card.key] for other in chosen):
+        if len(chosen) < len(members) or any(other.name != CARDS[card.key] for other in chosen):
             raise card.line.error(
-                f"*{card.keyword} is for elements of type {_TYPES[card.key]}, set '{card.parameters['ELSET']}' "
+                f"*{card.keyword} is for elements of type {CARDS[card.key]}, set '{card.parameters['ELSET']}' "
                 "holds others; name a set of these alone"
             )
         values = _values(card)

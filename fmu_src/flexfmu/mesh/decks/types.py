@@ -52,7 +52,7 @@ class Reading:
         None for what is no solid.
     node_count : int
     dimension : int
-        3 for solids, 2 for faces, 1 for edges, 0 for a mass or an inertia at a node.
+        3 for solids, 2 for faces, 1 for edges, 0 for a mass, an inertia or a spring at nodes.
     note : str
         What the name says beyond `solid`; empty without such.
     """
@@ -81,6 +81,8 @@ def reading(name: str) -> Reading | None:
     if name in READ_AS:
         kind, note = READ_AS[name]
         return Reading(kind, kind.node_count, 3, note)
+    if re.fullmatch("(SPRING|DASHPOT)[A12]", name):
+        return Reading(None, 1 if name[-1] == "1" else 2, 0)
     if name in ("MASS", "ROTARYI", "DCOUP3D"):
         return Reading(None, 1, 0)
     found = _FACE.match(name)

@@ -1,0 +1,167 @@
+"""Springs and dampers of a deck: elements SPRINGA, SPRING1, SPRING2 and DASHPOT with *SPRING and *DASHPOT."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
+from flexfmu.mesh.decks.geometry import Element, Elements
+from flexfmu.mesh.decks.masses import Carriers
+from flexfmu.mesh.decks.orientation import Orientation
+from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.springs import Along, SpringDamper, springs_note, unit_of
+
+CARDS = {"SPRING": "SPRING", "DASHPOT": "DASHPOT"}
+"""Cards, and the beginning of the elements' names that each is for; A, 1 or 2 follows."""
+
+
+class _Ends(NamedTuple):
+    """What springs may hang on: nodes that something carries, and nodes that are ground."""
+
+    elements: Elements
+    carriers: Carriers
+    fixed: BoolArray
+
+    def of(self, element: Element) -> tuple[list[IntArray], FloatArray]:
+        """Rows that carry each end of an element, none on the ground, and where they are (2, 3), m."""
+        rows = self.elements.nodes.rows_of(element)
+        found = []
+        for row, label in zip(rows, element.nodes, strict=True):
+            on = self.carriers.of(row)
+            if on is None and not self.fixed[row, :3].all():
+                raise element.line.error(
+                    f"element {element.label} ends at node {label}, which belongs to no element and no coupling and is "
+                    "not held: nothing carries it; couple it (*COUPLING), or hold it (*BOUNDARY, 1 to 3) as ground"
+                )
+            found.append(np.zeros(0, dtype=np.int64) if on is None else on)
+        places = self.carriers.points[rows]
+        return [*found, np.zeros(0, dtype=np.int64)][:2], np.array([places[0], places[-1]])
+
+
+def deck_springs(
+    cards: Sequence[Card],
+    element_sets: SetTable,
+    elements: Elements,
+    carriers: Carriers,
+    fixed: BoolArray,
+    orientations: dict[str, Orientation],
+    units: UnitSystem,
+    notes: list[str],
+) -> tuple[SpringDamper, ...]:
+    """Return the springs and dampers of the cards *SPRING and *DASHPOT.
+
+    Parameters
+    ----------
+    cards : sequence of Card
+    element_sets : SetTable
+    elements : Elements
+    carriers : Carriers
+    fixed : (n, 6) bool
+        What the deck holds of each node.
+    orientations : dict of str to Orientation
+        By name in capitals.
+    units : UnitSystem
+    notes : list of str
+        Gets what is found.
+
+    Returns
+    -------
+    tuple of SpringDamper
+
+    Raises
+    ------
+    DeckError
+        What is not linear, elements of another type or without a card, or an end that nothing carries.
+    """
+    found, known = [], set()
+    ends = _Ends(elements, carriers, fixed)
+    for card in cards:
+        directions, value = _values(card)
+        turned: Orientation | None = None
+        if name := card.parameters.get("ORIENTATION"):
+            turned = orientations.get(card.scope.qualified(name).upper())
+            if turned is None:
+                raise card.line.error(f"*{card.keyword} names the orientation '{name}', which is not there")
+        members = element_sets.find(card.required("ELSET"), card.line, card.scope)
+        chosen = elements.others_of(members)
+        if len(chosen) < len(members) or any(not one.name.startswith(CARDS[card.key]) for one in chosen):
+            raise card.line.error(
+                f"*{card.keyword} is for elements of type {CARDS[card.key]}A, 1 or 2, set "
+                f"'{card.parameters['ELSET']}' holds others; name a set of these alone"
+            )
+        for element in chosen:
+            known.add(element.label)
+            found.append(_spring(card, element, ends, turned, directions, value, units))
+    lone = [one for one in elements.others if one.name.startswith(tuple(CARDS.values())) and one.label not in known]
+    if lone:
+        raise lone[0].line.error(f"element {lone[0].label} of type {lone[0].name} has no *SPRING or *DASHPOT; add it")
+    notes.extend(springs_note(found))
+    return tuple(found)
+
+
+def _spring(
+    card: Card,
+    element: Element,
+    ends: _Ends,
+    turned: Orientation | None,
+    directions: tuple[int, ...],
+    value: float,
+    units: UnitSystem,
+) -> SpringDamper:
+    """The spring or damper that an element is."""
+    on, places = ends.of(element)
+    numbers, line = np.zeros(6), element.name.endswith("A")
+    if line and not np.linalg.norm(places[0] - places[1]) > 0.0:
+        raise element.line.error(f"both nodes of element {element.label} are in one place: {element.name} has no line")
+    if not line and not directions:
+        raise card.line.error(
+            f"*{card.keyword} for {element.name} takes a row of directions, 1 to 6, before its number"
+        )
+    if len(set(directions)) > 1 and not line:
+        raise card.line.error(
+            f"*{card.keyword} joins direction {directions[0]} to {directions[1]}: both must be the same; use *EQUATION"
+        )
+    direction = 0 if line else directions[0] - 1
+    numbers[direction] = value * unit_of(direction, units)
+    axes = np.eye(3) if turned is None else turned.axes(places[:1] / units.length)[0].T
+    still = np.zeros(6)
+    stiffness, damping = (numbers, still) if card.key == "SPRING" else (still, numbers)
+    along = Along.LINE if line else Along.FIXED
+    name = f"{element.name} {element.label}"
+    return SpringDamper(name, (on[0], on[1]), places, places.mean(axis=0), axes, stiffness, damping, along)
+
+
+def _values(card: Card) -> tuple[tuple[int, ...], float]:
+    """Directions of a card's first row, none where it is blank, and its number."""
+    if "NONLINEAR" in card.parameters or "RTOL" in card.parameters or "COMPLEXSTIFFNESS" in card.parameters:
+        raise card.line.error(
+            f"*{card.keyword} is nonlinear or complex, springs and dampers of a body are linear: give its number about "
+            "the working point"
+        )
+    rows = [fields(line) for line in card.data]
+    full = [(row, line) for row, line in zip(rows, card.data, strict=True) if any(row)]
+    first = _directions(*full[0]) if len(full) > 1 else ()
+    if len(full) != (2 if first else 1):
+        raise card.line.error(
+            f"*{card.keyword} has {len(full)} rows of numbers, expected directions and one number: tables over "
+            "frequency or temperature are none of a linear body; give one row"
+        )
+    texts, line = full[-1]
+    value = number(texts[0], line, f"the number of *{card.keyword}")
+    if value < 0.0:
+        raise line.error(f"*{card.keyword} has the number {value:g}, expected one that is not negative")
+    return first, value
+
+
+def _directions(texts: list[str], line: Line) -> tuple[int, ...]:
+    """Directions 1 to 6 of a row; none where it holds something else."""
+    given = [text for text in texts if text]
+    if len(given) > 2 or not all(text.isdigit() for text in given):
+        return ()
+    found = tuple(integer(text, line, "a direction") for text in given)
+    if not all(1 <= one <= 6 for one in found):
+        raise line.error(f"directions of a spring are 1 to 6, found {found}")
+    return found

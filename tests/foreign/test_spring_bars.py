@@ -1,0 +1,86 @@
+"""Springs of decks against CalculiX on the same decks (tests/foreign/spring_bars.py), and what is refused of them."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import flexfmu
+from flexfmu.fe.nonlinear import load_path
+from flexfmu.files.errors import DeckError
+from flexfmu.files.progress import Reporter
+from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.checks import checked
+from flexfmu.mesh.decks.deck import read_deck
+from flexfmu.reduction.basis import Matrices
+from flexfmu.reduction.model import assemble_model
+from foreign.deck_bars import FORCE, HERE, LARGE
+from foreign.spring_bars import SPRINGS, deck
+
+
+@pytest.fixture(scope="module")
+def calculix():
+    with (HERE / "spring_bars.csv").open() as file:
+        return {(r["bar"], r["load"]): np.array([float(r[f"u{a}_m"]) for a in "xyz"]) for r in csv.DictReader(file)}
+
+
+def body_of(folder, name, change=("", "")):
+    path = folder / "bar.inp"
+    path.write_text(deck(name)[0].replace(*change))
+    tip = flexfmu.Interface("TIP", weights="node")
+    return flexfmu.Body(read_deck(path, UnitSystem.SI), None, ["ROOT"], {"tip": tip})
+
+
+@pytest.mark.parametrize("name", SPRINGS)
+def test_bars_on_springs_deflect_as_in_calculix_little_and_far(name, tmp_path, calculix):
+    body = body_of(tmp_path, name)
+    model = assemble_model(checked(body.mesh), body.spec.options)
+    tip, load = model.mesh.node_sets["TIP"], np.zeros((len(model.mesh.points), 3))
+    load[tip] = FORCE / len(tip)
+    found = Matrices(model, model.mesh.volume_matrices, Reporter()).supported
+    u = found.whole(found.static(found.forces(load.reshape(-1, 1))))[:, 0]
+    path = load_path(
+        model.mesh, model.unknowns, model.spring, LARGE * load.ravel(), [1.0], Reporter(), model.bushings.forces
+    )
+    for which, motion in (("linear", u), ("large", path.displacement[-1])):
+        expected = calculix[name, which]
+        error = np.linalg.norm(motion.reshape(-1, 3)[tip].mean(axis=0) - expected)
+        assert error < 2e-5 * np.linalg.norm(expected), which
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SPRINGS)
+def test_bodies_with_springs_bend_far_by_the_default_method_as_in_calculix(name, tmp_path, calculix):
+    body = body_of(tmp_path, name).build(surface=False)
+    found = body.response(body.static({"tip": LARGE * FORCE})).displacement[0]
+    expected = calculix[name, "large"]
+    straight = LARGE * calculix[name, "linear"]
+    assert np.linalg.norm(straight - expected) > 0.01 * np.linalg.norm(expected)
+    assert np.linalg.norm(found - expected) < 5e-3 * np.linalg.norm(expected)
+
+
+REFUSED = {
+    "nonlinear": (("*SPRING, ", "*SPRING, NONLINEAR, "), "are linear"),
+    "over frequency": (("1000000.0", "1000000.0, 1.\n2000000.0, 5."), "none of a linear body"),
+    "another element": (("TYPE=SPRINGA", "TYPE=MASS"), "has 2 nodes"),
+    "no card": (("*SPRING, ELSET=S\n\n1000000.0\n", ""), "no *SPRING"),
+    "nothing carries it": (("9001, 1, 3", "9001, 1, 2"), "nothing carries it"),
+    "negative": (("1000000.0", "-5."), "not negative"),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_springs_that_cannot_be_taken_are_refused_with_their_line(what, tmp_path):
+    change, words = REFUSED[what]
+    with pytest.raises(DeckError, match=r"bar\.inp, line \d+") as found:
+        body_of(tmp_path, "line to the ground", change)
+    assert words in str(found.value)
+
+
+def test_dashpots_of_a_deck_are_dampers_along_their_line(tmp_path):
+    body = body_of(tmp_path, "line to the ground", ("SPRING", "DASHPOT"))
+    model = assemble_model(checked(body.mesh), body.spec.options)
+    line = np.array([0.0, 0.3, -0.2]) / np.linalg.norm([0.3, 0.2])
+    rows = model.bushings.dampers.toarray()
+    np.testing.assert_allclose(np.abs(rows[np.abs(rows) > 0.0]), 1e3 * np.abs(line[1:]), rtol=1e-12)
+    assert model.bushings.rows.nnz == 0
