@@ -123,7 +123,7 @@ def nastran(folder, *bulk):
     ("bulk", "message"),
     [
         (("CQUAD4,5,2,1,2,3,4", "PSHELL,2,1,.001"), "PSHELL 2 should have a thickness, one material"),
-        (("CELAS2,6,100.,1,1,2,1",), "no solid: CELAS2 6"),
+        (("CGAP,6,2,1,2,0.,0.,1.",), "no solid: CGAP 6"),
         (("MPC,1,1,1,1.,2,4,-1.",), "MPC 1 has the term 2, 4: supported are translations"),
         (
             ("MPC,1,1,1,1.,2,1,-1.", "MPC,2,1,1,1.,3,1,-1."),

@@ -33,7 +33,7 @@ def _file(folder: Path, card: str, control: str = "") -> Path:
     [
         "CWELD,6,3,1,2", "CSEAM,7,1,1,2", "CBUSH1D,9,9,1,2\nPBUSH1D,9,1e5", "CGAP,17,2,1,2,0.,0.,1.",
         "CFAST,7,3,PROP,1,1,5",
-        "CMASS2,9,1.,1,1", "CONM1,2,1,0,22.9", "CDAMP2,16,2.98,1,1", "CSUPEXT,1,1", "RJOINT,7,1,2,12", "RROD,5,1,2,1",
+        "CMASS2,9,1.,1,1", "CONM1,2,1,0,22.9", "CDAMP3,16,5,1,2", "CSUPEXT,1,1", "RJOINT,7,1,2,12", "RROD,5,1,2,1",
         "RBE1,59,1,123,2,456\n,UM,3,246", "RSSCON,110,GRID,1,2,3", "RTRPLT,7,1,2,3",
         "GENEL,629,,1,1,2,1\n,UD,,3,1\n,Z,1.,2.,3.",
         "BGSET,4,6,1,1,.1", "DMIG,STIF,0,6,1\nDMIG,STIF,1,1,,1,1,3.+5", "NSM1,3,PSOLID,1,.5,1",

@@ -11,6 +11,7 @@ import flexfmu
 from decks import read
 from flexfmu.fe.assembly import stiffness
 from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.mesh.checks import checked
 from flexfmu.mesh.sections import CrossSection, channel, i_section, l_section, walls
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions
@@ -231,6 +232,57 @@ def test_a_torsion_constant_is_that_of_thin_walls():
     assert found.constants[3] == pytest.approx((0.001 + 2.0 * 0.008) / 3.0)
 
 
+BAR = "PBAR,1,1,1.e-3,2.e-6,1.e-6,3.e-6\n"
+TURNED = "CORD2R,7,,0.,0.,0.,0.,0.,1.,\n,0.6,0.8,0.\n"
+# Cards at the tip of a cantilever, and what they add to its compliance's inverse there: stiffness (6, 6).
+TURN = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+BUSH = np.array([1e5, 3e5, 2e5, 4e4, 1e4, 2e4])
+SOFT = {
+    "CELAS2": ("CELAS2,90,3.e5,5,2\n", np.diag([0.0, 3e5, 0.0, 0.0, 0.0, 0.0])),
+    "CELAS1 of turns": ("CELAS1,90,8,5,6\nPELAS,8,2.e4\n", np.diag([0.0, 0.0, 0.0, 0.0, 0.0, 2e4])),
+    "CELAS2 to a held point": (
+        "GRID,9,,1.,-1.,0.,,123\nCELAS2,90,3.e5,9,2,5,2\n",
+        np.diag([0.0, 3e5, 0.0, 0.0, 0.0, 0.0]),
+    ),
+    "CBUSH": (
+        f"CBUSH,90,8,5,,,,,7\nPBUSH,8,K,{','.join(map(str, BUSH))}\n" + TURNED,
+        np.kron(np.eye(2), TURN).T @ np.diag(BUSH) @ np.kron(np.eye(2), TURN),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SOFT)
+def test_springs_at_the_tip_of_a_cantilever_add_their_stiffness(tmp_path, name):
+    cards, stiff = SOFT[name]
+    force, found = np.array([2e3, 3e3, -1e3]), []
+    for more in ("", cards):
+        mesh = bulk(tmp_path, chain(BAR + more))
+        body = flexfmu.Body(mesh, supports=["SPC 1"], interfaces={"tip": flexfmu.Interface("SET 1", weights="node")})
+        body = body.build(surface=False, frames=0, residual_flexibility=True)
+        columns = []
+        for load in np.eye(6) if not more else np.append(force, np.zeros(3))[None]:
+            response = body.response(body.static({"tip": load}))
+            columns.append(np.append(response.displacement[0], response.rotation[0]))
+        found.append(np.array(columns).T)
+    expected = np.linalg.solve(np.linalg.inv(found[0]) + stiff, np.append(force, np.zeros(3)))
+    np.testing.assert_allclose(found[1][:, 0], expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
+
+
+def test_a_bush_between_two_points_pulls_along_its_line_and_damps(tmp_path):
+    cards = "GRID,9,,1.,-1.,0.5,,123\nCBUSH,90,8,5,9,1.,0.,0.\nPBUSH,8,K,1.e5\n,,B,2.e3\nCDAMP2,91,40.,5,3\n"
+    mesh = checked(bulk(tmp_path, chain(BAR + cards)))
+    bush, damper = mesh.springs
+    line = np.array([0.0, -1.0, 0.5]) / np.sqrt(1.25)
+    np.testing.assert_allclose(bush.axes[0], line, atol=1e-12)
+    assert bush.stiffness.tolist() == [1e5, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert bush.damping[0] == 2e3
+    assert damper.damping.tolist() == [0.0, 0.0, 40.0, 0.0, 0.0, 0.0]
+    held = replace(mesh, fixed=np.isin(np.arange(len(mesh.points)), mesh.node_sets["SPC 1"])[:, None].repeat(3, axis=1))
+    rows = assemble_model(held, BodyOptions("beam", ())).bushings
+    push = np.tile(np.eye(3), (len(mesh.points), 1))
+    np.testing.assert_allclose((rows.rows @ push).T @ (rows.rows @ push), 1e5 * np.outer(line, line), atol=1e-6)
+
+
 REFUSED = {
     "pins": (chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n", end=",0.,1.,0.\n,45"), "pins PA = 45"),
     "taper": (
@@ -238,8 +290,14 @@ REFUSED = {
         "changes along the beam",
     ),
     "shape": (chain("PBARL,1,1,,Z\n,0.01,0.02,.05,.06\n"), "is a Z"),
-    "spring": (chain("PBAR,1,1,1.,1.,1.,1.\nCELAS2,90,1.e5,5,1\n"), "CELAS2 90"),
-    "spring's remedy": (chain("PBAR,1,1,1.,1.,1.,1.\nCELAS2,90,1.e5,5,1\n"), "springs to the ground by [[support]]"),
+    "gap": (chain("PBAR,1,1,1.,1.,1.,1.\nCGAP,90,2,1,5,0.,0.,1.\n"), "CGAP 90"),
+    "spring from one direction to another": (chain("PBAR,1,1,1.,1.,1.,1.\nCELAS2,90,1.e5,5,1,1,2\n"), "CELAS2 90"),
+    "spring to nothing": (chain("PBAR,1,1,1.,1.,1.,1.\nGRID,9,,9.,0.,0.\nCELAS2,90,1.e5,5,1,9,1\n"), "GRID 9"),
+    "spring without property": (chain("PBAR,1,1,1.,1.,1.,1.\nCBUSH,90,7,5\n"), "property 7"),
+    "spring over frequency": (
+        chain("PBAR,1,1,1.,1.,1.,1.\nCBUSH,90,7,5\nPBUSH,7,K,1.\nPBUSHT,7,K,4\n"),
+        "tables over frequency",
+    ),
     "area": (chain("PROD,1,1,0.\n", "CROD", ""), "give it one"),
     "property": (chain("PROD,1,1,1.e-4\n"), "expected PBAR or PBARL"),
     "system": (

@@ -20,6 +20,7 @@ from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass
 from flexfmu.mesh.other.file_sets import Group, cell_groups, node_sets_of
 from flexfmu.mesh.shells import MOST_NODES, SHELLS, at_nodes, expanded
+from flexfmu.mesh.springs import SpringDamper
 
 _NO_ELEMENT = -1
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.
@@ -62,6 +63,8 @@ class Contents:
         Point sets that mean points of beams without their turns.
     axes : mapping of int to (3, 3) float
         By the cell number of shells whose material has a direction: its axes as columns.
+    springs : tuple of SpringDamper
+        SI units.
     """
 
     mesh: Any
@@ -79,6 +82,7 @@ class Contents:
     hinges: Set[str] = frozenset()
     faces: Mapping[int, FloatArray] = field(default_factory=dict)
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
+    springs: tuple[SpringDamper, ...] = ()
 
 
 class Member(NamedTuple):
@@ -179,6 +183,7 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
         notes=(*notes, *more),
         references={name: units.length * point for name, point in contents.references.items()},
         masses=contents.masses,
+        springs=contents.springs,
         links=contents.links,
         equations=matrix_of(contents.equations, 3 * len(points)) if contents.equations else None,
     )

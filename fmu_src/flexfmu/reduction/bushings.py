@@ -171,6 +171,16 @@ class Bushings:
         return self._weighed("stiffness")
 
     @property
+    def idle(self) -> list[str]:
+        """Names of springs and dampers whose turns do nothing: an end on a single node cannot turn."""
+        return [
+            one.spring.name
+            for one in self.readings
+            if (one.spring.stiffness + one.spring.damping)[3:].any()
+            and any(end.nodes.size and not end.rank for end in one.ends)
+        ]
+
+    @property
     def unit_rows(self) -> sp.csr_array:
         """Rows that are not zero, each of length one."""
         size = sp.linalg.norm(self.rows, axis=1)

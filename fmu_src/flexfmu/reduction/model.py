@@ -12,6 +12,7 @@ from ..files.axes import orthonormal
 from ..files.errors import ModelError
 from ..mesh.checks import connected_parts, without_mechanisms
 from ..mesh.links import simplex
+from ..mesh.listing import listed
 from ..mesh.model import Mesh
 from ..mesh.springs import SpringDamper
 from .bushings import Bushings, End
@@ -160,6 +161,9 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
         for array, values in ((spring, support.stiffness), (damper, support.damping)):
             array[nodes] += np.array(values or (0.0, 0.0, 0.0)) / nodes.size
     mesh = replace(mesh, springs=tuple(springs))
+    if idle := Bushings(mesh.points, mesh.springs).idle:
+        text = f"stiffness and damping about axes of {listed(idle)} do nothing: a single node of a solid does not turn"
+        mesh = replace(mesh, notes=(*mesh.notes, text))
     rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free)
     model = Model(mesh, fixed, spring, rigid, damper)
     if rigid.shape[1] and (damper.any() or model.bushings.dampers.nnz):

@@ -23,6 +23,7 @@ from flexfmu.mesh.nastran.line_cards import CARDS, LineCard, is_line, lines
 from flexfmu.mesh.nastran.node_cards import (
     SPIDERS,
     hinges,
+    lines_of,
     multi_point_rows,
     point_masses,
     rigid_links,
@@ -31,6 +32,8 @@ from flexfmu.mesh.nastran.node_cards import (
     unit_of_mass,
 )
 from flexfmu.mesh.nastran.shell_cards import LAYERED, SHELLS, directions, faces_of_shells, layers, material
+from flexfmu.mesh.nastran.spring_cards import CARDS as SPRINGS
+from flexfmu.mesh.nastran.spring_cards import springs
 from flexfmu.mesh.other.extras import imported, quiet
 from flexfmu.mesh.shapes import FACE_SHAPES
 
@@ -84,19 +87,12 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
             model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
     except MeshError as error:
         named = re.search(r"\['(\w+)\*?', '(\d+)'", str(error))
-        raise MeshError(f"{error}{_lines_of(path, *named.groups()) if named else ''}") from error
+        raise MeshError(f"{error}{lines_of(path, *named.groups()) if named else ''}") from error
     with quiet(path, "check its coordinate systems and materials"):
         contents = _contents(model, path, units)
     if not ended:
         _refuse_early_end(contents, path)
     return contents
-
-
-def _lines_of(path: Path, card: str, number: str | int = "") -> str:
-    """Where in the file the cards of a name, or one by its number, are; empty where an included file holds them."""
-    start = re.compile(rf"{card}\*?[\s,]\s*{number}\b", re.IGNORECASE)
-    rows = [k for k, line in enumerate(path.read_text(encoding="latin-1").splitlines(), start=1) if start.match(line)]
-    return f" (line {listed(rows)})" if rows else ""
 
 
 def _by_meshio(path: Path) -> bool:
@@ -160,19 +156,21 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     labels = np.array(sorted(model.nodes), dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}
     points = np.array([model.nodes[label].get_position_no_xref(model) for label in labels.tolist()], dtype=float)
-    unknown = [f"{name}{_lines_of(path, name)}" for name in model.reject_count if name.upper() != name.lower()]
+    unknown = [f"{name}{lines_of(path, name)}" for name in model.reject_count if name.upper() != name.lower()]
     notes = [f"cards of names that pyNastran does not know are left out: {listed(unknown)}"] if unknown else []
     node_sets, element_numbers = _numbered_sets(model)
     on_body, references = spiders(model, points, row, path, notes)
     node_sets |= on_body | single_point_sets(model, notes)
     equations, links = multi_point_rows(model, row, path), rigid_links(model, row)
-    used = {node for element in model.elements.values() for node in getattr(element, "nodes", ())}
+    others = [element for element in model.elements.values() if element.type not in (*_IDLE, *SPRINGS)]
+    used = {node for element in others for node in getattr(element, "nodes", ())}
+    soft = springs(model, points, row, used, path, units, notes)
     masses = point_masses(model, points, row, used, path, units, notes)
     (shells, faces), bars = faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))
     materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
     for element in model.elements.values():
-        if element.type not in (*_IDLE, *CARDS):
+        if element.type not in (*_IDLE, *CARDS, *SPRINGS):
             card = SHELLS.get(element.type, element.type)
             flat = _is_face(element, model)
             count = len(element.nodes) if flat else _node_count(element, card, path)
@@ -209,7 +207,7 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     more = tuple(notes), references, equations, masses, links, shells
     beams = {one.number: one.beam for one in bars}
     axes = directions(model, dict(zip(labels.tolist(), points, strict=True)), path)
-    return Contents(mesh, labels, cell_labels, materials, material, *more, beams, hinges(model), faces, axes)
+    return Contents(mesh, labels, cell_labels, materials, material, *more, beams, hinges(model), faces, axes, soft)
 
 
 def _refuse_others(model: Any, path: Path) -> None:
@@ -218,7 +216,7 @@ def _refuse_others(model: Any, path: Path) -> None:
     masses = [(number, one) for number, one in model.masses.items() if one.type != "CONM2"]
     for number, element in [*model.elements.items(), *masses]:
         shell = element.type in SHELLS and element.pid in model.properties
-        if element.type not in (*_IDLE, *_CORNERS, *CARDS) and not shell and not _is_face(element, model):
+        if element.type not in (*_IDLE, *_CORNERS, *CARDS, *SPRINGS) and not shell and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():
         if element.type not in SPIDERS:
@@ -236,13 +234,13 @@ def _refuse_others(model: Any, path: Path) -> None:
         found["BEGIN SUPER"] = list(model.superelement_models)
     if found:
         parts = "; ".join(
-            f"{name} {listed(numbers) if numbers else ''}{_lines_of(path, name, *numbers[:1])}"
+            f"{name} {listed(numbers) if numbers else ''}{lines_of(path, name, *numbers[:1])}"
             for name, numbers in found.items()
         )
         raise MeshError(
-            f"{path} holds what is no solid: {parts}; supported are {', '.join([*_CORNERS, *SHELLS, *CARDS])} (RBE2, "
-            "RBAR and RBE3 become node sets). Model these parts by these, springs to the ground by [[support]] with "
-            "stiffness; what only shows results can go"
+            f"{path} holds what is no solid: {parts}; supported are "
+            f"{', '.join([*_CORNERS, *SHELLS, *CARDS, *SPRINGS])} (RBE2, "
+            "RBAR and RBE3 become node sets). Model these parts by these; what only shows results can go"
         )
 
 

@@ -1,5 +1,6 @@
 """Nastran's cards at nodes that move together (RBE2, RBE3, MPC), are held (single-point constraints), or heavy."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -94,6 +95,13 @@ def rigid_links(model: Any, row: Mapping[int, int]) -> tuple[RigidLink, ...]:
         for number, (nodes, reference) in spider_ends(model).items()
         if holds_rigid(model.rigid_elements[number])
     )
+
+
+def lines_of(path: Path, card: str, number: str | int = "") -> str:
+    """Where in the file the cards of a name, or one by its number, are; empty where an included file holds them."""
+    start = re.compile(rf"{card}\*?[\s,]\s*{number}\b", re.IGNORECASE)
+    rows = [k for k, line in enumerate(path.read_text(encoding="latin-1").splitlines(), start=1) if start.match(line)]
+    return f" (line {listed(rows)})" if rows else ""
 
 
 def spider_ends(model: Any) -> dict[int, tuple[list[int], int]]:
