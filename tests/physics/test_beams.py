@@ -1,17 +1,19 @@
 """Beams: patch tests, slender bars, published problems, frames that bend far as the whole model, supports, refusals."""
 
+import re
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
+from benchmarks.field.frames_of_beams import lee
 from scipy.linalg import eigh
 
 import flexfmu
 from decks import read
 from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.errors import DeckError, FlexfmuError, MeshError, ModelError
+from flexfmu.files.errors import AccuracyError, DeckError, FlexfmuError, MeshError, ModelError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.sections import box, ellipse, pipe, rectangle
 from flexfmu.reduction.model import assemble_model
@@ -142,6 +144,39 @@ def test_a_curved_bar_bends_out_of_its_plane_as_published(tmp_path):
     mesh = read(tmp_path, more.replace(SECTION.format("RECT", "0.01, 0.01", "0, 0, 1"), general))
     tip = 100.0 * (far(mesh, (0.0, 0.0, 600.0 * E / 1e7 * 1e-4)) + points[-1])
     np.testing.assert_allclose(tip, [15.79, 47.23, 53.37], atol=0.25)
+
+
+@pytest.mark.parametrize(("sense", "published"), [(1.0, 1.088), (-1.0, 0.680)])
+def test_argyris_frame_goes_sideways_at_the_published_loads(tmp_path, sense, published):
+    # J. H. Argyris et al., Comput. Methods Appl. Mech. Eng. 17/18 (1979) 1: legs of 240 mm, 30 × 0.6 mm, in N.
+    points = along((0, 0, 0), (0.24, 0, 0), (0.24, 0.24, 0), count=12)
+    text = clamped(points, sizes="0.03, 0.0006", nu=0.31).replace(str(E), "7.124e10")
+    # The second leg's height is along x.
+    rows = text.splitlines(keepends=True)
+    start = rows.index("*ELEMENT, TYPE=B31, ELSET=B\n") + 13
+    text = "".join([*rows[:start], "*ELEMENT, TYPE=B31, ELSET=C\n", *rows[start:]])
+    second = SECTION.format("RECT", "0.03, 0.0006", "1, 0, 0").replace("ELSET=B", "ELSET=C")
+    mesh = read(tmp_path, text + second)
+    body = flexfmu.Body(mesh, interfaces={"tip": flexfmu.Interface("TIP")}).build(surface=False, frames=1)
+    for part, stable in ((0.99, True), (1.01, False)):
+        loads = {"tip": [sense * part * published, 0.0, 0.0, 0.0, 0.0, 0.0]}
+        packed = body.loads(loads).packed(with_acceleration=False)
+        assert body.is_stable(body.rest(), packed, 0.0) == stable
+
+
+@pytest.mark.slow
+def test_lees_frame_snaps_at_the_published_load(tmp_path):
+    # S.-L. Lee, F. S. Manuel, E. C. Rossow, J. Eng. Mech. Div. ASCE 94 (1968) 521: 18.55 E I / L².
+    file = tmp_path / "lee.inp"
+    file.write_text(lee(along((0, 0, 0), (0, 1.2, 0), (1.2, 1.2, 0), count=20)))
+    mesh = flexfmu.read_mesh(file)
+    model, forces = assemble_model(mesh, BodyOptions("lee", ())), np.zeros_like(mesh.points)
+    nodes = mesh.node_sets["LOAD"]
+    forces[nodes, 1] = -1.1 * 18.55 * 72e9 * 0.12 * 0.02**3 / 12.0 / 1.2**2 / nodes.size
+    with pytest.raises(AccuracyError, match="limit or critical load") as refusal:
+        load_path(model.mesh, model.unknowns, model.spring, forces.ravel(), [0.5, 1.0], Reporter())
+    reached = float(re.search(r"beyond ([\d.]+) %", str(refusal.value))[1]) / 100.0
+    assert 1.1 * reached == pytest.approx(1.0, abs=0.01)
 
 
 FRAMES = {
