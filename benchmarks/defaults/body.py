@@ -63,7 +63,7 @@ class Body:
     def deck(self) -> str:
         """Model deck for CalculiX and flexfmu: nodes, elements, sets, materials."""
         out = ["*NODE", *(f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(self.mesh.points, 1))]
-        kind = "C3D10" if self.mesh.bricks.shape[1] == 10 else "C3D20R"
+        kind = {10: "C3D10", 15: "C3D15", 20: "C3D20R"}[self.mesh.bricks.shape[1]]
         other = np.zeros(len(self.mesh.bricks), dtype=bool)
         if self.inlay is not None:
             other = self.inlay[1](self.mesh.centres())

@@ -143,7 +143,7 @@ def ribbon_coil() -> Body:
     return _bar_body("ribbon_coil", path, 44, constant(0.0012, 0.02), cases)
 
 
-def _at(path: Path, share: float) -> Where:
+def section(path: Path, share: float) -> Where:
     """Nodes of the section at a share of the way, at either end of a path."""
     there = path(np.array([share]))[0]
     along = path(np.array([abs(share - 1e-4)]))[0] - there
@@ -159,7 +159,7 @@ def s_tube() -> Body:
 
     mesh = tube(path, 24, 12, lambda s: 0.012 + 0.0 * s, 0.0015)
     cases = {"in its plane": {"tip": (0.0, 6280.0, 0.0)}, "out of it": {"tip": (944.0, 0.0, 4720.0)}}
-    return Body("s_tube", mesh, _at(path, 0.0), {"tip": _at(path, 1.0)}, cases, STEEL)
+    return Body("s_tube", mesh, section(path, 0.0), {"tip": section(path, 1.0)}, cases, STEEL)
 
 
 def box_beam() -> Body:

@@ -9,6 +9,7 @@ from benchmarks.defaults.bodies import GROUPS
 from benchmarks.defaults.body import Body, above, below, both, end, near
 from benchmarks.defaults.branched import BRANCHED
 from benchmarks.defaults.shapes import FloatArray, bar, constant, cylindrical, moved
+from benchmarks.defaults.unseen import UNSEEN
 
 
 def twisted_cantilever() -> Body:
@@ -55,5 +56,6 @@ def half_cylinder() -> Body:
     return Body("half_cylinder", mesh, near(0, 0.0), {"crown": lambda _: crown}, cases, material, guides={"z": edge})
 
 
-ALL = GROUPS | BRANCHED | {"published": (twisted_cantilever, slit_annulus, half_cylinder)}
+PUBLISHED = (twisted_cantilever, slit_annulus, half_cylinder)
+ALL = GROUPS | BRANCHED | {"published": PUBLISHED, "blind trial": UNSEEN}
 EVERY = tuple(make for group in ALL.values() for make in group)

@@ -145,6 +145,19 @@ def tetrahedral(mesh: BrickMesh) -> BrickMesh:
     return BrickMesh(points, np.hstack([numbers.reshape(-1, 4), len(used) + side.reshape(-1, 6)]))
 
 
+def wedges(mesh: BrickMesh) -> BrickMesh:
+    """Each brick as two 15-node wedges; their common side becomes straight."""
+    b = mesh.bricks
+    # Diagonals of bottom and top from corner 0 to 2; middle nodes of both, shared where bricks meet.
+    sides = np.sort(np.concatenate([b[:, [0, 2]], b[:, [4, 6]]]), axis=1)
+    ends, number = np.unique(sides, axis=0, return_inverse=True)
+    low, high = len(mesh.points) + number.reshape(2, -1, 1)
+    one = [b[:, [0, 1, 2, 4, 5, 6, 8, 9]], low, b[:, [12, 13]], high, b[:, [16, 17, 18]]]
+    two = [b[:, [0, 2, 3, 4, 6, 7]], low, b[:, [10, 11]], high, b[:, [14, 15, 16, 18, 19]]]
+    points = np.concatenate([mesh.points, mesh.points[ends].mean(axis=1)])
+    return BrickMesh(points, np.concatenate([np.hstack(one), np.hstack(two)]))
+
+
 def _unit(vectors: FloatArray) -> FloatArray:
     result: FloatArray = vectors / np.linalg.norm(vectors, axis=1)[:, None]
     return result

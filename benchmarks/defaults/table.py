@@ -33,7 +33,7 @@ def answered(rows: Sequence[Row]) -> list[Row]:
 
 
 def summary(rows: Sequence[Row]) -> dict[str, float]:
-    """Counts over points: right, silent, told, false alarms; worst silent error."""
+    """Counts over points: right, silent, told, false alarms, certified (nothing told); worst silent error."""
     found = answered(rows)
     wrong = [row for row in found if error(row) > RIGHT]
     silent = [row for row in wrong if not told(row)]
@@ -43,6 +43,8 @@ def summary(rows: Sequence[Row]) -> dict[str, float]:
         "right": len(found) - len(wrong),
         "refused": len(rows) - len(found),
         "told": len(wrong) - len(silent),
+        "certified": sum(not told(row) for row in found),
+        "certified_right": sum(not told(row) and error(row) <= RIGHT for row in found),
         "silent": sum(error(row) <= 3.0 * RIGHT for row in silent),
         "silent_beyond_3": sum(error(row) > 3.0 * RIGHT for row in silent),
         "worst_silent": max(map(error, silent), default=0.0),
@@ -67,8 +69,7 @@ def certificate(rows: Sequence[Row]) -> str:
     if not found:
         return ""
     ratio = np.array(numbers(found, "estimate")) / np.array(numbers(found, "displacement_error"))
-    low, middle, high = np.quantile(ratio, [0.1, 0.5, 0.9])
-    return f"estimate over truth of {len(found)} points: {low:.2f} / {middle:.2f} / {high:.2f}"
+    return " / ".join(f"{one:.2f}" for one in np.quantile(ratio, [0.1, 0.5, 0.9]))
 
 
 def report(rows: Sequence[Row]) -> str:
@@ -82,4 +83,4 @@ def report(rows: Sequence[Row]) -> str:
         flag = " SILENT" if words != "refused" and error(row) > RIGHT and not told(row) else ""
         flag += " (told without cause)" if told(row) and words != "refused" and error(row) < FINE else ""
         out.append(f"{row['body']:16s} {row['case']:18s} {row['share']:4s}{words}{own}{flag}  {row['log'][:60]}")
-    return "\n".join([*out, _sentence(rows), certificate(rows)])
+    return "\n".join([*out, _sentence(rows), f"estimate over truth {certificate(rows)}"])

@@ -238,6 +238,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "errors of methods in full": _of("result_tables", "methods_in_full"),
     "errors of methods in short": _of("result_tables", "methods_in_short"),
     "the shortest body file": _of("result_tables", "defaults_in_full"),
+    "what bodies say of their own error": _of("result_tables", "defaults_certified"),
     "the shortest body file by frames": _of("result_tables", "defaults_by_frames"),
     "the shortest body file in short": _of("result_tables", "defaults_in_short"),
     "exports": exports,

@@ -6,7 +6,7 @@ from pathlib import Path
 from benchmarks.defaults.frames import FRAMES
 from benchmarks.defaults.frames import RECORDS as FRAME_RECORDS
 from benchmarks.defaults.published import ALL
-from benchmarks.defaults.table import RECORDS, summary
+from benchmarks.defaults.table import RECORDS, certificate, summary
 from benchmarks.field.records import Record, read, tables
 from benchmarks.records import read_records
 from demo.methods import table
@@ -95,6 +95,32 @@ def defaults_in_full() -> str:
         counts = (s["bodies"], s["points"], s["right"], s["told"] + s["refused"], silent)
         rows.append([kind, *(f"{count:g}" for count in counts), f"{worst} %" if silent else ""])
     return markdown(["", "bodies", "points", "right", "warned, refused", "silent", "worst silent"], rows)
+
+
+def defaults_certified() -> str:
+    """What bodies say of their own error, beside the truth."""
+    found, rows = read_records(RECORDS), []
+    blind = {make.__name__ for make in ALL["blind trial"]}
+    groups = {
+        "blind trial": [row for row in found if row["body"] in blind],
+        "others": [row for row in found if row["body"] not in blind],
+        "all": found,
+    }
+    for name, some in groups.items():
+        s = summary(some)
+        wrong = s["told"] + s["silent"] + s["silent_beyond_3"]
+        shares = [(s["certified_right"], s["certified"]), (s["told"], wrong), (s["false_alarms"], s["points"])]
+        cells = [f"{part:g} of {whole:g} ({100.0 * part / max(whole, 1):.1f} %)" for part, whole in shares]
+        rows.append([name, *cells, f"{s['silent_beyond_3']:g}", certificate(some)])
+    head = [
+        "",
+        "nothing said: right",
+        "beyond 1 %: told",
+        "false alarms",
+        "silent beyond 3 %",
+        "estimate / truth, 10 / 50 / 90 %",
+    ]
+    return markdown(head, rows)
 
 
 def defaults_by_frames() -> str:

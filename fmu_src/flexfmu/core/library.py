@@ -348,7 +348,7 @@ class Core:
         return self._filled(self.turning_frame.size, "rotations", q)
 
     def strain(self, q: FloatArray) -> float:
-        """Largest mean strain of a material in a frame."""
+        """Largest root mean square strain of a material in a frame."""
         return float(self._ask("strain", q))
 
     def stability(self, inputs: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:

@@ -79,9 +79,10 @@ static void rotation(Body *body, const Watch *watch, const double *q, Memory *me
 }
 
 static void strain(Body *body, const Watch *watch, const double *q, Memory *memory, Findings *found) {
-    if (!(watch->limit > 0.0) || silenced(watch, memory->warned[WATCH_STRAIN]) || deforms_within(body, q, HUGE_VAL, watch->limit)) return;
+    const double limit = watch->limit * (double)body->p.strain_limit / 100.0;
+    if (!(limit > 0.0) || silenced(watch, memory->warned[WATCH_STRAIN]) || deforms_within(body, q, HUGE_VAL, limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_STRAIN]);
-    if (text) snprintf(text, FINDING_TEXT, SAY_STRAIN, 100.0 * body_strain(body, q), 100.0 * watch->limit);
+    if (text) snprintf(text, FINDING_TEXT, SAY_STRAIN, 100.0 * body_strain(body, q), 100.0 * limit);
 }
 
 /* The interface that has moved farthest, and how far: of a body that can move freely, against the first one. */

@@ -91,7 +91,7 @@ BODY = (
     ),
     Entry(
         "watched_strain", "watched/strain", "v 6 m", "1/(kg^0.5 m)",
-        "mean strain of each material in each frame: xx, yy, zz, then sqrt 2 times xy, yz, zx", optional=True,
+        "patterns whose squares add up to the mean square strain of each material in each frame", optional=True,
     ),
     Entry(
         "stiffness_by_mode", "stiffness/by_mode", "m m m", "s^-2/(kg^0.5 m)", "per unit modal coordinate", optional=True

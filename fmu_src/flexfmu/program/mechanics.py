@@ -19,7 +19,7 @@ PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, Loa
 # Stiffness over that of the softest mode beyond which no load that the body bears makes a mode give way.
 _UNBENDING = 1e8
 _ROUND_OFF = 64.0 * np.finfo(np.float64).eps
-# Percent of the limit of rotation that holds where displacements are wrong by the angle, not by its square.
+# Percent of the limits of rotation and strain that hold where displacements are wrong by these, not by their squares.
 _FIRST_ORDER = 40
 _TREES = (Kinematics.COROTATED, Kinematics.SECOND_ORDER)
 _WRONG_AT_FIRST_ORDER = (Kinematics.LINEAR, Kinematics.LITERAL)
@@ -157,6 +157,7 @@ def _put_watched(draft: Draft, body: ReducedBody, recipe: Recipe, tree: Tree) ->
     points = [part.stress.reshape(-1, 6, body.mode_count) for part in body.stress_sets]
     draft.sizes |= {
         "turning_limit": _FIRST_ORDER if recipe.kinematics in _WRONG_AT_FIRST_ORDER else 100,
+        "strain_limit": 100 if recipe.kinematics is Kinematics.SECOND_ORDER else _FIRST_ORDER,
         "stress_sets": len(points),
         "stress_points": sum(len(part) for part in points),
         "strains": 0 if body.watched_strain is None else len(body.watched_strain),

@@ -16,6 +16,8 @@ from .subdomains import Subdomain
 _ELEMENTS, _FEWEST = 12, 36
 # Random sums of responses, and of modes; few of many count in each.
 _SUMS, _SEED = 400, 20261122
+# Patterns of strain.
+_PATTERNS = 6
 # Elements at a time.
 _CHUNK = 2048
 
@@ -28,7 +30,7 @@ def watched_material(
     subdomains: Sequence[Subdomain],
     frame_rotation: FloatArray,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Mean rotation of chosen elements, and mean strain of each material in each frame.
+    """Mean rotation of chosen elements, and root mean square strain of each material in each frame.
 
     Parameters
     ----------
@@ -58,7 +60,7 @@ def watched_material(
     count = max(_ELEMENTS, _FEWEST // len(groups))
     chosen = [rotation[_greedy(most / largest, count)] for _, rotation, most in found]
     frame = [np.full(len(rotation), s if own else -1) for (s, _), rotation in zip(groups, chosen, strict=True)]
-    strain = [strains for _, elements in groups for strains in _mean_strains(mesh, phi, elements)]
+    strain = [_patterns(square, motions) for _, elements in groups for square in _square_strains(mesh, phi, elements)]
     return np.concatenate(frame), np.concatenate(chosen), np.array(strain)
 
 
@@ -79,15 +81,14 @@ def _motions(omega: FloatArray, forces: FloatArray) -> FloatArray:
 
 
 def _gradients(mesh: Mesh, phi: FloatArray, elements: IntArray) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:
-    """Mean displacement gradients (e, 3, 3, m) of elements, volumes (e,), and materials (e,), some at a time."""
+    """Displacement gradients (e, q, 3, 3, m) of elements, volumes (e, q), and materials (e,), some at a time."""
     for block, inside in mesh.by_block(elements):
         for first in range(0, inside.size, _CHUNK):
             part = block.part(inside[first : first + _CHUNK])
             for _, some in cells(mesh, part, _CHUNK):
-                volume = some.volume.sum(axis=1)
-                mean = np.einsum("eq,eqaJ->eaJ", some.volume, some.gradient[:, :, : some.nodes.shape[1]])
-                gradient = np.einsum("eaik,eaJ->eiJk", phi[some.nodes], mean, optimize=True)
-                yield gradient / volume[:, None, None, None], volume, part.material
+                slope = some.gradient[:, :, : some.nodes.shape[1]]
+                gradient = np.einsum("eaik,eqaJ->eqiJk", phi[some.nodes], slope, optimize=True)
+                yield gradient, some.volume, part.material
 
 
 def _most_turned(
@@ -95,7 +96,8 @@ def _most_turned(
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """The elements (c,) that turn most in any motion, their rotation (c, 3, m) less the frame's, angles (c, k)."""
     rotations, angles = [], []
-    for gradient, _, _ in _gradients(mesh, phi, elements):
+    for gradients, volume, _ in _gradients(mesh, phi, elements):
+        gradient = np.einsum("eq,eqiJk->eiJk", volume / volume.sum(axis=1)[:, None], gradients)
         rotation = 0.5 * np.stack([gradient[:, k, j] - gradient[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
         angle = np.linalg.norm((rotation - frame) @ motions, axis=1)
         rotations.append(rotation)
@@ -116,15 +118,24 @@ def _greedy(share: FloatArray, count: int) -> IntArray:
     return np.unique(picked)
 
 
-def _mean_strains(mesh: Mesh, phi: FloatArray, elements: IntArray) -> list[FloatArray]:
-    """Mean strain (6, m) of each material in some elements: xx, yy, zz, then sqrt 2 times xy, yz, zx."""
+def _square_strains(mesh: Mesh, phi: FloatArray, elements: IntArray) -> list[FloatArray]:
+    """Mean of |ε|² (m, m) of each material in some elements."""
     sums: dict[int, tuple[FloatArray, float]] = {}
     for gradient, volume, material in _gradients(mesh, phi, elements):
-        pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)]
-        scale = np.array([0.5, 0.5, 0.5] + 3 * [np.sqrt(0.5)])[None, :, None]
-        strain = scale * np.stack([gradient[:, i, j] + gradient[:, j, i] for i, j in pairs], axis=1)
+        strain = 0.5 * np.sqrt(volume)[:, :, None, None, None] * (gradient + gradient.swapaxes(2, 3))
         for kind in np.unique(material):
             own = material == kind
-            total, size = sums.get(kind, (np.zeros(strain.shape[1:]), 0.0))
-            sums[kind] = total + np.tensordot(volume[own], strain[own], axes=1), size + float(volume[own].sum())
+            rows = strain[own].reshape(-1, strain.shape[-1])
+            total, size = sums.get(kind, (np.zeros((rows.shape[1],) * 2), 0.0))
+            sums[kind] = total + rows.T @ rows, size + float(volume[own].sum())
     return [total / size for total, size in sums.values()]
+
+
+def _patterns(square: FloatArray, motions: FloatArray) -> FloatArray:
+    """Rows (6, m), (row·q)² adding up to q·`square` q: of its patterns those that count most in motions (m, k)."""
+    values, vectors = np.linalg.eigh(square)
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    patterns = np.linalg.svd(root @ motions, full_matrices=False)[0][:, :_PATTERNS]
+    rows = np.zeros((_PATTERNS, len(square)))
+    rows[: patterns.shape[1]] = patterns.T @ root
+    return rows

@@ -39,6 +39,7 @@ STARS = {"flexfmu": "*", "results": "X"}
 SOLVERS = {"flexfmu": "finite elements (flexfmu)", "results": "your results"}
 BEATEN_WORDS = "beaten in speed and accuracy"
 TAKEN_WORDS = "take this: the fastest within the tolerance"
+ESTIMATED_WORDS = "its own estimate of its error"
 
 # Panels, inches: with and without the strip for the finite element model.
 _WIDTH, _STRIP, _HEIGHT = 5.6, 0.9, 3.6
@@ -121,6 +122,10 @@ class Picture:
             named = row in members or row is self._best
             colour = COLOURS.get(row.method, OTHER) if named else BEATEN
             axes.plot(cost, 100.0 * value, zorder=3.0 if named else 2.0, **self._look(row, colour))
+            if named and quantity == "static_displacement" and row.static_estimate > 0.0:
+                told = {"color": colour, "linewidth": 0.8, "zorder": 2.5}
+                axes.plot([cost, cost], [100.0 * value, 100.0 * row.static_estimate], linestyle=":", **told)
+                axes.plot(cost, 100.0 * row.static_estimate, "_", mew=1.8, markersize=9, **told)
             if row is self._best:
                 axes.plot(cost, 100.0 * value, "o", mfc="none", mec=TAKEN, mew=1.6, markersize=13, zorder=4.0)
         limit = tolerance(self._rows, quantity)
@@ -227,6 +232,8 @@ class Picture:
             handles += [dot(body, face="w" if k else "0.3") for k, body in enumerate(self._bodies)]
         if self._best is not None:
             handles.append(dot(TAKEN_WORDS, "none", TAKEN, size=9))
+        if any(row.static_estimate > 0.0 for row in self._rows):
+            handles.append(dot(ESTIMATED_WORDS, edge="0.3", marker="_", size=9))
         solvers = dict.fromkeys(row.solver for row in self._whole)
         return handles + [dot(SOLVERS.get(s, s), WHOLE, WHOLE, STARS.get(s, "*"), 7) for s in solvers]
 

@@ -149,7 +149,11 @@ class RecordFile(Generic[R]):
         if not path.parent.is_dir():
             raise SceneError(f"{path}: the folder {path.parent} does not exist; make it first")
         # What an interrupted run left half-written goes.
-        with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        self._rewrite()
+
+    def _rewrite(self) -> None:
+        layout = self._layout
+        with whole_file(self._path) as part, part.open("w", newline="", encoding="utf-8") as file:
             _write(file, [layout.columns, *(layout.cells(record, self._code) for record in self.rows)])
 
     def append(self, record: R) -> None:
@@ -160,6 +164,12 @@ class RecordFile(Generic[R]):
             os.fsync(file.fileno())
         self.rows.append(record)
         self._known.add(record.key)
+
+    def amend(self, records: Iterable[R]) -> None:
+        """Put records in the place of those with their keys."""
+        newer = {record.key: record for record in records}
+        self.rows = [newer.get(row.key, row) for row in self.rows]
+        self._rewrite()
 
     def __contains__(self, key: object) -> bool:
         return key in self._known
@@ -206,6 +216,8 @@ class Record:
     static_displacement, static_rotation, static_rotation_rad, static_at, transient_displacement, transient_rotation, \
 transient_rotation_rad, transient_at, share, limited_by
         As of `SceneErrors`.
+    static_estimate : float
+        Error of static displacements that a model on the front tells of itself; not a number for others.
     step : float
         Communication step of the timing, s.
     step_us, step_us_median : float
@@ -245,6 +257,7 @@ transient_rotation_rad, transient_at, share, limited_by
     static_rotation: float = math.nan
     static_rotation_rad: float = math.nan
     static_at: str = ""
+    static_estimate: float = math.nan
     transient_displacement: float = math.nan
     transient_rotation: float = math.nan
     transient_rotation_rad: float = math.nan

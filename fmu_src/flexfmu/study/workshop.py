@@ -167,6 +167,17 @@ class Workshop:
         except RuntimeBodyError as error:
             return SceneErrors(failure=str(error))
 
+    def own_error(self, reduction: Reduction, variant: Variant, limits: StepLimits | None = None) -> float:
+        """The largest error of static cases that a model tells of itself; not a number where it has no answer."""
+        config = reduction_config(self.scene.config, reduction, [variant]).without_pictures
+        certified = config.model_copy(update={"output": config.output.model_copy(update={"error": True})})
+        try:
+            model = FlexibleBody(lean(build(certified, self.store).body, variant), limits=limits)
+            loads = [case.peak.scaled(factor) for case in self.scene.static for factor in case.factors]
+            return max((model.error(model.static(one), one).relative for one in loads), default=math.nan)
+        except RuntimeBodyError:
+            return math.nan
+
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> Iterator[T]:
         """Share work among the crew: `work(workshop, *one)` of each of some arguments, in their order."""
         for result, tried in self.crew.each([partial(_counted, work, self, *one) for one in arguments]):

@@ -33,6 +33,7 @@ _COSTS = {
 _ERRORS = {
     "static_displacement": "static displacement error",
     "static_rotation": "static rotation error",
+    "static_estimate": "static displacement error by their own estimate",
     "transient_displacement": "displacement error over time, rms",
     "transient_rotation": "rotation error over time, rms",
     "share": "error over the scene's tolerance",
@@ -162,6 +163,7 @@ def _page(rows: Sequence[Record], title: str) -> str:
         "beatenWords": look.BEATEN_WORDS,
         "taken": look.TAKEN,
         "takenWords": look.TAKEN_WORDS,
+        "estimatedWords": look.ESTIMATED_WORDS,
         "whole": look.WHOLE,
         "markers": look.MARKERS,
         "bases": look.BASIS_WORDS,

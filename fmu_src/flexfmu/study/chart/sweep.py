@@ -1,8 +1,10 @@
 """Models of a body, tried on a scene and recorded one by one."""
 
+import math
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ...body.flexible_body import FlexibleBody
@@ -76,6 +78,7 @@ def sweep(
             trial.run("Try", wanted)
         else:
             trial.refine()
+        trial.estimate()
     for record in finite_element_records(scene, workshop.known, workshop.whole, kept, report):
         kept.append(record)
     trial.draw()
@@ -124,6 +127,19 @@ class _Trial:
             self._extent, title = "", "Finer where the front is: try"
             wanted = self._grid.around(members(self._kept.rows)) if self._drawable else list(self._grid.models)
         self._extent = ""
+
+    def estimate(self) -> None:
+        """Have the models on the fronts tell their own error in the static cases, once each."""
+        shown = members(self._kept.rows) if self._drawable and self._workshop.scene.static else set()
+        models = {one.key: one for one in self._grid.models}
+        left = [row for row in self._kept.rows if row.key in shown and math.isnan(row.static_estimate)]
+        if not left:
+            return
+        with self._workshop.report.stage(f"Errors that {plural(len(left), 'model')} on the front tell of themselves"):
+            found = [(row, models[row.key]) for row in left if row.key in models]
+            own = [(one.reduction, one.variant, one.limits) for _, one in found]
+            told = self._workshop.each(Workshop.own_error, own)
+            self._kept.amend([replace(row, static_estimate=e) for (row, _), e in zip(found, told, strict=True)])
 
     def run(self, title: str, wanted: Sequence[Candidate]) -> None:
         """Measure and time those of some models that are not recorded, and record each.
