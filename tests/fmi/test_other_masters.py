@@ -38,6 +38,24 @@ DEADLINE = 120.0
 RUNTIMES = {runtime.value: runtime for runtime in Runtime}
 # Masters that are no Python programs would need a Python for its export; fmusim of the Reference FMUs reads FMI 3.0.
 EXPORTS = {name: ("native", "fmi3") if name == "fmusim" else tuple(RUNTIMES) for name, _ in MASTERS}
+EXPORTS["fmpy"] += ("fmi3",)
+# What users do that no step can honour, from the middle of the run on; what they read then.
+WRONG = {
+    "too large a load": ({"tip.force.y": 1e12}, "does not converge"),
+    "no number": ({"tip.force.y": float("nan")}, "expected a finite number"),
+    "absurd motion": ({"tip.force.y": 1e6}, "where no method means anything"),
+    # N/m, by explicit exchange each step: grows.
+    "a stiff spring": ({"spring": ["tip.force.y", 1e7, 1]}, "where no method means anything"),
+}
+# Those whose loads can follow outputs, as a script exchanges them.
+FOLLOWING = ("fmpy", "libcosimpy", "ecospy", "pathsim_fmi", "gemseo_fmu")
+USES = [
+    (name, runtime, use)
+    for name, found in EXPORTS.items()
+    for runtime in found
+    for use in WRONG
+    if use != "a stiff spring" or name in FOLLOWING
+]
 
 
 @pytest.fixture(scope="module")
@@ -108,25 +126,42 @@ def test_masters_give_the_numbers_of_the_body_itself(exports, expected, name, st
 
 
 @pytest.mark.slow  # Two to five seconds each, which masters need to start.
-@pytest.mark.parametrize(("name", "runtime"), [(name, export) for name, found in EXPORTS.items() for export in found])
-@pytest.mark.parametrize(("load", "words"), [(1e12, "does not converge"), (float("nan"), "expected a finite number")])
-def test_a_refused_step_ends_the_run_with_a_word_or_leaves_the_body_as_it_was(exports, name, runtime, load, words):
-    found, said = run_of(name, exports[1][runtime], {}, {"tip.force.y": load})
+@pytest.mark.parametrize(("name", "runtime", "use"), USES)
+def test_what_no_step_can_honour_ends_the_run_with_a_word_or_leaves_the_body_as_it_was(exports, name, runtime, use):
+    later, words = WRONG[use]
+    found, said = run_of(name, exports[1][runtime], {}, later)
     assert words in said
     assert (found is not None) == (name in PATIENT)
     if found is not None:
-        refused = np.array(found[COUNT // 2 - 1 :])
+        refused = np.array(found[COUNT // 2 + COUNT // 4 :])
         np.testing.assert_array_equal(refused, np.tile(refused[0], (len(refused), 1)))
         assert np.all(np.isfinite(refused))
         assert np.max(np.abs(refused)) > 0.01
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", dict(MASTERS))
-def test_steps_of_a_second_end_where_the_body_rests(beam, name):
-    found, said = run_of(name, beam[1], {}, LATER, 1.0)
+@pytest.mark.parametrize(("name", "runtime"), [(name, export) for name in FOLLOWING for export in EXPORTS[name]])
+def test_a_spring_by_explicit_exchange_gives_the_numbers_of_the_body_itself(exports, name, runtime):
+    stiffness, body = 2e4, FlexibleBody(exports[0])
+    found, said = run_of(name, exports[1][runtime], {}, {"spring": ["tip.force.y", stiffness, 1]})
     assert found is not None, said
-    body = FlexibleBody(beam[0])
+    state, loads, expected = body.rest(), dict(LOADS), []
+    for _ in range(COUNT):
+        if expected:
+            loads["tip.force.y"] = -stiffness * expected[-1][1]
+        state = body.step(state, on_tip(loads), STEP)
+        response = body.response(state)
+        expected.append([*response.displacement[0], *response.rotation[0]])
+    assert np.ptp(np.array(expected)[:, 1]) > 1e-3
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "runtime"), [(name, export) for name, found in EXPORTS.items() for export in found])
+def test_steps_of_a_second_end_where_the_body_rests_also_past_the_end_of_the_default_experiment(exports, name, runtime):
+    found, said = run_of(name, exports[1][runtime], {}, LATER, 1.0)
+    assert found is not None, said
+    body = FlexibleBody(exports[0])
     rest = body.response(body.static(on_tip(LOADS | LATER)))
     np.testing.assert_allclose(found[-1], [*rest.displacement[0], *rest.rotation[0]], rtol=1e-4, atol=1e-9)
 
@@ -140,6 +175,32 @@ def test_every_output_is_a_real_number_as_masters_take_it_for(beam):
     assert {v[0].tag for v in outputs} == {"Real"}
     assert variables["status.code"].get("causality") == "local"
     assert variables["status.code"][0].tag == "Integer"
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pathsim_fmi") is None, reason="PathSim is not installed")
+def test_pathsims_blocks_show_at_each_time_what_holds_a_step_later(beam):
+    """Their first step begins at the time 0: the last value is a step ahead, not wrong."""
+    script = """
+import json, sys
+from pathsim import Connection, Simulation
+from pathsim.blocks import Scope, Source
+from pathsim_fmi import CoSimulationFMU
+body, push, scope = CoSimulationFMU(sys.argv[1], dt=1e-3), Source(lambda time: 100.0), Scope()
+wires = [Connection(push, body["tip.force.y"]), Connection(body["tip.displacement.y"], scope[0])]
+Simulation([body, push, scope], wires, dt=1e-3, log=False).run(0.02)
+print(json.dumps([list(found) for found in (scope.read()[0], scope.read()[1][0])]))
+"""
+    command = [sys.executable, "-c", script, str(beam[1])]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=True)
+    time, shown = np.array(json.loads(done.stdout.splitlines()[-1]))
+    body, expected = FlexibleBody(beam[0]), [0.0]
+    state = body.rest()
+    for _ in range(21):
+        state = body.step(state, {"tip": [0.0, 100.0, 0.0, 0.0, 0.0, 0.0]}, 1e-3)
+        expected.append(body.response(state).displacement[0, 1])
+    np.testing.assert_allclose(time, 1e-3 * np.arange(21), atol=1e-12)
+    np.testing.assert_allclose(shown, expected[1:], rtol=0, atol=1e-15)
+    assert abs(shown[-1] - expected[20]) > 1e-3 * abs(shown[-1])
 
 
 # A master that is no Python program.

@@ -23,28 +23,58 @@ def references(path):
     return {v.name: v.valueReference for v in fmpy.read_model_description(path).modelVariables}
 
 
+def following(later, row):
+    """Loads of a step: those given, and a spring's, N/m, by the load that it gives and the output that it follows."""
+    spring = later.get("spring")
+    return {spring[0]: -spring[1] * row[spring[2]]} if spring and row else {}
+
+
+def numbers(later):
+    return {name: value for name, value in later.items() if name != "spring"}
+
+
 def run_fmpy(path, texts, loads, later, step, count, outputs):
-    """fmpy's low-level interface."""
+    """fmpy's low-level interface, of FMI 2.0 or 3.0."""
     description, known = fmpy.read_model_description(path), references(path)
-    folder = tempfile.mkdtemp()
-    slave = fmpy.fmi2.FMU2Slave(
-        guid=description.guid,
-        unzipDirectory=fmpy.extract(path, folder),
+    three = description.fmiVersion.startswith("3")
+    slave = (fmpy.fmi3.FMU3Slave if three else fmpy.fmi2.FMU2Slave)(
+        guid=description.guid if not three else description.instantiationToken,
+        unzipDirectory=fmpy.extract(path, tempfile.mkdtemp()),
         modelIdentifier=description.coSimulation.modelIdentifier,
         instanceName="body",
     )
     slave.instantiate()
-    slave.setupExperiment(startTime=0.0)
+    if not three:
+        slave.setupExperiment(startTime=0.0)
     slave.enterInitializationMode()
-    slave.setString([known[name] for name in texts], list(texts.values()))
-    slave.setReal([known[name] for name in loads], list(loads.values()))
+    for name, text in texts.items():
+        slave.setString([known[name]], [text])
+    put, get = (slave.setFloat64, slave.getFloat64) if three else (slave.setReal, slave.getReal)
+    given = {}
+
+    def push(values):
+        given.update(values)
+        if not three:
+            return put([known[name] for name in values], list(values.values()))
+        arrays = dict.fromkeys(name.rpartition(".")[0] for name in values)
+        return put([known[a] for a in arrays], [given.get(f"{a}.{axis}", 0.0) for a in arrays for axis in "xyz"])
+
+    def read():
+        if not three:
+            return get([known[name] for name in outputs])
+        arrays = list(dict.fromkeys(name.rpartition(".")[0] for name in outputs))
+        return get([known[name] for name in arrays], 3 * len(arrays))
+
+    push(loads)
     slave.exitInitializationMode()
     rows = []
     for k in range(count):
         if k == count // 2:
-            slave.setReal([known[name] for name in later], list(later.values()))
-        slave.doStep(currentCommunicationPoint=k * step, communicationStepSize=step)
-        rows.append(slave.getReal([known[name] for name in outputs]))
+            push(numbers(later))
+        if more := following(later, rows[-1:] and rows[-1]):
+            push(more)
+        slave.doStep(k * step, step)
+        rows.append(read())
     return rows
 
 
@@ -68,7 +98,10 @@ def run_libcosimpy(path, texts, loads, later, step, count, outputs):
     rows = []
     for k in range(count):
         if k == count // 2:
-            assert manipulator.slave_real_values(body, [known[name] for name in later], list(later.values()))
+            own = numbers(later)
+            assert manipulator.slave_real_values(body, [known[name] for name in own], list(own.values()))
+        for name, value in following(later, rows[-1:] and rows[-1]).items():
+            assert manipulator.slave_real_values(body, [known[name]], [value])
         assert execution.step()
         rows.append(observer.last_real_values(body, [known[name] for name in outputs]))
     return rows
@@ -91,8 +124,10 @@ def run_ecospy(path, texts, loads, later, step, count, outputs):
     rows = []
     for k in range(count):
         if k == count // 2:
-            for name, value in later.items():
+            for name, value in numbers(later).items():
                 simulation.set_real(f"body::{name}", value)
+        for name, value in following(later, rows[-1:] and rows[-1]).items():
+            simulation.set_real(f"body::{name}", value)
         simulation.step()
         rows.append([simulation.get_real(f"body::{name}") for name in outputs])
     return rows
@@ -107,15 +142,20 @@ def run_pathsim_fmi(path, texts, loads, later, step, count, outputs):
     # PathSim takes the sources' values from a step's end; halfway between two points round-off of time is no matter.
     change = (count // 2 + 0.5) * step
 
+    rows = []
+
     def held(name):
-        return lambda time: later.get(name, loads.get(name, 0.0)) if time > change else loads.get(name, 0.0)
+        def value(time):
+            more = following(later, rows[-1:] and rows[-1])
+            return more.get(name, later.get(name, loads.get(name, 0.0)) if time > change else loads.get(name, 0.0))
+
+        return value
 
     body = CoSimulationFMU(path, start_values={**texts, **loads}, dt=step)
-    names = list({**loads, **later})
+    names = list({**loads, **numbers(later), **following(later, [0.0] * len(outputs))})
     sources = [Source(held(name)) for name in names]
     wires = [Connection(source, body[name]) for source, name in zip(sources, names, strict=True)]
     simulation = Simulation([body, *sources], wires, dt=step, log=False)
-    rows = []
     for _ in range(count):
         simulation.timestep(step)
         rows.append([float(body.outputs[name]) for name in outputs])
@@ -159,7 +199,7 @@ def run_gemseo_fmu(path, texts, loads, later, step, count, outputs):
 
     body = FMUDiscipline(
         path,
-        input_names=[*texts, *loads, *later],
+        input_names=[*texts, *{**loads, **numbers(later), **following(later, [0.0] * len(outputs))}],
         output_names=outputs,
         time_step=step,
         final_time=count * step,
@@ -169,7 +209,8 @@ def run_gemseo_fmu(path, texts, loads, later, step, count, outputs):
     rows, values = [], {**{name: array([value]) for name, value in loads.items()}, **texts}
     for k in range(count):
         if k == count // 2:
-            values |= {name: array([value]) for name, value in later.items()}
+            values |= {name: array([value]) for name, value in numbers(later).items()}
+        values |= {name: array([value]) for name, value in following(later, rows[-1:] and rows[-1]).items()}
         found = body.execute(values)
         rows.append([float(found[name][0]) for name in outputs])
     return rows
