@@ -37,18 +37,25 @@ TYPES = {"Real": ("Float64", c_double), "Integer": ("Int32", c_int), "Boolean": 
 TYPES["String"] = ("String", c_char_p)
 
 
-class Three:
-    """An instance of FMI 3.0; arrays are given by the references of their numbers in FMI 2.0."""
+class Unpacked:
+    """An FMU of FMI 3.0 with its library loaded."""
 
-    def __init__(self, path, library, early=False):
+    def __init__(self, path, library):
         self.folder = Path(tempfile.mkdtemp(prefix="fmu-"))
         shutil.unpack_archive(path, self.folder, "zip")
-        root = ElementTree.parse(self.folder / "modelDescription.xml").getroot()
-        self.variables = list(root.find("ModelVariables"))
+        self.root = ElementTree.parse(self.folder / "modelDescription.xml").getroot()
         (own,) = (self.folder / "binaries").glob("*/*")
         if library:
             shutil.copyfile(library, own)
-        self.library, self.log = CDLL(str(own)), []
+        self.library = CDLL(str(own))
+
+
+class Three:
+    """An instance of FMI 3.0; arrays are given by the references of their numbers in FMI 2.0."""
+
+    def __init__(self, fmu, early=False):
+        self.folder, root, self.library, self.log = fmu.folder, fmu.root, fmu.library, []
+        self.variables = list(root.find("ModelVariables"))
         self.write = Log(lambda _, status, __, text: self.log.append((status, text.decode(errors="replace"))))
         self.library.fmi3InstantiateCoSimulation.restype = c_void_p
         words = b"case", root.get("instantiationToken").encode(), str(self.folder / "resources").encode()
@@ -58,7 +65,6 @@ class Three:
 
     def close(self):
         self.call("FreeInstance")
-        shutil.rmtree(self.folder, ignore_errors=True)
 
     def call(self, name, *arguments):
         return SLOWEST.timed(name, getattr(self.library, f"fmi3{name}"), self.component, *arguments)
@@ -100,9 +106,8 @@ class Three:
 class Pair:
     """One body in both versions."""
 
-    def __init__(self, path, path_3, seed, library):
-        self.random, self.fmu, self.three = random.Random(seed), Fmu(path, library), Three(path_3, library)
-        self.eager = Three(path_3, library, early=True)
+    def __init__(self, fmu, fmu_3, seed):
+        self.random, self.fmu, self.three, self.eager = random.Random(seed), fmu, Three(fmu_3), Three(fmu_3, early=True)
         self.two, self.reached, self.saved = self.fmu.instantiate("case"), 0.0, []
         self.arrays = {int(v.get("valueReference")): v for v in self.three.variables}
         self.wide = {n: 3 if v.find("Dimension") is not None else 1 for n, v in self.arrays.items()}
@@ -342,18 +347,19 @@ WEIGHTS = {
 
 
 def main(path, path_3, seed, calls, library=None):
-    played = 0
+    played, fmu, fmu_3 = 0, Fmu(path, library), Unpacked(path_3, library)
     while played < int(calls):
-        pair = Pair(path, path_3, f"{seed} {played}", library)
+        pair = Pair(fmu, fmu_3, f"{seed} {played}")
         for call in (pair.begin, pair.exit) if pair.random.random() < 0.7 else ():
             pair.play(call)
         for _ in range(60):
             pair.play(pair.random.choice(pair.calls))
         played += 60
+        for one in (pair.three, pair.eager):
+            one.close()
         pair.two.free()
-        pair.fmu.remove()
-        pair.three.close()
-        pair.eager.close()
+    fmu.remove()
+    shutil.rmtree(fmu_3.folder, ignore_errors=True)
     print("SLOWEST", SLOWEST.name, SLOWEST.seconds)
     print("CALLS", played)
     print("FINE")
