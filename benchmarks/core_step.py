@@ -30,7 +30,7 @@ from flexfmu.fmu.package import package_fmu
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import ReducedBody
 
-from .fmu_step import INTERFACES, build_empty
+from .fmu_step import INTERFACES, build_empty, compiled, empty_native
 from .records import write_records
 
 HERE = Path(__file__).parent
@@ -70,14 +70,6 @@ class Record:
     def rate(self) -> float:
         """Operations a second of the fastest block."""
         return self.operations / self.fastest
-
-
-def compiled(folder: Path, source: str, name: str, *flags: str) -> Path:
-    """A program or library from one of the C files beside this one."""
-    target = folder / name
-    command = ["cc", "-O2", "-std=c99", str(HERE / source), "-o", str(target), *flags]
-    subprocess.run(command, check=True)
-    return target
 
 
 def beam(interfaces: dict[str, str], frames: int, **wanted: object) -> ReducedBody:
@@ -141,17 +133,6 @@ def _libpython() -> str:
     """Python's library, which a process that is no Python has to load before pythonfmu's."""
     folder, name = sysconfig.get_config_var("LIBDIR"), sysconfig.get_config_var("LDLIBRARY")
     return str(Path(folder) / name) if name and name.endswith(".so") else ""
-
-
-def empty_native(folder: Path, like: Path) -> Path:
-    """The FMU `like` with a library that does nothing."""
-    library = compiled(folder, "empty.c", "empty.so", "-shared", "-fPIC")
-    target = folder / "empty_native.fmu"
-    with zipfile.ZipFile(like) as source, zipfile.ZipFile(target, "w") as archive:
-        for name in source.namelist():
-            data = library.read_bytes() if name.startswith("binaries/linux64/") else source.read(name)
-            archive.writestr(name, data)
-    return target
 
 
 def measure(output: Path) -> None:

@@ -1,5 +1,7 @@
 """What a step of an FMU costs against the empty pythonfmu slave of the same variables, in one run.
 
+Beside it stands an empty native FMU: what fmpy's own calls cost.
+
 Run from the repository's root: python -m benchmarks.fmu_step [--output FILE.csv]. Both are driven by fmpy: set all
 inputs, step, get all outputs. Prints a table and writes the records that it is made of.
 """
@@ -14,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -37,7 +40,7 @@ class Record:
     Attributes
     ----------
     method : str
-        "" for the empty slave.
+        "" for the empty slave, and the empty native FMU.
     runtime : str
         Of the FMU: "native" or "python".
     median, fastest : float
@@ -107,6 +110,25 @@ def build_empty(folder: Path, inputs: list[str], outputs: list[str]) -> Path:
         encoding="utf-8",
     )
     return Path(FmuBuilder.build_FMU(script, dest=folder))
+
+
+def compiled(folder: Path, source: str, name: str, *flags: str) -> Path:
+    """A program or library from one of the C files beside this one."""
+    target = folder / name
+    command = ["cc", "-O2", "-std=c99", str(HERE / source), "-o", str(target), *flags]
+    subprocess.run(command, check=True)
+    return target
+
+
+def empty_native(folder: Path, like: Path) -> Path:
+    """The FMU `like` with a library that does nothing."""
+    library = compiled(folder, "empty.c", "empty.so", "-shared", "-fPIC")
+    target = folder / "empty_native.fmu"
+    with zipfile.ZipFile(like) as source, zipfile.ZipFile(target, "w") as archive:
+        for name in source.namelist():
+            data = library.read_bytes() if name.startswith("binaries/linux64/") else source.read(name)
+            archive.writestr(name, data)
+    return target
 
 
 def drive(fmu: str, choices: dict[str, str]) -> dict[str, float]:
@@ -188,6 +210,13 @@ def measure(output: Path) -> list[Record]:
         print("| method | runtime | µs | of the empty slave | rounds |")
         print("|---|---|---|---|---|")
         print(f"| empty slave | python | {1e6 * base['median']:.0f} | 1.0 | |")
+        hollow = in_process(empty_native(folder, fmus["native"]), {})
+        if hollow is None:
+            raise SystemExit("the empty native FMU does not run")
+        records.append(
+            Record("", "native", hollow["median"], hollow["fastest"], 0.0, hollow["median"] / base["median"])
+        )
+        print(f"| empty | native | {1e6 * hollow['median']:.1f} | {records[-1].ratio:.2f} | |", flush=True)
         for method in Method:
             for runtime, fmu in fmus.items():
                 found = in_process(fmu, {"method": method.value})
