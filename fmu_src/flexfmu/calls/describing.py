@@ -96,6 +96,10 @@ def _properties(body: ReducedBody) -> Table:
     for label, value in () if body.properties is None else summary(body.properties):
         table.add_row(escape(label), value)
     table.add_row("first frequency", first_frequency(body.angular_frequency))
+    if body.damper is not None:
+        first = body.rigid_count
+        more = float((body.damper[:, first] ** 2).sum()) / (2.0 * float(body.angular_frequency[first]))
+        table.add_row("dampers", f"add {more:.3g} to the damping ratio of the first mode")
     if body.membrane is not None:
         table.add_row("membrane energy", body.membrane.words)
     return table

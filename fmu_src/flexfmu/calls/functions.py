@@ -118,6 +118,7 @@ def check(file: Name, units: str = "m-kg-s") -> Checked:
         lines += [f"{title}: {len(rows)} nodes" for title, rows in chosen.items()]
         model = body_model(mesh, config).model
         mesh = model.mesh
+        lines += [one.words for one in mesh.springs]
         lines.append(f"{model.free.size} free degrees of freedom")
     return Checked(mesh, chosen, [*lines, *mass_lines(mesh)])
 

@@ -56,6 +56,14 @@ class SpringDamper:
     along: Along = Along.END
 
     @property
+    def words(self) -> str:
+        """Place, stiffness and damping."""
+        parts = (self.joint, *self.stiffness.reshape(2, 3), *self.damping.reshape(2, 3))
+        place, one, two, three, four = (", ".join(f"{x:.4g}" for x in part) for part in parts)
+        damping = f"; {three} N s/m, {four} N m s/rad" if self.damping.any() else ""
+        return f"{self.name}: bushing or spring at ({place}) m, {one} N/m, {two} N m/rad{damping} along its axes"
+
+    @property
     def askew(self) -> bool:
         """Whether it pulls along fixed axes across the line between two ends, so that pull and line make a couple."""
         if self.along is not Along.FIXED or not all(end.size for end in self.ends):

@@ -154,9 +154,8 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
         for axis in support.fix:
             fixed[nodes, _AXES[axis]] = True
         if support.bushing:
-            made, text = _bushing(mesh, nodes, support, f"support[{number}]")
-            springs.append(made)
-            mesh = replace(mesh, notes=(*mesh.notes, text))
+            springs.append(_bushing(mesh, nodes, support, f"support[{number}]"))
+            mesh = replace(mesh, notes=(*mesh.notes, springs[-1].words))
             continue
         for array, values in ((spring, support.stiffness), (damper, support.damping)):
             array[nodes] += np.array(values or (0.0, 0.0, 0.0)) / nodes.size
@@ -174,8 +173,8 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     return model
 
 
-def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> tuple[SpringDamper, str]:
-    """A bushing from its nodes' mean to the ground, and what is said of it."""
+def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> SpringDamper:
+    """A bushing from its nodes' mean to the ground."""
     centre, still, none = mesh.points[nodes].mean(axis=0), (0.0,) * 3, np.zeros(0, dtype=np.int64)
     turning = *(support.rotational_stiffness or still), *(support.rotational_damping or still)
     if any(turning) and End(mesh.points, nodes, centre).rank < 2:
@@ -183,14 +182,9 @@ def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> tu
     stiff, damped = np.array(
         [*(support.stiffness or still), *turning[:3], *(support.damping or still), *turning[3:]]
     ).reshape(2, 6)
-    made = SpringDamper(
+    return SpringDamper(
         key, (nodes, none), np.array([centre, centre]), centre, orthonormal(support.axes), stiff, damped
     )
-    one, two, three, four, place = (
-        ", ".join(f"{k:.4g}" for k in part) for part in (*stiff.reshape(2, 3), *damped.reshape(2, 3), centre)
-    )
-    words = f"{key} is a bushing at ({place}) m: {one} N/m, {two} N m/rad"
-    return made, words + (f", {three} N s/m, {four} N m s/rad" if damped.any() else "") + " along its axes"
 
 
 def rigid_basis(points: FloatArray) -> FloatArray:
