@@ -51,7 +51,7 @@ def bar(kind):
     gmsh.option.setNumber("Mesh.Binary", 0)
     gmsh.option.setNumber("Mesh.SaveGroupsOfNodes", 1)
     gmsh.option.setNumber("Mesh.BdfFieldFormat", 2)
-    for suffix in ("inp", "med", "bdf"):
+    for suffix in ("inp", "med", "bdf", "unv"):
         gmsh.write(str(HERE / f"gmsh_{kind}.{suffix}"))
     return meshio.read(HERE / f"gmsh_{kind}_msh41.msh")
 

@@ -26,6 +26,7 @@ SETS = {
     "gmsh_{}_msh22.msh": ("ROOT", "TIP", "BAR"),
     "gmsh_{}_binary.msh": ("ROOT", "TIP", "BAR"),
     "gmsh_{}.med": ("ROOT", "TIP", "BAR"),
+    "gmsh_{}.unv": ("ROOT", "TIP", "BAR"),
     "gmsh_{}.bdf": ("Faces 1", "Faces 2", "PSOLID 1"),
     "nastran_{}.bdf": ("SET 11", "RBE3 9001", "PSOLID 7"),
     "ansys_{}.cdb": ("ROOT", "TIP", "BAR"),
@@ -269,7 +270,6 @@ def test_materials_of_ansys_are_those_at_their_first_temperature(tmp_path, lines
         (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECDATA,.1,1\nSECDATA,.1,2", "181 with section 1"),
         (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECOFFSET,USER,.1\nSECDATA,.1,1", "181 with section 1"),
         (181, [(1, 2, 3, 4)], "KEYOPT,1,1,1\nSECTYPE,1,SHELL\nSECDATA,.1,1", "181 with section 1"),
-        (185, [(1, 2, 3, 4, 5, 5, 5, 5)], "", "pyramids of element type 185: elements 1"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CE,R5.0,DEFI, 1, 1,  0.0", "by CE \\(line"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CPCYC,ALL,,1,0.1", "by CPCYC \\(line"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "ET,9,21\nTYPE,9\nEN,998,1", "by EN \\(line"),
@@ -310,10 +310,69 @@ def test_input_files_of_any_program_are_told_apart_by_their_first_commands(tmp_p
         assert read_mesh(path).element_count == 24
 
 
-def test_universal_files_are_refused_with_the_way_around(tmp_path):
-    (tmp_path / "body.unv").write_text("    -1\n  2411\n    -1\n")
-    with pytest.raises(MeshError, match=r"gmsh body.unv -save -format msh41 -o body.msh"):
-        read_mesh(tmp_path / "body.unv")
+def test_a_part_of_a_deck_that_cgx_calls_msh_is_a_deck(tmp_path):
+    (tmp_path / "all.msh").write_bytes((FOREIGN / "deck_bricks.inp").read_bytes())
+    assert read_mesh(tmp_path / "all.msh").element_count == 24
+
+
+def test_universal_files_that_are_cut_short_or_hold_other_elements_are_refused(tmp_path):
+    text = (FOREIGN / "gmsh_bricks.unv").read_text()
+    for changed, words in (
+        (text[: len(text) // 2], "cut short"),
+        (text.replace("       116 ", "       161 "), "descriptor 161: elements"),
+    ):
+        (tmp_path / "body.unv").write_text(changed)
+        with pytest.raises(MeshError, match=words):
+            read_mesh(tmp_path / "body.unv")
+
+
+WORKBENCH = """/batch
+/prep7
+/nopr
+nblock,3,,8
+(1i9,3e20.9e3)
+{nodes}
+-1
+/wb,elem,start
+et,1,185
+keyo,1,2,3
+eblock,19,solid,,1
+(19i9)
+{brick}
+-1
+et,2,154
+type,2
+real,2
+mat,2
+keyo,2,4,1
+eblock,10,,,1
+(15i9)
+{face}
+-1
+MP,EX,1,2e11,
+MP,NUXY,1,0.3,
+MP,DENS,1,7850,
+CMBLOCK,ROOT,NODE,       4
+(8i10)
+         1         2         3         4
+/solu
+"""
+
+
+def test_input_files_of_workbench_with_surfaces_in_blocks_of_their_own_are_read(tmp_path):
+    places = [(0, 0, 0), (2, 0, 0), (2, 3, 0), (0, 3, 0), (0, 0, 5), (2, 0, 5), (2, 3, 5), (0, 3, 5)]
+    fields = {
+        "nodes": "\n".join(
+            f"{k:9d}" + "".join(f"{x:20.9E}".replace("E+", "E+0") for x in place) for k, place in enumerate(places, 1)
+        ),
+        "brick": "".join(f"{value:9d}" for value in (1, 1, 1, 1, 0, 0, 0, 0, 8, 0, 1, *range(1, 9))),
+        "face": "".join(f"{value:9d}" for value in (2, 2, 2, 2, 0, 5, 6, 7, 8)),
+    }
+    (tmp_path / "ds.dat").write_text(WORKBENCH.format(**fields))
+    mesh = read_mesh(tmp_path / "ds.dat")
+    assert mesh.element_count == 1
+    assert mass(flexfmu.mesh.checks.checked(mesh)) == pytest.approx(30.0 * 7850.0)
+    assert mesh.node_sets["ROOT"].tolist() == [0, 1, 2, 3]
 
 
 def test_cells_that_are_numbered_the_other_way_round_are_turned_and_counted():

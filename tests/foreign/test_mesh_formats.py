@@ -1,15 +1,21 @@
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
+import h5py
 import meshio
 import numpy as np
 import pytest
 
+from flexfmu.fe.assembly import stiffness
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.mesh.model import NO_MATERIAL
+from flexfmu.mesh.in_memory import from_meshio
+from flexfmu.mesh.model import NO_MATERIAL, Material
+from meshes import box
 
 # Two unit cubes in a row along x; nodes by x, then the square's corners.
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -205,10 +211,78 @@ def test_blocks_of_one_kind_are_joined_and_elements_numbered_in_the_files_order(
     assert mesh.node_sets["Last"].tolist() == sorted(BRICKS[1].tolist())
 
 
-@pytest.mark.parametrize(("kind", "size"), [("pyramid", 5), ("hexahedron27", 27)])
-def test_other_volume_cells_are_refused_by_name(tmp_path, kind, size):
-    with pytest.raises(MeshError, match=f"kind {kind}, supported are tetra"):
-        read_mesh(write(tmp_path, kind, np.arange(size).reshape(1, -1)), UnitSystem.SI)
+def test_other_volume_cells_are_refused_by_name():
+    with pytest.raises(MeshError, match="kind pyramid13, supported are tetra"):
+        from_meshio(meshio.Mesh(np.zeros((13, 3)), [("pyramid13", np.arange(13)[None])]), "body", UnitSystem.SI)
+
+
+def test_bricks_with_nodes_in_their_faces_are_those_of_20_nodes(tmp_path):
+    own = box(ElementType.C3D20, (2, 1, 1), (0.2, 0.1, 0.1))
+    rows = own.blocks[0].connectivity
+    middle = len(own.points) + np.arange(7 * len(rows)).reshape(-1, 7)
+    points = np.concatenate([own.points, np.zeros((middle.size, 3))])
+    path = tmp_path / "body.vtu"
+    meshio.Mesh(points, [("hexahedron27", np.hstack([rows, middle]))], cell_data={"part": [np.array([1, 2])]}).write(
+        path
+    )
+    mesh = checked(read_mesh(path, UnitSystem.SI))
+    assert mesh.volumes.tolist() == pytest.approx(own.volumes.tolist())
+    assert mesh.element_sets["part 2"].tolist() == [1]
+    assert any("hexahedron27 are taken as hexahedron20" in note for note in mesh.notes)
+
+
+def test_pyramids_pass_the_patch_test_and_keep_their_sets():
+    # Two cubes of six pyramids each, the second numbered otherwise: the diagonals of the common face agree.
+    corners = np.array(list(product(range(3), range(2), range(2))), dtype=float)
+    numbers = np.random.default_rng(3).permutation(len(corners))
+    faces = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
+    points = np.zeros((len(corners) + 2, 3))
+    points[numbers], points[-2:] = corners, [(0.5, 0.5, 0.5), (1.5, 0.5, 0.5)]
+    cells = []
+    for cube in range(2):
+        unit = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)])
+        places = unit + np.array([cube, 0, 0])
+        rows = [int(numbers[np.flatnonzero((corners == place).all(axis=1))[0]]) for place in places]
+        cells += [[*(rows[k] for k in face[::-1]), len(corners) + cube] for face in faces]
+    marks = [np.repeat([1, 2], 6)]
+    found = meshio.Mesh(points, [("pyramid", np.array(cells))], cell_data={"cube": marks})
+    mesh = checked(from_meshio(found, "cubes", UnitSystem.SI))
+    assert mesh.element_count == 24
+    assert mesh.volumes[mesh.element_sets["cube 2"]].sum() == pytest.approx(1.0)
+    assert any("12 pyramids are taken as two linear tetrahedra each" in note for note in mesh.notes)
+    materials = (Material("steel", 2e11, 0.3, 7850.0),)
+    blocks = tuple(replace(b, material=np.zeros(len(b.labels), dtype=np.int64)) for b in mesh.blocks)
+    forces = stiffness(replace(mesh, materials=materials, blocks=blocks)) @ (mesh.points * [1e-3, 2e-3, 3e-3]).ravel()
+    # Of uniform strain each of the four nodes around the common face takes what tractions on outer faces give.
+    across = forces.reshape(-1, 3)[np.isclose(mesh.points[:, 0], 1.0), 0]
+    np.testing.assert_allclose(across, 0.0, atol=1e-6 * np.abs(forces).max())
+    assert np.abs(forces.reshape(-1, 3)[-2:]).max() < 1e-9 * np.abs(forces).max()
+
+
+def test_elements_between_the_same_corners_count_once():
+    quadratic = box(ElementType.C3D20, (2, 1, 1), (0.2, 0.1, 0.1))
+    rows = quadratic.blocks[0].connectivity
+    cells = [("hexahedron", rows[:, :8]), ("hexahedron20", rows), ("hexahedron20", rows[1:])]
+    found = meshio.Mesh(quadratic.points, cells, cell_sets={"last": [np.array([1]), np.array([1]), np.array([0])]})
+    mesh = checked(from_meshio(found, "body", UnitSystem.SI))
+    assert [(block.type, len(block.labels)) for block in mesh.blocks] == [(ElementType.C3D20R, 2)]
+    assert mesh.volumes.sum() == pytest.approx(0.2 * 0.1 * 0.1)
+    assert mesh.element_sets["last"].tolist() == [1]
+    assert any("3 elements lie on others" in note for note in mesh.notes)
+
+
+def test_med_files_without_groups_are_read(tmp_path):
+    path = tmp_path / "body.med"
+    path.write_bytes(Path(__file__).with_name("gmsh_tets.med").read_bytes())
+    with h5py.File(path, "a") as file:
+        found = []
+        file.visititems(lambda name, _: found.append(name) if name.endswith("/GRO") else None)
+        for name in found:
+            del file[name]
+    assert found
+    mesh = read_mesh(path, UnitSystem.SI)
+    assert mesh.element_count == 202
+    assert not mesh.node_sets
 
 
 def test_a_surface_mesh_is_refused(tmp_path):

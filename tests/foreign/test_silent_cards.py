@@ -49,6 +49,7 @@ def test_a_card_with_stiffness_mass_or_constraint_is_refused_by_name_and_line(tm
     [
         "PLOTEL,99,1,2", "CHBDYG,2,,AREA3\n,1,2,3", "ASET1,123,1,2", "SUPORT,1,123", "FORCE,1,1,,1.,1.,0.,0.",
         "CORD2R,7,,1.,0.,0.,1.,0.,1.\n,2.,0.,0.", "EIGRL,1,,,10", "PLOAD4,1,1,1.",
+        "FLUTTER,1,SYM,1,0,0", "QSET,2",
         "CREEP,1,0.,1.e-9,CRLAW,,,,\n,300,1.,1.,1.",
     ],
 )  # fmt: skip

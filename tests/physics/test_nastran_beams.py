@@ -283,6 +283,12 @@ def test_a_bush_between_two_points_pulls_along_its_line_and_damps(tmp_path):
     np.testing.assert_allclose((rows.rows @ push).T @ (rows.rows @ push), 1e5 * np.outer(line, line), atol=1e-6)
 
 
+def test_a_section_whose_ends_differ_in_the_last_digits_of_the_file_does_not_change(tmp_path):
+    row = ".25,.005{},.005{},,.0087949"
+    ends = "PBEAM,1,1," + row.format(2083, 2083) + "\n,,,,,,,,\n,YES,1.," + row.format(208, 208) + "\n"
+    assert bulk(tmp_path, chain(ends, "CBEAM")).blocks[0].section[0, 1] == pytest.approx(0.00520815)
+
+
 REFUSED = {
     "pins": (chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n", end=",0.,1.,0.\n,45"), "pins PA = 45"),
     "taper": (

@@ -225,7 +225,7 @@ def test_a_step_is_left_unused_and_said_so_with_its_lines(tmp_path):
     (note,) = mesh.notes
     assert note == (
         f"{tmp_path / 'body.inp'}, lines {begin} to {begin + 7}: a step is analysis and left unused: "
-        "*STATIC, *BOUNDARY, *CLOAD"
+        "*STATIC, *BOUNDARY, *CLOAD; what it holds is held by [[support]] only: 7, 1, 1, 0.5, 8, 1"
     )
 
 

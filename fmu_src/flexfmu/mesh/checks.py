@@ -54,7 +54,31 @@ def checked(mesh: Mesh) -> Mesh:
             f"{len(bad)} of {mesh.element_count} elements are inverted or degenerate (Jacobian determinant not "
             f"positive at a corner or quadrature point): {listed(bad)}; mesh again, or correct their node order"
         )
-    return _without_unused_nodes(mesh)
+    return _without_unused_nodes(_once(mesh))
+
+
+def _once(mesh: Mesh) -> Mesh:
+    """Return the mesh with one solid of those between the same corners: that of the most nodes, the first of equals."""
+    seen: dict[tuple[int, ...], int] = {}
+    kept = np.ones(mesh.element_count, dtype=bool)
+    numbers = np.concatenate([block.labels for block in mesh.blocks])
+    for start, block in sorted(zip(mesh.starts, mesh.blocks, strict=False), key=lambda one: -one[1].type.node_count):
+        if not block.type.natural:
+            corners = np.sort(block.connectivity[:, : block.type.corner_count], axis=1)
+            for place, key in enumerate(map(tuple, corners.tolist()), start=int(start)):
+                kept[place] = seen.setdefault(key, place) == place
+    if kept.all():
+        return mesh
+    left = f"{int((~kept).sum())} elements lie on others with the same corners and are left out"
+    note = f"{left}, as their stiffness counts once: {listed(numbers[~kept])}"
+    rows = np.cumsum(kept) - 1
+    parts = [(b, kept[s : s + len(b.labels)]) for s, b in zip(mesh.starts, mesh.blocks, strict=False)]
+    return replace(
+        mesh,
+        blocks=tuple(block.part(chosen) for block, chosen in parts if chosen.any()),
+        element_sets={name: rows[members[kept[members]]] for name, members in mesh.element_sets.items()},
+        notes=(*mesh.notes, note),
+    )
 
 
 def without_mechanisms(mesh: Mesh) -> Mesh:

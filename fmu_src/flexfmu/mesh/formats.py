@@ -23,21 +23,25 @@ from flexfmu.mesh.nastran.bulk_data import read_nastran
 from flexfmu.mesh.other.ansys import read_ansys
 from flexfmu.mesh.other.exodus import read_exodus
 from flexfmu.mesh.other.extras import quiet
+from flexfmu.mesh.other.med import completed
+from flexfmu.mesh.other.universal import read_universal
 
 # Suffixes of files that have a reader of their own; all others are meshio's.
 DECK_SUFFIX = ".inp"
 NASTRAN_SUFFIXES = (".bdf", ".nas", ".fem")
 ANSYS_SUFFIXES = (".cdb",)
 EXODUS_SUFFIXES = (".e", ".exo", ".ex2", ".exii", ".g", ".gen")
+UNIVERSAL_SUFFIX = ".unv"
 # Programs write input files under these; the first lines tell whose they are.
 _SHARED_SUFFIXES = (".dat", ".inp")
-_LINES = 2000
+# cgx writes parts of decks under this one of gmsh's.
+_SHARED_BY_CGX = ".msh"
+_LINES, _WORD = 2000, 20
 # s that a library may take to read a file: some, and s for each byte. A busy machine reads bulk data at 0.5 MB/s.
 _LEAST, _EACH = 60.0, 1e-5
 _GEOMETRY = "a geometry without elements; mesh it first, by gmsh for example", "-3 -order 2"
 # What gmsh makes a mesh of, and how.
 _FOR_GMSH = {
-    ".unv": ("no library reads solids of universal files; turn it into .msh by gmsh, which keeps groups", "-save"),
     **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".brep"), _GEOMETRY),
 }
 
@@ -86,6 +90,8 @@ def read_mesh(
     suffix = path.suffix.lower()
     if suffix in _SHARED_SUFFIXES:
         suffix = _told_apart(path)
+    if suffix == _SHARED_BY_CGX and path.read_bytes()[:_WORD].lstrip().startswith(b"*"):
+        suffix = DECK_SUFFIX
     if shells and suffix in (DECK_SUFFIX, *NASTRAN_SUFFIXES):
         raise MeshError(f"{path}: shells have their thickness by *SHELL SECTION or PSHELL; write it into the file")
     if suffix == DECK_SUFFIX:
@@ -163,7 +169,9 @@ def _reader() -> Callable[[tuple[Path, str, UnitSystem]], Contents | Exception]:
                 return read_ansys(path, units)
             if suffix in EXODUS_SUFFIXES:
                 return read_exodus(path)
-            with quiet(path, "check the file and its suffix"):
+            if suffix == UNIVERSAL_SUFFIX:
+                return read_universal(path)
+            with quiet(path, "check the file and its suffix"), completed():
                 return Contents(meshio.read(path))
         except Exception as error:  # for the one who asked
             return error

@@ -1,7 +1,8 @@
 """Meshes that are in memory: of meshio and scikit-fem, or arrays."""
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import meshio
@@ -24,7 +25,16 @@ from flexfmu.mesh.springs import SpringDamper
 
 _NO_ELEMENT = -1
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.
-topological_dimension.setdefault("wedge15", 3)
+for _kind in ("wedge15", "pyramid13"):
+    topological_dimension.setdefault(_kind, 3)
+# Nodes within faces and elements that are left out, and the kind that is left.
+_WHOLE = {
+    "hexahedron27": "hexahedron20",
+    "hexahedron24": "hexahedron20",
+    "wedge18": "wedge15",
+    "pyramid14": "pyramid13",
+}
+_PYRAMID = "pyramid"
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +165,7 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
     MeshError
         Volume cells of a kind that is not supported, or none.
     """
+    contents = _in_known_kinds(contents)
     found = contents.mesh
     points = _points(found, title)
     places = _volume_blocks(found, title, bool(contents.shells or contents.beams))
@@ -188,6 +199,48 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
         equations=matrix_of(contents.equations, 3 * len(points)) if contents.equations else None,
     )
     return _filled(mesh, contents, units.length * heights, solids)
+
+
+def _in_known_kinds(contents: Contents) -> Contents:
+    """Contents without nodes in the middle of faces and bricks, and with two tetrahedra for each pyramid; notes."""
+    found, notes = copy(contents.mesh), list(contents.notes)
+    kinds = [block.type for block in found.cells]
+    if not set(kinds) & {*_WHOLE, _PYRAMID}:
+        return contents
+    middles = "without the nodes in the middle of faces and elements"
+    notes += [f"{kind} are taken as {_WHOLE[kind]}, {middles}" for kind in sorted(set(kinds) & set(_WHOLE))]
+    copies = [2 if kind == _PYRAMID else 1 for kind in kinds]
+    if pyramids := sum(len(block.data) for block in found.cells if block.type == _PYRAMID):
+        notes.append(f"{pyramids} pyramids are taken as two linear tetrahedra each, which are stiff in bending")
+    found.cells = [_in_known_kind(block) for block in found.cells]
+
+    def each(columns: Any) -> list[Any]:
+        return [None if one is None else np.repeat(one, n, axis=0) for one, n in zip(columns, copies, strict=True)]
+
+    found.cell_data = {name: each(columns) for name, columns in found.cell_data.items()}
+    found.cell_sets = {
+        name: [
+            None if rows is None else (n * np.asarray(rows, dtype=np.int64)[:, None] + np.arange(n)).ravel()
+            for rows, n in zip(parts, copies, strict=True)
+        ]
+        for name, parts in found.cell_sets.items()
+    }
+    labels, material = (None if own is None else each(own) for own in (contents.cell_labels, contents.material))
+    return replace(contents, mesh=found, notes=tuple(notes), cell_labels=labels, material=material)
+
+
+def _in_known_kind(block: Any) -> Any:
+    data = np.asarray(block.data)
+    if block.type == _PYRAMID:
+        # The diagonal through the node of the lowest number, so that two pyramids on one base fit.
+        first = data[:, :4].argmin(axis=1)[:, None]
+        a, b, c, d = (np.take_along_axis(data, (first + k) % 4, axis=1)[:, 0] for k in range(4))
+        halves = np.array([(a, b, c, data[:, 4]), (a, c, d, data[:, 4])])
+        return meshio.CellBlock("tetra", halves.transpose(2, 0, 1).reshape(-1, 4))
+    if block.type in _WHOLE:
+        kind = _WHOLE[block.type]
+        return meshio.CellBlock(kind, data[:, : ASSUMED[kind].node_count if kind in ASSUMED else 13])
+    return block
 
 
 def _filled(mesh: Mesh, contents: Contents, heights: FloatArray, solids: int) -> Mesh:

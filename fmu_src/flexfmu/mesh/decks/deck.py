@@ -230,14 +230,18 @@ def _unsupported(card: Card) -> DeckError:
 def _skipped_step(step: Card, cards: Iterator[Card]) -> str:
     """Pass over the cards up to *END STEP and return a note that names them."""
     passed: dict[str, None] = {}
+    held: dict[str, None] = {}
     for card in cards:
         if card.key == "ENDSTEP":
             begin, end = f"{step.line.file}, lines {step.line.number}", f"{card.line.number}"
             if card.line.file != step.line.file:
                 end += f" of {card.line.file}"
-            return f"{begin} to {end}: a step is analysis and left unused: {', '.join(passed) or 'empty'}"
+            advice = f"; what it holds is held by [[support]] only: {listed(held)}" if held else ""
+            return f"{begin} to {end}: a step is analysis and left unused: {', '.join(passed) or 'empty'}{advice}"
         if card.key == "STEP":
             break
+        if card.key == "BOUNDARY":
+            held |= dict.fromkeys(" ".join(line.text.split()) for line in card.data)
         passed[f"*{card.keyword}"] = None
     raise step.line.error("this *STEP has no *END STEP; add it, so that the analysis can be told from the body")
 

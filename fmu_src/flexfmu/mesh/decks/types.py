@@ -12,7 +12,8 @@ _MODIFIED = "its modification matters to contact and plasticity"
 READ_AS: dict[str, tuple[ElementType, str]] = {
     "C3D8R": (
         ElementType.C3D8I,
-        "reduced integration with enhanced hourglass control bends alike; other hourglass control is softer or stiffer",
+        "reduced integration with enhanced hourglass control bends alike; CalculiX's is softer in bending, by 23, 10, "
+        "6 and 3 % where 2, 3, 4 and 6 are across",
     ),
 }
 _SOLIDS = [kind for kind in ElementType if not kind.natural]

@@ -49,6 +49,12 @@ _HEAVY = re.compile(
     r"C(?!ORD|REEP|AERO|SSCHD|HBDY|ONV|ONTRLT|NTRLT|SET|BARAO|LOAD|Y|AMPBLL)|R(BAR|BE\d|ROD|SPLINE|SSCON|TRPLT|JOINT)|"
     "GENEL|DMIG|NSM|BG(SET|ADD)|SEBULK"
 )
+# Analysis of others, whose fields need not be right: air, optimization, roots, loads over time, sets of unknowns.
+_UNREAD = re.compile(
+    r"AEROS?|FL(UTTER|FACT)|GUST|MKAERO\d|TRIM|DIVERG|EIG\w+|D(ESVAR|CON\w+|OPTPRM|RESP\d|V\w+REL\d|VGRID|SCREEN|TABLE|"
+    r"LINK|EQATN|AREA|PHASE|ELAY)|([QABC]SET|OMIT|USET|SUPORT)1?|NLP\w+|TSTEP\w*|FREQ\d?|[TR]LOAD\d|TIC|"
+    r"R(OTOR\w|GYRO|SPIN\w|AND\w+)|ACMODL|TAB\w+|MONPNT\d"
+)
 # Those that count where the case control chooses them.
 _CHOSEN = {"DMIG": {"K2GG", "M2GG", "K2PP", "M2PP"}, "NSM": {"NSM"}}
 
@@ -84,6 +90,7 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
     try:
         with _without_dump(), quiet(path, "check the file, and what it includes"):
             model = bdf.BDF(debug=None)
+            model.disable_cards({name for name in model.cards_to_read if _UNREAD.fullmatch(name)})
             model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
     except MeshError as error:
         named = re.search(r"\['(\w+)\*?', '(\d+)'", str(error))
@@ -156,7 +163,8 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     labels = np.array(sorted(model.nodes), dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}
     points = np.array([model.nodes[label].get_position_no_xref(model) for label in labels.tolist()], dtype=float)
-    unknown = [f"{name}{lines_of(path, name)}" for name in model.reject_count if name.upper() != name.lower()]
+    rejected = [name for name in model.reject_count if name.upper() != name.lower() and not _UNREAD.fullmatch(name)]
+    unknown = [f"{name}{lines_of(path, name)}" for name in rejected]
     notes = [f"cards of names that pyNastran does not know are left out: {listed(unknown)}"] if unknown else []
     node_sets, element_numbers = _numbered_sets(model)
     on_body, references = spiders(model, points, row, path, notes)

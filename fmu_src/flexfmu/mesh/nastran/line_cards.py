@@ -35,6 +35,10 @@ _SHAPES: dict[str, Callable[..., CrossSection]] = {
 }
 
 
+# Change of a section along a beam that comes from the digits of a file.
+_ROUND_OFF = 0.01
+
+
 class LineCard(NamedTuple):
     """A beam of bulk data: its numbers, what it is, and mass per volume beside that of its material, kg/m³."""
 
@@ -138,11 +142,11 @@ def _section(given: Any, title: str, model: Any) -> tuple[CrossSection, tuple[fl
 
 def _constant(stations: FloatArray, title: str) -> FloatArray:
     """What all stations (s, k) along a beam have in common."""
-    if np.ptp(stations, axis=0).max(initial=0.0) > 1e-6 * np.abs(stations).max(initial=0.0):
+    if (np.ptp(stations, axis=0) > _ROUND_OFF * np.abs(stations).max(axis=0)).any():
         raise MeshError(
             f"{title} changes along the beam, which is not supported: give several beams their mean sections"
         )
-    found: FloatArray = stations[0]
+    found: FloatArray = stations.mean(axis=0)
     return found
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexfmu.files.array_types import IntArray
+from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
@@ -31,6 +31,9 @@ _CONTACT = {*range(169, 179)}
 _WEDGE = ([(2, 3), (6, 7)], [0, 1, 2, 4, 5, 6], [8, 9, 11, 12, 13, 15, 16, 17, 18])
 _TETRA = ([(2, 3), (4, 5), (4, 6), (4, 7)], [0, 1, 2, 4], [8, 9, 11, 16, 17, 18])
 _PYRAMID = [(4, 5), (4, 6), (4, 7)]
+# Of nodes: how many whole numbers, and their width; then the others.
+_FORM = re.compile(r"\((\d+)I(\d+),\d+E\d+", re.IGNORECASE)
+_REAL = re.compile(r"[-+]?[\d.]+(?:E[-+]?\d+)?", re.IGNORECASE)
 _NAME = "SECTION {}"
 _ATTRIBUTES = 10
 """Numbers of an element before its nodes."""
@@ -78,10 +81,32 @@ def _refuse_cut_short(text: list[str], path: Path) -> None:
         )
 
 
-def _refuse_what_is_missing(archive: Any, text: list[str], path: Path) -> None:
+def _nodes(text: list[str], path: Path) -> tuple[IntArray, FloatArray]:
+    """Numbers and places of the nodes, which the library misreads where a row holds three numbers only."""
+    labels, places = [], []
+    rows = iter(text)
+    for line in rows:
+        if line.strip().upper().startswith("NBLOCK,"):
+            form = _FORM.match(next(rows, "").strip())
+            if form is None:
+                raise MeshError(f"{path}: NBLOCK without a format such as (3i9,6e21.13e3) after it; write it again")
+            count, width = (int(one) for one in form.groups())
+            for row in rows:
+                if not row[:width].strip().isdigit():
+                    break
+                labels.append(int(row[:width]))
+                # Zeros at the end of a row may be left out.
+                places.append([*map(float, _REAL.findall(row[count * width :])), 0.0, 0.0, 0.0][:3])
+    return np.array(labels, dtype=np.int64), np.array(places, dtype=float).reshape(-1, 3)
+
+
+def _refuse_what_is_missing(archive: Any, nodes: int, text: list[str], path: Path) -> None:
     """Refuse blocks that hold fewer nodes or elements than their heads say, where they say it."""
-    for block, found in (("NBLOCK", len(archive.nnum)), ("EBLOCK", len(archive.enum))):
-        heads = [line.split(",") for line in text if line.strip().upper().startswith(f"{block},")]
+    for block, found in (("NBLOCK", nodes), ("EBLOCK", len(archive.enum))):
+        heads = [line.upper().split(",") for line in text if line.strip().upper().startswith(f"{block},")]
+        if block == "EBLOCK":
+            # Others hold surface effects, which the library passes over.
+            heads = [head for head in heads if len(head) > 2 and head[2].strip() == "SOLID"]
         told = [int(head[-1]) for head in heads if len(head) > 4 and head[-1].strip().isdigit()]
         if len(told) == len(heads) and told and sum(told) != found:
             raise MeshError(
@@ -90,10 +115,10 @@ def _refuse_what_is_missing(archive: Any, text: list[str], path: Path) -> None:
 
 
 def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> Contents:
-    _refuse_what_is_missing(archive, text, path)
+    labels, places = _nodes(text, path)
+    _refuse_what_is_missing(archive, len(labels), text, path)
     kind_of_type = {int(number): int(kind) for number, kind in archive.ekey}
     sections, shells = _sections(text), defaultdict(list)
-    labels = np.asarray(archive.nnum, dtype=np.int64)
     row = {label: place for place, label in enumerate(labels.tolist())}
     kinds: dict[str, list[Member]] = {}
     refused: dict[str, list[int]] = {}
@@ -129,7 +154,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
     materials, of_number = _materials(text, path, units)
     cells, cell_labels, material = cells_of(kinds, row, of_number, f"{path}: an element names node")
     mesh = meshio.Mesh(
-        np.asarray(archive.nodes, dtype=float)[:, :3],
+        places,
         cells,
         point_sets={name.strip(): _rows(numbers, row) for name, numbers in archive.node_components.items()},
         cell_sets={
@@ -198,7 +223,7 @@ def _solid(kind: int, nodes: list[int]) -> tuple[str, list[int]] | None:
             chosen = [*corners, *middle] if quadratic else corners
             return f"{name}{len(chosen)}" if quadratic else name, [nodes[k] for k in chosen]
     if all(nodes[a] == nodes[b] for a, b in _PYRAMID):
-        return None
+        return None if quadratic else ("pyramid", nodes[:5])
     return ("hexahedron20", nodes[:20]) if quadratic else ("hexahedron", nodes[:8])
 
 
