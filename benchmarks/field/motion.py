@@ -31,7 +31,7 @@ FLIGHT = "Free flight of a beam"
 TUMBLING = "Tumbling block"
 # Of the lag, s.
 # Of free bodies too.
-MASSES = (Mass.CONSTANT, Mass.CONFIGURATION)
+MASSES = (Mass.CONSTANT, Mass.CONFIGURATION, Mass.POLYNOMIAL)
 TIMES = (5.0, 7.5, 10.0, 12.5)
 FLUTTER = "Column under a follower force"
 # Error of a prescribed turn, rad, and how often a moment is corrected for it.
