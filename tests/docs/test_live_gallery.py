@@ -66,7 +66,10 @@ def pull(tab, right, up):
 def test_the_page_of_the_docs_opens_and_answers(width, dark):
     browser()
     with opened(PAGE, width, dark) as tab:
-        assert tab.value("$('bar').hidden")
+        assert tab.value("$('bar').hidden && $('livePanel').hidden")
+        # The supports are shown, and no pointer takes them.
+        assert tab.value("DATA.marks.map(mark => mark.kind)") == ["interface", "support"]
+        assert tab.value("live.markNow.length - live.ends.length") == 1
         pull(tab, 10, -60)
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.01 && live.load && live.error !== null")
         assert not tab.value("$('bar').hidden")
