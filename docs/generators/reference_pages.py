@@ -247,6 +247,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "place keys": place_keys,
     "published problems in full": _of("result_tables", "field_in_full"),
     "published problems in short": _of("result_tables", "field_in_short"),
+    "public files that are read": _of("result_tables", "coverage"),
     "scene keys": scene_keys,
     "thin bodies": _of("result_tables", "thin_bodies"),
     "variables: inputs and outputs": _of("variable_tables", "variables_in_and_out"),

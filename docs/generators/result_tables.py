@@ -1,8 +1,11 @@
 """Tables of pages that are made from records: errors of methods, published problems, costs."""
 
+import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from benchmarks.coverage import RECORD
+from benchmarks.coverage import table as covered
 from benchmarks.defaults.frames import FRAMES
 from benchmarks.defaults.frames import RECORDS as FRAME_RECORDS
 from benchmarks.defaults.published import ALL
@@ -83,6 +86,12 @@ def _worst(records: Sequence[Record]) -> str:
 def _two_digits(value: float) -> str:
     """Two significant digits, without an exponent."""
     return f"{float(f'{value:.2g}'):g}"
+
+
+def coverage() -> str:
+    """Public files that are read, by source and class."""
+    with RECORD.open(newline="", encoding="utf-8") as file:
+        return covered(list(csv.DictReader(file))) + "\n"
 
 
 def defaults_in_full() -> str:
