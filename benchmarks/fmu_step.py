@@ -1,7 +1,5 @@
 """What a step of an FMU costs against the empty pythonfmu slave of the same variables, in one run.
 
-Beside it stands an empty native FMU: what fmpy's own calls cost.
-
 Run from the repository's root: python -m benchmarks.fmu_step [--output FILE.csv]. Both are driven by fmpy: set all
 inputs, step, get all outputs. Prints a table and writes the records that it is made of.
 """
@@ -40,7 +38,7 @@ class Record:
     Attributes
     ----------
     method : str
-        "" for the empty slave, and the empty native FMU.
+        "" for the empty slave.
     runtime : str
         Of the FMU: "native" or "python".
     median, fastest : float
@@ -175,9 +173,9 @@ def drive(fmu: str, choices: dict[str, str]) -> dict[str, float]:
 
 def in_process(fmu: Path, choices: dict[str, str]) -> dict[str, float] | None:
     """Result of `drive` in a fresh process; None where the FMU refuses the choices."""
-    command = [sys.executable, __file__, "--drive", str(fmu), json.dumps(choices)]
+    command = [sys.executable, "-m", "benchmarks.fmu_step", "--drive", str(fmu), json.dumps(choices)]
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, cwd=ROOT)
     lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
     return json.loads(lines[-1].removeprefix("RESULT ")) if lines else None
 
@@ -210,13 +208,6 @@ def measure(output: Path) -> list[Record]:
         print("| method | runtime | µs | of the empty slave | rounds |")
         print("|---|---|---|---|---|")
         print(f"| empty slave | python | {1e6 * base['median']:.0f} | 1.0 | |")
-        hollow = in_process(empty_native(folder, fmus["native"]), {})
-        if hollow is None:
-            raise SystemExit("the empty native FMU does not run")
-        records.append(
-            Record("", "native", hollow["median"], hollow["fastest"], 0.0, hollow["median"] / base["median"])
-        )
-        print(f"| empty | native | {1e6 * hollow['median']:.1f} | {records[-1].ratio:.2f} | |", flush=True)
         for method in Method:
             for runtime, fmu in fmus.items():
                 found = in_process(fmu, {"method": method.value})
