@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from ..fe.assembly import mean_gradient, scatter
 from ..fe.faces import area_matrix, select
-from ..files.array_types import FloatArray, IntArray
+from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import BodyFileError
 from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
@@ -161,7 +161,9 @@ def floating_frame(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Subdomain:
     return Subdomain("floating", GROUND, none, whole, turn, whole, whole.centre(mesh.points), floating=True)
 
 
-def hinge_frame(mesh: Mesh, volumes: tuple[FloatArray, ...], rigid: FloatArray) -> Subdomain | None:
+def hinge_frame(
+    mesh: Mesh, volumes: tuple[FloatArray, ...], rigid: FloatArray, held: BoolArray | None = None
+) -> Subdomain | None:
     """Frame of a body on a hinge or a ball joint: it turns with the rigid motions, elastic modes do not move it.
 
     Parameters
@@ -170,6 +172,8 @@ def hinge_frame(mesh: Mesh, volumes: tuple[FloatArray, ...], rigid: FloatArray) 
     volumes : tuple of (n_elements, node_count, node_count) float
     rigid : (3n, r) float
         Rigid motions that no support resists.
+    held : (n,) bool, optional
+        Nodes that supports hold: others on the axis move as the body bends.
 
     Returns
     -------
@@ -181,6 +185,8 @@ def hinge_frame(mesh: Mesh, volumes: tuple[FloatArray, ...], rigid: FloatArray) 
     still = np.flatnonzero(size <= _STILL * size.max())
     if motions.shape[2] not in (1, 3) or not still.size:
         return None
+    if held is not None and held[still].any():
+        still = still[held[still]]
     whole = _by_mass(mesh, volumes)
     arm = mesh.points - mesh.points[still[0]]
     fitted = fitted_rotation(mesh.points, whole).of(rigid)
