@@ -101,7 +101,9 @@ def root_frame(model: Model, volumes: tuple[FloatArray, ...]) -> list[Subdomain]
     """The frame that turns with a body that is free to turn; none for others."""
     if is_free(model):
         return [floating_frame(model.mesh, volumes)]
-    found = hinge_frame(model.mesh, volumes, model.rigid, model.fixed.all(axis=1)) if model.rigid.shape[1] else None
+    if not model.rigid.shape[1]:
+        return []
+    found = hinge_frame(model.mesh, volumes, model.rigid, np.asarray(model.fixed.all(axis=1)))
     return [] if found is None else [found]
 
 

@@ -123,7 +123,7 @@ class Picture:
             colour = COLOURS.get(row.method, OTHER) if named else BEATEN
             axes.plot(cost, 100.0 * value, zorder=3.0 if named else 2.0, **self._look(row, colour))
             if named and quantity == "static_displacement" and row.static_estimate > 0.0:
-                told = {"color": colour, "linewidth": 0.8, "zorder": 2.5}
+                told: dict[str, Any] = {"color": colour, "linewidth": 0.8, "zorder": 2.5}
                 axes.plot([cost, cost], [100.0 * value, 100.0 * row.static_estimate], linestyle=":", **told)
                 axes.plot(cost, 100.0 * row.static_estimate, "_", mew=1.8, markersize=9, **told)
             if row is self._best:
