@@ -99,12 +99,13 @@ def nodal_stress(mesh: Mesh, nodes: IntArray, fields: FloatArray) -> FloatArray:
     return total / np.maximum(met, 1.0)[:, None, None]
 
 
-def stress_jumps(mesh: Mesh, field: FloatArray) -> float:
+def stress_jumps(mesh: Mesh, field: FloatArray, held: BoolArray | None = None) -> float:
     """Share of a field's strain energy in what its stress differs from the same with nodal means, linear between them.
 
     It estimates the share of a deflection that a coarse mesh lacks (O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth.
     Engng. 24 (1987) 337). Of linear elements, of shells of one layer, and of other solids within thin walls: where
-    walls meet it is too much for them. Elements beside another material do not count.
+    walls meet it is too much for them. Elements beside another material do not count, nor quadratic ones that are held on
+    a line or at points, where stress is singular.
 
     Parameters
     ----------
@@ -112,21 +113,24 @@ def stress_jumps(mesh: Mesh, field: FloatArray) -> float:
         Every element with a material.
     field : (3n,) float
         Displacements, m.
+    held : (n,) bool, optional
+        Nodes of supports.
 
     Returns
     -------
     float
     """
+    held = np.zeros(len(mesh.points), dtype=bool) if held is None else held
     solids, shells = (tuple(b for b in mesh.blocks if b.type.shell is one and not b.type.beam) for one in (False, True))
     energies = np.zeros(2)
     if solids:
-        energies += _solid_jumps(replace(mesh, blocks=solids), field)
+        energies += _solid_jumps(replace(mesh, blocks=solids), field, held)
     if shells:
         energies += _shell_jumps(mesh, shells, field)
     return float(energies[0] / energies[1]) if energies[1] > 0.0 else 0.0
 
 
-def _solid_jumps(mesh: Mesh, field: FloatArray) -> FloatArray:
+def _solid_jumps(mesh: Mesh, field: FloatArray, held: BoolArray) -> FloatArray:
     """Twice the energies of jumps and of the field."""
     sides = [block.connectivity[:, : len(_extrapolation(block.type))] for block in mesh.blocks]
     smooth, u = np.zeros((len(mesh.points), 6)), field.reshape(-1, 3, 1)
@@ -140,7 +144,9 @@ def _solid_jumps(mesh: Mesh, field: FloatArray) -> FloatArray:
     for block, side in zip(mesh.blocks, sides, strict=True):
         between = LINEAR[block.type.shape.polytope].value(block.type.stiffness.points)
         linear = block.type.node_count == block.type.corner_count and not block.type.incompatible
-        counted = (first == last)[side].all(axis=1) & (linear | walls[side].all(axis=1))
+        # Three corners are a face.
+        on_a_face = ~held[block.connectivity].any(axis=1) | (np.count_nonzero(held[side], axis=1) >= 3)
+        counted = (first == last)[side].all(axis=1) & (linear | walls[side].all(axis=1) & on_a_face)
         for places, some in cells(mesh, block, CHUNK):
             found = some.work(some.strains(u)).reshape(len(some.nodes), 6, -1) / some.volume[:, None]
             jump = (found - np.einsum("qa,eac->ecq", between, smooth[side[places]])) * counted[places, None, None]

@@ -343,7 +343,8 @@ def _tell(modes: Modes, report: Reporter) -> None:
 
 def _tell_coarse(model: Model, modes: Modes, report: Reporter) -> None:
     """Warn of a mesh that is far too stiff for the first mode."""
-    share = stress_jumps(model.mesh, modes.shapes[:, np.argmax(modes.angular_frequency > 0.0)])
+    first = modes.shapes[:, np.argmax(modes.angular_frequency > 0.0)]
+    share = stress_jumps(model.mesh, first, np.asarray(model.fixed.any(axis=1)))
     if share > _JUMPS:
         report.warning(
             f"the mesh is too stiff: stress jumps from element to element, by which deflections of the first mode are "
