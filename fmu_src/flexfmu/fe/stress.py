@@ -104,8 +104,8 @@ def stress_jumps(mesh: Mesh, field: FloatArray, held: BoolArray | None = None) -
 
     It estimates the share of a deflection that a coarse mesh lacks (O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth.
     Engng. 24 (1987) 337). Of linear elements, of shells of one layer, and of other solids within thin walls: where
-    walls meet it is too much for them. Elements beside another material do not count, nor quadratic ones that are held on
-    a line or at points, where stress is singular.
+    walls meet it is too much for them. Elements beside another material do not count, nor quadratic ones that are held
+    on a line or at points, where stress is singular.
 
     Parameters
     ----------

@@ -41,10 +41,15 @@ def mass_polynomial(parts: Sequence[tuple[ReducedBody, FloatArray]]) -> MassPoly
         None where nothing of the mass changes, and of a body that slides without turning freely.
     """
     found = [(own, turn) for part, turn in parts if (own := _of_part(part)) is not None]
-    if len(parts) == 1 or not found:
-        return found[0][0] if found else None
+    if not found:
+        return None
     every = [(turn.T @ own.form @ turn, own.linear @ turn, turn.T @ own.square @ turn) for own, turn in found]
-    return MassPolynomial(*(np.concatenate(arrays) for arrays in zip(*every, strict=True)))
+    terms = [np.concatenate(arrays) for arrays in zip(*every, strict=True)]
+    # Of a body that slides there is one part.
+    own, turn = found[0]
+    if own.centre is not None and own.centre_square is not None:
+        terms += [own.centre @ turn, turn.T @ own.centre_square @ turn]
+    return MassPolynomial(*terms)
 
 
 def _of_part(body: ReducedBody) -> MassPolynomial | None:

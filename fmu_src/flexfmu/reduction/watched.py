@@ -57,6 +57,8 @@ def watched_material(
     turned = frame_rotation if own else np.zeros((1, 3, len(omega)))
     found = [_most_turned(mesh, phi, elements, turned[s], motions) for s, elements in groups]
     largest = np.max([most.max(axis=0) for _, _, most in found], axis=0)
+    # Some motions turn nothing.
+    largest[largest == 0.0] = 1.0
     count = max(_ELEMENTS, _FEWEST // len(groups))
     chosen = [rotation[_greedy(most / largest, count)] for _, rotation, most in found]
     frame = [np.full(len(rotation), s if own else -1) for (s, _), rotation in zip(groups, chosen, strict=True)]
