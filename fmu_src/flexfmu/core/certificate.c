@@ -108,28 +108,27 @@ static void forces_of(Body *shadow, Room *room, const double *inputs) {
     tangent_stiffness(shadow, &room->loads, 1, &room->at, room->tense, &room->tangents, room->tangent);
 }
 
-/* How much softer loads have made an interface, with the factor of the shadow's tangent at hand: its compliance without loads
- * over that with them, the smallest of all; 1 at the most, in what stiffens. What is soft in the tangent alone may be stiff
- * still, as along leaves that bend. */
+/* Steps of inverse iteration. */
+enum { ITERATIONS = 8 };
+
+/* The smallest eigenvalue of the shadow's tangent, with its factor at hand, that the deflection has a part in; 1 at the most:
+ * at rest and in what stiffens. */
 static double softest(Room *room, const Body *shadow, int64_t e) {
     const Program *p = &shadow->p;
-    double *shape = room->factor, *moved = shape + e, least = 1.0;
-    for (int64_t i = 0; i < p->interfaces; i++) {
-        double before = 0.0, now = 0.0;
-        for (int64_t row = 3 * i; row < 3 * i + 3; row++) {
-            for (int64_t j = 0; j < e; j++) shape[j] = p->load_operator[row * p->modes + p->rigid + j] / p->omega[p->rigid + j];
-            memcpy(moved, shape, (size_t)e * sizeof(double));
-            lu_solve_one(room->scaled, shadow->pivot, moved, e);
-            before += dot(shape, shape, e);
-            now += dot(shape, moved, e);
-        }
-        if (now * least > before) least = before / now;
+    double *shape = room->factor, grown = 1.0;
+    for (int64_t i = 0; i < e; i++) shape[i] = p->omega[p->rigid + i] * room->q[p->rigid + i];
+    for (int k = 0; k < ITERATIONS; k++) {
+        const double size = norm(shape, e);
+        if (!(size > 0.0)) return 1.0;
+        for (int64_t i = 0; i < e; i++) shape[i] /= size;
+        lu_solve_one(room->scaled, shadow->pivot, shape, e);
+        grown = norm(shape, e);
     }
-    return least;
+    return 1.0 / fmax(grown, 1.0);
 }
 
-/* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and how soft it is there; 0 where
- * its tangent is not stable. In motion inertia holds what is left of the body's own forces, and so it does in
+/* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of
+ * its tangent; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and so it does in
  * the shadow. */
 static double newton_step(Body *shadow, Room *room, const double *inputs) {
     const Program *p = &shadow->p;
