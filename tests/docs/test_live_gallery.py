@@ -1,5 +1,6 @@
 """The gallery's live bodies: all are valid, and pages of them open, answer and complain of nothing."""
 
+import re
 from functools import lru_cache
 from pathlib import Path
 
@@ -73,6 +74,9 @@ def test_the_page_of_the_docs_opens_and_answers(width, dark):
         pull(tab, 10, -60)
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.01 && live.load && live.error !== null")
         assert not tab.value("$('bar').hidden")
+        # The estimate and its bound stand beside each other, each by its name.
+        assert tab.value("live.bound >= live.error && live.error > 0.0")
+        assert re.fullmatch(r"deflection error [\d.]+\s%, bound [\d.]+\s%", tab.value("$('trust').innerText.trim()"))
         assert tab.said == []
 
 

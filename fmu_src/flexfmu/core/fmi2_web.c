@@ -25,4 +25,9 @@ FMI_EXPORT fmi2Status fmi2FlexfmuModes(fmi2Component handle, double *q, size_t c
     memcpy(q, c->body->q, count * sizeof(double));
     return fmi2OK;
 }
+/* Bound of diagnostics.error, once that was asked for; -1: none is known. */
+FMI_EXPORT double fmi2FlexfmuBound(fmi2Component handle) {
+    Component *c = allowed(handle, READABLE, "fmi2FlexfmuBound");
+    return c ? c->body->bound : -1.0;
+}
 #endif

@@ -69,7 +69,7 @@ typedef struct {
     /* What is found when it is asked for. */
     int cached;
     double *motion, *rates, *stress, *compliance, *errors, *start_inputs, *end_inputs, *q1, *v1, *room, *shape, *kept;
-    double error; /* over the deflection */
+    double error, bound; /* over the deflection */
 } Instance;
 
 /* Single numbers of the state. */

@@ -224,6 +224,7 @@ static const double GROWN = 1.1, GROWN_FAR = 2.0, MOVED = 0.05, IN_TIME = 0.25;
 static const double PATIENCE = 5.0, QUICK = 40.0;
 /* Share of the deflection beyond which one step of Newton's method tells no more than that the motion is wrong. */
 static const double WRONG = 0.1;
+static const char MORE[] = "more than ";
 
 static void error(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
     Body *body = monitor->body;
@@ -255,8 +256,9 @@ static void error(const Monitor *monitor, const StepEnd *end, Memory *memory, Fi
     worst = 0;
     for (int64_t i = 1; i < p->interfaces; i++)
         if (monitor->errors[2 * i] > monitor->errors[2 * worst]) worst = i;
-    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), bound > WRONG ? "more than " : "up to ", 100.0 * fmin(bound, WRONG),
-             100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
+    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), share > WRONG ? MORE : "", 100.0 * fmin(share, WRONG),
+             bound > WRONG ? MORE : "", 100.0 * fmin(bound, WRONG), 100.0 * watch->limit,
+             text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
 }
 
 /* Whether stability, and stiffness that is missed, may have changed since they were last looked at. */

@@ -54,6 +54,8 @@ class Body {
   step(length) { const taken = this.call("fmi2DoStep", this.time, length, 1) <= 1; if (taken) this.time += length; return taken; }
   // Where the surface's points are, (3 n).
   watch(sizes, on, numbers) { this.surface = [this.core.longs(sizes), this.core.longs(on), this.core.reals(numbers), this.core.room(8 * sizes[2] + 8), this.core.room(24 * sizes[1])]; this.points = sizes[1]; }
+  // Estimate of the displacements' error over the largest deflection, and its bound.
+  error(reference) { return [this.get([reference])[0], this.core.call.fmi2FlexfmuBound(this.handle)]; }
   modes(count) { this.coordinates ??= this.core.room(8 * count); this.call("fmi2FlexfmuModes", this.coordinates, count); return this.core.real(this.coordinates, count); }
   places() { this.call("fmi2FlexfmuSurface", ...this.surface); return this.core.real(this.surface[4], 3 * this.points); }
 }

@@ -84,7 +84,7 @@ class Live {
     if (this.debt >= 1) this.debt = 0;
     this.read();
     if (!this.pull && this.spec.free) this.chase(1 - Math.exp(-real / CHASE));
-    if (this.errorNumber >= 0) this.error = this.body.get([this.errorNumber])[0];
+    if (this.errorNumber >= 0) [this.error, this.bound] = this.body.error(this.errorNumber);
     this.history.push([this.body.time, this.value(this.motion), this.lineMotion && this.value(this.lineMotion)]);
     if (this.history.length > SAMPLES) this.history.shift();
     this.tell();
@@ -126,8 +126,8 @@ class Live {
     if (most > this.stressTop) { this.stressTop = 1.25 * most; words(); }
     return value;
   }
-  get bad() { return this.error < 0 || this.error > 0.1; }
-  get errorTint() { return ERROR_TINTS[this.error === null ? 0 : this.bad || this.error > 0.03 ? 2 : this.error > 0.01 ? 1 : 0]; }
+  // Colours go by the bound, as warnings do.
+  get errorTint() { return ERROR_TINTS[this.error === null ? 0 : this.error < 0 || this.bound > 0.03 ? 2 : this.bound > 0.01 ? 1 : 0]; }
 
   // Pointer and keyboard.
   at(e) { const r = area.getBoundingClientRect(); return [e.clientX - r.left, e.clientY - r.top]; }
@@ -185,7 +185,7 @@ class Live {
     tools.innerHTML = `<button id="pause" title="space"></button><button id="reset" title="r">reset</button>
       <button id="linear" title="l" aria-pressed="true"><i></i>linear</button><label>speed <select id="speed"></select></label>`;
     panel.id = "livePanel";
-    panel.innerHTML = `<div id="trust"><span>own error estimate</span><i><b></b></i></div><select id="output" aria-label="output of the plot"></select><canvas id="plot"></canvas>`;
+    panel.innerHTML = `<div id="trust"><span>error</span><i><u></u><b></b></i></div><select id="output" aria-label="output of the plot"></select><canvas id="plot"></canvas>`;
     area.append(panel);
     const banner = document.createElement("div"); banner.id = "refused"; banner.hidden = true; banner.setAttribute("role", "status");
     banner.innerHTML = "<b>Refused.</b> <span></span> <button>reset</button>"; area.append(banner); banner.querySelector("button").onclick = () => this.reset();
@@ -203,7 +203,7 @@ class Live {
     if (warning) this.warned = warning.text;
     if (warning && /critical load/.test(warning.text)) this.critical = ` Before it: ${warning.text}.`;
     this.told.length = 0;
-    const text = !this.moving ? hint : `${this.body.time.toPrecision(4)} s${this.paused ? ", paused" : ""}${this.warned ? ` — ${this.warned}` : ""}`;
+    const text = !this.moving ? hint : `${this.body.time.toPrecision(4)} s${this.paused ? ", paused" : ""}${this.warned && !this.refused ? ` — ${this.warned}` : ""}`;
     if (text === this.said && this.wasRefused === this.refused && this.wasPaused === this.paused) return false;
     [this.said, this.wasRefused, this.wasPaused] = [text, this.refused, this.paused];
     $("note").textContent = text; $("livePanel").hidden = !this.moving;
@@ -225,14 +225,15 @@ class Live {
         g.strokeStyle = g.fillStyle = ink("accent"); g.lineWidth = 3; g.beginPath(); g.moveTo(...from); g.lineTo(to[0] - 8 * x, to[1] - 8 * y); g.stroke();
         g.beginPath(); g.moveTo(...to); g.lineTo(to[0] - 12 * x - 5 * y, to[1] - 12 * y + 5 * x); g.lineTo(to[0] - 12 * x + 5 * y, to[1] - 12 * y - 5 * x); g.fill();
         const force = Math.hypot(...this.load), [f, unit] = force >= 1e6 ? [1e-6, "MN"] : force >= 1e3 ? [1e-3, "kN"] : [1, "N"];
-        halo(`${(f * force).toPrecision(3)} ${unit}`, Math.min(to[0] + 10, w - 70), to[1] + 14, ink("ink"));
+        halo(`${(f * force).toPrecision(3)} ${unit}`, Math.max(10, Math.min(to[0] + 10, w - 70)), Math.max(12, Math.min(to[1] + 14, h - 12)), ink("ink"));
       }
     }
     if (this.error !== null) {
-      const bad = this.bad, share = bad ? 1 : Math.min(1, this.error / 0.05);
-      $("trust").querySelector("span").textContent = `own error estimate ${this.error < 0 ? "unknown" : bad ? "> 10 %" : `${(100 * this.error).toPrecision(2)} %`}`;
-      const bar = $("trust").querySelector("b"); bar.style.width = `${100 * share}%`;
-      bar.style.background = this.errorTint;
+      const says = x => x > 0.1 ? ">\u00a010\u00a0%" : `${+(100 * x).toPrecision(x < 1e-3 ? 1 : 2)}\u00a0%`;
+      $("trust").querySelector("span").textContent = this.error < 0 ? "deflection error unknown" : `deflection error ${says(this.error)}, bound ${says(this.bound)}`;
+      for (const [name, x] of [["b", this.error], ["u", this.bound]]) {
+        const bar = $("trust").querySelector(name); bar.style.width = `${100 * (this.error < 0 ? 1 : Math.min(1, x / 0.05))}%`; bar.style.background = this.errorTint;
+      }
     }
     this.plot();
   }
