@@ -590,7 +590,8 @@ def result():
 def test_a_csv_has_units_in_its_header(tmp_path, result):
     write_result(tmp_path / "motion.csv", result)
     names, values = read_table(tmp_path / "motion.csv")
-    assert (tmp_path / "motion.csv").read_text().splitlines()[0] == "time,arm.tip.displacement.x [m],master.iterations"
+    header = (tmp_path / "motion.csv").read_text().splitlines()[0]
+    assert header == "time [s],arm.tip.displacement.x [m],master.iterations"
     assert names == ["arm.tip.displacement.x", "master.iterations"]
     np.testing.assert_array_equal(values, [[0.0, 1.5, 0.0], [0.1, 2.25, 3.0]])
 

@@ -142,7 +142,11 @@ MISTAKES = {
         "--force",
     ),
     "a point in the mesh's millimetres": body(
-        TIP, f"{TIP}\npoint = [1000.0, 50.0, 50.0]", "m outside the body, which measures 1 m", "are in m", "--force"
+        TIP,
+        f"{TIP}\npoint = [1000.0, 50.0, 50.0]",
+        "m outside the body, which measures 1 m",
+        "points are in the mesh's units",
+        "--force",
     ),
     "what is meant is built with a warning": Mistake(
         ["build", "body.toml", "-o", "out.fmu", "--force"],

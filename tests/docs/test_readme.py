@@ -50,7 +50,7 @@ def test_commands_build_describe_and_simulate(folder):
     assert "4 frames" in printed[1]
     assert "carries tip" in printed[1]
     rows = (path / "result.csv").read_text(encoding="utf-8").splitlines()
-    assert rows[0].startswith("time,tip.displacement.x")
+    assert rows[0].startswith("time [s],tip.displacement.x [m]")
     assert float(rows[-1].split(",")[2]) > 0.05
     assert (path / "result.png").read_bytes().startswith(b"\x89PNG")
 

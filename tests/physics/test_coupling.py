@@ -953,7 +953,7 @@ def test_a_run_writes_its_results_and_says_how_many_iterations_it_took(folder):
     assert said == "done"
     assert "iterations a step" in shown
     header, *rows = (folder / "motion.csv").read_text(encoding="utf-8").splitlines()
-    assert header.startswith("time,a.tip.displacement.x,")
+    assert header.startswith("time [s],a.tip.displacement.x,")
     assert header.endswith(",master.iterations,master.created_energy [J]")
     with h5py.File(folder / "motion.h5") as file:
         assert len(file["time"]) == len(rows) == 51

@@ -116,7 +116,7 @@ def test_a_simulation_settles_where_statics_says_and_becomes_a_table(built, tmp_
     )
     np.testing.assert_allclose(again["tip.displacement.y"], expected[1], rtol=1e-6)
     result.to_csv(tmp_path / "result.csv")
-    assert (tmp_path / "result.csv").read_text().startswith("time,tip.displacement.x")
+    assert (tmp_path / "result.csv").read_text().startswith("time [s],tip.displacement.x [m]")
 
 
 def test_an_fmu_and_a_modal_file_of_a_script_are_read_back_as_the_same_body(built, tmp_path):

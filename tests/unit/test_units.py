@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from flexfmu.api import Body, Interface
+from flexfmu.build.body_model import body_model
+from flexfmu.build.config import read_body_file
 from flexfmu.build.pipeline import build_fmu
-from flexfmu.build.reduce import reduce_body
+from flexfmu.build.reduce import distant_points, reduce_body
 from flexfmu.commands.cli import app
+from flexfmu.files.errors import BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.mesh.plausibility import implausible
+from flexfmu.reduction.places import node_set
 from meshes import box, write_deck
 
 SIZE = (0.254, 0.0127, 0.0254)
@@ -83,6 +88,52 @@ def test_a_body_has_the_same_mass_size_and_frequencies_in_whatever_units_it_is_w
         np.testing.assert_allclose(np.ptp(body.properties.box, axis=0), SIZE, rtol=1e-9)
         np.testing.assert_allclose(body.properties.youngs_modulus, [2.1e11], rtol=1e-6)
         np.testing.assert_allclose(body.angular_frequency, found["m-kg-s"].angular_frequency, rtol=1e-6)
+
+
+PLACED = """
+nodes = {{ plane = [{0!r}, 0.0, 0.0], normal = [1, 0, 0], tolerance = {1!r} }}
+point = [{2!r}, 0.0, 0.0]
+[[branch]]
+toward = "tip"
+joints = [{3!r}]
+"""
+
+
+def test_places_points_and_joints_are_in_the_units_of_the_mesh_in_body_files_and_in_python(tmp_path):
+    for units, length in LENGTH.items():
+        (tmp_path / units).mkdir()
+        end, miss, point, joint = (length * x for x in (SIZE[0], 1e-5, 0.3, 0.127))
+        path = bar_file(tmp_path / units, units, interface="NODES")
+        text = PLACED.format(end, miss, point, joint)
+        path.write_text(path.read_text(encoding="utf-8").replace('nodes = "TIP"\nNODES', text), encoding="utf-8")
+        file = Body.read(path)
+        tip = Interface(lambda x, end=end: np.isclose(x[:, 0], end), point=[point, 0.0, 0.0])
+        branch = {"branch": [{"toward": "tip", "joints": [joint]}]}
+        script = Body(
+            file.mesh, (STEEL[units][0], 0.3, STEEL[units][1]), ["ROOT"], {"tip": tip}, units=units, tables=branch
+        )
+        for body in (file, script):
+            found = body_model(body.mesh, body.spec)
+            (interface,) = found.options.interfaces
+            np.testing.assert_allclose(interface.point, [0.3, 0.0, 0.0], atol=1e-12)
+            rows = node_set(found.model.mesh, interface.nodes, "tip")
+            np.testing.assert_array_equal(rows, np.flatnonzero(np.isclose(body.mesh.points[:, 0], SIZE[0])))
+            np.testing.assert_allclose(found.options.branches[0].joints, [0.127], atol=1e-12)
+
+
+def test_a_place_or_point_in_metres_of_a_mesh_in_millimetres_is_told(tmp_path):
+    def given(words):
+        path = bar_file(tmp_path, "mm-t-s", interface="NODES")
+        path.write_text(path.read_text(encoding="utf-8").replace('nodes = "TIP"\nNODES', words), encoding="utf-8")
+        body = Body.read(path)
+        found = body_model(body.mesh, body.spec)
+        return distant_points(found.model.mesh, found.options)
+
+    with pytest.raises(BodyFileError, match="meet nodes if they are in m: give them in mm, as the mesh is"):
+        given("nodes = { plane = [0.254, 0, 0], normal = [1, 0, 0] }")
+    (told,) = given('nodes = "TIP"\npoint = [0.254, 0.0, 0.01]')
+    assert "lies off its nodes, and among them if it were in m" in told
+    assert given('nodes = "TIP"\npoint = [300.0, 0.0, 0.0]') == []
 
 
 def test_mass_is_that_of_each_material_s_density_times_its_volume(tmp_path):
@@ -181,14 +232,12 @@ def test_real_solids_are_not_warned_of_in_any_units(size, modulus, density, unit
 
 
 def test_a_material_that_nothing_uses_and_a_point_in_millimetres_are_warned_of(tmp_path):
-    from flexfmu.build.config import read_body_file
-
-    path = bar_file(tmp_path, "mm-t-s", interface="point = [254.0, 0.0, 0.0]", materials=True)
+    path = bar_file(tmp_path, "mm-t-s", interface="point = [254e3, 0.0, 0.0]", materials=True)
     report = Recorder()
     reduce_body(read_body_file(path), report)
     assert [text.partition(":")[0] for text in report.warnings] == [
         "interface 'tip'",
         "[material] is not used",
     ]
-    assert "lies 253.7 m outside the body" in report.warnings[0]
-    assert "are in m (the mesh: mm)" in report.warnings[0]
+    assert "lies 2.537e+05 mm outside the body" in report.warnings[0]
+    assert "points are in the mesh's units (mm-t-s)" in report.warnings[0]

@@ -54,7 +54,7 @@ class Interface:
     ----------
     nodes : Nodes
     point : 3 float, optional
-        Reference point, m; default: the nodes' weighted centre.
+        Reference point, in the mesh's units; default: the nodes' weighted centre.
     weights : str
         "area", "node" or "auto".
     rigid : bool, optional

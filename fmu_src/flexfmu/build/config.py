@@ -173,8 +173,8 @@ class BodySpec(Table):
         residual = self.residual
         return plain.BodyOptions(
             name=self.name,
-            interfaces=tables.plain_tables(plain.InterfaceNodes, self.interface),
-            supports=tables.plain_tables(plain.SupportNodes, self.support),
+            interfaces=tables.plain_tables(plain.InterfaceNodes, self.interface, self.mesh.units.length),
+            supports=tables.plain_tables(plain.SupportNodes, self.support, self.mesh.units.length),
             materials=tables.plain_tables(plain.MaterialConstants, self.materials),
             units=self.mesh.units,
             boundary=self.mesh.boundary,
@@ -182,8 +182,8 @@ class BodySpec(Table):
             root=self.root,
             levels=plain.DEFAULT_FRAMES if self.frames is None else self.frames,
             levels_asked=self.frames is not None,
-            frames=tables.plain_tables(plain.FrameNodes, self.frame),
-            branches=tables.plain_tables(plain.BranchJoints, self.branch),
+            frames=tables.plain_tables(plain.FrameNodes, self.frame, self.mesh.units.length),
+            branches=tables.plain_tables(plain.BranchJoints, self.branch, self.mesh.units.length),
             cuts=tuple(one.nodes for one in self.cuts),
             find_cuts=self.cut == "auto",
             may_cut=self.open_to_cuts,

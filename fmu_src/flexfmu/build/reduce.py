@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.threads import in_one_thread
+from ..files.units import UnitSystem
 from ..files.version import __version__
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
@@ -25,7 +27,7 @@ from ..reduction.making import used_body
 from ..reduction.masses import body_properties
 from ..reduction.model import Model
 from ..reduction.options import BodyOptions
-from ..reduction.places import support_places
+from ..reduction.places import node_set, support_places
 from ..reduction.rigid_nodes import stretch_free
 from .body_model import body_model
 from .config import BodyFile, BodySpec
@@ -98,7 +100,7 @@ def reduce_mesh(
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)
-    _tell_doubts(mesh, config, properties, report)
+    _tell_doubts(mesh, options, report)
     if prepared.unused_material:
         report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
     store = store or Store()
@@ -131,9 +133,9 @@ def _properties(options: BodyOptions, model: Model) -> Properties:
     )
 
 
-def _tell_doubts(mesh: Mesh, config: BodySpec, properties: Properties, report: Reporter) -> None:
+def _tell_doubts(mesh: Mesh, options: BodyOptions, report: Reporter) -> None:
     """Say what is hardly meant, and what may be wrong."""
-    for text in (*implausible(mesh, config.mesh.units), *_distant_points(config, properties)):
+    for text in (*implausible(mesh, options.units), *distant_points(mesh, options)):
         report.doubt(text)
     for text in stretch_free(mesh):
         report.warning(text)
@@ -168,17 +170,47 @@ def _surface_words(surface: Surface) -> str:
     return f"surface for pictures: {len(surface.points)} points, {', '.join(parts)} ([output] surface, stress)"
 
 
-def _distant_points(config: BodySpec, properties: Properties) -> list[str]:
-    """Say which reference points lie far from the body: they are in m, whatever the mesh is in."""
-    low, high = properties.box
+def distant_points(mesh: Mesh, options: BodyOptions) -> list[str]:
+    """Say which reference points lie far from the body, or would lie among their nodes in longer units.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    options : BodyOptions
+        With node sets for places.
+
+    Returns
+    -------
+    list of str
+    """
+    length, name = options.units.length, options.units.length_name
+    (low, high), found = _box(mesh.points), []
     size = float(np.max(high - low))
-    points = [(f"interface {table.name!r}", table.point) for table in config.interface if table.point is not None]
-    return [
-        f"{name}: point = {point} lies {away:.4g} m outside the body, which measures {size:.4g} m; points of the body "
-        f"file are in m (the mesh: {config.mesh.units.length_name})"
-        for name, point in points
-        if (away := float(np.linalg.norm(np.clip(point, low, high) - point))) > _FAR * size
-    ]
+    for table in options.interfaces:
+        if table.point is None:
+            continue
+        point = np.array(table.point)
+        own = _box(mesh.points[node_set(mesh, table.nodes, f"interface {table.name!r}")])
+        longer = [other for other in UnitSystem if other.length > length]
+        meant = [o.length_name for o in longer if _off(point, *own) > _off(point * (o.length / length), *own) == 0.0]
+        away = _off(point, low, high)
+        words = f"{away / length:.4g} {name} outside the body, which measures {size / length:.4g} {name}"
+        if meant:
+            words = f"off its nodes, and among them if it were in {meant[0]}"
+        if meant or away > _FAR * size:
+            given = ", ".join(f"{x:.6g}" for x in point / length)
+            words = f"interface {table.name!r}: point = [{given}] lies {words}"
+            found.append(f"{words}; points are in the mesh's units ({options.units.value})")
+    return found
+
+
+def _box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _off(point: FloatArray, low: FloatArray, high: FloatArray) -> float:
+    """How far a point lies outside a box."""
+    return float(np.linalg.norm(np.clip(point, low, high) - point))
 
 
 def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict[str, str]:

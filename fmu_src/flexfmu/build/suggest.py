@@ -1,6 +1,7 @@
 """What a mesh offers to a body file: its sets, materials and reference points, and plane ends by place."""
 
 import contextlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,21 +59,24 @@ def plane_ends(mesh: Mesh) -> dict[str, Place]:
     return {name: place for _, name, place in sorted(found, key=lambda one: -one[0])}
 
 
-def mesh_lines(mesh: Mesh) -> list[str]:
+def mesh_lines(mesh: Mesh, units: UnitSystem) -> list[str]:
     """What is in a mesh, in words: size, elements, sets, materials, reference points, plane ends, bores, notes.
 
     Parameters
     ----------
     mesh : Mesh
         Checked.
+    units : UnitSystem
+        Its own: lengths are given in them, as the body file takes them.
 
     Returns
     -------
     list of str
     """
+    mesh, unit = _in_units(mesh, units), units.length_name
     size = " × ".join(f"{side:.4g}" for side in np.ptp(mesh.points, axis=0))
     kinds = ", ".join(f"{len(block.labels)} {block.type.name}" for block in mesh.blocks)
-    lines = [f"{len(mesh.points)} nodes, elements: {kinds}; {size} m"]
+    lines = [f"{len(mesh.points)} nodes, elements: {kinds}; {size} {unit}"]
     bare = sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
     for material in mesh.materials:
         lacking = missing(material)
@@ -84,8 +88,9 @@ def mesh_lines(mesh: Mesh) -> list[str]:
     for name, rows in mesh.node_sets.items():
         known = {key.upper(): point for key, point in mesh.references.items()}
         point = known.get(name.upper())
-        about = f", reference point {_point(point)}" if point is not None else f", centre {_centre(mesh, rows)}"
-        lines.append(f"node set {name}: {len(rows)} nodes{about if len(rows) else ''}")
+        kind, at = ("centre", mesh.points[rows]) if point is None else ("reference point", point[None])
+        about = f", {kind} {_point(at.mean(axis=0))} {unit}" if len(rows) else ""
+        lines.append(f"node set {name}: {len(rows)} nodes{about}")
     lines += [f"element set {name}: {len(rows)} elements" for name, rows in mesh.element_sets.items()]
     lines += [
         f"plane end {name}: {len(node_set(mesh, place, name))} nodes, nodes = {_toml(place)}"
@@ -93,7 +98,7 @@ def mesh_lines(mesh: Mesh) -> list[str]:
     ]
     for name, place in bores(mesh).items():
         count = len(node_set(mesh, place, name))
-        lines.append(f"{name}: {count} nodes, radius {place.radius:.5g} m, nodes = {_toml(place)}")
+        lines.append(f"{name}: {count} nodes, radius {place.radius:.5g} {unit}, nodes = {_toml(place)}")
     return [*lines, *mesh.notes]
 
 
@@ -124,7 +129,7 @@ def mass_lines(mesh: Mesh) -> list[str]:
         total += at_points
         moment += sum((one.mass * one.point for one in mesh.masses), np.zeros(3))
         lines.append(f"mass {total:.5g} kg" + (f", {at_points:.5g} kg of it at points" if mesh.masses else ""))
-    return [*lines, f"centre of {'mass' if weighed else 'volume'} {_point(moment / total)}"]
+    return [*lines, f"centre of {'mass' if weighed else 'volume'} {_point(moment / total)} m"]
 
 
 def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
@@ -148,7 +153,7 @@ def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
     options = config.options
     choices: list[tuple[str, Nodes]] = [(f"support {n}", table.nodes) for n, table in enumerate(options.supports, 1)]
     choices += [(f"interface {table.name}", table.nodes) for table in options.interfaces]
-    return {title: node_set(mesh, nodes, title) for title, nodes in choices}
+    return {title: node_set(mesh, nodes, title, options.units) for title, nodes in choices}
 
 
 def likely_mesh(path: Path) -> tuple[Mesh, UnitSystem]:
@@ -199,6 +204,7 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
             f"{' …' if len(parts) > 3 else ''} nodes): join them in the mesher, by *TIE or by *EQUATION, or leave out "
             "what does not belong to the body"
         )
+    mesh = _in_units(mesh, units)
     named, sets = ([(_name(name), f'"{name}"') for name in names] for names in (mesh.references, mesh.node_sets))
     held, places = _ends_and_bores(mesh)
     if not held:
@@ -270,12 +276,14 @@ def _name(text: str) -> str:
     return found if found[:1].isalpha() and found not in C_KEYWORDS.split() else f"body_{found}"
 
 
-def _centre(mesh: Mesh, rows: IntArray) -> str:
-    return _point(mesh.points[rows].mean(axis=0)) if len(rows) else ""
+def _in_units(mesh: Mesh, units: UnitSystem) -> Mesh:
+    """The same geometry in other units than m."""
+    references = {name: point / units.length for name, point in mesh.references.items()}
+    return replace(mesh, points=mesh.points / units.length, references=references)
 
 
 def _point(place: FloatArray) -> str:
-    return "(" + ", ".join(f"{float(x):.5g}" for x in place) + ") m"
+    return "(" + ", ".join(f"{float(x):.5g}" for x in place) + ")"
 
 
 def _toml(place: Place) -> str:

@@ -17,6 +17,8 @@ from ..model.errors import OptionError
 from ..model.methods import DEFAULT, Mass, Method, Variant
 from ..reduction.options import Basis, Place
 
+OF_MESH = "length in the mesh's units"
+"""Marks keys that are in m as plain data."""
 ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
 
 
@@ -92,7 +94,7 @@ class MaterialTable(Table):
 
 
 class PlaceTable(Table):
-    """`nodes = { … }`: nodes by place, in m. They meet every condition that is given.
+    """`nodes = { … }`: nodes by place, in the mesh's units. They meet every condition that is given.
 
     Attributes
     ----------
@@ -116,14 +118,14 @@ class PlaceTable(Table):
 
     set: str | None = None
     numbers: Annotated[list[int], Field(min_length=1)] | None = None
-    plane: Vector | None = None
+    plane: Annotated[Vector | None, OF_MESH] = None
     normal: Vector | None = None
-    box: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
-    cylinder: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
-    patch: Vector | None = None
-    radius: float | None = Field(default=None, gt=0.0)
-    nearest: Vector | None = None
-    tolerance: float | None = Field(default=None, gt=0.0)
+    box: Annotated[Annotated[list[Vector], Field(min_length=2, max_length=2)] | None, OF_MESH] = None
+    cylinder: Annotated[Annotated[list[Vector], Field(min_length=2, max_length=2)] | None, OF_MESH] = None
+    patch: Annotated[Vector | None, OF_MESH] = None
+    radius: Annotated[float | None, OF_MESH] = Field(default=None, gt=0.0)
+    nearest: Annotated[Vector | None, OF_MESH] = None
+    tolerance: Annotated[float | None, OF_MESH] = Field(default=None, gt=0.0)
 
     @model_validator(mode="after")
     def _complete(self) -> "PlaceTable":
@@ -133,24 +135,33 @@ class PlaceTable(Table):
         if (self.plane is None) != (self.normal is None) or (self.normal is not None and not any(self.normal)):
             raise ValueError("plane is a point of it and goes with normal = [x, y, z], not zero")
         if self.radius is None and (self.cylinder is not None or self.patch is not None):
-            raise ValueError("cylinder (two points of its axis) and patch (a point) go with radius, in m")
+            raise ValueError("cylinder (two points of its axis) and patch (a point) go with radius")
         if self.cylinder is not None and self.cylinder[0] == self.cylinder[1]:
             raise ValueError("cylinder is given by two equal points of its axis, expected both its ends")
         return self
 
 
-def plain_tables(kind: type[Any], given: Sequence[Table]) -> tuple[Any, ...]:
-    """The same as plain data, whose fields have the keys' names; what is not given has their defaults."""
-    return tuple(
-        kind(**{field.name: _plain(value) for field in fields(kind) if (value := getattr(one, field.name)) is not None})
-        for one in given
-    )
+def plain_tables(kind: type[Any], given: Sequence[Table], length: float = 1.0) -> tuple[Any, ...]:
+    """The same as plain data, whose fields have the keys' names; what is not given has their defaults.
+
+    Lengths in the mesh's units, `length` m each, come out in m.
+    """
+    found = []
+    for one in given:
+        values = {field.name: getattr(one, field.name) for field in fields(kind)}
+        units = {name: length if OF_MESH in type(one).model_fields[name].metadata else 1.0 for name in values}
+        found.append(
+            kind(**{name: _plain(value, length, units[name]) for name, value in values.items() if value is not None})
+        )
+    return tuple(found)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, length: float, unit: float) -> Any:
     if isinstance(value, PlaceTable):
-        return plain_tables(Place, [value])[0]
-    return tuple(map(_plain, value)) if isinstance(value, list) else value
+        return plain_tables(Place, [value], length)[0]
+    if isinstance(value, list):
+        return tuple(_plain(one, length, unit) for one in value)
+    return value * unit if isinstance(value, float) else value
 
 
 Nodes = str | PlaceTable | list[str | PlaceTable]
@@ -221,7 +232,7 @@ class InterfaceTable(Table):
     nodes
         Node set or [place](#places).
     point
-        Reference point, m. Default: weighted centre
+        Reference point, in the mesh's units. Default: weighted centre
     weights
         `"area"` weighs nodes by element faces, also inside the body; `"node"` equally; `"auto"` by area where possible.
     rigid
@@ -234,7 +245,7 @@ class InterfaceTable(Table):
 
     name: Name = Field(examples=["tip"])
     nodes: Nodes = Field(examples=["FLANGE"])
-    point: Vector | None = Field(default=None, examples=[[0.0, 0.0, 0.0]])
+    point: Annotated[Vector | None, OF_MESH] = Field(default=None, examples=[[0.0, 0.0, 0.0]])
     weights: Literal["auto", "area", "node"] = "auto"
     rigid: bool | None = Field(default=None, examples=[True])
     compliance: bool = False
@@ -260,7 +271,7 @@ class FrameTable(Table):
 
     name: Name
     nodes: Nodes
-    joint: str | Vector | None = None
+    joint: Annotated[str | Vector | None, OF_MESH] = None
     parent: str | None = None
     rotation_points: list[str] | None = None
 
@@ -283,17 +294,17 @@ class BranchTable(Table):
     toward
         Interface, or `nodes` of a `[[cut]]`, at the end of the way. Other branches get no joints.
     joints
-        Distances from the supports, m, ascending, measured from node to node.
+        Distances from the supports, in the mesh's units, ascending, measured from node to node.
     """
 
     toward: str
-    joints: list[Annotated[float, Field(gt=0.0)]] = Field(min_length=1)
+    joints: Annotated[list[Annotated[float, Field(gt=0.0)]], OF_MESH] = Field(min_length=1)
 
     @field_validator("joints")
     @classmethod
     def _ascending(cls, value: list[float]) -> list[float]:
         if any(b <= a for a, b in pairwise(value)):
-            raise ValueError(f"is {value}, expected ascending distances from the supports in m, such as [0.2, 0.5]")
+            raise ValueError(f"is {value}, expected ascending distances from the supports, such as [0.2, 0.5]")
         return value
 
 

@@ -112,7 +112,7 @@ def check(file: Name, units: str = "m-kg-s") -> Checked:
     config = read_body_file(file) if file.suffix.lower() == ".toml" else None
     path, system = (file, unit_system(units)) if config is None else (config.mesh.file, config.mesh.units)
     mesh = checked(read_mesh(path, system))
-    lines, chosen = mesh_lines(mesh), {}
+    lines, chosen = mesh_lines(mesh, system), {}
     if config is not None:
         chosen = chosen_nodes(mesh, config)
         lines += [f"{title}: {len(rows)} nodes" for title, rows in chosen.items()]

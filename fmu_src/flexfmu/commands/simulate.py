@@ -11,14 +11,15 @@ from .common import reporter
 def simulate(
     fmu: Annotated[Path, typer.Argument(help="FMU made by flexfmu.")],
     loads: Annotated[Path, typer.Option("--input", "-i", help="Loads over time (CSV: time, then FMU inputs by name).")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Results to write (CSV).")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help=r"Results to write (CSV: time \[s], outputs with units).")
+    ],
     step: Annotated[float | None, typer.Option(help="Communication step, s; default: the FMU's own.")] = None,
     stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the input.")] = None,
     static_start: Annotated[bool, typer.Option(help="Start in equilibrium under the first loads.")] = False,
     parameter: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter, NAME=VALUE; may be repeated.")
     ] = None,
-    units: Annotated[bool, typer.Option("--units", help=r"Write units into the header: time \[s].")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")] = None,
     shape: Annotated[
         Path | None, typer.Option("--view", help="Show the body as it moves (.html, .pvd, .png; see `flexfmu view`).")
@@ -42,7 +43,7 @@ def simulate(
             raise typer.BadParameter("--static-start and --set initialization=… contradict each other; give one")
         settings["initialization"] = "static"
     report = reporter()
-    outputs, result = simulate_csv(fmu, loads, output, step, stop, settings, report, units)
+    outputs, result = simulate_csv(fmu, loads, output, step, stop, settings, report)
     if plot is not None:
         from ..fmu.curves import plot_result
 

@@ -29,12 +29,6 @@ def named(header: str) -> tuple[str, float]:
     return found["name"], factor(found["unit"], unit_of(found["name"]), header.strip())
 
 
-def with_unit(name: str) -> str:
-    """A variable's name with its unit, as `named` reads it; the name alone where it does not tell."""
-    unit = unit_of(name)
-    return name if unit is None else f"{name} [{unit}]"
-
-
 def number(text: str, name: str) -> float:
     """A number in SI units, as from "5e3", "5 kN" or "5kN", for a variable of some name.
 

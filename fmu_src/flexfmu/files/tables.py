@@ -9,7 +9,7 @@ import numpy as np
 from .array_types import FloatArray
 from .errors import FlexfmuError, SimulationError
 from .inputs import Kind, check_input
-from .quantities import named, with_unit
+from .quantities import named, unit_of
 from .targets import whole_file
 
 
@@ -104,8 +104,10 @@ def _header_fault(cells: Sequence[str], wanted: str) -> str:
     return f'{fault}; expected a header "{wanted},NAME,…" (commas), then rows of numbers (decimal points)'
 
 
-def write_table(path: Path, names: Sequence[str], values: FloatArray, units: bool = False) -> None:
-    """Write a CSV whose first column is time; the file appears whole or not at all.
+def write_table(
+    path: Path, names: Sequence[str], values: FloatArray, units: Sequence[str | None] | None = None
+) -> None:
+    """Write a CSV with a header "time [s],NAME [UNIT],…"; the file appears whole or not at all.
 
     Parameters
     ----------
@@ -113,8 +115,8 @@ def write_table(path: Path, names: Sequence[str], values: FloatArray, units: boo
     names : sequence of str
         Of the columns after time.
     values : (rows, 1 + len(names)) float
-    units : bool
-        Whether the header tells them, as in "tip.displacement.x [m]".
+    units : sequence of str or None, optional
+        Of the same; default: those that their names tell.
 
     Raises
     ------
@@ -123,7 +125,8 @@ def write_table(path: Path, names: Sequence[str], values: FloatArray, units: boo
     """
     with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([with_unit(name) if units else name for name in ("time", *names)])
+        told = zip(names, map(unit_of, names) if units is None else units, strict=True)
+        writer.writerow(["time [s]", *(f"{name} [{unit}]" if unit else name for name, unit in told)])
         writer.writerows([f"{x:.12g}" for x in row] for row in values)
 
 

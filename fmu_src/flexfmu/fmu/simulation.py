@@ -327,7 +327,6 @@ def simulate_csv(
     stop: float | None,
     parameters: Mapping[str, object],
     report: Reporter,
-    units: bool = False,
 ) -> tuple[list[str], FloatArray]:
     """Drive an FMU by a CSV of loads and write a CSV of its motion, of a run that stops early as NAME.partial.csv.
 
@@ -338,8 +337,6 @@ def simulate_csv(
         s.
     parameters : mapping of str to float or str
     report : Reporter
-    units : bool
-        Whether the header of the results tells units.
 
     Returns
     -------
@@ -357,9 +354,9 @@ def simulate_csv(
         outputs, result = simulate(fmu, names, values, step=step, stop=stop, parameters=parameters, report=report)
     except SimulationStoppedError as stopped:
         partial = output.with_suffix(f".partial{output.suffix}")
-        write_table(partial, stopped.outputs, stopped.result, units)
+        write_table(partial, stopped.outputs, stopped.result)
         words = f"{stopped}\nWhat came out until then is in {partial}"
         interrupted = stopped.exit_code == INTERRUPTED
         raise SimulationStoppedError(words, stopped.outputs, stopped.result, interrupted) from stopped
-    write_table(output, outputs, result, units)
+    write_table(output, outputs, result)
     return outputs, result

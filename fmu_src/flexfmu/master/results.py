@@ -67,7 +67,7 @@ class Result:
 def write_result(path: Path, result: Result) -> None:
     """Write results, by the file name's ending as CSV or HDF5; the file appears whole or not at all.
 
-    CSV: a header "time,NAME [UNIT],…". HDF5: datasets "time" and one a column, with the attribute "unit".
+    CSV: as `write_table`. HDF5: datasets "time" and one a column, with the attribute "unit".
 
     Parameters
     ----------
@@ -79,11 +79,10 @@ def write_result(path: Path, result: Result) -> None:
     OutputError
         The file cannot be written.
     """
-    units = zip(result.names, result.units, strict=True)
     if path.suffix.lower() == ".csv":
-        headers = [f"{name} [{unit}]" if unit else name for name, unit in units]
-        write_table(path, headers, np.column_stack([result.time, result.values]))
+        write_table(path, result.names, np.column_stack([result.time, result.values]), result.units)
         return
+    units = zip(result.names, result.units, strict=True)
     columns = [("time", "s", result.time), *((name, unit, result[name]) for name, unit in units)]
     with whole_file(path) as part, h5py.File(part, "w") as file:
         for name, unit, values in columns:

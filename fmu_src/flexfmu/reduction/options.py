@@ -29,7 +29,7 @@ class Basis(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Nodes that meet every condition given; points in m."""
+    """Nodes that meet every condition given; lengths in m."""
 
     set: str | None = None
     numbers: tuple[int, ...] | None = None

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import BodyFileError
+from ..files.units import UnitSystem
 from ..mesh.listing import listed
 from ..mesh.model import Mesh
 from .options import BodyOptions, FrameNodes, InterfaceNodes, Nodes, Place, SupportNodes
@@ -20,7 +21,7 @@ _Chooser = TypeVar("_Chooser", SupportNodes, InterfaceNodes, FrameNodes)
 _MISS = 1e-4
 
 
-def node_set(mesh: Mesh, nodes: Nodes, key: str) -> IntArray:
+def node_set(mesh: Mesh, nodes: Nodes, key: str, units: UnitSystem = UnitSystem.SI) -> IntArray:
     """Nodes of a named set, or at a place.
 
     Parameters
@@ -30,6 +31,8 @@ def node_set(mesh: Mesh, nodes: Nodes, key: str) -> IntArray:
         Of names, upper and lower case count as the same where that is unambiguous.
     key : str
         The key of the body file that asks, for the message.
+    units : UnitSystem
+        Of the body file's lengths, for the message.
 
     Returns
     -------
@@ -44,10 +47,10 @@ def node_set(mesh: Mesh, nodes: Nodes, key: str) -> IntArray:
     if isinstance(nodes, str):
         return named_set(mesh.node_sets, "node", nodes, key)
     if isinstance(nodes, tuple):
-        return np.unique(np.concatenate([node_set(mesh, one, key) for one in nodes]))
+        return np.unique(np.concatenate([node_set(mesh, one, key, units) for one in nodes]))
     rows = np.flatnonzero(_at(mesh, nodes, key))
     if not rows.size:
-        raise BodyFileError(f"{key}: no node lies there; {_nearby(mesh, nodes)}")
+        raise BodyFileError(f"{key}: no node lies there; {_nearby(mesh, nodes, key, units)}")
     return rows
 
 
@@ -99,7 +102,7 @@ def by_name(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, BodyOptions]:
         for number, one in enumerate(given, start=1):
             if not isinstance(one.nodes, str):
                 title = f"{PLACED}{kind} {getattr(one, 'name', number)}"
-                sets[title] = node_set(mesh, one.nodes, title)
+                sets[title] = node_set(mesh, one.nodes, title, config.units)
                 one = replace(one, nodes=title)
             found.append(one)
         return tuple(found)
@@ -162,18 +165,31 @@ def _surface(mesh: Mesh, key: str) -> IntArray:
     return np.unique(np.concatenate([block.nodes[block.outer].ravel() for block in mesh.faces]))
 
 
-def _nearby(mesh: Mesh, place: Place) -> str:
-    """Where the body is, and how far the closest node misses."""
+def _nearby(mesh: Mesh, place: Place, key: str, units: UnitSystem) -> str:
+    """Where the body is, how far the closest node misses, and in which other units the place would be on it."""
+    unit, name = units.length, units.length_name
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    words = f"the body reaches from {_point(low)} to {_point(high)} m"
+    words = f"the body reaches from {_point(low / unit)} to {_point(high / unit)} {name}"
     centre = place.plane or place.patch or place.nearest
     if place.plane is not None and place.normal is not None:
         normal = np.array(place.normal) / np.linalg.norm(place.normal)
         least = np.abs((mesh.points - place.plane) @ normal).min()
-        words += f", and its node nearest to the plane misses it by {least:.3g} m"
+        words += f", and its node nearest to the plane misses it by {least / unit:.3g} {name}"
     elif centre is not None:
-        words += f", and its nearest node is {np.linalg.norm(mesh.points - centre, axis=1).min():.3g} m away"
-    return f"{words}; places are in m, correct them or give a larger tolerance"
+        away = np.linalg.norm(mesh.points - centre, axis=1).min()
+        words += f", and its nearest node is {away / unit:.3g} {name} away"
+    for other in UnitSystem:
+        if other is not units and np.any(_at(mesh, _scaled(place, other.length / unit), key)):
+            meant = other.length_name
+            return f"{words}; its numbers meet nodes if they are in {meant}: give them in {name}, as the mesh is"
+    return f"{words}; places are in the mesh's units ({units.value}): correct them or give a larger tolerance"
+
+
+def _scaled(place: Place, factor: float) -> Place:
+    """The same place with all lengths multiplied, but for a tolerance."""
+    names = ("plane", "box", "cylinder", "patch", "radius", "nearest")
+    given = {name: value for name in names if (value := getattr(place, name)) is not None}
+    return replace(place, **{name: np.multiply(value, factor).tolist() for name, value in given.items()})
 
 
 def _point(place: FloatArray) -> str:
