@@ -12,7 +12,7 @@ def simulate(
     fmu: Annotated[Path, typer.Argument(help="FMU made by flexfmu.")],
     loads: Annotated[Path, typer.Option("--input", "-i", help="Loads over time (CSV: time, then FMU inputs by name).")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help=r"Results to write (CSV: time \[s], outputs with units).")
+        Path, typer.Option("--output", "-o", help=r"Results to write (CSV, with units: time \[s]).")
     ],
     step: Annotated[float | None, typer.Option(help="Communication step, s; default: the FMU's own.")] = None,
     stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the input.")] = None,
