@@ -11,9 +11,7 @@ from .common import reporter
 def simulate(
     fmu: Annotated[Path, typer.Argument(help="FMU made by flexfmu.")],
     loads: Annotated[Path, typer.Option("--input", "-i", help="Loads over time (CSV: time, then FMU inputs by name).")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help=r"Results to write (CSV, with units: time \[s]).")
-    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help=r"Results to write (CSV, with units: time \[s]).")],
     step: Annotated[float | None, typer.Option(help="Communication step, s; default: the FMU's own.")] = None,
     stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the input.")] = None,
     static_start: Annotated[bool, typer.Option(help="Start in equilibrium under the first loads.")] = False,
