@@ -20,6 +20,12 @@ SPRINGS = {
     "axis to the ground": ("SPRING1", None, "*SPRING, ELSET=S\n2\n{k}\n"),
     "own axis to the ground": ("SPRING1", None, ORIENTED + "*SPRING, ELSET=S, ORIENTATION=O\n1\n{k}\n"),
     "axis within the bar": ("SPRING2", (0.2, 0.0, 0.0), "*SPRING, ELSET=S\n2, 2\n{k}\n"),
+    # Solvers take springs along global axes whatever *TRANSFORM says of their nodes.
+    "node with axes": (
+        "SPRING2",
+        (0.2, 0.0, 0.0),
+        f"*TRANSFORM, NSET=END{ORIENTED[20:]}*SPRING, ELSET=S\n2, 2\n{{k}}\n",
+    ),
 }
 
 
@@ -42,6 +48,7 @@ def deck(name):
     if other is not None:
         ends.append(at(other) or 9001)
     lines += [f"*ELEMENT, TYPE={kind}, ELSET=S", ", ".join(map(str, [9001, *ends]))]
+    lines += ["*NSET, NSET=END", str(ends[-1])]
     return "\n".join(lines) + "\n" + STEEL + cards.format(k=STIFF), mesh.labels[mesh.node_sets["TIP"]]
 
 

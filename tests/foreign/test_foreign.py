@@ -123,21 +123,22 @@ def nastran(folder, *bulk):
 @pytest.mark.parametrize(
     ("bulk", "message"),
     [
-        (("CQUAD4,5,2,1,2,3,4", "PSHELL,2,1,.001"), "PSHELL 2 should have a thickness, one material"),
+        (("CQUAD4,5,2,1,2,3,4", "PSHELL,2,1,.001"), r"PSHELL 2 \(line \d+\) should have a thickness, one material"),
         (("CGAP,6,2,1,2,0.,0.,1.",), "no solid: CGAP 6"),
-        (("MPC,1,1,1,1.,2,4,-1.",), "MPC 1 has the term 2, 4: supported are translations"),
+        (("MPC,1,1,1,1.,2,4,-1.",), r"MPC 1 \(line \d+\) has the term 2, 4: supported are translations"),
         (
             ("MPC,1,1,1,1.,2,1,-1.", "MPC,2,1,1,1.,3,1,-1."),
             "MPC sets 1, 2 are there, and the case control chooses none",
         ),
         (
             ("RBE2,4,9,123,1,2", "RBE2,5,9,12,3,4", "GRID,9,,2.,2.,2."),
-            "elements 4, 5 share their reference points, and",
+            r"RBE2 4 \(line \d+\), RBE2 5 share their reference points, and",
         ),
+        (("RBE3,4,,1,123456,1.,123,2,3,4",), r"RBE3 4 \(line \d+\) joins GRID 1, which an element has"),
         (("CTETRA,2,1,1,2,3,4,9,", ",,,,,,"), "CTETRA 2"),
         (("CTETRA,2,1,1,2,3,99",), "names GRID 99, which is not there"),
-        (("PLSOLID,2,1", "CTETRA,2,2,1,2,3,4"), "property 2 is a PLSOLID, expected PSOLID"),
-        (("MAT9,2,1.", "PSOLID,2,2", "CTETRA,2,2,1,2,3,4"), r"material 2 is a MAT9, expected MAT1"),
+        (("PLSOLID,2,1", "CTETRA,2,2,1,2,3,4"), r"PLSOLID 2 \(line \d+\) is no property"),
+        (("MAT9,2,1.", "PSOLID,2,2", "CTETRA,2,2,1,2,3,4"), r"MAT9 2 \(line \d+\) is the material"),
         (("INCLUDE 'gone.bdf'",), "gone.bdf"),
     ],
 )

@@ -77,6 +77,10 @@ def test_springs_that_cannot_be_taken_are_refused_with_their_line(what, tmp_path
     assert words in str(found.value)
 
 
+def test_axes_of_nodes_turn_no_spring_and_a_note_says_so(tmp_path):
+    assert any("*TRANSFORM turns no springs" in note for note in body_of(tmp_path, "node with axes").mesh.notes)
+
+
 def test_dashpots_of_a_deck_are_dampers_along_their_line(tmp_path):
     body = body_of(tmp_path, "line to the ground", ("SPRING", "DASHPOT"))
     model = assemble_model(checked(body.mesh), body.spec.options)

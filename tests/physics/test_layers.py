@@ -260,7 +260,7 @@ def test_layers_of_bulk_data_are_those_of_the_deck(tmp_path):
     ("shell", "message"),
     [
         ("PCOMP,1,,,,,,,SMEAR\n,2,0.001,30.,NO\n" + MAT8, "LAM = SMEAR, expected none or SYM"),
-        ("PCOMP,1\n,2,0.001,30.,NO\nMAT9,2,1.,,,,,,1.", "material 2 is a MAT9"),
+        ("PCOMP,1\n,2,0.001,30.,NO\nMAT9,2,1.,,,,,,1.", r"MAT9 2 \(line \d+\) is the material"),
         ("PCOMP,1\n,2,0.001,30.,NO\nMAT8,2,1.,1.,1.5,1.,1.,1.,1.", "belong to no material"),
     ],
 )

@@ -1,5 +1,7 @@
 """Decks of parts and instances, as Abaqus/CAE writes them; faces and names of other elements; materials left open."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -184,6 +186,54 @@ def test_a_rigid_body_whose_reference_node_is_held_is_a_support(tmp_path):
     partly = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 3\n")
     assert not partly.fixed[:8].any()
     assert any("is left out: hold the nodes with a [[support]]" in note for note in partly.notes)
+
+
+POINT = COUPLING[: COUPLING.index("*COUPLING")] + "*NSET, NSET=Face\n2, 3, 6, 7\n"
+
+
+@pytest.mark.parametrize(
+    ("cards", "words", "labels"),
+    [
+        ("*COUPLING, REF NODE=100, SURFACE=End, INFLUENCE RADIUS=0.8\n*KINEMATIC", "are rigid", [2, 3, 6, 7]),
+        ("*COUPLING, REF NODE=8, SURFACE=End, INFLUENCE RADIUS=2.1\n*KINEMATIC", "are rigid", [7]),
+        ("*COUPLING, REF NODE=100, SURFACE=End\n*KINEMATIC\n1, 2", "rigid in some directions", [2, 3, 6, 7]),
+        ("*COUPLING, REF NODE=100, SURFACE=End\n*DISTRIBUTING, WEIGHTING METHOD=LINEAR", "weights", [2, 3, 6, 7]),
+        ("*KINEMATIC COUPLING, REF NODE=100\nFace, 1, 1\nFace, 2, 3", "are rigid", [2, 3, 6, 7]),
+        ("*KINEMATIC COUPLING, REF NODE=100\n2, 1, 1\n3, 2, 3", "rigid in some directions", [2, 3]),
+        ("*RIGID BODY, NSET=Face, PIN NSET=Root, REF NODE=100\n*NSET, NSET=Root\n1, 4", "rigid", [1, 2, 3, 4, 6, 7]),
+    ],
+)
+def test_what_a_coupling_says_of_nodes_directions_and_weights_is_honoured_or_told(tmp_path, cards, words, labels):
+    mesh = read(tmp_path, BODY + POINT + cards + "\n")
+    name = next(iter(mesh.references))
+    assert [label for label in set_labels(mesh, name) if label < 100] == labels
+    assert any(re.search(words, note) for note in mesh.notes if "offered" in note)
+    assert bool(mesh.links) == ("rigid" in words and "some" not in words)
+
+
+@pytest.mark.parametrize(
+    ("cards", "culprit", "words"),
+    [
+        (
+            "*COUPLING, REF NODE=100, SURFACE=End\n*DISTRIBUTING\n*EQUATION\n2\n100, 1, 1., 1, 1, -1.",
+            "*COUPLING",
+            "lost",
+        ),
+        ("*COUPLING, REF NODE=1, SURFACE=End\n*DISTRIBUTING", "*COUPLING", "would be lost"),
+        ("*RIGID BODY, NSET=Face, REF NODE=100, POSITION=CENTER OF MASS", "*RIGID", "centre of mass"),
+        ("*COUPLING, REF NODE=100, SURFACE=End, INFLUENCE RADIUS=0.1\n*KINEMATIC", "*COUPLING", "no node"),
+        ("*NSET, NSET=P, UNSORTED\n3, 2\n*EQUATION\n2\nP, 1, 1., 1, 1, -1.", "P, 1", "UNSORTED"),
+        ("*TRANSFORM, NSET=Nall, TYPE=C\n0., 0., 0., 0., 0., 1.\n*BOUNDARY\n1, 1, 1", "*TRANSFORM", "lies on the axis"),
+    ],
+)
+def test_what_would_be_lost_of_couplings_sets_and_axes_is_refused_at_its_line(tmp_path, cards, culprit, words):
+    refuse(tmp_path, BODY + POINT + cards + "\n", culprit, words)
+
+
+def test_rotations_held_at_the_rotation_node_of_a_rigid_body_are_held(tmp_path):
+    rigid = POINT + "*NODE\n101, 2., 0., 0.\n*RIGID BODY, NSET=Face, REF NODE=100, ROT NODE=101\n*BOUNDARY\n"
+    mesh = read(tmp_path, BODY + rigid + "100, 1, 3\n101, 1, 3\n")
+    assert mesh.labels[mesh.fixed.all(axis=1)].tolist() == [2, 3, 6, 7, 100, 101]
 
 
 def test_two_couplings_of_one_reference_node_are_refused_instead_of_lost(tmp_path):

@@ -17,7 +17,7 @@ from flexfmu.mesh.sections import CrossSection, box, ellipse, i_section, l_secti
 KEYS = ("BEAMSECTION", "BEAMGENERALSECTION")
 BARS = dict.fromkeys(("T3D2", "T3D2H", "T3D3", "T3D3H"), ElementType.B31)
 _READ_AS = dict.fromkeys(("B31", "B31R", "B31H", "B32", "B32R", "B32H"), ElementType.B31)
-_PARAMETERS = ("ELSET", "MATERIAL", "SECTION", "POISSON", "TEMPERATURE", "DENSITY", "ROTARYINERTIA")
+_PARAMETERS = ("ELSET", "MATERIAL", "SECTION", "POISSON", "TEMPERATURE", "ROTARYINERTIA")
 _FIRST_AXIS = (0.0, 0.0, -1.0)
 
 
@@ -111,7 +111,7 @@ def _bar(card: Card, units: UnitSystem) -> Beam:
 def _beam(card: Card, materials: DeckMaterials, units: UnitSystem) -> Beam:
     """The beam of a section; its material is noted."""
     shape = card.parameters.get("SECTION", "GENERAL" if card.key == KEYS[1] else "").upper()
-    card.allow(_PARAMETERS)
+    card.allow((*_PARAMETERS, "DENSITY") if card.key == KEYS[1] else _PARAMETERS)
     if shape not in _SHAPES:
         words = f"SECTION={shape or 'nothing'} is not supported (supported: {', '.join(_SHAPES)})"
         raise card.line.error(f"{words}; give A, I11, I12, I22, J with *BEAM GENERAL SECTION, SECTION=GENERAL")

@@ -87,6 +87,10 @@ def inclined(axes: Mapping[int, FloatArray], fixed: BoolArray, card: Card) -> li
                 continue
             fixed[row, first : first + 3] = False
             for direction in own.T[chosen]:
+                if not direction.any():
+                    raise card.line.error(
+                        "a node that is held lies on the axis of this system: it has no such direction"
+                    )
                 if np.abs(direction).max() > 1.0 - _ALONG:
                     fixed[row, first + int(np.abs(direction).argmax())] = True
                 elif first:

@@ -1,13 +1,13 @@
 """Couplings and rigid bodies of a deck: node sets with a reference point, which serve as interfaces or are rigid."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.mesh.decks.cards import Card, fields, integer
+from flexfmu.mesh.decks.cards import Card, fields, integer, number
 from flexfmu.mesh.decks.geometry import Elements
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.decks.surfaces import DeckSurface
@@ -31,8 +31,10 @@ class Coupling(NamedTuple):
         Row of the reference node.
     rigid : bool
         Whether the deck lets the nodes move as a rigid body only.
-    partly : bool
-        Whether it holds them rigid in some directions only.
+    turns : int
+        Row of the node whose translations are the reference node's rotations; −1: none.
+    told : str
+        What the deck says more, and what comes of it.
     card : Card
     """
 
@@ -40,7 +42,8 @@ class Coupling(NamedTuple):
     nodes: IntArray
     reference: int
     rigid: bool
-    partly: bool
+    turns: int
+    told: str
     card: Card
 
 
@@ -90,7 +93,8 @@ class CouplingTable:
             A set, surface or reference node is missing, or couplings that are not rigid have the same reference node.
         """
         found: list[Coupling] = []
-        for number, (card, holding) in enumerate(self.cards, start=1):
+        turning = elements.shell_nodes_of(range(elements.solid_count)) if self.cards else set()
+        for place, (card, holding) in enumerate(self.cards, start=1):
             # Its reference is the node of an element DCOUP3D.
             by_element = card.key == "DISTRIBUTINGCOUPLING"
             entry = card.required("ELSET" if by_element else "REFNODE")
@@ -111,9 +115,13 @@ class CouplingTable:
                 )
             alone = [node_sets.spelling[name] for name, members in node_sets.members.items() if members == {reference}]
             given = card.parameters.get("CONSTRAINTNAME", "")
-            names = [*([card.scope.qualified(given)] if given else []), *alone] or [f"{card.keyword} {number}"]
+            names = [*([card.scope.qualified(given)] if given else []), *alone] or [f"{card.keyword} {place}"]
             nodes = np.setdiff1d(_nodes(card, node_sets, element_sets, elements, surfaces), [reference])
-            found.append(Coupling(tuple(dict.fromkeys(names)), nodes, reference, rigid, bool(held) and not rigid, card))
+            nodes = _near(card, nodes, reference, elements)
+            told = _told(card, holding, held, turning.intersection(nodes.tolist()))
+            turns = card.parameters.get("ROTNODE", "")
+            about = min(node_sets.find(turns, card.line, card.scope)) if turns else -1
+            found.append(Coupling(tuple(dict.fromkeys(names)), nodes, reference, rigid, about, told, card))
         return tuple(found)
 
 
@@ -124,33 +132,62 @@ def _nodes(
         return card.scope.find(card.required("SURFACE"), surfaces, "surface", card.line).nodes
     if card.key in ("KINEMATICCOUPLING", "DISTRIBUTINGCOUPLING"):
         rows = set().union(*(node_sets.find(fields(line)[0], line, card.scope) for line in card.data))
-    elif "ELSET" in card.parameters:
-        rows = elements.nodes_of(element_sets.find(card.required("ELSET"), card.line, card.scope))
     else:
-        name = next((card.parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in card.parameters), "")
-        if not name:
-            raise card.line.error(f"*{card.keyword} needs the parameter NSET or ELSET; add it")
-        rows = node_sets.find(name, card.line, card.scope)
+        if not (given := [card.parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in card.parameters]):
+            card.required("ELSET")
+        rows = set().union(*(node_sets.find(name, card.line, card.scope) for name in given))
+        if "ELSET" in card.parameters:
+            rows |= elements.nodes_of(element_sets.find(card.required("ELSET"), card.line, card.scope))
+    if card.parameters.get("POSITION", "INPUT").upper() != "INPUT":
+        raise card.line.error(
+            "POSITION moves the reference node to the centre of mass: define it there, without POSITION"
+        )
     return np.array(sorted(rows), dtype=np.int64)
+
+
+def _near(card: Card, nodes: IntArray, reference: int, elements: Elements) -> IntArray:
+    """Nodes within the INFLUENCE RADIUS of the reference node."""
+    if not (text := card.parameters.get("INFLUENCERADIUS", "")):
+        return nodes
+    points = elements.nodes.points()
+    near = np.linalg.norm(points[nodes] - points[reference], axis=1) <= number(text, card.line, "INFLUENCE RADIUS")
+    if not near.any():
+        raise card.line.error(f"no node of the surface lies within the INFLUENCE RADIUS, {text}; correct it")
+    return nodes[near]
+
+
+def _told(card: Card, holding: Card, held: set[int], turning: set[int]) -> str:
+    """What is said of a coupling's directions and weights that an interface or a rigid link does not follow."""
+    weights = {fields(line)[1] for line in card.data if len(fields(line)) > 1} if card.key == COUPLINGS[2] else set()
+    if len(weights) > 1 or holding.parameters.get("WEIGHTINGMETHOD", "UNIFORM").upper() != "UNIFORM":
+        return "; the deck's weights are left out: the interface spreads loads evenly"
+    kinematic = holding.key in ("KINEMATIC", "KINEMATICCOUPLING", "RIGIDBODY")
+    if kinematic and not held >= {1, 2, 3}:
+        return "; the deck keeps its nodes rigid in some directions, the interface lets them deform"
+    if kinematic and turning and not held >= {4, 5, 6}:
+        return "; shells and beams turn with it, too, though the deck lets them turn freely"
+    return ""
 
 
 def _axes(card: Card) -> set[int]:
     """Directions in which a card holds nodes, counted from one; a row without any holds all."""
     if card.key in ("COUPLING", "DISTRIBUTING", "DISTRIBUTINGCOUPLING"):
         return set()
+    every = {1, 2, 3, 4, 5, 6}
     if card.key == "RIGIDBODY":
-        return {1, 2, 3}
+        return every - {4, 5, 6} if "PINNSET" in card.parameters else every
     skipped = int(card.key == "KINEMATICCOUPLING")
-    found = {1, 2, 3} if not card.data else set()
+    # Of *KINEMATIC COUPLING each set has its own.
+    found: dict[tuple[str, ...], set[int]] = {}
     for line in card.data:
         texts = [text for text in fields(line)[skipped:] if text]
         ends = [integer(text, line, "a direction that is held") for text in texts[:2]] or [1, 6]
-        found |= set(range(ends[0], ends[-1] + 1))
-    return found
+        found.setdefault(tuple(fields(line)[:skipped]), set()).update(range(ends[0], ends[-1] + 1))
+    return every.intersection(*found.values())
 
 
 def offered(
-    couplings: Sequence[Coupling], points: FloatArray, fixed: BoolArray
+    couplings: Sequence[Coupling], points: FloatArray, fixed: BoolArray, carried: Set[int]
 ) -> tuple[dict[str, IntArray], dict[str, FloatArray], list[RigidLink], list[str]]:
     """Return what couplings mean to a body file, and hold the nodes of those whose reference node is held.
 
@@ -160,6 +197,8 @@ def offered(
     points : (n, 3) float
     fixed : (n, 6) bool
         Translations and rotations held; changed in place.
+    carried : set of int
+        Nodes of elements and equations.
 
     Returns
     -------
@@ -168,6 +207,11 @@ def offered(
     links : list of RigidLink
         Each with its reference node, which joins those that share it.
     notes : list of str
+
+    Raises
+    ------
+    DeckError
+        The reference node of a coupling that is not rigid joins it to something.
     """
     sets, references, notes = {}, {}, []
     links: list[RigidLink] = []
@@ -177,6 +221,14 @@ def offered(
         words = " and ".join(repr(name) for name in coupling.names)
         where = f"{coupling.card.line.place}: *{coupling.card.keyword}"
         note = f"{where} is offered as an interface: nodes = {words}, with its reference node as point"
+        if coupling.reference in carried and not coupling.rigid:
+            raise coupling.card.line.error(
+                "the reference node belongs to an element or an equation, or is held along axes of *TRANSFORM, and "
+                "the coupling lets its nodes deform: this would be lost; take *KINEMATIC with directions 1 to 6, or "
+                "another reference node"
+            )
+        if coupling.turns >= 0:
+            fixed[coupling.reference, 3:] |= fixed[coupling.turns, :3]
         held = fixed[coupling.reference]
         if held.all():
             fixed[coupling.nodes, :3] = True
@@ -186,7 +238,5 @@ def offered(
         if coupling.rigid:
             links.append(RigidLink(coupling.names[0], np.union1d(coupling.nodes, [coupling.reference])))
             note += "; its nodes are rigid"
-        if coupling.partly:
-            note += "; the deck keeps its nodes rigid in some directions, the interface lets them deform"
-        notes.append(note)
+        notes.append(note + coupling.told)
     return sets, references, links, notes

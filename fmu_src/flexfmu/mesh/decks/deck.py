@@ -113,8 +113,9 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     heavy, soft = ([card for key in keys for card in content.cards[key]] for keys in (MASSES, SPRINGS))
     masses = point_masses(heavy, element_sets, elements, carriers, units, content.notes)
     oriented = content.materials.orientations
-    springs = deck_springs(soft, element_sets, elements, carriers, fixed, oriented, units, content.notes)
-    coupled, references, links, told = offered(couplings, points * units.length, fixed)
+    springs = deck_springs(soft, element_sets, elements, carriers, fixed, oriented, axes.keys(), units, content.notes)
+    used |= {key // 3 for row in rows for key in row}
+    coupled, references, links, told = offered(couplings, points * units.length, fixed, used)
     content.notes.extend(told)
     labels = np.concatenate([block.labels for block in blocks])
     made = content.materials.assigned(element_sets, labels, _centres(points, blocks))

@@ -83,7 +83,15 @@ def _term(
             f"an equation between rotations (direction {axis}) is not supported: nodes of solids have the translations "
             "1 to 3; say it by translations of nodes"
         )
-    return sorted(node_sets.find(node, line, card.scope)), axis - 1, number(factor, line, "an equation's coefficient")
+    return _members(node, line, card, node_sets), axis - 1, number(factor, line, "an equation's coefficient")
+
+
+def _members(entry: str, line: Line, card: Card, node_sets: SetTable) -> list[int]:
+    """Rows of a node or of a set in the order of the nodes' numbers, in which sets are paired."""
+    rows = node_sets.find(entry, line, card.scope)
+    if len(rows) > 1 and node_sets.unsorted.intersection(node_sets.named(entry, card.scope)):
+        raise line.error(f"set '{entry}' is UNSORTED, and its order is not kept: write one row for each node")
+    return sorted(rows, key=list(node_sets.rows).__getitem__) if len(rows) > 1 else [*rows]
 
 
 def _expanded(
@@ -101,6 +109,8 @@ def _expanded(
         for nodes, axis, factor in terms:
             node = nodes[place if len(nodes) > 1 else 0]
             direction = axes[node][:, axis] if node in axes else np.eye(3)[axis]
+            if not direction.any():
+                raise line.error("a node of this equation lies on the axis of its *TRANSFORM: it has no such direction")
             for along in np.flatnonzero(direction).tolist():
                 row[3 * node + along] = row.get(3 * node + along, 0.0) + factor * float(direction[along])
         found.append(row)
@@ -111,7 +121,7 @@ def _constraint(line: Line, card: Card, node_sets: SetTable, points: FloatArray)
     """Equations of a row of *MPC: those that stay linear however far the nodes turn."""
     kind, *entries = fields(line)
     kind = kind.upper()
-    groups = [sorted(node_sets.find(entry, line, card.scope)) for entry in entries]
+    groups = [_members(entry, line, card, node_sets) for entry in entries]
     if kind in ("TIE", "PIN", "BEAM") and len(groups) == 2 and len(groups[1]) in (1, len(groups[0])):
         pairs = [(node, groups[1][place if len(groups[1]) > 1 else 0]) for place, node in enumerate(groups[0])]
         apart = max((float(np.linalg.norm(points[a] - points[b])) for a, b in pairs), default=0.0)

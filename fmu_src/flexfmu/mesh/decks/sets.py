@@ -27,6 +27,8 @@ class SetTable:
     members : dict of str to set of int
         Rows, by the name in capitals.
     notes : list of str
+    unsorted : set of str
+        Names in capitals of sets whose order the deck wants kept; it is not.
     """
 
     kind: str
@@ -35,6 +37,7 @@ class SetTable:
     spelling: dict[str, str] = field(default_factory=dict)
     members: dict[str, set[int]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    unsorted: set[str] = field(default_factory=set)
 
     def extend(self, name: str, rows: Iterable[int]) -> None:
         """Add rows to a set, which is made if there is none.
@@ -77,6 +80,7 @@ class SetTable:
         for line in card.data:
             rows |= read(line, scope)
         self.extend(card.scope.qualified(name), rows)
+        self.unsorted |= {card.scope.qualified(name).upper()} if "UNSORTED" in card.parameters else set()
 
     def inside(self, card: Card) -> Scope:
         """Return the scope of a card's members: its own, or that of the instance that it names.

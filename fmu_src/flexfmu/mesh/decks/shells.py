@@ -23,7 +23,7 @@ _READ_AS |= dict.fromkeys(("S4", "S4R", "S4R5"), ElementType.S4)
 _READ_AS |= dict.fromkeys(("S6", "STRI65"), ElementType.S6)
 _READ_AS |= dict.fromkeys(("S8", "S8R", "S8R5", "S9R5"), ElementType.S8)
 # What changes results by other integration only, or nothing of linear elasticity.
-_PARAMETERS = ("ELSET", "MATERIAL", "OFFSET", "ORIENTATION", "CONTROLS", "SECTIONINTEGRATION", "POISSON", "DENSITY")
+_PARAMETERS = ("ELSET", "MATERIAL", "OFFSET", "ORIENTATION", "CONTROLS", "SECTIONINTEGRATION", "POISSON")
 _BY_NODE = "NODALTHICKNESS"
 # Offsets of the middle from the nodes, over the thickness.
 _SIDES = {"SPOS": 0.5, "SNEG": -0.5}

@@ -1,6 +1,6 @@
 """Springs and dampers of a deck: elements SPRINGA, SPRING1, SPRING2 and DASHPOT with *SPRING and *DASHPOT."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from flexfmu.mesh.decks.geometry import Element, Elements
 from flexfmu.mesh.decks.masses import Carriers
 from flexfmu.mesh.decks.orientation import Orientation
 from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.listing import listed
 from flexfmu.mesh.springs import Along, SpringDamper, springs_note, unit_of
 
 CARDS = {"SPRING": "SPRING", "DASHPOT": "DASHPOT"}
@@ -48,6 +49,7 @@ def deck_springs(
     carriers: Carriers,
     fixed: BoolArray,
     orientations: dict[str, Orientation],
+    transformed: Set[int],
     units: UnitSystem,
     notes: list[str],
 ) -> tuple[SpringDamper, ...]:
@@ -63,6 +65,8 @@ def deck_springs(
         What the deck holds of each node.
     orientations : dict of str to Orientation
         By name in capitals.
+    transformed : set of int
+        Nodes with axes of *TRANSFORM.
     units : UnitSystem
     notes : list of str
         Gets what is found.
@@ -99,6 +103,8 @@ def deck_springs(
     if lone:
         raise lone[0].line.error(f"element {lone[0].label} of type {lone[0].name} has no *SPRING or *DASHPOT; add it")
     notes.extend(springs_note(found))
+    if askew := [one.name for one in found if one.along is Along.FIXED and transformed & {*np.hstack(one.ends)}]:
+        notes.append(f"{listed(askew)}: *TRANSFORM turns no springs; they have global axes, or an ORIENTATION")
     return tuple(found)
 
 

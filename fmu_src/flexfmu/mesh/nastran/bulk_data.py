@@ -25,6 +25,7 @@ from flexfmu.mesh.nastran.node_cards import (
     hinges,
     lines_of,
     multi_point_rows,
+    placed,
     point_masses,
     rigid_links,
     single_point_sets,
@@ -95,7 +96,7 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
     except MeshError as error:
         named = re.search(r"\['(\w+)\*?', '(\d+)'", str(error))
         raise MeshError(f"{error}{lines_of(path, *named.groups()) if named else ''}") from error
-    with quiet(path, "check its coordinate systems and materials"):
+    with quiet(path, "check its coordinate systems and materials"), placed(path):
         contents = _contents(model, path, units)
     if not ended:
         _refuse_early_end(contents, path)
@@ -167,13 +168,16 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     unknown = [f"{name}{lines_of(path, name)}" for name in rejected]
     notes = [f"cards of names that pyNastran does not know are left out: {listed(unknown)}"] if unknown else []
     node_sets, element_numbers = _numbered_sets(model)
-    on_body, references = spiders(model, points, row, path, notes)
-    node_sets |= on_body | single_point_sets(model, notes)
-    equations, links = multi_point_rows(model, row, path), rigid_links(model, row)
     others = [element for element in model.elements.values() if element.type not in (*_IDLE, *SPRINGS)]
-    used = {node for element in others for node in getattr(element, "nodes", ())}
+    used, turning = (
+        {node for one in others for node in getattr(one, "nodes", ()) if every or one.type in (*SHELLS, *CARDS)}
+        for every in (True, False)
+    )
+    on_body, references = spiders(model, points, row, turning, used, path, notes)
+    node_sets |= on_body | single_point_sets(model, notes)
+    equations, links = multi_point_rows(model, row, path, notes), rigid_links(model, row)
     soft = springs(model, points, row, used, path, units, notes)
-    masses = point_masses(model, points, row, used, path, units, notes)
+    masses = point_masses(model, points, row, turning, used, path, units, notes)
     (shells, faces), bars = faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))
     materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
@@ -312,7 +316,9 @@ def _materials(
     for number in {element.pid for element in model.elements.values() if element.type in (*_CORNERS, *SHELLS)}:
         given = model.properties.get(number)
         if given is not None and given.type not in ("PSOLID", "PSHELL", *LAYERED):
-            raise MeshError(f"{path}: property {number} is a {given.type}, expected PSOLID, PSHELL, PCOMP or PCOMPG")
+            raise MeshError(
+                f"{path}: {given.type} {number} is no property of solids or shells (PSOLID, PSHELL, PCOMP, PCOMPG)"
+            )
         if given is not None and given.type in LAYERED and set(given.mids) <= set(model.materials):
             of_property[number] = len(materials)
             materials.append(_weighed(layers(model, given, units, weight, path)))
@@ -323,7 +329,7 @@ def _materials(
     for number, (mid, more) in wanted.items():
         found = model.materials.get(mid)
         if found is not None and found.type != "MAT1" and number not in flat:
-            raise MeshError(f"{path}: material {mid} is a {found.type}, expected MAT1 (isotropic)")
+            raise MeshError(f"{path}: {found.type} {mid} is the material of solids or beams, expected MAT1 (isotropic)")
         if found is None or (found.type == "MAT1" and not (found.rho or more)):
             of_property[number] = NO_MATERIAL
             continue
@@ -349,4 +355,6 @@ def _bars_left_out(model: Any) -> list[str]:
         notes.append(
             f"PBEAM {listed(few)}: warping, inertia and place of mass beside the section (CW, NSI, M) are left out"
         )
+    if lossy := [number for number, one in model.materials.items() if getattr(one, "ge", 0.0)]:
+        notes.append(f"structural damping GE of materials {listed(lossy)} is left out: give [damping]")
     return notes

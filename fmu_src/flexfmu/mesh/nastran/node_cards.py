@@ -1,8 +1,9 @@
 """Nastran's cards at nodes that move together (RBE2, RBE3, MPC), are held (single-point constraints), or heavy."""
 
+import contextlib
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,19 @@ SPIDERS = {"RBE2": ("dependent_nodes", "gn"), "RBE3": ("independent_nodes", "ref
 _TRANSLATIONS, _ROTATIONS = "123", "456"
 # What an RBE2 holds of another one's reference point if both are one rigid body.
 _ALL = set("123456")
+# Cards by name and number in messages, and files that others include.
+_NAMED = re.compile(r"\b([A-Z][A-Z0-9]{2,}) (\d+)")
+_INCLUDE = re.compile(r"^\s*INCLUDE\s+'([^']+)'", re.MULTILINE | re.IGNORECASE)
 
 
 def spiders(
-    model: Any, points: FloatArray, row: Mapping[int, int], path: Path, notes: list[str]
+    model: Any,
+    points: FloatArray,
+    row: Mapping[int, int],
+    turning: Set[int],
+    used: Set[int],
+    path: Path,
+    notes: list[str],
 ) -> tuple[dict[str, list[int]], dict[str, FloatArray]]:
     """Return the nodes of RBE2 and RBE3 on the body, and their reference points.
 
@@ -34,6 +44,8 @@ def spiders(
     points : (n, 3) float
     row : mapping of int to int
         Rows of `points` by grid point.
+    turning, used : set of int
+        Grid points of shells and beams, and of all elements.
     path : Path
     notes : list of str
         Gets what is left out of each.
@@ -47,7 +59,7 @@ def spiders(
     Raises
     ------
     MeshError
-        Some that are not rigid share a reference or hang on another: they join the body's parts.
+        Some that are not rigid share a reference, hang on another or on an element: they join the body's parts.
     """
     ends = spider_ends(model)
     uses = Counter(reference for _, reference in ends.values())
@@ -65,20 +77,30 @@ def spiders(
         if reference in loose and (uses[reference] > 1 or reference in members)
     ]
     if joining:
+        names = ", ".join(f"{model.rigid_elements[one].type} {one}" for one in joining)
         raise MeshError(
-            f"{path}: elements {listed(joining)} share their reference points, and one of them is no RBE2 that holds "
-            "all directions, 123456: not supported; join these parts by solids, MPC or such RBE2"
+            f"{path}: {names} share their reference points, and one of them is no RBE2 that holds all directions, "
+            "123456: not supported; join these parts by solids, MPC or such RBE2"
         )
     sets, references = {}, {}
     for number, (nodes, reference) in ends.items():
         kind, rigid = model.rigid_elements[number].type, holds_rigid(model.rigid_elements[number])
         name = f"{kind} {number}"
         sets[name] = nodes
+        if reference in used and not rigid:
+            raise MeshError(
+                f"{path}: {name} joins GRID {reference}, which an element has, to nodes that may deform: this would be "
+                "lost; take an RBE2 that holds 123456, or another reference grid point"
+            )
         if reference in row:
             references[name] = points[row[reference]]
         holds = "; its nodes are rigid" if rigid else ""
         if kind == "RBE2" and not rigid:
             holds = f"; that it holds directions {model.rigid_elements[number].cm} alone is left out: they may deform"
+        elif rigid and turning & {*nodes} and not set(str(model.rigid_elements[number].cm)) >= _ALL:
+            holds += ", and shells and beams turn with it, though 456 are free"
+        elif kind == "RBE3" and len(set(model.rigid_elements[number].weights)) > 1:
+            holds = "; its weights are left out: the interface spreads loads evenly"
         notes.append(f"{name} is offered as an interface: nodes = '{name}', with its reference node as point{holds}")
     return sets, references
 
@@ -98,10 +120,28 @@ def rigid_links(model: Any, row: Mapping[int, int]) -> tuple[RigidLink, ...]:
 
 
 def lines_of(path: Path, card: str, number: str | int = "") -> str:
-    """Where in the file the cards of a name, or one by its number, are; empty where an included file holds them."""
-    start = re.compile(rf"{card}\*?[\s,]\s*{number}\b", re.IGNORECASE)
-    rows = [k for k, line in enumerate(path.read_text(encoding="latin-1").splitlines(), start=1) if start.match(line)]
-    return f" (line {listed(rows)})" if rows else ""
+    """Where in the file, or one it includes, the cards of a name, or one by its number, are; empty elsewhere."""
+    start = re.compile(rf"\s*{card}\*?[\s,]\s*{number}\b", re.IGNORECASE)
+    text = path.read_text(encoding="latin-1")
+    rows = [k for k, line in enumerate(text.splitlines(), start=1) if start.match(line)]
+    if rows:
+        return f" (line {listed(rows)})"
+    included = [path.parent / one.strip() for one in _INCLUDE.findall(text)]
+    found = ((one.name, lines_of(one, card, number)) for one in included if one.is_file() and one != path)
+    return next((f" ({name},{where[2:]}" for name, where in found if where), "")
+
+
+@contextlib.contextmanager
+def placed(path: Path) -> Iterator[None]:
+    """Let errors that name a card and its number say in which line it is."""
+    try:
+        yield
+    except MeshError as error:
+        text = str(error)
+        for named in _NAMED.finditer(text) if "(line" not in text else ():
+            if where := lines_of(path, *named.groups()):
+                raise MeshError(f"{text[: named.end()]}{where}{text[named.end() :]}") from error
+        raise
 
 
 def spider_ends(model: Any) -> dict[int, tuple[list[int], int]]:
@@ -112,7 +152,7 @@ def spider_ends(model: Any) -> dict[int, tuple[list[int], int]]:
     }
 
 
-def multi_point_rows(model: Any, row: Mapping[int, int], path: Path) -> list[dict[int, float]]:
+def multi_point_rows(model: Any, row: Mapping[int, int], path: Path, notes: list[str]) -> list[dict[int, float]]:
     """Return the equations of the MPC set that the case control chooses, or of the only one.
 
     Parameters
@@ -121,6 +161,8 @@ def multi_point_rows(model: Any, row: Mapping[int, int], path: Path) -> list[dic
     row : mapping of int to int
         Rows of the nodes by grid point.
     path : Path
+    notes : list of str
+        Gets a set that is taken though nothing chooses it.
 
     Returns
     -------
@@ -134,7 +176,7 @@ def multi_point_rows(model: Any, row: Mapping[int, int], path: Path) -> list[dic
     """
     if not model.mpcs:
         return []
-    cards = [card for number in _chosen_set(model, path) for card in model.mpcs.get(number, ())]
+    cards = [card for number in _chosen_set(model, path, notes) for card in model.mpcs.get(number, ())]
     found: list[dict[int, float]] = []
     for card in cards:
         terms: dict[int, float] = {}
@@ -150,13 +192,14 @@ def multi_point_rows(model: Any, row: Mapping[int, int], path: Path) -> list[dic
     return found
 
 
-def _chosen_set(model: Any, path: Path) -> list[int]:
+def _chosen_set(model: Any, path: Path, notes: list[str]) -> list[int]:
     """Numbers of the MPC cards that count."""
     subcases = [] if model.case_control_deck is None else model.case_control_deck.subcases.values()
     chosen = {int(subcase.params["MPC"][0]) for subcase in subcases if "MPC" in subcase.params}
     known = {*model.mpcs, *model.mpcadds}
     if not chosen and len(known) == 1:
         chosen = known
+        notes += [f"MPC {min(known)} is taken, which the case control does not choose"] if subcases else []
     if len(chosen) != 1:
         raise MeshError(
             f"{path}: the MPC sets {listed(sorted(known))} are there, and the case control chooses "
@@ -212,7 +255,8 @@ def point_masses(
     model: Any,
     points: FloatArray,
     row: Mapping[int, int],
-    used: set[int],
+    turning: Set[int],
+    used: Set[int],
     path: Path,
     units: UnitSystem,
     notes: list[str],
@@ -226,8 +270,8 @@ def point_masses(
         In the file's units.
     row : mapping of int to int
         Rows of `points` by grid point.
-    used : set of int
-        Grid points of elements.
+    turning, used : set of int
+        Grid points of shells and beams, and of all elements.
     path : Path
     units : UnitSystem
     notes : list of str
@@ -257,7 +301,7 @@ def point_masses(
         offset = np.asarray(one.X, dtype=float)
         i11, i21, i22, i31, i32, i33 = (float(value) for value in one.I)
         inertia = np.array([[i11, -i21, -i31], [-i21, i22, -i32], [-i31, -i32, i33]])
-        if len(nodes) == 1 and (offset.any() or inertia.any()):
+        if nodes == [one.nid] and one.nid not in turning and (offset.any() or inertia.any()):
             notes.append(f"CONM2 {number}: GRID {one.nid} of a solid does not turn: its offset and inertia do nothing")
             offset, inertia = np.zeros(3), np.zeros((3, 3))
         rows = np.array(sorted({row[node] for node in nodes}), dtype=np.int64)

@@ -30,7 +30,7 @@ def faces_of_shells(model: Any, path: Path) -> tuple[dict[str, tuple[float, floa
             continue
         own = model.properties[element.pid]
         if own.type not in ("PSHELL", *LAYERED):
-            raise MeshError(f"{path}: property {own.pid} is a {own.type}, expected PSHELL, PCOMP or PCOMPG")
+            raise MeshError(f"{path}: {own.type} {own.pid} is the property of shells, expected PSHELL, PCOMP or PCOMPG")
         layered = own.type in LAYERED
         if not layered:
             _refuse_others(own, path)
@@ -118,7 +118,9 @@ def material(model: Any, number: int, units: UnitSystem, weight: float, path: Pa
         rows = (found.G11, found.G12, found.G13), (found.G12, found.G22, found.G23), (found.G13, found.G23, found.G33)
         plane, across = np.array(rows), [found.G33] * 2
     else:
-        raise MeshError(f"{path}: material {number} is a {found.type}, expected MAT1, or of shells MAT2 or MAT8")
+        raise MeshError(
+            f"{path}: {found.type} {number} is the material of shells, expected MAT1, or of shells MAT2 or MAT8"
+        )
     stiff = np.diag([0.0, 0.0, plane[1, 1], 0.0, across[1], across[0]])
     stiff[_PLANE[:, None], _PLANE] = plane
     if np.linalg.eigvalsh(stiff)[0] <= 0.0:

@@ -1,6 +1,6 @@
 """Springs and dampers of Nastran bulk data: CELAS1, CELAS2, CDAMP1, CDAMP2 and CBUSH with their properties."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.nastran.node_cards import lines_of, spider_ends
+from flexfmu.mesh.nastran.node_cards import spider_ends
 from flexfmu.mesh.springs import Along, SpringDamper, springs_note, unit_of
 
 CARDS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2", "CBUSH")
@@ -22,7 +22,7 @@ def springs(
     model: Any,
     points: FloatArray,
     row: Mapping[int, int],
-    used: set[int],
+    used: Set[int],
     path: Path,
     units: UnitSystem,
     notes: list[str],
@@ -56,7 +56,7 @@ def springs(
     found, lossy = [], []
     for number, one in sorted(model.elements.items()):
         if one.type in CARDS:
-            title = f"{path}: {one.type} {number}{lines_of(path, one.type, number)}"
+            title = f"{path}: {one.type} {number}"
             given = _property(model, one, title)
             if getattr(given, "ge", 0.0) or any(getattr(given, "GEi", ())):
                 lossy.append(f"{one.type} {number}")
@@ -99,6 +99,8 @@ def _property(model: Any, one: Any, title: str) -> Any:
         raise MeshError(
             f"{title} has tables over frequency or force: give its numbers in {model.properties[one.pid].type}"
         )
+    if getattr(model.properties[one.pid], "mass", None) and one.type == "CBUSH":
+        raise MeshError(f"{title} has a mass (M of PBUSH {one.pid}), which is not supported: give it by CONM2")
     return model.properties[one.pid]
 
 
@@ -149,7 +151,7 @@ def _bush(
 
 
 def _end(
-    grid: int, row: Mapping[int, int], used: set[int], carried: Mapping[int, list[int]], held: set[int], title: str
+    grid: int, row: Mapping[int, int], used: Set[int], carried: Mapping[int, list[int]], held: Set[int], title: str
 ) -> IntArray:
     """Rows of the points that carry an end; none on the ground."""
     nodes = [grid] if grid in used else carried.get(grid, [])
