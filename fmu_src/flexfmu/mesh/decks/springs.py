@@ -43,16 +43,9 @@ class _Ends(NamedTuple):
 
 
 def deck_springs(
-    cards: Sequence[Card],
-    element_sets: SetTable,
-    elements: Elements,
-    carriers: Carriers,
-    fixed: BoolArray,
-    orientations: dict[str, Orientation],
-    transformed: Set[int],
-    units: UnitSystem,
-    notes: list[str],
-) -> tuple[SpringDamper, ...]:
+    cards: Sequence[Card], element_sets: SetTable, elements: Elements, carriers: Carriers, fixed: BoolArray,
+    orientations: dict[str, Orientation], transformed: Set[int], units: UnitSystem, notes: list[str],
+) -> tuple[SpringDamper, ...]:  # fmt: skip
     """Return the springs and dampers of the cards *SPRING and *DASHPOT.
 
     Parameters

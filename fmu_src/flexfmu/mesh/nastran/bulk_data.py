@@ -168,12 +168,8 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     unknown = [f"{name}{lines_of(path, name)}" for name in rejected]
     notes = [f"cards of names that pyNastran does not know are left out: {listed(unknown)}"] if unknown else []
     node_sets, element_numbers = _numbered_sets(model)
-    others = [element for element in model.elements.values() if element.type not in (*_IDLE, *SPRINGS)]
-    used, turning = (
-        {node for one in others for node in getattr(one, "nodes", ()) if every or one.type in (*SHELLS, *CARDS)}
-        for every in (True, False)
-    )
-    on_body, references = spiders(model, points, row, turning, used, path, notes)
+    turning, solid = (_nodes_of(model, kinds) for kinds in ((*SHELLS, *CARDS), (*_CORNERS,)))
+    on_body, references = spiders(model, points, row, turning, used := turning | solid, path, notes)
     node_sets |= on_body | single_point_sets(model, notes)
     equations, links = multi_point_rows(model, row, path, notes), rigid_links(model, row)
     soft = springs(model, points, row, used, path, units, notes)
@@ -216,10 +212,14 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
         point_sets={name: rows for name, rows in points_by_name.items() if rows.size},
         cell_sets={name: parts for name, parts in sets.items() if any(part.size for part in parts)},
     )
-    more = tuple(notes), references, equations, masses, links, shells
-    beams = {one.number: one.beam for one in bars}
     axes = directions(model, dict(zip(labels.tolist(), points, strict=True)), path)
-    return Contents(mesh, labels, cell_labels, materials, material, *more, beams, hinges(model), faces, axes, soft)
+    more = tuple(notes), references, equations, masses, links, shells, {one.number: one.beam for one in bars}
+    return Contents(mesh, labels, cell_labels, materials, material, *more, hinges(model), faces, axes, soft)
+
+
+def _nodes_of(model: Any, kinds: Sequence[str]) -> set[int]:
+    """Grid points of elements of some types."""
+    return {node for one in model.elements.values() if one.type in kinds for node in one.nodes}
 
 
 def _refuse_others(model: Any, path: Path) -> None:

@@ -28,14 +28,9 @@ _INCLUDE = re.compile(r"^\s*INCLUDE\s+'([^']+)'", re.MULTILINE | re.IGNORECASE)
 
 
 def spiders(
-    model: Any,
-    points: FloatArray,
-    row: Mapping[int, int],
-    turning: Set[int],
-    used: Set[int],
-    path: Path,
+    model: Any, points: FloatArray, row: Mapping[int, int], turning: Set[int], used: Set[int], path: Path,
     notes: list[str],
-) -> tuple[dict[str, list[int]], dict[str, FloatArray]]:
+) -> tuple[dict[str, list[int]], dict[str, FloatArray]]:  # fmt: skip
     """Return the nodes of RBE2 and RBE3 on the body, and their reference points.
 
     Parameters
@@ -74,35 +69,35 @@ def spiders(
     joining = [
         number
         for number, (_, reference) in ends.items()
-        if reference in loose and (uses[reference] > 1 or reference in members)
+        if (reference in loose and (uses[reference] > 1 or reference in members))
+        or (reference in used and not holds_rigid(model.rigid_elements[number]))
     ]
     if joining:
         names = ", ".join(f"{model.rigid_elements[one].type} {one}" for one in joining)
         raise MeshError(
-            f"{path}: {names} share their reference points, and one of them is no RBE2 that holds all directions, "
-            "123456: not supported; join these parts by solids, MPC or such RBE2"
+            f"{path}: {names} share their reference points with each other or with elements, and one of them is no "
+            "RBE2 that holds all directions, 123456: not supported; join these parts by solids, MPC or such RBE2"
         )
     sets, references = {}, {}
     for number, (nodes, reference) in ends.items():
-        kind, rigid = model.rigid_elements[number].type, holds_rigid(model.rigid_elements[number])
-        name = f"{kind} {number}"
+        name = f"{model.rigid_elements[number].type} {number}"
         sets[name] = nodes
-        if reference in used and not rigid:
-            raise MeshError(
-                f"{path}: {name} joins GRID {reference}, which an element has, to nodes that may deform: this would be "
-                "lost; take an RBE2 that holds 123456, or another reference grid point"
-            )
         if reference in row:
             references[name] = points[row[reference]]
-        holds = "; its nodes are rigid" if rigid else ""
-        if kind == "RBE2" and not rigid:
-            holds = f"; that it holds directions {model.rigid_elements[number].cm} alone is left out: they may deform"
-        elif rigid and turning & {*nodes} and not set(str(model.rigid_elements[number].cm)) >= _ALL:
-            holds += ", and shells and beams turn with it, though 456 are free"
-        elif kind == "RBE3" and len(set(model.rigid_elements[number].weights)) > 1:
-            holds = "; its weights are left out: the interface spreads loads evenly"
+        holds = _holding(model.rigid_elements[number], bool(turning & {*nodes}))
         notes.append(f"{name} is offered as an interface: nodes = '{name}', with its reference node as point{holds}")
     return sets, references
+
+
+def _holding(element: Any, turning: bool) -> str:
+    """What is said of how an RBE2 or RBE3 holds its nodes, of which some may turn."""
+    if holds_rigid(element):
+        free = turning and not set(str(element.cm)) >= _ALL
+        return "; its nodes are rigid" + ", and shells and beams turn with it, though 456 are free" * free
+    if element.type == "RBE2":
+        return f"; that it holds directions {element.cm} alone is left out: they may deform"
+    uneven = len({*element.weights}) > 1
+    return "; its weights are left out: the interface spreads loads evenly" * uneven
 
 
 def holds_rigid(element: Any) -> bool:
