@@ -153,10 +153,10 @@ def fuzzed(core, seed, count, *words, **environment):
     return [int(word) for word in done.stdout.split()]
 
 
-def test_thousands_of_forged_programs_are_refused_or_harmless():
-    refused, worked = fuzzed(library_path(), 1, 3000)
-    assert refused > 600
-    assert worked > 600
+def test_a_thousand_forged_programs_are_refused_or_harmless():
+    refused, worked = fuzzed(library_path(), 1, 1000)
+    assert refused > 200
+    assert worked > 200
 
 
 def test_an_fmu_with_a_forged_program_is_refused_or_harmless():
@@ -181,7 +181,7 @@ def checked_core(tmp_path_factory):
     return path, str(runtime.resolve())
 
 
-@pytest.mark.parametrize("count", [500, pytest.param(10**4, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [150, pytest.param(10**4, marks=pytest.mark.long)])
 def test_forged_programs_touch_no_memory_but_their_own(checked_core, count):
     path, runtime = checked_core
     # What Python itself never gives back is no concern here. More memory than there is must be refused, not a crash.

@@ -319,7 +319,7 @@ def test_ties_have_a_potential_and_an_exact_tangent(cut):
     assert change == pytest.approx(residual(q) @ shift[1], rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_curvature_is_kept_in_the_coordinates_of_each_part(one_frame_a_part):
     """Far fewer numbers than one matrix of all coordinates for each node."""
     image = read_image(compile_program(one_frame_a_part, Method.SECOND_ORDER))
@@ -529,7 +529,7 @@ def axle_errors(body, case, method=None):
     return tuple(float(np.interp(until, turned, values)) for values in (error, np.max(toes, axis=0)))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("case", "displacement", "toe", "linear"),
     [
@@ -551,7 +551,7 @@ def test_axle_against_the_finite_element_model_in_large_rotation(axles, case, di
     assert axle_errors(body, case, Method.FRAMES)[0] > 3.0 * found[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("case", "displacement"), [("left", 5e-4), ("side", 5e-4), ("opposite", 5e-4)])
 def test_the_axle_is_cut_without_being_told_where(found_cut, case, displacement):
     assert found_cut.frame_count == 6

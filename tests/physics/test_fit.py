@@ -163,6 +163,7 @@ def test_a_large_load_is_given_frames_and_holds_where_it_was_not_looked_at(tmp_p
     assert tomllib.loads(text)["formulation"]["method"] != "linear"
 
 
+@pytest.mark.long
 def test_what_the_search_compares_with_is_as_good_as_the_finite_element_model(tmp_path, store):
     scene = scene_of(tmp_path, BEND + FIT)
     found = fit(scene, tmp_path / "fitted.toml", Reporter(), store, verify=True)
@@ -171,6 +172,7 @@ def test_what_the_search_compares_with_is_as_good_as_the_finite_element_model(tm
     assert found.measured.share == pytest.approx(found.verified.share, rel=0.3)
 
 
+@pytest.mark.long
 def test_a_moment_is_judged_without_finite_elements(tmp_path, store):
     """Under an end moment the beam is an arc: M L / E I = π/4 at the load."""
     scene = scene_of(tmp_path, BEND.replace("tip.force.y", "tip.moment.z").replace("10e3", "10620.0") + FIT)
@@ -211,6 +213,7 @@ def clamped_at_both_ends(folder, changes=()):
     return scene_of(folder, case + FIT.replace("[1, 2, 4, 8]", "[1, 3]"), body, changes)
 
 
+@pytest.mark.long
 def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store, monkeypatch):
     # A busy machine's timings would choose between bases that cost nearly the same.
     monkeypatch.setattr(
@@ -226,6 +229,7 @@ def test_a_beam_held_at_both_ends_is_fitted_without_a_cut(tmp_path, store, monke
     assert moved == pytest.approx(table["uy_m"], rel=0.005)
 
 
+@pytest.mark.long
 def test_processes_that_share_the_search_find_the_same_model(bent_beam, tmp_path, store, monkeypatch):
     # Timings are the machine's: here they grow with the modes.
     monkeypatch.setattr(
@@ -267,6 +271,7 @@ finite_elements = false
     return scene_of(folder, scene, body, changes)
 
 
+@pytest.mark.long
 def test_a_twisted_plate_is_fitted_with_fewer_coordinates(tmp_path, store):
     body = DEMO / "plate" / "body.toml"
     plain = [("frames = 8\n", ""), ('method = "frames"', 'method = "second_order"')]
@@ -335,8 +340,8 @@ finite_elements = false
     ("name", "tolerance"),
     [
         ("beam", 0.006),
-        pytest.param("L-frame", 0.006, marks=pytest.mark.slow),
-        pytest.param("quarter arc", 0.004, marks=pytest.mark.slow),
+        pytest.param("L-frame", 0.006, marks=pytest.mark.long),
+        pytest.param("quarter arc", 0.004, marks=pytest.mark.long),
     ],
 )
 def test_a_motion_that_constant_mass_does_not_meet_is_given_the_deformed_body_s(tmp_path, store, name, tolerance):
@@ -349,13 +354,14 @@ def test_a_motion_that_constant_mass_does_not_meet_is_given_the_deformed_body_s(
     assert "second_order, mass configuration" in written
 
 
-@pytest.mark.parametrize(("name", "tolerance"), [("beam", 0.03), pytest.param("L-frame", 0.05, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("name", "tolerance"), [("beam", 0.03), pytest.param("L-frame", 0.05, marks=pytest.mark.long)])
 def test_a_motion_that_constant_mass_meets_is_left_with_it(tmp_path, store, name, tolerance):
     found = fit(shaken(tmp_path, name, tolerance), tmp_path / "fitted.toml", Reporter(), store)
     assert found.met
     assert found.variant.mass is Mass.CONSTANT
 
 
+@pytest.mark.long
 def test_where_no_model_meets_the_tolerance_that_is_said(tmp_path, store):
     scene = with_results(tmp_path, FIT.replace("[1, 2, 4, 8]", "[1]").replace("0.005", "1e-6"))
     found = fit(scene, tmp_path / "fitted.toml", Reporter(), store)
@@ -462,6 +468,7 @@ def check_scene(name, outcome, folder):
     return linear_share(judge, folder / f"{name}.toml")
 
 
+@pytest.mark.long
 def test_scene_of_a_small_load_is_met_by_a_linear_model_and_its_fmu(fitted):
     outcome, folder = fitted("small_load", fmu=True)
     assert check_scene("small_load", outcome, folder) <= 1.0
@@ -473,6 +480,7 @@ def test_scene_of_a_small_load_is_met_by_a_linear_model_and_its_fmu(fitted):
     assert Variant(packaged.method, packaged.mass) == outcome.fit.variant
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["large_load", "sudden_load"])
 def test_scene_of_a_large_load_is_met_with_fewer_modes_and_frames(name, fitted):
     outcome, folder = fitted(name)

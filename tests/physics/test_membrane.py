@@ -59,7 +59,13 @@ ROWS = [
     (CLAMPED, "static_y", {"middle": Y}, "force_N", 5e-4, 1.0),
     (ARCH, "static_y", {"crown": -Y}, "force_N", 5e-3, 0.15),
     pytest.param(
-        PLATE, "static_bend", dict(zip(CORNERS, (Z, Z), strict=True)), "corner_left_fz_N", 5e-3, 0.01, marks=SLOW
+        PLATE,
+        "static_bend",
+        dict(zip(CORNERS, (Z, Z), strict=True)),
+        "corner_left_fz_N",
+        5e-3,
+        0.01,
+        marks=pytest.mark.long,
     ),
     pytest.param(
         PLATE, "static_twist", dict(zip(CORNERS, (Z, -Z), strict=True)), "corner_left_fz_N", 5e-3, 0.7, marks=SLOW
@@ -78,7 +84,7 @@ def test_bodies_that_stretch_when_they_bend(reduced, folder, case, forces, colum
 
 @pytest.mark.parametrize(
     ("folder", "case", "way", "limit"),
-    [(ARCH, "static_y", -Y, 5e-3), pytest.param(ROOF, "static_z", -Z, 7e-3, marks=SLOW)],
+    [(ARCH, "static_y", -Y, 5e-3), pytest.param(ROOF, "static_z", -Z, 7e-3, marks=pytest.mark.long)],
 )
 def test_shapes_by_which_a_body_evades_its_stretch_stay_coordinates(reduced, folder, case, way, limit):
     """At 90 % of the limit load; with all of w at second order arch and roof are too stiff."""
@@ -92,7 +98,7 @@ def test_shapes_by_which_a_body_evades_its_stretch_stay_coordinates(reduced, fol
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("modes", [3, 6])
+@pytest.mark.parametrize("modes", [3, pytest.param(6, marks=pytest.mark.long)])
 def test_a_body_whose_only_shape_along_itself_bends_as_well_is_not_locked_by_it(reduced, tmp_path, modes):
     """A bent sheet: static shapes hold its shortening, and turn its material by six times the square of the angle."""
     text = '[[static]]\nname = "push"\nloads = { "tip.force.x" = 60.0 }\nfactors = [1.0]\n'

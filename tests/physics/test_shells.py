@@ -244,7 +244,7 @@ def test_the_pinched_hemisphere(kind):
     assert solved(mesh, forces)[mesh.labels == pulled, 0].mean() == pytest.approx(0.0935, rel=bound)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_slit_annulus_is_lifted_far():
     # K. Y. Sze, X. H. Liu, S. H. Lo, Finite Elements Anal. Des. 40 (2004) 1551: 13.891 inside and 17.528 outside.
     def place(a, b):

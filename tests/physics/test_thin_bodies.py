@@ -93,7 +93,13 @@ def test_one_layer_of_elements_leaves_a_thin_strip_more_digits_than_two():
 
 
 @pytest.mark.parametrize(
-    ("kind", "counts"), [("C3D4", (10, 2, 2)), ("C3D4", (20, 4, 2)), ("C3D8", (10, 1, 1)), ("C3D8", (20, 2, 1))]
+    ("kind", "counts"),
+    [
+        ("C3D4", (10, 2, 2)),
+        pytest.param("C3D4", (20, 4, 2), marks=pytest.mark.long),
+        ("C3D8", (10, 1, 1)),
+        ("C3D8", (20, 2, 1)),
+    ],
 )
 def test_a_mesh_of_linear_solids_tells_how_much_of_the_deflection_it_lacks(tmp_path, kind, counts):
     """Against a beam of Euler and Bernoulli, whose frequency the other elements meet without a word."""

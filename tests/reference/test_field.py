@@ -27,9 +27,9 @@ def errors(name, model, quantity=""):
 @pytest.mark.parametrize(
     ("name", "one", "two", "linear"),
     [
-        ("bend", (0.007, 0.010, 0.012), (0.001, 0.0015, 0.002), 0.5),
+        pytest.param("bend", (0.007, 0.010, 0.012), (0.001, 0.0015, 0.002), 0.5, marks=pytest.mark.long),
         ("elastica", (0.004, 0.009, 0.017, 0.022), (5e-4, 1e-3, 2.5e-3, 6e-3), 0.2),
-        ("princeton", (0.005,), (0.001,), 0.08),
+        pytest.param("princeton", (0.005,), (0.001,), 0.08, marks=pytest.mark.long),
     ],
 )
 def test_large_deflections_of_published_problems_are_those_of_calculix(name, one, two, linear):
@@ -38,12 +38,20 @@ def test_large_deflections_of_published_problems_are_those_of_calculix(name, one
     assert np.all(errors(name, "linear") > linear)
 
 
-@pytest.mark.parametrize(("name", "bound"), [("bend", 0.013), ("elastica", 5e-4), ("princeton", 0.005)])
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [
+        pytest.param("bend", 0.013, marks=pytest.mark.long),
+        ("elastica", 5e-4),
+        pytest.param("princeton", 0.005, marks=pytest.mark.long),
+    ],
+)
 def test_finite_elements_on_the_benchmarks_meshes_are_what_was_published(name, bound):
     for record in records(name).values():
         assert np.linalg.norm(np.subtract(record.calculix, record.published)) < bound * np.linalg.norm(record.published)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("degrees", "one", "two", "four"),
     [(30, 3e-4, 1e-4, 5e-5), (90, 6e-3, 5e-4, 2e-4), (180, 0.05, 3e-3, 5e-4), (330, None, 0.02, 2e-3)],
@@ -61,6 +69,7 @@ def test_a_right_angle_frame_goes_sideways_at_the_load_of_finite_elements(way):
         assert errors("right_angle", f"second order, {frames}", way)[0] < 2e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("problem", ["Hinged arch", "Clamped arch"])
 def test_shallow_arches_have_the_limit_load_of_finite_elements(problem):
     for (quantity, _), record in records("arch").items():
@@ -68,11 +77,13 @@ def test_shallow_arches_have_the_limit_load_of_finite_elements(problem):
             assert record.error_calculix < (0.006 if "displacement" in quantity else 0.002)
 
 
+@pytest.mark.long
 def test_a_hinged_roof_has_the_limit_load_of_finite_elements():
     assert errors("roof", "second order, 1 frame", "limit load, N")[0] < 2e-3
     assert errors("roof", "second order, 1 frame", "displacement")[0] < 2e-3
 
 
+@pytest.mark.long
 def test_lee_s_frame_wants_a_cut_and_four_frames_a_part():
     """Its parts turn by more than a right angle against each other; without a cut the loop is not closed."""
     name = "second order, 4 frames a part, cut"
@@ -119,6 +130,7 @@ def test_momenta_and_energy_are_kept_over_fifty_turns():
         assert record.ours[0] < 1e-9, record.quantity
 
 
+@pytest.mark.long
 def test_a_sudden_load_wants_two_frames_and_the_deformed_body_s_mass():
     found = {r.model: r.error_calculix for r in others.sudden_records(step=5e-4)}
     assert found["linear"] > 0.15
@@ -133,6 +145,7 @@ def test_the_two_codes_agree_on_the_spin_up():
         assert record.error < 0.04, record.quantity
 
 
+@pytest.mark.long
 def test_a_beam_in_free_flight_keeps_its_momenta_and_energy_and_bends_as_another_code_says():
     """Thrown by a force and a moment on one end it bends by half its length; constant mass is off by 3 %."""
     found = {(r.quantity, r.model): r for r in motion.flight_records(numbers=(4,))}
@@ -144,6 +157,7 @@ def test_a_beam_in_free_flight_keeps_its_momenta_and_energy_and_bends_as_another
     assert found[words, "second order, 4 frames, constant mass"].error_calculix > 0.02
 
 
+@pytest.mark.long
 def test_kane_s_beam_spins_beyond_twice_its_first_frequency_without_diverging():
     for record in motion.kane_records():
         if "constant" not in record.model:
@@ -152,6 +166,7 @@ def test_kane_s_beam_spins_beyond_twice_its_first_frequency_without_diverging():
             assert record.error > 0.02
 
 
+@pytest.mark.long
 def test_the_lag_of_kane_s_beam_does_not_depend_on_how_many_modes_there_are():
     found = [
         motion.spin_up(motion.rotating_beam(motion.KANE, modes=n), motion.KANE.length, Mass.CONFIGURATION)[0]
@@ -168,7 +183,7 @@ def test_two_near_rigid_bars_coupled_by_a_spring_fall_as_a_double_pendulum():
     assert rigid[-1, 3] < -0.4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_coupled_mechanisms_move_as_rigid_bodies_and_as_beams_of_another_code():
     found = {(r.problem, r.model == "rigid"): r.error for r in mechanisms.mechanism_records()}
     for problem, bound in (("Double pendulum", 1e-3), ("Slider-crank", 0.02)):
@@ -178,6 +193,7 @@ def test_coupled_mechanisms_move_as_rigid_bodies_and_as_beams_of_another_code():
         assert found[f"{problem}, flexible", True] > 5e-3
 
 
+@pytest.mark.long
 def test_errors_fall_with_the_square_of_the_frames_and_faster_at_second_order():
     records = [{k: str(v) for k, v in row.items()} for row in convergence.measure(["clamped beam"], (1, 2, 4), ())]
     orders = {method: convergence.order(*curve) for (_, method, _), curve in convergence.curves(records).items()}
