@@ -21,6 +21,7 @@ from .build.choices import (
 )
 from .build.config import read_body_file
 from .build.reduce import reduce_mesh
+from .files.errors import BodyFileError
 from .files.plain_data import picture_html, rows_html
 from .files.progress import Reporter, ScriptReporter
 from .files.store import Store
@@ -96,6 +97,11 @@ class Body:
         cuts: Sequence[Nodes] | Literal["auto"] = (),
         tables: Mapping[str, Any] | None = None,
     ):
+        if isinstance(supports, str) or not isinstance(interfaces or {}, Mapping):
+            raise BodyFileError(
+                f'supports are {supports!r} and interfaces {interfaces!r}, expected a list such as ["CLAMP"] and a '
+                'mapping such as {"tip": "FLANGE"}'
+            )
         system = unit_system(units)
         choices = NodeChoices(as_mesh(mesh, system), system)
         data: dict[str, Any] = {

@@ -154,7 +154,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(bent_beam, tmp_path, stor
     report = Listening()
     rows = sweep(bent_beam, target, report, store)
     # What is left is counted, not what was recorded before.
-    assert ("Try 3 models", 3, "models", [1, 2, 3]) in report.counts
+    assert ("All combinations", 3, "models", [1, 2, 3]) in report.counts
     # Those that came to be on the front tell their own error now.
     at = RECORDS.columns.index("static_estimate")
     kept = list(csv.reader(target.read_text(encoding="utf-8").splitlines()))[:4]

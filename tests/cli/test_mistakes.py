@@ -10,10 +10,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from flexfmu.api import Body
+from flexfmu.body.loads import loads_from_mapping
 from flexfmu.build.pipeline import build_fmu
 from flexfmu.commands.cli import app
+from flexfmu.files.errors import FlexfmuError
 from flexfmu.fmu.simulation import _tell_passed_over
 from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.formats import read_mesh
+from flexfmu.model.errors import LoadError
 from flexfmu.study.workshop import Heard
 from meshes import BAR, box, write_deck
 
@@ -294,6 +299,69 @@ MISTAKES = {
     ),
     "interface without its FMU": coupling("arm.tip", "tip", "spring 1, a: found 'tip'", '"FMU.NAME" with one of arm'),
     "FMU that is a body file": coupling('"bar.fmu"', '"body.toml"', "fmu 'arm'", "is a body file, expected an FMU"),
+    # What TOML makes of what people write.
+    "True with a capital": body(
+        "frames = 3", "free = True", "'free = True'; true and false are written in small letters"
+    ),
+    "comment of another language": body("frames = 3", "frames = 3 // levels", "line 3", "a comment begins with #"),
+    "quotes of a word processor": body('"bar"', "“bar”", "line 2", "quotes are straight"),
+    "colon for equals": body("frames = 3", "frames: 3", "Expected '='", "'frames: 3'"),
+    "backslashes that are escapes": body(
+        MESH, 'file = "C:\\new\\bar.inp"', "mesh.file: is 'C:", "a backslash in double quotes is an escape", "write /"
+    ),
+    "backslashes that are none": body(
+        MESH, 'file = "C:\\Users\\x.inp"', "a backslash in double quotes", "'single quotes'"
+    ),
+    "true as a text": body("frames = 3", 'free = "yes"', "free: found 'yes'; should be true or false without quotes"),
+    "number with a unit": body(
+        RATIO,
+        f'{RATIO}\n[material]\ndensity = "7850 kg/m3"',
+        "found '7850 kg/m3'; should be a number without quotes",
+    ),
+    "a word for a number": body("frames = 3", 'frames = "auto"', "should be a valid integer, such as frames = 4"),
+    "nothing in the file": Mistake(
+        ["build", "body.toml", "-o", "out.fmu"],
+        {"body.toml": ""},
+        ["name: missing", "mesh: missing", "interface: missing"],
+    ),
+    # Supports, interfaces, materials.
+    "axis in capitals": body(FIX, 'fix = ["X"]', "support[1].fix[1]: found 'X'; should be 'x', 'y' or 'z'"),
+    "rotation held": body(FIX, 'fix = ["x", "rx"]', "support[1].fix[2]: found 'rx'; should be 'x', 'y' or 'z'"),
+    "support of nothing": body('nodes = "ROOT"', "", "support[1].nodes: missing", 'such as nodes = "CLAMP"'),
+    "plural of a table": body("[[support]]", "[[supports]]", "supports: unknown key, did you mean 'support'?"),
+    "too few supports": body(
+        FIX, 'fix = ["x"]', "free to move in 3 rigid motions", "add a [[support]], or let it float"
+    ),
+    "floating and held": body("frames = 3", "free = true", "free = true, but the supports hold the body", "take out"),
+    "two of a name": body(RATIO, f'{RATIO}\n[[interface]]\nname = "tip"\nnodes = "ROOT"', "have the name 'tip'"),
+    "one of several sets": body(
+        TIP, 'nodes = ["TIP", "TOP"]', "interface tip: the mesh has no node set 'TOP'", "ROOT, TIP"
+    ),
+    "bore without radius": body(TIP, "nodes = { cylinder = [[0, 0, 0], [1, 0, 0]] }", "cylinder", "go with radius"),
+    "symbols for names": body(RATIO, f"{RATIO}\n[material]\nE = 2e11", "material.E: unknown key", "youngs_modulus"),
+    "incompressible": body(RATIO, f"{RATIO}\n[material]\npoissons_ratio = 0.5", "found 0.5; should be less than 0.5"),
+    "method by half its name": body(
+        RATIO,
+        f'{RATIO}\n[formulation]\nmethod = "nonlinear"',
+        "found 'nonlinear'",
+        "'frames_stiffness' or 'second_order'",
+    ),
+    "mesh that is not there": body(
+        MESH, 'file = "bra.inp"', "bra.inp: no such file, expected a mesh; correct the path"
+    ),
+    # Tables, scenes, couplings, options.
+    "a workbook": loads("PK\x03\x04", "loads.csv is a workbook or an archive, expected a table; save it as CSV"),
+    "an empty cell": loads("time,tip.force.y\n0,\n1,2\n", "line 2: tip.force.y is ''; expected numbers"),
+    "time with a capital": loads(LOADS.replace("time", "Time"), "called 'Time': call it \"time\", in s"),
+    "time that goes back": loads("time,tip.force.y\n0,1\n1,2\n0.5,3\n", "line 4: time goes back from 1.0 to 0.5"),
+    "results over the loads": files("simulate bar.fmu -i loads.csv -o loads.csv", "what the job reads", "another name"),
+    "picture of another kind": files("simulate bar.fmu -i loads.csv -o out.csv --plot p.jpg", "ends in .png or .pdf"),
+    "load in mm": files("view bar.fmu --load tip.force.y=10mm -o p.html", "the unit is 'mm', expected one of N, mN"),
+    "nothing happens": scene(SCENE, "", "nothing happens in the scene: give a [[static]] or a [[transient]] table"),
+    "no step": scene(SCENE, '[[transient]]\nname = "a"\nloads = {}\n', "step: missing", "such as step = 0.001"),
+    "results that are not there": scene(SCENE, f'{SCENE}results = "r.csv"', "r.csv: no such file, expected a table"),
+    "FMU that is not there": coupling('"bar.fmu"', '"nix.fmu"', "fmu 'arm': nix.fmu: no such file, expected an FMU"),
+    "interface of another name": coupling("arm.tip", "arm.top", "'top.displacement.x'", "did you mean 'tip."),
 }
 
 
@@ -411,3 +479,20 @@ def test_a_body_of_half_a_kilometre_is_built_by_force_only(tmp_path, monkeypatch
     code, said = answer(tmp_path, Mistake([*command, "--force"], {}, []), monkeypatch)
     assert code == 0
     assert "implausible" in said
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda mesh: Body(mesh, None, "ROOT", {"tip": "TIP"}), r"supports are 'ROOT'.* expected a list such as \["),
+        (lambda mesh: Body(mesh, None, ["ROOT"], ["TIP"]), r"interfaces \['TIP'\], expected .* a mapping such as"),
+        (lambda _: Body("bar.inp", None, ["ROOT"], {"tip": "TIP"}), r"mesh is a str.* flexfmu.read_mesh\(path\)"),
+        (
+            lambda _: loads_from_mapping(("tip",), [0.0, 1.0, 0.0]),
+            r"loads are \[.*\], expected them by interface, such as",
+        ),
+    ],
+)
+def test_a_script_s_mistake_is_answered_likewise(call, words, sound):
+    with pytest.raises((FlexfmuError, LoadError), match=words):
+        call(read_mesh(sound / "bar.inp"))

@@ -140,7 +140,7 @@ WRONG = {
     ),
     "residual flexibility that is neither": (
         {"rest": "[reduction]\nresidual_flexibility = 3"},
-        ["reduction.residual_flexibility: found 3", "boolean", "list"],
+        ["reduction.residual_flexibility: found 3", "true or false", "list"],
     ),
     "branch to nowhere": (
         {"rest": '[[branch]]\ntoward = "top"\njoints = [0.1]'},
@@ -243,7 +243,7 @@ WRONG = {
         ["material.density: found nan", "finite number"],
     ),
     "damping that is no number": ({"rest": "[damping]\nratio = nan"}, ["damping.ratio: found nan", "finite number or"]),
-    "damping by a word": ({"rest": '[damping]\nratio = "x"'}, ["damping.ratio: found 'x'", "number or", "list"]),
+    "damping by a word": ({"rest": '[damping]\nratio = "x"'}, ["damping.ratio: found 'x'", "number", "list"]),
     "a word among damping ratios": (
         {"rest": '[damping]\nratio = [0.1, "x"]'},
         ["damping.ratio[2]: found 'x'", "number"],
@@ -256,7 +256,7 @@ WRONG = {
     "true for a count": ({"top": "frames = true"}, ["frames: found True", "integer"]),
     "number in quotes": ({"rest": '[reduction]\nmodes = "12"'}, ["reduction.modes: found '12'", "integer"]),
     "coordinate in quotes": ({"interface": 'point = ["1", 2, 3]'}, ["interface[1].point[1]: found '1'", "number"]),
-    "yes for true": ({"rest": '[output]\nsurface = "yes"'}, ["output.surface: found 'yes'", "boolean"]),
+    "yes for true": ({"rest": '[output]\nsurface = "yes"'}, ["output.surface: found 'yes'", "true or false"]),
     "point at infinity": ({"interface": "point = [0, 0, -inf]"}, ["interface[1].point[3]: found -inf", "finite"]),
 }
 

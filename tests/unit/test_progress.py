@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import signal
 import time
 
@@ -11,6 +12,7 @@ from rich.console import Console
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.progress import (
     Reporter,
+    Stages,
     duration_words,
     ends_on_interrupt,
     keeps_interrupts,
@@ -58,16 +60,20 @@ def test_a_file_gets_a_plain_line_now_and_then_and_no_bar():
 
 def test_a_terminal_shows_stages_within_stages():
     text, clock = io.StringIO(), _Clock()
-    reporter = ConsoleReporter(Console(file=text, width=120, force_terminal=True, legacy_windows=False), clock)
-    with reporter.counted("All", 4, "models") as tell:
-        for done in range(1, 5):
-            with reporter.stage(f"Model {done}"):
+    reporter = ConsoleReporter(Console(file=text, width=80, force_terminal=True, legacy_windows=False), clock)
+    with reporter.counted("Finer near the front", 40, "models") as tell:
+        for done in range(1, 41):
+            with Stages(reporter).stage(f"Model {done} of a long name, one of many that differ from each other"):
                 clock.now += 10.0
+                # Of what tells no share, how long it has taken.
+                reporter._lines.refresh()
             tell(done)
             reporter._lines.refresh()
     shown = text.getvalue()
-    assert "2 of 4 models, 20 s left" in shown
-    assert shown.count("✓") == 5
+    # Whole within 80 columns.
+    assert "20 of 40 models, 3 min left" in shown
+    assert re.search(r"Model 20 of a long name, .*… .*10 s", shown)
+    assert shown.count("✓") == 41
 
 
 def test_ctrl_c_is_noted_and_the_job_ends_where_it_asks():

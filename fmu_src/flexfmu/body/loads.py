@@ -77,6 +77,8 @@ def loads_from_mapping(
     LoadError
         An unknown interface, a wrong number of components, or a value that is not finite.
     """
+    if not isinstance(loads, Mapping):
+        raise LoadError(f'loads are {loads!r}, expected them by interface, such as {{"{names[0]}": [0.0, 10.0, 0.0]}}')
     wrench = np.zeros((len(names), 6))
     for name, components in loads.items():
         if name not in names:

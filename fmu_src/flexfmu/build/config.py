@@ -46,7 +46,7 @@ class BodySpec(Table):
     root: Name | None = None
     support: list[tables.SupportTable] = []
     interface: list[tables.InterfaceTable] = Field(min_length=1)
-    frames: int | None = Field(default=None, ge=0, le=MOST_FRAMES)
+    frames: int | None = Field(default=None, ge=0, le=MOST_FRAMES, examples=[4])
     frame: list[tables.FrameTable] = []
     branch: list[tables.BranchTable] = []
     cut: list[tables.CutTable] | Literal["auto"] | None = None

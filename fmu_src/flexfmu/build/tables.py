@@ -49,6 +49,14 @@ class MeshTable(MeshUnits):
     """
 
     file: Path = Field(strict=False, examples=["arm.inp"])
+
+    @field_validator("file")
+    @classmethod
+    def _no_escapes(cls, value: Path) -> Path:
+        if not str(value).isprintable():
+            raise ValueError(f"is {str(value)!r}: a backslash in double quotes is an escape; write / or single quotes")
+        return value
+
     timeout: float | None = Field(default=None, gt=0.0)
 
 

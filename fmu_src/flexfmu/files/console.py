@@ -10,12 +10,16 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
+from rich.table import Column
+from rich.text import Text
 
 from .errors import BodyFileError
-from .progress import Reporter, Tell, end_if_interrupted, progress_words
+from .progress import Reporter, Tell, duration_words, end_if_interrupted, progress_words
 
 # Seconds between two states of a line on a terminal, and between two lines elsewhere; of a stage that leaves a line.
 _REFRESH, _PAUSE, _LONG = 0.1, 10.0, 5.0
+# Columns of a bar; of it with a spinner and the words beside it.
+_BAR, _ROOM = 10, 44
 
 
 class ConsoleReporter(Reporter):
@@ -50,11 +54,14 @@ class ConsoleReporter(Reporter):
         # One display for all stages that are open at a time.
         self._lines = Progress(
             SpinnerColumn(),
-            TextColumn("{task.description}"),
-            _Bar(bar_width=24),
+            TextColumn(
+                "{task.description}", table_column=Column(no_wrap=True, max_width=max(20, self._console.width - _ROOM))
+            ),
+            _Bar(bar_width=_BAR),
             TextColumn("[dim]{task.fields[words]}[/]"),
             console=self._console,
             transient=True,
+            get_time=clock,
             disable=quiet or not self._console.is_terminal,
         )
 
@@ -132,7 +139,9 @@ class ConsoleReporter(Reporter):
 
 
 class _Bar(BarColumn):
-    """A bar where it is known how much there is to do."""
+    """A bar where it is known how much there is to do, else how long it has taken."""
 
     def render(self, task):  # type: ignore[no-untyped-def]
-        return "" if task.total is None else super().render(task)
+        if task.total is not None:
+            return super().render(task)
+        return Text(duration_words(task.elapsed) if task.elapsed >= _LONG else "", style="dim")

@@ -103,8 +103,11 @@ def check_input(path: Path, error_type: type[FlexfmuError], *wanted: Kind) -> No
         raise error_type(f"{path}: no such file, {expected}; correct the path")
     try:
         with path.open("rb") as file:
-            if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
-                raise error_type(f"{path} is text in UTF-16, {expected} in UTF-8; save it anew in that encoding")
+            head = file.read(4)
+        if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            raise error_type(f"{path} is text in UTF-16, {expected} in UTF-8; save it anew in that encoding")
+        if head == b"PK\x03\x04" and wanted == (Kind.TABLE,):
+            raise error_type(f"{path} is a workbook or an archive, {expected}; save it as CSV text")
         found = kind_of(path)
     except OSError as error:
         raise error_type(f"{path} cannot be read ({error}), {expected}") from error

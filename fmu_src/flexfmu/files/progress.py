@@ -65,6 +65,19 @@ class Reporter:
         self.warning(text)
 
 
+class Stages(Reporter):
+    """Shows stages, and keeps notes and warnings to itself.
+
+    Parameters
+    ----------
+    report : Reporter
+        Who shows them.
+    """
+
+    def __init__(self, report: Reporter):
+        self.stage, self.counted = report.stage, report.counted  # type: ignore[method-assign]
+
+
 class ScriptReporter(Reporter):
     """Warnings as Python's, notes to the log "flexfmu"."""
 

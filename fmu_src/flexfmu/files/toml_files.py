@@ -1,6 +1,7 @@
 """What the package's TOML files have in common: how they are read, and how a wrong key is explained."""
 
 import json
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -28,6 +29,13 @@ class Table(BaseModel):
 
 File = TypeVar("File", bound=Table)
 
+# Slips by what a line shows of them, and what to write instead.
+_SLIPS = {
+    r"[“”„‘’]": "quotes are straight, \" or '",
+    r"//": "a comment begins with #",
+    r"=\s*(True|False)\b": "true and false are written in small letters",
+    r"\"[^\"]*\\": "a backslash in double quotes begins an escape, so write / or 'single quotes'",
+}
 # In what pydantic says of a number that is too large or too small.
 _OF_SIZE = " than "
 
@@ -55,14 +63,17 @@ def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[
     """
     check_input(path, error_type, wanted)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        data = tomllib.loads(text)
     except (OSError, UnicodeDecodeError) as error:
         raise error_type(f"{path}: cannot be read ({error})") from error
     except ValueError as error:  # wrong TOML, or numbers of thousands of digits
-        raise error_type(
-            f"{path}: not valid TOML: {error}; texts stand in quotes, a [table] stands once, and several of a kind are "
-            "[[tables]]"
-        ) from error
+        line = re.search(r"at line (\d+)", str(error))
+        wrong = text.splitlines()[int(line[1]) - 1].strip() if line else ""
+        slips = [words for sign, words in _SLIPS.items() if re.search(sign, wrong)]
+        slips = slips or ["texts stand in quotes, a [table] stands once, and several of a kind are [[tables]]"]
+        shown = f": {wrong!r}" if wrong else ""
+        raise error_type(f"{path}: not valid TOML: {error}{shown}; {'; '.join(slips)}") from error
     found = toml_kind(data)
     if found not in (None, wanted):
         raise error_type(f"{path} is {found.value}, expected {wanted.value}: {found.use}")
@@ -208,6 +219,10 @@ def _reason(
             most = _bounds(field, "le")
             limit = f", at most {most[0]}" if most else ""
             return shown, f"should be a valid integer, written without point and exponent{limit}", ""
+        case "bool_type":
+            return shown, "should be true or false without quotes", ""
+        case "float_type" if isinstance(found, str):
+            return shown, "should be a number without quotes and unit", example
     text = str(problem["msg"]).replace("Input should", "should")
     return shown, text[0].lower() + text[1:], example if kind.endswith("_type") else ""
 

@@ -75,7 +75,7 @@ def sweep(
     with fmu_timer(fmu) as timer:
         trial = _Trial(workshop, Grid.of(scene, wanted), kept, timer, look)
         if every:
-            trial.run("Try", wanted)
+            trial.run("All combinations", wanted)
         else:
             trial.refine()
         trial.estimate()
@@ -116,7 +116,7 @@ class _Trial:
 
     def refine(self) -> None:
         """Try few models, and then the neighbours of those on the front until all of them are known."""
-        title, wanted, self._extent = "Coarse sweep: try", self._grid.coarse(), "coarse: "
+        title, wanted, self._extent = "Coarse sweep", self._grid.coarse(), "coarse: "
         while any(one.key not in self._kept for one in wanted):
             before = len(self._kept.rows)
             self.run(title, wanted)
@@ -124,7 +124,7 @@ class _Trial:
                 # What cannot be reduced leaves no record.
                 break
             self.draw()
-            self._extent, title = "", "Finer where the front is: try"
+            self._extent, title = "", "Finer near the front"
             wanted = self._grid.around(members(self._kept.rows)) if self._drawable else list(self._grid.models)
         self._extent = ""
 
@@ -153,7 +153,7 @@ class _Trial:
         workshop, done = self._workshop, 0
         _ = workshop.known
         groups, size = list(grouped(left)), workshop.crew.count
-        with workshop.report.counted(f"{title} {len(left)} models", len(left), "models") as tell:
+        with workshop.report.counted(title, len(left), "models") as tell:
             for first in range(0, len(groups), size):
                 some = groups[first : first + size]
                 with workshop.report.stage("; ".join(_words(group) for group in some)):

@@ -104,7 +104,7 @@ class TransientTable(Table):
     name: Name
     loads: dict[str, float] | str = Field(examples=[{"tip.force.y": 1000.0}])
     duration: Positive | None = None
-    step: Positive
+    step: Positive = Field(examples=[1e-3])
     frequencies: list[float] | None = None
     results: Results = None
     seconds_per_second: Positive | None = None

@@ -14,7 +14,7 @@ from ...build.reduce import reduce_body
 from ...build.tables import FormulationTable, ReductionTable
 from ...files.array_types import FloatArray
 from ...files.limits import MOST_FRAMES
-from ...files.progress import Reporter, Tell, tell_nobody
+from ...files.progress import Reporter, Stages, Tell, tell_nobody
 from ...files.store import Store, content_key
 from ...model.errors import EquilibriumError, StepError
 from ...model.methods import Mass, Method
@@ -152,7 +152,7 @@ def _by_fine_model(scene: Scene, report: Reporter, store: Store) -> dict[str, Re
 
     def run() -> dict[str, FloatArray]:
         with report.stage(f"Reduce the body with {levels} frames and all static shapes, to compare with"):
-            model = FlexibleBody(reduce_body(fine, Reporter(), store, levels))
+            model = FlexibleBody(reduce_body(fine, Stages(report), store, levels))
         found: dict[str, FloatArray] = {}
         doubt = 0.0
         for number, case in enumerate(cases):
@@ -205,7 +205,7 @@ def _tight_model(
 
     def run() -> dict[str, FloatArray]:
         with report.stage(f"Reduce the body with {settings.frames} frames, to follow {case.name} with"):
-            body = reduce_body(tight, Reporter(), store, settings.frames)
+            body = reduce_body(tight, Stages(report), store, settings.frames)
         model = FlexibleBody(body, limits=StepLimits(tolerance=settings.tolerance))
         steps = len(case.start_loads)
         title = f"Follow {case.name} with {body.mode_count} modes and {body.frame_count} frames, {steps} steps"

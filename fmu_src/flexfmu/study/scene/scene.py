@@ -10,6 +10,7 @@ import numpy as np
 from ...body.loads import Loads
 from ...build.config import BodyFile, read_body_file
 from ...files.array_types import FloatArray
+from ...files.inputs import Kind, check_input
 from ...files.tables import read_table
 from ...program.variables import ACCELERATION
 from .config import SceneError, SceneFile, TransientTable, check_steps, read_scene_file
@@ -204,10 +205,9 @@ def _digest(
         for loads in (*motion.start_loads, *motion.end_loads):
             digest.update(loads.packed(True).tobytes())
     for results in (*(case.results for case in static), *(case.results for case in moving)):
-        try:
-            digest.update(results.read_bytes() if results is not None else b"")
-        except OSError as error:
-            raise SceneError(f"{results}: cannot be read ({error})") from error
+        if results is not None:
+            check_input(results, SceneError, Kind.TABLE)
+            digest.update(results.read_bytes())
     return digest.hexdigest()[:12]
 
 
