@@ -29,7 +29,10 @@ from scene_tools import BEND, Listening, scene_of, with_results
         (BEND.replace("factors", "factor"), r"static\[1\].factor: unknown key, did you mean 'factors'\?"),
         (BEND.replace("0.3, 1.0", "1.0, 0.3"), r"static\[1\].factors: is \[1.0, 0.3\], expected ascending"),
         (BEND.replace("10e3", "0.0"), "all loads are zero"),
-        (BEND.replace("10e3", '"10e3"'), r"static\[1\].loads.tip.force.y: found '10e3'; should be a number without quotes"),
+        (
+            BEND.replace("10e3", '"10e3"'),
+            r"static\[1\].loads.tip.force.y: found '10e3'; should be a number without quotes",
+        ),
         (BEND.replace("tip.force.y", "tip.force"), r"'tip.force' is no input of the body.*\"tip.force.y\""),
         (BEND.replace("tip.force", "top.force"), "'top.force.y' is no input of the body.*its interfaces: tip"),
         (BEND.replace("tip.force.y", "body.acceleration.z"), r"needs acceleration = true in \[input\]"),
