@@ -92,6 +92,19 @@ def test_a_rigid_bar_is_a_rigid_element_of_two_points(tmp_path, bar):
     np.testing.assert_array_equal(found.node_sets["RBE2 5"], expected.node_sets["RBE2 5"])
 
 
+def test_masses_and_springs_on_any_point_of_a_rigid_bar_hang_on_all_of_it(tmp_path):
+    bar = "GRID,5,,0.,0.,2.\nRBAR,5,1,5,123456\nCONM2,7,5,,3.,0.1,0.,0.\nCELAS2,8,1.+5,5,1\n"
+    mesh = read_mesh(_file(tmp_path, bar))
+    assert mesh.masses[0].nodes.tolist() == mesh.springs[0].ends[0].tolist() == [0, 4]
+    np.testing.assert_allclose(mesh.masses[0].point, (0.1, 0.0, 2.0))
+
+
+def test_damping_and_weights_that_are_left_out_are_told(tmp_path):
+    card = "GRID,9,,0.3,0.3,0.3\nRBE3,4,,9,123456,1.,123,2,3,\n,2.,123,4\nMPC,3,2,1,1.,3,1,-1.\nMAT1,2,1.,,.3,,,,.02"
+    notes = " ".join(read_mesh(_file(tmp_path, card, "SPC = 1")).notes)
+    assert all(words in notes for words in ("weights are left out", "GE of materials 2", "MPC 3 is taken"))
+
+
 def test_a_rigid_bar_that_lets_its_points_turn_is_refused(tmp_path):
     with pytest.raises(MeshError, match="RBAR 5"):
         read_mesh(_file(tmp_path, "RBAR,5,1,2,123,456"))

@@ -249,13 +249,23 @@ def test_a_beam_bends_the_plate_that_it_stands_on(tmp_path):
     assert moved[0] == pytest.approx(0.3 * foot + post, rel=0.02)
 
 
+def test_offsets_of_beams_put_their_faces_where_calculix_has_them(tmp_path):
+    """Which ccx 2.20 writes with OUTPUT=3D: nodes on the upper face across the first axis, a quarter up the second."""
+    text = clamped(along((0, 0, 0), (1, 0, 0), count=1), sizes="0.1, 0.2")
+    mesh = read(tmp_path, text.replace("SECTION=RECT", "SECTION=RECT, OFFSET1=0.5, OFFSET2=0.25"))
+    corners = mesh.points[mesh.blocks[0].connectivity[0]]
+    np.testing.assert_allclose(corners.min(axis=0), (0.0, -0.1, -0.15), atol=1e-9)
+    np.testing.assert_allclose(corners.max(axis=0), (1.0, 0.0, 0.05), atol=1e-9)
+
+
 REFUSED = {
     "hexagon": (("RECT\n0.02", "HEX\n0.02"), "SECTION=HEX is not supported"),
     "numbers": (("0.02, 0.02", "0.02"), "2 positive numbers"),
     "direction": (("0, 1, 0", "1, 0, 0"), "direction"),
     "two": (("0, 1, 0", "0, 1"), "three of the first axis"),
     "kind": (("TYPE=B31", "TYPE=T3D2"), "holds others"),
-    "parameter": (("SECTION=RECT", "SECTION=RECT, OFFSET1=0.5"), "OFFSET1"),
+    "parameter": (("SECTION=RECT", "SECTION=RECT, DENSITY=1."), "DENSITY"),
+    "offset": (("RECT\n0.02, 0.02", "CIRC, OFFSET2=0.5\n0.02"), "offsets of a section CIRC"),
     "box": (("RECT\n0.02, 0.02", "BOX\n1, 1, .1, .1, .2, .1"), "opposite ones alike"),
 }
 

@@ -130,6 +130,7 @@ def test_eliminating_an_unknown_keeps_what_equations_say_of_the_others():
         ("*EQUATION\n2\n1, 1, 1., 99, 1, 1.\n", "1, 1, 1., 99, 1, 1.", "99 is not defined"),
         ("*EQUATION\n1., 2.\n", "1., 2.", "whole number"),
         ("*MPC\nBEAM, 1, 2\n", "BEAM, 1, 2", "no linear constraint"),
+        ("*MPC\nMEANROT, 1, 1, 1, 2, 2, 2, 5\n", "MEANROT", "held or belongs to elements"),
         ("*MPC\nPLANE, 1, 2, 3, 4\n", "PLANE, 1, 2, 3, 4", "not supported"),
         ("*MPC\nLINEAR, 1, 2\n", "LINEAR, 1, 2", "takes 3 nodes, found 2"),
         ("*MPC\nLINEAR, 1, 2, 2\n", "LINEAR, 1, 2, 2", "in one place"),
@@ -139,6 +140,12 @@ def test_eliminating_an_unknown_keeps_what_equations_say_of_the_others():
 )
 def test_what_is_no_linear_constraint_of_translations_is_refused_at_its_line(tmp_path, card, culprit, words):
     refuse(tmp_path, BODY + card, culprit, words)
+
+
+def test_a_mean_rotation_whose_node_is_free_holds_nothing_and_is_told(tmp_path):
+    mesh = read(tmp_path, BODY + "*NODE\n9, 0., 0., 1.\n*MPC\nMEANROT, 1, 1, 1, 2, 2, 2, 9\n")
+    assert mesh.equations is None
+    assert any("MEANROT is left to an interface" in note for note in mesh.notes)
 
 
 def test_a_tie_that_reaches_no_node_is_refused(tmp_path):

@@ -17,7 +17,7 @@ from flexfmu.mesh.sections import CrossSection, box, ellipse, i_section, l_secti
 KEYS = ("BEAMSECTION", "BEAMGENERALSECTION")
 BARS = dict.fromkeys(("T3D2", "T3D2H", "T3D3", "T3D3H"), ElementType.B31)
 _READ_AS = dict.fromkeys(("B31", "B31R", "B31H", "B32", "B32R", "B32H"), ElementType.B31)
-_PARAMETERS = ("ELSET", "MATERIAL", "SECTION", "POISSON", "TEMPERATURE", "ROTARYINERTIA")
+_PARAMETERS = ("ELSET", "MATERIAL", "SECTION", "POISSON", "TEMPERATURE", "ROTARYINERTIA", "OFFSET1", "OFFSET2")
 _FIRST_AXIS = (0.0, 0.0, -1.0)
 
 
@@ -108,6 +108,16 @@ def _bar(card: Card, units: UnitSystem) -> Beam:
     return Beam(CrossSection((area, 0.0, 0.0, 0.0, inf, inf)).scaled(units.length), (0.0, 0.0, 0.0))
 
 
+def _place(card: Card, shape: str, numbers: Sequence[float], units: UnitSystem) -> tuple[float, float]:
+    """Where the nodes are in the section's coordinates, m; CalculiX's offsets are over the section's widths."""
+    offsets = [number(card.parameters.get(f"OFFSET{k}", "0"), card.line, f"OFFSET{k}") for k in (1, 2)]
+    widths = {"RECT": numbers[:2], "BOX": numbers[:2], "PIPE": [2.0 * numbers[0]] * 2}.get(shape, [0.0, 0.0])
+    if any(offsets) and not all(widths):
+        raise card.line.error(f"offsets of a section {shape} are not supported (supported: RECT, BOX, PIPE)")
+    one, two = (units.length * part * size for part, size in zip(offsets, widths, strict=True))
+    return one, two + (numbers[0] * units.length if shape == "I" else 0.0)
+
+
 def _beam(card: Card, materials: DeckMaterials, units: UnitSystem) -> Beam:
     """The beam of a section; its material is noted."""
     shape = card.parameters.get("SECTION", "GENERAL" if card.key == KEYS[1] else "").upper()
@@ -124,7 +134,7 @@ def _beam(card: Card, materials: DeckMaterials, units: UnitSystem) -> Beam:
             f"a section {shape} has {count} positive numbers: {words}; and three of the first axis; found {rows[:2]}"
         )
         raise (card.data or [card.line])[0].error(f"{words}. Say others by SECTION=GENERAL")
-    place = (0.0, rows[0][0] * units.length if shape == "I" else 0.0)
+    place = _place(card, shape, rows[0], units)
     if card.scope.rotation is not None:
         direction = tuple((card.scope.rotation @ direction).tolist())
     if card.key == KEYS[1]:

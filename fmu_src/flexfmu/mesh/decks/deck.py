@@ -1,7 +1,7 @@
 """Reader of Abaqus and CalculiX decks: a body's mesh, sets, materials and supports from the model part."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -105,9 +105,9 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     rows = inclined(axes, fixed, content.cards["TRANSFORM"][-1]) if axes else []
     if rows:
         content.notes.append(f"{len(rows)} inclined supports of *TRANSFORM are equations: boundary = false leaves them")
-    rows += _equations(content, elements, surfaces, node_sets, points, axes)
-    couplings = content.couplings.resolved(node_sets, element_sets, elements, own)
     used = {row for block in blocks for row in block.connectivity.ravel().tolist()}
+    rows += _equations(content, elements, surfaces, node_sets, points, axes, used | {*np.nonzero(fixed)[0].tolist()})
+    couplings = content.couplings.resolved(node_sets, element_sets, elements, own)
     turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
     carriers = Carriers(points * units.length, used, turning, couplings)
     heavy, soft = ([card for key in keys for card in content.cards[key]] for keys in (MASSES, SPRINGS))
@@ -307,6 +307,7 @@ def _equations(
     node_sets: SetTable,
     points: FloatArray,
     axes: Mapping[int, FloatArray],
+    busy: Set[int],
 ) -> list[dict[int, float]]:
     """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
     found: list[dict[int, float]] = []
@@ -320,7 +321,8 @@ def _equations(
             )
         found += tied
     content.notes.extend(table.notes)
-    return found + equations([*content.cards["EQUATION"], *content.cards["MPC"]], node_sets, points, axes)
+    cards = [*content.cards["EQUATION"], *content.cards["MPC"]]
+    return found + equations(cards, node_sets, points, axes, busy, content.notes)
 
 
 def _sets_of_faces(

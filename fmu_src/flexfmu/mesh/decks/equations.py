@@ -1,6 +1,6 @@
 """Linear constraints of a deck as equations between displacements: *EQUATION, *MPC, and the nodes of *TIE."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 
@@ -15,7 +15,12 @@ _SAME_PLACE = 1e-9
 
 
 def equations(
-    cards: Sequence[Card], node_sets: SetTable, points: FloatArray, axes: Mapping[int, FloatArray]
+    cards: Sequence[Card],
+    node_sets: SetTable,
+    points: FloatArray,
+    axes: Mapping[int, FloatArray],
+    busy: Set[int],
+    notes: list[str],
 ) -> list[dict[int, float]]:
     """Return the equations of the cards *EQUATION and *MPC.
 
@@ -26,6 +31,10 @@ def equations(
     points : (n, 3) float
     axes : mapping of int to (3, 3) float
         Of *TRANSFORM, columns by row of the node; *EQUATION speaks of them.
+    busy : set of int
+        Nodes of elements, and those that are held.
+    notes : list of str
+        Gets mean rotations, which are left out.
 
     Returns
     -------
@@ -43,7 +52,10 @@ def equations(
             found += _equations(card, node_sets, axes)
         else:
             for line in card.data:
-                found += _constraint(line, card, node_sets, points)
+                if fields(line)[0].upper() == "MEANROT":
+                    notes.append(_mean_rotation(line, card, node_sets, busy))
+                else:
+                    found += _constraint(line, card, node_sets, points)
     return found
 
 
@@ -115,6 +127,15 @@ def _expanded(
                 row[3 * node + along] = row.get(3 * node + along, 0.0) + factor * float(direction[along])
         found.append(row)
     return found
+
+
+def _mean_rotation(line: Line, card: Card, node_sets: SetTable, busy: Set[int]) -> str:
+    """Note on a MEANROT, which holds nothing where its last node, by which steps drive the rotation, is free."""
+    if node_sets.find(fields(line)[-1], line, card.scope) & busy:
+        raise line.error(
+            "the last node of MPC MEANROT is held or belongs to elements; give an interface its nodes instead"
+        )
+    return f"{line.place}: MPC MEANROT is left to an interface of its nodes, whose rotation is their mean one"
 
 
 def _constraint(line: Line, card: Card, node_sets: SetTable, points: FloatArray) -> list[dict[int, float]]:

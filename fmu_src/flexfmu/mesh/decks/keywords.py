@@ -3,7 +3,7 @@
 # Keywords that are honoured and their parameters; others might change what the card means.
 HONOURED: dict[str, tuple[str, ...]] = {
     "NODE": ("NSET", "ID"),
-    "ELEMENT": ("TYPE", "ELSET", "ID"),
+    "ELEMENT": ("TYPE", "ELSET", "ID", "DLOAD"),
     "NSET": ("NSET", "GENERATE", "ELSET", "UNSORTED", "INTERNAL", "INSTANCE"),
     "ELSET": ("ELSET", "GENERATE", "UNSORTED", "INTERNAL", "INSTANCE"),
     "SURFACE": ("NAME", "TYPE", "INTERNAL", "INSTANCE"),

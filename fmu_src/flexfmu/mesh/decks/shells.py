@@ -25,7 +25,7 @@ _READ_AS |= dict.fromkeys(("S8", "S8R", "S8R5", "S9R5"), ElementType.S8)
 # What changes results by other integration only, or nothing of linear elasticity.
 _PARAMETERS = ("ELSET", "MATERIAL", "OFFSET", "ORIENTATION", "CONTROLS", "SECTIONINTEGRATION", "POISSON")
 _BY_NODE = "NODALTHICKNESS"
-# Offsets of the middle from the nodes, over the thickness.
+# Offsets of the nodes from the middle, over the thickness.
 _SIDES = {"SPOS": 0.5, "SNEG": -0.5}
 
 
@@ -100,7 +100,7 @@ def _faces(card: Card) -> Faces:
         raise card.data[0].error(f"the thickness is {value:g}, expected a positive number")
     text = card.parameters.get("OFFSET", "0").upper()
     offset = _SIDES[text] if text in _SIDES else number(text, card.line, "OFFSET")
-    return Faces((offset - 0.5) * value, (offset + 0.5) * value, _BY_NODE in card.parameters)
+    return Faces((-0.5 - offset) * value, (0.5 - offset) * value, _BY_NODE in card.parameters)
 
 
 def by_element(

@@ -147,6 +147,15 @@ def spider_ends(model: Any) -> dict[int, tuple[list[int], int]]:
     }
 
 
+def carriers(model: Any) -> dict[int, list[int]]:
+    """Grid points that carry what hangs on others: on references, and on any grid point of an RBE2 that is rigid."""
+    found = {}
+    for number, (nodes, reference) in spider_ends(model).items():
+        rigid = holds_rigid(model.rigid_elements[number])
+        found.update({key: [*nodes, reference] for key in (nodes if rigid else ())})
+    return found | {reference: nodes for nodes, reference in spider_ends(model).values()}
+
+
 def multi_point_rows(model: Any, row: Mapping[int, int], path: Path, notes: list[str]) -> list[dict[int, float]]:
     """Return the equations of the MPC set that the case control chooses, or of the only one.
 
@@ -282,7 +291,7 @@ def point_masses(
         A mass in another coordinate system, or on a grid point that nothing carries.
     """
     weight = unit_of_mass(model) * units.density * units.length**3
-    carried = {reference: nodes for nodes, reference in spider_ends(model).values()}
+    carried = carriers(model)
     found = []
     for number, one in sorted(model.masses.items()):
         if one.type != "CONM2":

@@ -9,7 +9,7 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.nastran.node_cards import spider_ends
+from flexfmu.mesh.nastran.node_cards import carriers
 from flexfmu.mesh.springs import Along, SpringDamper, springs_note, unit_of
 
 CARDS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2", "CBUSH")
@@ -52,7 +52,7 @@ def springs(
     MeshError
         Tables, other directions at both ends, or an end that nothing carries.
     """
-    held, carried = _held(model), {reference: nodes for nodes, reference in spider_ends(model).values()}
+    held, carried = _held(model), carriers(model)
     found, lossy = [], []
     for number, one in sorted(model.elements.items()):
         if one.type in CARDS:
