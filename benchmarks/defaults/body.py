@@ -41,6 +41,10 @@ class Body:
         Of the full loads, growing.
     frames : int
         That the body file asks for; 0: none, as in the shortest body file.
+    own : str
+        Deck for flexfmu with the same sets, where `mesh` is the reference's alone.
+    free : bool
+        That nothing holds the body; supports are the reference's, and loads are in balance.
     """
 
     name: str
@@ -53,6 +57,8 @@ class Body:
     guides: Mapping[str, Where] = field(default_factory=dict)
     shares: tuple[float, ...] = (0.1, 0.4, 1.0)
     frames: int = 0
+    own: str = ""
+    free: bool = False
     sets: dict[str, NDArray[np.int64]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -92,10 +98,11 @@ class Body:
 
     def write(self, folder: Path) -> Path:
         """Write the deck and the shortest body file, or one with frames; its path."""
-        (folder / f"{self.name}.inp").write_text(self.deck(), encoding="ascii")
+        (folder / f"{self.name}.inp").write_text(self.own or self.deck(), encoding="ascii")
         text = [f'name = "{self.name}"', *([f"frames = {self.frames}"] if self.frames else [])]
         text += ["[mesh]", f'file = "{self.name}.inp"']
-        text += ["[[support]]", 'nodes = "HELD"', 'fix = ["x", "y", "z"]']
+        held = ["[[support]]", 'nodes = "HELD"', 'fix = ["x", "y", "z"]']
+        text = ["free = true", *text, "[damping]", "ratio = 0.5"] if self.free else [*text, *held]
         for axis in self.guides:
             text += ["[[support]]", f'nodes = "GUIDE_{axis.upper()}"', f'fix = ["{axis}"]']
         for name in self.interfaces:

@@ -85,7 +85,7 @@ def run(body: Body) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory() as top:
         folder = Path(top)
-        body.write(folder)
+        (folder / f"{body.name}.inp").write_text(body.deck(), encoding="ascii")
         weight = weights(body, folder / f"{body.name}.inp")
         for case, loads in body.cases.items():
             (folder / "run.inp").write_text(step_deck(body, loads, weight), encoding="ascii")

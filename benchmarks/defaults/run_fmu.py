@@ -24,6 +24,9 @@ from fmpy.fmi2 import (
 from benchmarks.defaults.body import Loads
 from benchmarks.defaults.shapes import FloatArray
 
+STEPS = 400
+"""In which loads on a free body grow, for four fifths of them."""
+
 
 @dataclass(frozen=True)
 class Point:
@@ -77,8 +80,8 @@ class Built:
     def __exit__(self, *_: object) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def point(self, loads: Loads, interfaces: Sequence[str]) -> Point:
-        """Start in equilibrium under loads."""
+    def point(self, loads: Loads, interfaces: Sequence[str], seconds: float = 0.0) -> Point:
+        """Start in equilibrium under loads, or of a free body what loads that grow for so long come to."""
         log: list[str] = []
 
         def told(_environment: object, _name: object, _status: int, category: bytes | None, text: bytes) -> None:
@@ -98,14 +101,23 @@ class Built:
         )
         one.instantiate(callbacks=calls, loggingOn=True)
         one.setupExperiment(startTime=0.0)
-        one.setString([self._numbers["initialization"]], ["static"])
-        for name, force in loads.items():
-            one.setReal([self._numbers[f"{name}.force.{axis}"] for axis in "xyz"], list(force))
+
+        def load(share: float) -> None:
+            for name, force in loads.items():
+                numbers = [self._numbers[f"{name}.force.{axis}"] for axis in "xyz"]
+                one.setReal(numbers, [share * size for size in force])
+
+        if not seconds:
+            one.setString([self._numbers["initialization"]], ["static"])
+            load(1.0)
         motion = np.full((len(interfaces), 6), np.nan)
         estimate = np.full((len(interfaces), 2), np.nan)
         try:
             one.enterInitializationMode()
             one.exitInitializationMode()
+            for step in range(STEPS if seconds else 0):
+                load(min(1.25 * (step + 1) / STEPS, 1.0))
+                one.doStep(step * seconds / STEPS, seconds / STEPS)
             for row, name in enumerate(interfaces):
                 words = [f"{name}.{what}.{axis}" for what in ("displacement", "rotation") for axis in "xyz"]
                 motion[row] = one.getReal([self._numbers[word] for word in words])
