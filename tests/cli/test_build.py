@@ -1,5 +1,6 @@
 """From body file to FMU: what is refused before the work begins, reproducible bytes, and what `flexfmu info` shows."""
 
+import json
 import os
 import re
 import shutil
@@ -361,6 +362,12 @@ def test_a_build_says_in_a_dozen_lines_what_a_user_wants_and_all_else_when_asked
     ):
         assert word in said
     assert len(short.stderr.splitlines()) <= 14
+    # Its few modes were given by hand: of which load they miss most is said, by `info` and to scripts as well.
+    missed = re.search(r"the basis misses \d+ % of the linear displacement under (tip\.moment\.\w) \(limit 1 %", said)
+    assert missed is not None
+    told, plain = (CliRunner().invoke(app, ["info", str(folder / "x.fmu"), *more]).stdout for more in ((), ("--json",)))
+    assert missed[0] in " ".join(told.split())
+    assert next(iter(json.loads(plain)["missed_by_basis"])) == missed[1]
     assert "✓" not in said
     assert "ΦᵀMΦ" in long.stderr
     assert long.stderr.count("✓") > 4

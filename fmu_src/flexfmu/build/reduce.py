@@ -18,7 +18,7 @@ from ..mesh.model import Mesh
 from ..mesh.plausibility import implausible
 from ..model.methods import Mass, Variant
 from ..model.reduced_body import Properties, ReducedBody, Surface
-from ..model.summary import NORMAL_MODES, first_frequency, summary
+from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen
 from ..program.mass_polynomial import mass_polynomial
 from ..reduction.cut.loop_choice import chosen_cuts
@@ -158,6 +158,8 @@ def _tell(config: BodySpec, body: ReducedBody, report: Reporter) -> None:
     if body.membrane is not None:
         report.note(f"membrane energy: {body.membrane.words}")
     report.note(f"first frequency {first_frequency(body.angular_frequency)}")
+    if missed := missed_words(body):
+        report.warning(missed)
     if body.surface is not None:
         report.detail(_surface_words(body.surface))
 

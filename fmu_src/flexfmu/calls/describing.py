@@ -11,7 +11,7 @@ from rich.tree import Tree
 
 from ..files.counts import plural
 from ..model.reduced_body import GROUND, ReducedBody
-from ..model.summary import NORMAL_MODES, first_frequency, point, summary
+from ..model.summary import NORMAL_MODES, first_frequency, missed_loads, missed_words, point, summary
 from ..model.variants import chosen, offered_variants
 
 if TYPE_CHECKING:
@@ -35,7 +35,8 @@ def describe(body: ReducedBody) -> list[RenderableType]:
         f"{plural(body.frame_count, 'frame')}; method {chosen(body).words}"
     )
     offered = f"methods: {', '.join(variant.words for variant in offered_variants(body))}"
-    return [head, offered, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
+    missed = [f"[yellow]warning:[/] {escape(words)}" for words in [missed_words(body)] if words]
+    return [head, offered, *missed, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
 
 
 def data(body: ReducedBody) -> dict[str, object]:
@@ -56,6 +57,7 @@ def data(body: ReducedBody) -> dict[str, object]:
         "method": chosen(body).words,
         "methods": [variant.words for variant in offered_variants(body)],
         "properties": body.properties,
+        "missed_by_basis": missed_loads(body),
         "modes": [
             {"name": name, "frequency": omega / (2 * math.pi), "damping_ratio": ratio}
             for name, omega, ratio in zip(

@@ -3,10 +3,59 @@
 import numpy as np
 
 from ..files.array_types import FloatArray
-from .reduced_body import Properties
+from .reduced_body import Properties, ReducedBody
 
 NORMAL_MODES = "normal_modes"
 """Where a body's origin tells the numbers of its normal modes, if the body file chose them."""
+
+# What a basis may miss of a load's displacement in silence.
+_MISSES = 0.01
+
+
+def missed_loads(body: ReducedBody) -> dict[str, float]:
+    """Loads of whose own linear displacement the basis misses more than 1 %, as its shadow tells (theory, (2d)).
+
+    Parameters
+    ----------
+    body : ReducedBody
+
+    Returns
+    -------
+    dict of str to float
+        Shares by the names of loads, the largest first.
+    """
+    if body.shadow is None:
+        return {}
+    own, finer = _compliance(body), _compliance(body.shadow.body)
+    share = np.where(finer > 0.0, 1.0 - own / np.where(finer > 0.0, finer, 1.0), 0.0)
+    kinds = [f"{kind}.{axis}" for kind in ("force", "moment") for axis in "xyz"]
+    found = [
+        (float(share[i, k]), f"{name}.{kind}")
+        for i, name in enumerate(body.interface_names)
+        for k, kind in enumerate(kinds)
+        if share[i, k] > _MISSES
+    ]
+    return {name: missed for missed, name in sorted(found, reverse=True)}
+
+
+def _compliance(body: ReducedBody) -> FloatArray:
+    """Elastic displacement and rotation (I, 6) of interfaces along unit loads of their own, m/N and 1/(N m)."""
+    motion = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1)[:, :, body.rigid_count :]
+    found: FloatArray = ((motion / body.angular_frequency[body.rigid_count :]) ** 2).sum(axis=2)
+    return found
+
+
+def missed_words(body: ReducedBody) -> str:
+    """The same in a sentence; empty where no load misses so much."""
+    found = missed_loads(body)
+    if not found:
+        return ""
+    worst = next(iter(found))
+    return (
+        f"the basis misses {100.0 * found[worst]:.2g} % of the linear displacement under {worst} (limit "
+        f"{100.0 * _MISSES:g} %; {len(found)} loads are above it): leave [reduction] out, or take "
+        "residual_flexibility = true"
+    )
 
 
 def summary(properties: Properties) -> list[tuple[str, str]]:
