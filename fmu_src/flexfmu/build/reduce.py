@@ -159,7 +159,7 @@ def _tell(config: BodySpec, body: ReducedBody, report: Reporter) -> None:
         report.note(f"membrane energy: {body.membrane.words}")
     report.note(f"first frequency {first_frequency(body.angular_frequency)}")
     if missed := missed_words(body):
-        report.warning(missed)
+        report.note(missed)
     if body.surface is not None:
         report.detail(_surface_words(body.surface))
 

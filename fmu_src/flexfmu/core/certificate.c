@@ -20,7 +20,7 @@ typedef struct {
     ForceRoom scratch;
     TangentRoom tangents;
     Stretch stretch;
-    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent;
+    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent, *rates, *turned, *work;
 } Room;
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
@@ -44,6 +44,9 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->other = take(arena, 12 * p->interfaces);
     room->plain = take(arena, 12 * p->interfaces);
     room->bent = take(arena, 2 * p->interfaces);
+    room->rates = take(arena, m);
+    room->turned = take(arena, m);
+    room->work = take(arena, m);
 }
 
 void certificate_demand(const Body *body, Arena *arena) {
@@ -111,20 +114,34 @@ static void forces_of(Body *shadow, Room *room, const double *inputs) {
 /* Steps of inverse iteration. */
 enum { ITERATIONS = 8 };
 
-/* The smallest eigenvalue of the shadow's tangent, with its factor at hand, that the deflection has a part in; 1 at the most:
- * at rest and in what stiffens. */
+/* The material's own stiffness where it is now, without tension, times a direction (e) in coordinates of unit energy; twice its
+ * energy is returned. Where leaves are bent, what stretched them at rest is soft without any load. */
+static double own_stiffness(const Body *shadow, const Room *room, const double *shape, double *out, int64_t e) {
+    const Program *p = &shadow->p;
+    double *rates = room->rates;
+    memset(rates, 0, (size_t)p->rigid * sizeof(double));
+    for (int64_t i = 0; i < e; i++) rates[p->rigid + i] = shape[i] / p->omega[p->rigid + i];
+    memset(room->turned, 0, (size_t)p->modes * sizeof(double));
+    add_turned_stretch(shadow, &room->stretch, rates, room->turned);
+    for (int64_t i = 0; i < e; i++) out[i] = shape[i] + room->turned[p->rigid + i] / p->omega[p->rigid + i];
+    return dot(out, shape, e);
+}
+
+/* The smallest eigenvalue of the shadow's tangent over its material's own stiffness, with its factor at hand, that the deflection
+ * has a part in; 1 at the most: at rest and in what stiffens. */
 static double softest(Room *room, const Body *shadow, int64_t e) {
     const Program *p = &shadow->p;
-    double *shape = room->factor, grown = 1.0;
+    double *shape = room->factor, *work = room->work;
     for (int64_t i = 0; i < e; i++) shape[i] = p->omega[p->rigid + i] * room->q[p->rigid + i];
+    double size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
+    if (!(size > 0.0)) return 1.0;
     for (int k = 0; k < ITERATIONS; k++) {
-        const double size = norm(shape, e);
-        if (!(size > 0.0)) return 1.0;
-        for (int64_t i = 0; i < e; i++) shape[i] /= size;
+        for (int64_t i = 0; i < e; i++) shape[i] = work[i] / size;
         lu_solve_one(room->scaled, shadow->pivot, shape, e);
-        grown = norm(shape, e);
+        size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
+        if (!(size > 0.0)) return 1.0;
     }
-    return 1.0 / fmax(grown, 1.0);
+    return 1.0 / fmax(size, 1.0);
 }
 
 /* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of

@@ -44,6 +44,17 @@ void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b
     }
 }
 
+void add_turned_stretch(const Body *body, const Stretch *at, const double *direction, double *out) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    for (int64_t r = 0; r < p->stretches; r++) {
+        if (p->stretch_sign[r] < 0.0) continue;
+        const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m;
+        const double first = 2.0 * dot(linear, direction, m), more = 4.0 * dot(slope, direction, m), whole = first + more;
+        for (int64_t j = 0; j < m; j++) out[j] += more * linear[j] + 2.0 * whole * slope[j];
+    }
+}
+
 void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;

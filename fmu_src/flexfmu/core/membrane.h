@@ -14,6 +14,9 @@ void stretch_at(const Body *body, const double *q, Stretch *at);
 double stretch_energy(const Body *body, const Stretch *at);
 /* out -= the discrete gradient of the energy between two places; its derivative where they are one and the same. */
 void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out);
+/* out (m) += what stretch that does not flatten adds to the stiffness along a direction, as it is now turned: no tension. */
+void add_turned_stretch(const Body *body, const Stretch *at, const double *direction, double *out);
+
 void add_stretch_stiffness(const Body *body, const Stretch *at, double *out);
 
 #endif
