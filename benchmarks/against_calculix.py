@@ -9,7 +9,9 @@ or C3D8R (its hourglass control is CalculiX's own) or plasticity, mechanisms, an
 Of the shells those with S8 are compared, which CalculiX gets as S8R: its other shells lock or hourglass. Both get
 Poisson's ratio 0 there. Where rotations are held, CalculiX keeps the thickness, too, so that the next row of elements
 is in plane strain; a plate of one row of S8R clamped with Poisson's ratio 0.3 is 8.3, 4.5, 2.1, 1.0 % too stiff with 2,
-4, 8, 16 elements over its length (with 0: 1e-5), and comes to what flexfmu gives from 2 elements on.
+4, 8, 16 elements over its length (with 0: 1e-5), and comes to what flexfmu gives from 2 elements on. Loads at a corner
+beside clamped edges leave 29 % (shell6rot2): refined, both come to the same; with 2, 4, 8, 16 elements across CalculiX
+is 27, 8, 2, 0.3 % too stiff, flexfmu 2, 1.6, 0.6, 0 %. Below 3e-4 of the length (leifer1) CalculiX loses the digits.
 
 Frequencies of C3D8I are not compared. CalculiX's incompatible modes have mass: the third axial frequency of a bar whose
 sections stay plane is 8.9, 2.5, 0.63 % too low with 1, 2, 4 elements across, however many are along (here 0.16 %).
@@ -149,8 +151,8 @@ def compared(path: Path) -> dict[str, str]:
     theirs = {int(one[0]): np.array(one[1:], dtype=float) for one in lines if len(one) == 4 and one[0].isdigit()}
     both = np.array([(mine[label], theirs[label]) for label in mine])
     error = np.linalg.norm(both[:, 0] - both[:, 1], axis=1).max() / np.linalg.norm(both[:, 1], axis=1).max()
-    if not np.linalg.norm(both[:, 1], axis=1).max() < MOST_MOVED * np.ptp(mesh.points) / units.length:
-        raise FlexfmuError("nothing keeps the loaded nodes from moving")
+    if not 0.0 < np.linalg.norm(both[:, 1], axis=1).max() < MOST_MOVED * np.ptp(mesh.points) / units.length:
+        raise FlexfmuError("nothing, or everything, keeps the loaded nodes from moving")
     row = {"elements": " ".join(sorted({b.type.name for b in mesh.blocks})), "nodes": str(len(mesh.points)),
            "statics": f"{error:.2e}", "frequencies": ""}  # fmt: skip
     dense = all(one.density > 0.0 for one in mesh.materials) and "C3D8I" not in row["elements"]
@@ -160,7 +162,8 @@ def compared(path: Path) -> dict[str, str]:
         found = re.findall(r"^\s+\d+\s+\S+E\S+\s+\S+E\S+\s+(\S+E\S+)\s+\S+E\S+\s*$",
                            calculix(part, held, loaded, "*FREQUENCY"), re.M)  # fmt: skip
         own, other = modes.angular_frequency[:FREQUENCIES] / (2.0 * np.pi), np.array(found[:FREQUENCIES], dtype=float)
-        row["frequencies"] = f"{np.abs(own / other - 1.0).max():.2e}"
+        # Of few unknowns CalculiX finds none.
+        row["frequencies"] = f"{np.abs(own / other - 1.0).max():.2e}" if other.all() else ""
     return row
 
 

@@ -266,8 +266,8 @@ def test_materials_of_ansys_are_those_at_their_first_temperature(tmp_path, lines
 @pytest.mark.parametrize(
     ("kind", "elements", "tail", "message"),
     [
-        (63, [(1, 2, 3, 4)], "", "element type 63: elements 1; supported are SOLID45"),
-        (181, [(1, 2, 3, 4)], "", "element type 181 with section 1: elements 1; supported are SOLID45"),
+        (63, [(1, 2, 3, 4)], "", r"element type 63 \(line 3\): elements 1; supported are SOLID45"),
+        (181, [(1, 2, 3, 4)], "", r"element type 181 with section 1 \(line 3\): elements 1; supported"),
         (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECDATA,.1,1\nSECDATA,.1,2", "181 with section 1"),
         (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECOFFSET,USER,.1\nSECDATA,.1,1", "181 with section 1"),
         (181, [(1, 2, 3, 4)], "KEYOPT,1,1,1\nSECTYPE,1,SHELL\nSECDATA,.1,1", "181 with section 1"),

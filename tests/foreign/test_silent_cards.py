@@ -75,12 +75,25 @@ def test_a_card_with_wrong_fields_is_named_with_its_line(tmp_path, card):
         read_mesh(_file(tmp_path, card))
 
 
+@pytest.mark.parametrize(
+    ("card", "words"),
+    [
+        ("1054,1002,1025", rf"misparsed.*line {LAST}\b"),
+        ("CTETRA,1,1,1,2,3,3", rf"CTETRA 1 .line 5, {LAST}\b"),
+        ("INCLUDE 'gone.bdf'", rf"line {LAST}\b"),
+    ],
+)
+def test_what_the_library_cannot_read_is_named_with_its_line(tmp_path, card, words):
+    with pytest.raises(MeshError, match=words):
+        read_mesh(_file(tmp_path, card))
+
+
 def test_bulk_data_without_an_end_are_read_unless_grid_points_are_left_over(tmp_path):
     path = _file(tmp_path, "", "SPC = 1")
     path.write_text(path.read_text().replace("ENDDATA\n", ""))
     assert read_mesh(path).element_count == 1
     path.write_text(path.read_text() + "GRID,9,,5.,5.,5.\n")
-    with pytest.raises(MeshError, match="no ENDDATA, and 1 of its 5"):
+    with pytest.raises(MeshError, match=r"no ENDDATA, and 1 of its 5 grid points belong to no element \(9\)"):
         read_mesh(path)
 
 

@@ -88,15 +88,11 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
             return Contents(meshio.read(path))
     bdf = imported("pyNastran.bdf.bdf", path, "pyNastran", "nastran")
     source, punch, ended = _source(path)
-    try:
-        with _without_dump(), quiet(path, "check the file, and what it includes"):
-            model = bdf.BDF(debug=None)
-            model.disable_cards({name for name in model.cards_to_read if _UNREAD.fullmatch(name)})
-            model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
-    except MeshError as error:
-        named = re.search(r"\['(\w+)\*?', '(\d+)'", str(error))
-        raise MeshError(f"{error}{lines_of(path, *named.groups()) if named else ''}") from error
-    with quiet(path, "check its coordinate systems and materials"), placed(path):
+    with placed(path), _without_dump(), quiet(path, "check the file, and what it includes"):
+        model = bdf.BDF(debug=None)
+        model.disable_cards({name for name in model.cards_to_read if _UNREAD.fullmatch(name)})
+        model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
+    with placed(path), quiet(path, "check its coordinate systems and materials"):
         contents = _contents(model, path, units)
     if not ended:
         _refuse_early_end(contents, path)
@@ -153,8 +149,8 @@ def _refuse_early_end(contents: Contents, path: Path) -> None:
     used |= np.any([np.zeros(len(used), dtype=bool), *places], axis=0)
     if not used.all():
         raise MeshError(
-            f"{path} has no ENDDATA, and {int(np.sum(~used))} of its {len(used)} grid points belong to no element: cut "
-            "short? export it again, or add the line ENDDATA"
+            f"{path} has no ENDDATA, and {int(np.sum(~used))} of its {len(used)} grid points belong to no element "
+            f"({listed(np.asarray(contents.node_labels)[~used])}): cut short? export it again, or add the line ENDDATA"
         )
 
 

@@ -23,7 +23,7 @@ _TRANSLATIONS, _ROTATIONS = "123", "456"
 # What an RBE2 holds of another one's reference point if both are one rigid body.
 _ALL = set("123456")
 # Cards by name and number in messages, and files that others include.
-_NAMED = re.compile(r"\b([A-Z][A-Z0-9]{2,}) (\d+)")
+_NAMED = re.compile(r"\b([A-Z][A-Z0-9]{2,}) (\d+)|\['(\w+)\*?', '(\w+)'")
 _INCLUDE = re.compile(r"^\s*INCLUDE\s+'([^']+)'", re.MULTILINE | re.IGNORECASE)
 
 
@@ -116,7 +116,7 @@ def rigid_links(model: Any, row: Mapping[int, int]) -> tuple[RigidLink, ...]:
 
 def lines_of(path: Path, card: str, number: str | int = "") -> str:
     """Where in the file, or one it includes, the cards of a name, or one by its number, are; empty elsewhere."""
-    start = re.compile(rf"\s*{card}\*?[\s,]\s*{number}\b", re.IGNORECASE)
+    start = re.compile(rf"\s*{card}\*?[\s,=]+{number}\b", re.IGNORECASE)
     text = path.read_text(encoding="latin-1")
     rows = [k for k, line in enumerate(text.splitlines(), start=1) if start.match(line)]
     if rows:
@@ -133,9 +133,17 @@ def placed(path: Path) -> Iterator[None]:
         yield
     except MeshError as error:
         text = str(error)
-        for named in _NAMED.finditer(text) if "(line" not in text else ():
-            if where := lines_of(path, *named.groups()):
+        if "(line" in text:
+            raise
+        for named in _NAMED.finditer(text):
+            if where := lines_of(path, named[1] or named[3], named[2] or named[4]):
                 raise MeshError(f"{text[: named.end()]}{where}{text[named.end() :]}") from error
+        rows = path.read_text(encoding="latin-1").splitlines()
+        # Libraries quote what they could not read.
+        for quoted in re.split("['\"]|line = |; check", text.removeprefix(str(path)).replace("\\n", "")):
+            found = [number for number, line in enumerate(rows, start=1) if len(quoted) > 4 and quoted in line]
+            if found:
+                raise MeshError(f"{text} (line {listed(found)})") from error
         raise
 
 

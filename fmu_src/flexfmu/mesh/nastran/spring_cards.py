@@ -167,7 +167,7 @@ def _held(model: Any) -> set[int]:
     """Grid points whose three translations are held."""
     found = {number for number, one in model.nodes.items() if {"1", "2", "3"} <= set(str(one.ps))}
     for cards in model.spcs.values():
-        for card in cards:
+        for card in (one for one in cards if hasattr(one, "components")):
             given = card.components if isinstance(card.components, list) else [card.components] * len(card.nodes)
             found |= {node for node, held in zip(card.nodes, given, strict=True) if {"1", "2", "3"} <= set(str(held))}
     return found

@@ -137,6 +137,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         elif (found := _solid(kind, nodes)) is None:
             name = f"{'pyramids of ' if kind in _BRICKS else ''}element type {kind}"
             name += f" with section {values[3]}" if kind in _SHELLS else ""
+            name += next((f" (line {k})" for k, line in enumerate(text, 1) if _type_of(line) == kind), "")
             refused.setdefault(name, []).append(number)
         else:
             kinds.setdefault(found[0], []).append(Member(number, found[1], values[0]))
@@ -167,6 +168,12 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
     )
     faces = {_NAME.format(number): sections[number][:2] for number in shells}
     return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), shells=faces)
+
+
+def _type_of(line: str) -> int:
+    """Number of the element that a command ET names; 0 for other lines."""
+    fields = [field.strip() for field in line.split(",")]
+    return int(fields[2]) if fields[0].upper() == "ET" and len(fields) > 2 and fields[2].isdigit() else 0
 
 
 def _sections(text: list[str]) -> dict[int, tuple[float, float, int]]:
@@ -255,7 +262,8 @@ def _joined(text: list[str], path: Path, kind_of_type: dict[int, int]) -> list[s
 def _materials(text: list[str], path: Path, units: UnitSystem) -> tuple[tuple[Material, ...], dict[int, int]]:
     """Isotropic materials at their first temperature, and their rows by Ansys' numbers."""
     known: dict[int, dict[str, float]] = {}
-    for line in text:
+    where: dict[tuple[int, str], int] = {}
+    for place, line in enumerate(text, start=1):
         fields = [field.strip() for field in re.split(r"[,!]", line)]
         command = fields[0].upper()
         if command == "MPDATA" and len(fields) > 6 and fields[1].upper().startswith("R"):
@@ -268,13 +276,15 @@ def _materials(text: list[str], path: Path, units: UnitSystem) -> tuple[tuple[Ma
             continue
         if label in _CONSTANTS or label in ("EY", "EZ"):
             known.setdefault(int(number), {}).setdefault(_CONSTANTS.get(label, label), float(value))
+            where.setdefault((int(number), label), place)
     materials: list[Material] = []
     rows = {}
     for number, constants in sorted(known.items()):
         for label in ("EY", "EZ"):
             if constants.get(label, constants.get("youngs_modulus")) != constants.get("youngs_modulus"):
                 raise MeshError(
-                    f"{path}: material {number} is orthotropic ({label} ≠ EX), expected isotropic elasticity"
+                    f"{path}: material {number} is orthotropic ({label} ≠ EX, line {where[number, label]}), expected "
+                    "isotropic elasticity"
                 )
         if all(key in constants for key in set(_CONSTANTS.values())):
             rows[number] = len(materials)

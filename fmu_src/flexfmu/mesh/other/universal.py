@@ -122,7 +122,8 @@ def _add_elements(
         nodes: list[int] = []
         while len(nodes) < count:
             nodes += [int(one) for one in next(rest).split()]
-        name, order = _KINDS.get(kind, ("", ()))
+        # Salome has quadratic edges as tapered beams.
+        name, order = _KINDS.get(24 if kind == 22 and count == 3 else kind, ("", ()))
         if len(order) == count:
             kinds.setdefault(name, []).append(Member(number, [nodes[k] for k in order], 0))
         else:
@@ -131,7 +132,8 @@ def _add_elements(
 
 def _groups(lines: Sequence[str], width: int) -> Iterator[tuple[str, list[int], list[int]]]:
     """Name, nodes and elements of each group."""
-    rest = iter(lines)
+    # An empty group has an empty line.
+    rest = iter([line for line in lines if line.strip()])
     for line in rest:
         count = int(line.split()[7])
         name = next(rest).strip()
