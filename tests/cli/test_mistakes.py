@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from flexfmu.api import Body
 from flexfmu.body.loads import loads_from_mapping
 from flexfmu.build.pipeline import build_fmu
+from flexfmu.calls.functions import chart
 from flexfmu.commands.cli import app
 from flexfmu.files.errors import FlexfmuError
 from flexfmu.fmu.simulation import _tell_passed_over
@@ -485,6 +486,7 @@ def test_a_body_of_half_a_kilometre_is_built_by_force_only(tmp_path, monkeypatch
     ("call", "words"),
     [
         (lambda mesh: Body(mesh, None, "ROOT", {"tip": "TIP"}), r"supports are 'ROOT'.* expected a list such as \["),
+        (lambda _: chart(None, None, "records.csv", picture="chart.jpg"), "chart.jpg: expected a file name that ends"),
         (lambda mesh: Body(mesh, None, ["ROOT"], ["TIP"]), r"interfaces \['TIP'\], expected .* a mapping such as"),
         (lambda _: Body("bar.inp", None, ["ROOT"], {"tip": "TIP"}), r"mesh is a str.* flexfmu.read_mesh\(path\)"),
         (

@@ -1,7 +1,7 @@
-"""Three parts as a CAD program gives them: STEP, meshed by gmsh with ten-node tetrahedra, in mm; kept as ``*.inp.gz``.
+"""Parts as a CAD program gives them: STEP in mm, kept as ``*.step.gz``; meshed by gmsh, kept as ``*.inp.gz``.
 
-``python tests/first_hour/parts.py`` writes them anew where gmsh's Python module is installed; tests do not need it.
-A wishbone with three eyes, a spring clip, and a cranked pedal with a hub.
+``python tests/first_hour/parts.py`` writes them anew where gmsh's Python module is installed.
+A wishbone with three eyes, a spring clip, a cranked pedal with a hub; and a lever with an eye, which has no deck.
 """
 
 import gzip
@@ -54,14 +54,26 @@ def pedal():
     return 8.0
 
 
+def lever():
+    bar = 3, gmsh.model.occ.addBox(0, -6, -3, 120, 12, 6)
+    whole, _ = gmsh.model.occ.fuse([upright(0, 0, 12, 12)], [bar])
+    gmsh.model.occ.cut(whole, [upright(0, 0, 7, 20)])
+
+
 def main():
-    for make in (wishbone, clip, pedal):
+    for make in (wishbone, clip, pedal, lever):
         gmsh.initialize()
         gmsh.option.setNumber("General.Verbosity", 2)
         size = make()
         gmsh.model.occ.synchronize()
         step, deck = HERE / f"{make.__name__}.step", HERE / f"{make.__name__}.inp"
         gmsh.write(str(step))
+        with gzip.GzipFile(step.with_suffix(".step.gz"), "wb", mtime=0) as kept:
+            kept.write(step.read_bytes())
+        if size is None:
+            step.unlink()
+            gmsh.finalize()
+            continue
         gmsh.clear()
         gmsh.merge(str(step))
         for name, value in (("SizeMax", size), ("SizeMin", size / 3), ("SizeFromCurvature", 8)):

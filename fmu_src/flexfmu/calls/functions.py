@@ -189,8 +189,8 @@ def chart(
     scene: Name | None,
     records: Name | Sequence[Name],
     *,
-    picture: Path | None = None,
-    page: Path | None = None,
+    picture: Name | None = None,
+    page: Name | None = None,
     bare: bool = False,
     every: bool = False,
     jobs: str = "1",
@@ -204,7 +204,7 @@ def chart(
         Without them the records are drawn as they are.
     records : path or sequence of path
         CSV, one row a model; what is in it is not run again. Others are drawn beside the first.
-    picture, page : Path, optional
+    picture, page : path, optional
         What to write.
     bare, every : bool
         Time models without their FMUs; try every combination.
@@ -228,6 +228,7 @@ def chart(
     from ..study.scene.scene import read_scene
 
     paths = [Path(records)] if isinstance(records, str | Path) else list(map(Path, records))
+    picture, page = (None if one is None else Path(one) for one in (picture, page))
     report = report or ScriptReporter()
     check_targets(paths, picture, page)
     drawn: list[Drawn] = []
@@ -249,7 +250,7 @@ def stability(
     scene: Name | None,
     records: Name,
     *,
-    picture: Path | None = None,
+    picture: Name | None = None,
     jobs: str = "1",
     report: Reporter | None = None,
 ) -> StabilityMap:
@@ -261,7 +262,7 @@ def stability(
         Without them the records are taken as they are.
     records : path
         CSV, one row a run; what is in it is not run again.
-    picture : Path, optional
+    picture : path, optional
         What to write.
     jobs : str
         Processes that make the runs.
@@ -280,7 +281,7 @@ def stability(
     from ..study.scene.scene import read_scene
     from ..study.stability import draw_map, map_stability
 
-    records, finding = Path(records), ""
+    records, finding, picture = Path(records), "", None if picture is None else Path(picture)
     if body is not None and scene is not None:
         found = read_scene(Path(scene), Path(body))
         with Crew(jobs) as crew:

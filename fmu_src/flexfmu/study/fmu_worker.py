@@ -5,12 +5,15 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import fmpy
-from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 
 from ..files.errors import SimulationError
 from .pace import Clock, calm_blocks, timed_piece
 
 T = TypeVar("T")
+# What models that are tried warn of is no message to the user.
+_SILENT = fmi2CallbackFunctions.from_buffer_copy(defaultCallbacks)
+_SILENT.logger = fmi2CallbackLoggerTYPE(lambda *_: None)
 _KNOWN: dict[str, "Driven"] = {}
 """FMUs that were loaded in this process, by name."""
 
@@ -31,7 +34,7 @@ class Driven:
         self.slave = FMU2Slave(
             guid=description.guid, unzipDirectory=unpacked, modelIdentifier=name, instanceName="timed"
         )
-        self.slave.instantiate()
+        self.slave.instantiate(callbacks=_SILENT)
         variables = description.modelVariables
         self.references = {v.name: v.valueReference for v in variables}
         self.inputs = [v.name for v in variables if v.causality == "input"]

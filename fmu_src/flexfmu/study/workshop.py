@@ -167,16 +167,23 @@ class Workshop:
         except RuntimeBodyError as error:
             return SceneErrors(failure=str(error))
 
-    def own_error(self, reduction: Reduction, variant: Variant, limits: StepLimits | None = None) -> float:
-        """The largest error of static cases that a model tells of itself; not a number where it has no answer."""
-        config = reduction_config(self.scene.config, reduction, [variant]).without_pictures
+    def own_errors(self, reduction: Reduction, models: Sequence[tuple[Variant, StepLimits | None]]) -> list[float]:
+        """The largest errors of static cases that models of a reduction tell of themselves.
+
+        Not a number where one has no answer.
+        """
+        variants = list(dict.fromkeys(variant for variant, _ in models))
+        config = reduction_config(self.scene.config, reduction, variants).without_pictures
         certified = config.model_copy(update={"output": config.output.model_copy(update={"error": True})})
-        try:
-            model = FlexibleBody(lean(build(certified, self.store).body, variant), limits=limits)
-            loads = [case.peak.scaled(factor) for case in self.scene.static for factor in case.factors]
-            return max((model.error(model.static(one), one).relative for one in loads), default=math.nan)
-        except RuntimeBodyError:
-            return math.nan
+        body, found = build(certified, self.store).body, []
+        loads = [case.peak.scaled(factor) for case in self.scene.static for factor in case.factors]
+        for variant, limits in models:
+            try:
+                model = FlexibleBody(lean(body, variant), limits=limits)
+                found.append(max((model.error(model.static(one), one).relative for one in loads), default=math.nan))
+            except RuntimeBodyError:
+                found.append(math.nan)
+        return found
 
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> Iterator[T]:
         """Share work among the crew: `work(workshop, *one)` of each of some arguments, in their order."""

@@ -16,7 +16,7 @@ from ...model.errors import RuntimeBodyError
 from ...model.modal_file import write_modal_file
 from ...model.reduced_body import ReducedBody
 from ...model.variants import lean
-from ..candidates import BASES, REDUCED, Candidate, candidates, frames_words, grouped
+from ..candidates import BASES, REDUCED, Candidate, Reduction, candidates, frames_words, grouped
 from ..fmu_cost import FmuTimer, fmu_timer
 from ..jobs import Crew
 from ..records import KEY, RECORDS, Record, RecordFile
@@ -133,13 +133,18 @@ class _Trial:
         shown = members(self._kept.rows) if self._drawable and self._workshop.scene.static else set()
         models = {one.key: one for one in self._grid.models}
         left = [row for row in self._kept.rows if row.key in shown and math.isnan(row.static_estimate)]
-        if not left:
+        alike: dict[Reduction, list[Record]] = {}
+        for row in left:
+            if row.key in models:
+                alike.setdefault(models[row.key].reduction, []).append(row)
+        if not alike:
             return
-        with self._workshop.report.stage(f"Errors that {plural(len(left), 'model')} on the front tell of themselves"):
-            found = [(row, models[row.key]) for row in left if row.key in models]
-            own = [(one.reduction, one.variant, one.limits) for _, one in found]
-            told = self._workshop.each(Workshop.own_error, own)
-            self._kept.amend([replace(row, static_estimate=e) for (row, _), e in zip(found, told, strict=True)])
+        own = [(r, [(models[row.key].variant, models[row.key].limits) for row in rows]) for r, rows in alike.items()]
+        with self._workshop.report.counted("Own errors of the front", len(own), "reductions") as tell:
+            told = zip(alike.values(), self._workshop.each(Workshop.own_errors, own), strict=True)
+            for done, (rows, errors) in enumerate(told, start=1):
+                self._kept.amend(replace(row, static_estimate=e) for row, e in zip(rows, errors, strict=True))
+                tell(done)
 
     def run(self, title: str, wanted: Sequence[Candidate]) -> None:
         """Measure and time those of some models that are not recorded, and record each.
