@@ -20,6 +20,7 @@ SPRINGS = {
     "axis to the ground": ("SPRING1", None, "*SPRING, ELSET=S\n2\n{k}\n"),
     "own axis to the ground": ("SPRING1", None, ORIENTED + "*SPRING, ELSET=S, ORIENTATION=O\n1\n{k}\n"),
     "axis within the bar": ("SPRING2", (0.2, 0.0, 0.0), "*SPRING, ELSET=S\n2, 2\n{k}\n"),
+    "node of equations": ("SPRINGA", (LENGTH, -0.3, 0.2), "*SPRING, ELSET=S\n\n{k}\n"),
     # Solvers take springs along global axes whatever *TRANSFORM says of their nodes.
     "node with axes": (
         "SPRING2",
@@ -47,6 +48,15 @@ def deck(name):
         lines += ["*NODE", "9001, " + ", ".join(map(repr, low.tolist())), "*BOUNDARY", "9001, 1, 3"]
     if other is not None:
         ends.append(at(other) or 9001)
+    if name == "node of equations":
+        # The mean of the corners of the tip.
+        corners = [at((LENGTH, y, z)) for y in (0.0, WIDTH) for z in (0.0, HEIGHT)]
+        low = mesh.points[mesh.node_sets["TIP"]].min(axis=0)
+        middle = low + np.array([0.0, 0.5 * WIDTH, 0.5 * HEIGHT])
+        lines += ["*NODE", "9002, " + ", ".join(map(repr, middle.tolist())), "*EQUATION"]
+        for axis in (1, 2, 3):
+            lines += ["5", f"9002, {axis}, -4.", *(f"{corner}, {axis}, 1." for corner in corners)]
+        ends[0] = 9002
     lines += [f"*ELEMENT, TYPE={kind}, ELSET=S", ", ".join(map(str, [9001, *ends]))]
     lines += ["*NSET, NSET=END", str(ends[-1])]
     return "\n".join(lines) + "\n" + STEEL + cards.format(k=STIFF), mesh.labels[mesh.node_sets["TIP"]]

@@ -258,6 +258,9 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     size = max(float(values.max()), float(np.abs(equations.data).max(initial=0.0)))
     found = own @ turn[values <= _FREE * size].T
     found[held.ravel()] = 0.0
+    # Of a lone node six motions are three.
+    _, moved, mixed = np.linalg.svd(np.linalg.qr(found, mode="r"))
+    found = found @ mixed[moved > _FREE].T
     inside: FloatArray = found.reshape(count, 3, -1)[nodes].reshape(whole.shape[0], -1)
     if found.shape[1] and np.linalg.matrix_rank(np.hstack([inside, whole])) > whole.shape[1]:
         raise ModelError(

@@ -1,7 +1,7 @@
 """Reader of Abaqus and CalculiX decks: a body's mesh, sets, materials and supports from the model part."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -109,7 +109,7 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     rows += _equations(content, elements, surfaces, node_sets, points, axes, used | {*np.nonzero(fixed)[0].tolist()})
     couplings = content.couplings.resolved(node_sets, element_sets, elements, own)
     turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
-    carriers = Carriers(points * units.length, used, turning, couplings)
+    carriers = Carriers(points * units.length, used | _tied(rows, fixed), turning, couplings)
     heavy, soft = ([card for key in keys for card in content.cards[key]] for keys in (MASSES, SPRINGS))
     masses = point_masses(heavy, element_sets, elements, carriers, units, content.notes)
     oriented = content.materials.orientations
@@ -298,6 +298,12 @@ def _transformed(content: _Content, node_sets: SetTable, points: FloatArray) -> 
         kind = {"R": "RECTANGULAR", "C": "CYLINDRICAL"}.get(given := card.parameters.get("TYPE", "R").upper(), given)
         found |= zip(rows, orientation(replace(card, parameters={"SYSTEM": kind})).axes(points[rows]), strict=True)
     return found
+
+
+def _tied(rows: Sequence[Mapping[int, float]], fixed: BoolArray) -> set[int]:
+    """Nodes whose displacement equations and supports determine in all directions."""
+    keys = {key for row in rows for key in row}
+    return {key // 3 for key in keys if all(3 * (key // 3) + k in keys or fixed[key // 3, k] for k in range(3))}
 
 
 def _equations(
