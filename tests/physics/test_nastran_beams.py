@@ -333,3 +333,18 @@ def test_warping_and_inertia_beside_a_section_are_told(tmp_path, fields, told):
     section = "PBEAM,1,1,1e-4,1e-9,1e-9,,2e-9,0.\n,0.,0.,0.,0.,0.,0.,0.,0.\n,1.,1.," + fields + "\n"
     notes = bulk(tmp_path, chain(section, "CBEAM")).notes
     assert any("PBEAM 1: warping" in note for note in notes) == told
+
+
+@pytest.mark.parametrize(("held", "along"), [("123", 0.5), ("23", 1.0)])
+def test_an_rbe2_of_translations_between_points_in_one_place_is_a_joint(tmp_path, held, along):
+    """Two cantilevers that meet, pushed there: F L³ / 6 E I; along them E A / L each."""
+    points = np.concatenate([CHAIN, CHAIN + np.array([1.0, 0.0, 0.0])])
+    cards = (
+        "".join(f"CBAR,{k},1,{k},{k + 1},0.,1.,0.\n" for k in (6, 7, 8, 9)) + f"RBE2,20,5,{held},6\nSPC1,1,123456,10\n"
+    )
+    mesh = bulk(tmp_path, chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n") + cards, points)
+    assert not mesh.links or all("RBE2" not in one.name for one in mesh.links)
+    across, _ = moved(mesh, (0.0, 1.0, 0.0))
+    assert across[1] == pytest.approx(1.0 / (6.0 * E * 2e-6), rel=1e-5)
+    pulled, _ = moved(mesh, (1.0, 0.0, 0.0))
+    assert pulled[0] == pytest.approx(along / (E * 1e-3), rel=1e-5)

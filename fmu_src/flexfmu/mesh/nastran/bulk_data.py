@@ -23,6 +23,7 @@ from flexfmu.mesh.nastran.line_cards import CARDS, LineCard, is_line, lines
 from flexfmu.mesh.nastran.node_cards import (
     SPIDERS,
     hinges,
+    joints,
     lines_of,
     multi_point_rows,
     placed,
@@ -165,9 +166,10 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     notes = [f"cards of names that pyNastran does not know are left out: {listed(unknown)}"] if unknown else []
     node_sets, element_numbers = _numbered_sets(model)
     turning, solid = (_nodes_of(model, kinds) for kinds in ((*SHELLS, *CARDS), (*_CORNERS,)))
+    pinned = joints(model, points, row)
     on_body, references = spiders(model, points, row, turning, used := turning | solid, path, notes)
     node_sets |= on_body | single_point_sets(model, notes)
-    equations, links = multi_point_rows(model, row, path, notes), rigid_links(model, row)
+    equations, links = pinned + multi_point_rows(model, row, path, notes), rigid_links(model, row)
     soft = springs(model, points, row, used, path, units, notes)
     masses = point_masses(model, points, row, turning, used, path, units, notes)
     (shells, faces), bars = faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))

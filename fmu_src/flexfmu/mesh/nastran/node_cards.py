@@ -22,6 +22,8 @@ SPIDERS = {"RBE2": ("dependent_nodes", "gn"), "RBE3": ("independent_nodes", "ref
 _TRANSLATIONS, _ROTATIONS = "123", "456"
 # What an RBE2 holds of another one's reference point if both are one rigid body.
 _ALL = set("123456")
+# Distance over the size of the body below which grid points are in one place.
+_SAME_PLACE = 1e-9
 # Cards by name and number in messages, and files that others include.
 _NAMED = re.compile(r"\b([A-Z][A-Z0-9]{2,}) (\d+)|\['(\w+)\*?', '(\w+)'")
 _INCLUDE = re.compile(r"^\s*INCLUDE\s+'([^']+)'", re.MULTILINE | re.IGNORECASE)
@@ -153,6 +155,21 @@ def spider_ends(model: Any) -> dict[int, tuple[list[int], int]]:
         number: (list(getattr(element, SPIDERS[element.type][0])), int(getattr(element, SPIDERS[element.type][1])))
         for number, element in sorted(model.rigid_elements.items())
     }
+
+
+def joints(model: Any, points: FloatArray, row: Mapping[int, int]) -> list[dict[int, float]]:
+    """Equations of the RBE2 that hold translations alone between grid points in one place; they are taken out."""
+    near, found = _SAME_PLACE * float(np.ptp(points, axis=0).max(initial=0.0)), []
+    for number, (nodes, reference) in spider_ends(model).items():
+        element = model.rigid_elements[number]
+        held = [int(axis) - 1 for axis in _TRANSLATIONS if axis in str(element.cm)] if element.type == "RBE2" else []
+        global_axes = len(held) == 3 or not any(model.nodes[node].cd for node in nodes if node in row)
+        if not held or set(_ROTATIONS) & set(str(element.cm)) or not global_axes or not {*nodes, reference} <= {*row}:
+            continue
+        if max(float(np.linalg.norm(points[row[node]] - points[row[reference]])) for node in nodes) <= near:
+            found += [{3 * row[node] + k: 1.0, 3 * row[reference] + k: -1.0} for node in nodes for k in held]
+            del model.rigid_elements[number]
+    return found
 
 
 def carriers(model: Any) -> dict[int, list[int]]:
