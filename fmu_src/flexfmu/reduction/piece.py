@@ -159,8 +159,13 @@ def _shadow(
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     quiet, model = Reporter(), divided.model
     finer = shadow_options(config, divided.subdomains)
-    third = third_order_loads(basis.matrices, basis.modes, divided.unit_loads(), THIRD_LEAST, THIRD_MOST, quiet)
-    lacking = np.hstack([every, third, buckling_loads(basis.matrices, divided.unit_loads(), quiet)])
+    loads, matrices = divided.unit_loads(), basis.matrices
+    third = third_order_loads(matrices, basis.modes, loads, THIRD_LEAST, THIRD_MOST, store, quiet)
+    buckled = store.arrays(
+        content_key(__name__, "buckling", matrices.key, loads), "shapes of buckling", quiet,
+        lambda: {"forces": buckling_loads(matrices, loads, quiet)},
+    )["forces"]  # fmt: skip
+    lacking = np.hstack([every, third, buckled])
     modes, key = completed_basis(basis.matrices, basis.modes, basis.key, lacking, store, quiet)
     again = _divided(finer, model, quiet)
     own = _Basis(basis.matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))

@@ -8,7 +8,7 @@ displacement takes away (section 4c). Both act on the body once more where it ha
 A basis without K⁻¹d and K⁻¹g answers too stiffly: it locks where the body would evade its stretch.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import combinations_with_replacement, permutations
 
 import numpy as np
@@ -31,6 +31,8 @@ _MOTIONS = 6
 _STIFF, _STIFFER = 1e-2, 1e-4
 # Relative size of an eigenvalue below which loads depend on each other.
 _DEPENDENT = 1e-10
+# Numbers of the unit loads beyond which their forces of third order, some times as many, are not kept on disk.
+_KEPT = 2_000_000
 # Rotation of the material (rms, rad) at which shapes are compared: over all of it; of the second round, where it turns.
 _TURN, _OWN_TURN = 0.5, 0.6
 
@@ -41,7 +43,7 @@ def with_third_order(
     """A basis with the shapes of second and third order that it lacks most, and its key; parameters as below."""
 
     def make() -> dict[str, FloatArray]:
-        return {"forces": third_order_loads(matrices, modes, loads, _LEAST, _MOST, report)}
+        return {"forces": third_order_loads(matrices, modes, loads, _LEAST, _MOST, store, report)}
 
     key = content_key(__name__, modes_key, loads)
     forces = store.arrays(key, "static shapes of third order", report, make)["forces"]
@@ -49,7 +51,7 @@ def with_third_order(
 
 
 def third_order_loads(
-    matrices: Matrices, modes: Modes, loads: FloatArray, least: float, most: int, report: Reporter
+    matrices: Matrices, modes: Modes, loads: FloatArray, least: float, most: int, store: Store, report: Reporter
 ) -> FloatArray:
     """Nodal forces whose static shapes a basis lacks most at second and third order.
 
@@ -67,6 +69,8 @@ def third_order_loads(
         to which it is left out: by about as much a motion under its own load is too small without the shape.
     most : int
         How many shapes at most; and two for each interface, of motions by its loads alone.
+    store : Store
+        Where what does not depend on the basis is kept.
     report : Reporter
 
     Returns
@@ -86,9 +90,8 @@ def third_order_loads(
 
     with report.stage("Find static shapes of third order"):
         for which, number in ((_together, most), (_by_interface, 2 * count)):
-            forces = np.hstack([found[:, :0], *(_forces(matrices, *motions) for motions in which(matrices, loads))])
+            forces, answer = _answered(matrices, loads, which, store)
             free, known = model.forces(forces), held(forces)
-            answer = model.static(free)
             taken = model.forces(found).T @ answer - held(found).T @ known
             # What they do outside the basis, and what is taken already.
             work = free.T @ answer
@@ -99,6 +102,21 @@ def third_order_loads(
 
 
 _Motions = tuple[FloatArray, FloatArray]
+
+
+def _answered(
+    matrices: Matrices, loads: FloatArray, which: Callable[[Matrices, FloatArray], Iterator[_Motions]], store: Store
+) -> tuple[FloatArray, FloatArray]:
+    """Forces (3n, k) by the stress of some motions, and what they displace (f, k)."""
+    model = matrices.supported
+
+    def make() -> dict[str, FloatArray]:
+        forces = np.hstack([loads[:, :0], *(_forces(matrices, *motions) for motions in which(matrices, loads))])
+        return {"forces": forces, "answer": model.static(model.forces(forces))}
+
+    kept = store if loads.size < _KEPT else Store()
+    found = kept.arrays(content_key(__name__, which.__name__, matrices.key, loads), "forces", Reporter(), make)
+    return found["forces"], found["answer"]
 
 
 def _together(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
