@@ -253,6 +253,8 @@ def test_without_a_limit_nothing_is_written_and_steps_are_the_same(one_frame, tm
         driven.set(**{"tip.force.z": 1200.0})
         assert all(driven.taken(1e-4) for _ in range(10))
         ends.append(driven.motion("tip"))
+        # What was still being looked at is told when the run ends.
+        assert driven.side.status("terminate") == OK
         assert any("off by" in text for _, text in driven.log) == (limit > 0.0)
     assert ends[0] == ends[1]
 

@@ -59,6 +59,22 @@ def test_an_error_is_told_when_a_look_at_every_step_would_have_told_it(bar, meth
     assert every <= some <= every + MOST_WAITED
 
 
+def test_a_replay_from_amidst_a_look_tells_the_same_at_the_same_step(bar, tmp_path):
+    """What slices have found so far is no state: after other motions it is found again."""
+    start = QUIET | {"method": "linear", "watch.stability.limit": 0.0, "watch.error.limit": 0.01}
+    loads = walk(0, 300.0)
+    told, _ = warned(Driven(bar, tmp_path, **start), loads)
+    driven = Driven(bar, tmp_path, **start)
+    before = told - 3
+    assert warned(driven, loads[:before])[0] == STEPS
+    state = driven.state
+    for following in (loads[before:], loads[::-1]):
+        driven.state = state
+        assert warned(driven, following)[0] == told - before
+        # Other looks in the meantime.
+        warned(driven, loads[::-1][:50])
+
+
 @pytest.mark.parametrize("limit", [0.05, 0.3])
 @pytest.mark.parametrize("seed", range(4))
 def test_stability_is_told_as_soon_as_loads_have_changed_by_a_twentieth(seed, limit, tmp_path):

@@ -24,14 +24,16 @@ void product(const double *a, const double *b, double *out, int64_t n, int64_t m
     add_product(a, m, b, out, n, m, k);
 }
 
-int lu_factor(double *a, int64_t *pivot, int64_t n) {
+int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice) {
     COUNT(2 * n * n * n / 3);
+    int doing = 1;
     for (int64_t i = 0; i < n; i++) {
         int64_t best = i;
+        if (!row_due(slice, i, (double)((n - i) * (n - i)), &doing)) continue;
         for (int64_t k = i + 1; k < n; k++)
             if (fabs(a[k * n + i]) > fabs(a[best * n + i])) best = k;
         pivot[i] = best;
-        if (!(fabs(a[best * n + i]) > 0.0) || !isfinite(a[best * n + i])) return 0;
+        if (!(fabs(a[best * n + i]) > 0.0) || !isfinite(a[best * n + i])) return fails(slice);
         for (int64_t j = 0; best != i && j < n; j++) {
             const double kept = a[i * n + j];
             a[i * n + j] = a[best * n + j];
@@ -43,7 +45,7 @@ int lu_factor(double *a, int64_t *pivot, int64_t n) {
             for (int64_t j = i + 1; j < n; j++) a[k * n + j] -= factor * a[i * n + j];
         }
     }
-    return 1;
+    return !failed(slice);
 }
 
 void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns) {
@@ -78,18 +80,21 @@ void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n) {
     for (int64_t i = n - 1; i >= 0; i--) b[i] = (b[i] - dot(a + i * n + i + 1, b + i + 1, n - 1 - i)) / a[i * n + i];
 }
 
-int cholesky(double *a, int64_t n) {
+int cholesky(double *a, int64_t n, Slice *slice) {
+    int doing = 1;
     for (int64_t i = 0; i < n; i++)
-        for (int64_t j = 0; j <= i; j++) {
+        for (int64_t j = 0; j <= i && (j > 0 || row_due(slice, i, (double)(i * i + 8 * i), &doing)); j++) {
             const double rest = a[i * n + j] - dot(a + i * n, a + j * n, j);
             if (j < i) {
                 a[i * n + j] = rest / a[j * n + j];
             } else {
-                if (!(rest > 0.0) || !isfinite(rest)) return 0;
-                a[i * n + i] = sqrt(rest);
+                const int positive = rest > 0.0 && isfinite(rest);
+                if (!positive && !slice) return 0;
+                /* In pieces the last row tells. */
+                a[i * n + i] = positive ? sqrt(rest) : NAN;
             }
         }
-    return 1;
+    return !slice || !caught_up(slice) || isfinite(a[n * n - 1]);
 }
 
 void cholesky_solve(const double *lower, double *b, int64_t n) {
@@ -100,16 +105,18 @@ void cholesky_solve(const double *lower, double *b, int64_t n) {
     }
 }
 
-void congruent(const double *lower, double *a, int64_t n) {
+void congruent(const double *lower, double *a, int64_t n, Slice *slice) {
     COUNT(2 * n * n * n);
     for (int turn = 0; turn < 2; turn++) {
         for (int64_t i = 0; i < n; i++) {
+            if (!due(slice, (double)((i + 4) * n))) continue;
             for (int64_t k = 0; k < i; k++) {
                 const double factor = lower[i * n + k];
                 for (int64_t j = 0; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
             }
             for (int64_t j = 0; j < n; j++) a[i * n + j] /= lower[i * n + i];
         }
+        if (!due(slice, (double)(n * n))) continue;
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = 0; j < i; j++) {
                 const double kept = a[i * n + j];
@@ -170,6 +177,79 @@ void symmetric_eigen(double *a, double *values, double *v, int64_t n) {
             v[k * n + least] = x;
         }
     }
+}
+
+/* Tridiagonal form by Householder's reflections (e.g. G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., 8.3): vector k lies
+ * in row k right of the diagonal, its factor in scale[k]. */
+static void reduce_to_tridiagonal(double *a, double *off, double *scale, double *work, int64_t n, Slice *slice) {
+    COUNT(4 * n * n * n / 3);
+    for (int64_t k = 0; k + 1 < n; k++) {
+        const int64_t left = n - k - 1;
+        double *v = a + k * n + k + 1, *rest = a + (k + 1) * (n + 1);
+        if (!due(slice, (double)(2 * left * left))) continue;
+        const double size = norm(v, left), sign = v[0] < 0.0 ? -1.0 : 1.0;
+        off[k] = -sign * size;
+        v[0] += sign * size;
+        const double square = dot(v, v, left);
+        scale[k] = square > 0.0 ? 2.0 / square : 0.0;
+        for (int64_t i = 0; i < left; i++) work[i] = scale[k] * dot(rest + i * n, v, left);
+        const double half = 0.5 * scale[k] * dot(work, v, left);
+        for (int64_t i = 0; i < left; i++) work[i] -= half * v[i];
+        for (int64_t i = 0; i < left; i++)
+            for (int64_t j = 0; j < left; j++) rest[i * n + j] -= v[i] * work[j] + work[i] * v[j];
+    }
+}
+
+/* Pivots (n) of a tridiagonal matrix less x from one end, steps of `way` = 1 or -1 on; whether all of them are positive. */
+static int pivots(const double *a, const double *off, double x, int way, double *pivot, int64_t n) {
+    int positive = 1;
+    for (int64_t k = 0, i = way > 0 ? 0 : n - 1; k < n; k++, i += way) {
+        const double by = k ? off[way > 0 ? i - 1 : i] : 0.0;
+        pivot[i] = a[i * (n + 1)] - x - (k ? by / pivot[i - way] * by : 0.0);
+        if (pivot[i] == 0.0) pivot[i] = -EPSILON * EPSILON;
+        positive &= pivot[i] > 0.0;
+    }
+    return positive;
+}
+
+/* By bisection, and the vector by pivots from both ends (I. S. Dhillon, B. N. Parlett, Linear Algebra Appl. 387 (2004) 1). */
+void smallest_eigen(double *a, double *work, double *value, double *vector, int64_t n, Slice *slice) {
+    enum { BISECTIONS = 100 };
+    double *off = work, *scale = work + n, *down = work + 2 * n, *up = work + 3 * n, *bounds = work + 4 * n;
+    reduce_to_tridiagonal(a, off, scale, down, n, slice);
+    if (due(slice, (double)n)) {
+        double size = 0.0;
+        for (int64_t i = 0; i < n; i++) size = fmax(size, fabs(a[i * (n + 1)]) + (i ? fabs(off[i - 1]) : 0.0) + (i + 1 < n ? fabs(off[i]) : 0.0));
+        bounds[0] = -size;
+        bounds[1] = size;
+    }
+    for (int round = 0; round < BISECTIONS; round++) {
+        if (!due(slice, (double)(8 * n))) continue;
+        const double middle = 0.5 * (bounds[0] + bounds[1]);
+        bounds[!pivots(a, off, middle, 1, down, n)] = middle;
+    }
+    if (!due(slice, (double)(n * n + 16 * n))) return;
+    int64_t best = 0;
+    *value = 0.5 * (bounds[0] + bounds[1]);
+    pivots(a, off, *value, 1, down, n);
+    pivots(a, off, *value, -1, up, n);
+    double least = HUGE_VAL;
+    for (int64_t i = 0; i < n; i++) {
+        const double both = fabs(down[i] + up[i] - a[i * (n + 1)] + *value);
+        if (both < least) {
+            least = both;
+            best = i;
+        }
+    }
+    vector[best] = 1.0;
+    for (int64_t i = best; i > 0; i--) vector[i - 1] = -off[i - 1] * vector[i] / down[i - 1];
+    for (int64_t i = best; i + 1 < n; i++) vector[i + 1] = -off[i] * vector[i] / up[i + 1];
+    for (int64_t k = n - 2; k >= 0; k--) {
+        const double *v = a + k * n + k + 1, by = -scale[k] * dot(v, vector + k + 1, n - k - 1);
+        for (int64_t i = 0; i < n - k - 1; i++) vector[k + 1 + i] += by * v[i];
+    }
+    const double size = norm(vector, n);
+    for (int64_t i = 0; i < n; i++) vector[i] /= size;
 }
 
 /* Hessenberg form in place, by elimination with exchanges (e.g. G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed.,

@@ -4,6 +4,7 @@
 
 #include <stdint.h>
 
+#include "slice.h"
 #include "vectors.h"
 
 double norm(const double *x, int64_t n);
@@ -14,17 +15,19 @@ void add_rows(const double *x, const double *matrix, double *out, int64_t n, int
 void product(const double *a, const double *b, double *out, int64_t n, int64_t m, int64_t k);
 
 /* LU with row exchanges in place, a (n, n); 0 where a is singular. */
-int lu_factor(double *a, int64_t *pivot, int64_t n);
+int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice);
 /* b (n, columns) becomes the solution. */
 void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns);
 /* The same of one column, several times as fast, with sums in another order. */
 void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n);
 /* Lower Cholesky factor in place; 0 where a (its lower half) is not positive definite. */
-int cholesky(double *a, int64_t n);
+int cholesky(double *a, int64_t n, Slice *slice);
 /* b (n) becomes the solution for such a factor. */
 void cholesky_solve(const double *lower, double *b, int64_t n);
 /* L⁻¹ A L⁻ᵀ in place for a symmetric a (n, n). */
-void congruent(const double *lower, double *a, int64_t n);
+void congruent(const double *lower, double *a, int64_t n, Slice *slice);
+/* Smallest eigenvalue of a symmetric matrix, which is overwritten, and its vector (n) of length 1; `work` has 4n + 2 numbers. */
+void smallest_eigen(double *a, double *work, double *value, double *vector, int64_t n, Slice *slice);
 /* Eigenvalues of a symmetric a (n, n), ascending, which is destroyed; vectors in the columns of v unless null. */
 void symmetric_eigen(double *a, double *values, double *v, int64_t n);
 /* Smallest real part of the eigenvalues of any a (n, n), which is destroyed; NaN where the iteration fails. */

@@ -9,6 +9,7 @@
 #include "data.h"
 #include "deformation.h"
 #include "motion.h"
+#include "stability.h"
 #include "statics.h"
 #include "stepping.h"
 #include "surface.h"

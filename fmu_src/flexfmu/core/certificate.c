@@ -20,8 +20,12 @@ typedef struct {
     ForceRoom scratch;
     TangentRoom tangents;
     Stretch stretch;
-    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent, *rates, *turned, *work;
+    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work;
+    int64_t *pivot;
 } Room;
+/* Numbers found on the way: the largest deflection; how soft an interface is; by how much second order within frames moves
+ * interfaces, of that what more frames do not change, and flattening; strain. */
+enum { REACH, SOFT, OWN, WITHIN, FLAT, STRAIN, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = &body->p;
@@ -47,6 +51,18 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->rates = take(arena, m);
     room->turned = take(arena, m);
     room->work = take(arena, m);
+    room->error = take(arena, 2 * p->interfaces);
+    room->found = take(arena, FOUND);
+    room->pivot = (int64_t *)take(arena, m);
+}
+
+enum { ROOM = (sizeof(Room) + sizeof(double) - 1) / sizeof(double) };
+
+/* What lies in the arena from call to call. */
+static Room *room_in(const Body *shadow, Arena *arena) {
+    Room *room = (Room *)take(arena, ROOM);
+    if (room) take_room(shadow, arena, room);
+    return room;
 }
 
 void certificate_demand(const Body *body, Arena *arena) {
@@ -55,6 +71,7 @@ void certificate_demand(const Body *body, Arena *arena) {
     Room room;
     take_configuration(body, arena, &at);
     take_stretch(body, arena, &stretch);
+    if (body->p.embedded) take(arena, ROOM);
     take_room(body, arena, &room);
 }
 
@@ -71,15 +88,12 @@ static void places_in(const Program *p, const Configuration *at, double *out) {
     }
 }
 
-static void places(Body *body, const double *q, double *out) { places_in(&body->p, whole_configuration(body, q), out); }
-
 /* The same where frames turn, and nothing within them is of second order. */
-static void places_by_frames(const Body *body, const double *q, Configuration *at, double *out) {
+static void places_by_frames(const Body *body, Configuration *at, double *out) {
     const Program *p = &body->p;
-    configure_linear(body, 0, q, at);
-    memset(at->bent, 0, (size_t)(p->parts * p->modes) * sizeof(double));
+    if (due(body->slice, (double)p->modes)) memset(at->bent, 0, (size_t)(p->parts * p->modes) * sizeof(double));
     configure_places(body, 0, at);
-    places_in(p, at, out);
+    if (due(body->slice, (double)(12 * p->interfaces))) places_in(p, at, out);
 }
 
 /* Distance and angle (I, 2) between places; the largest distance is returned. */
@@ -102,12 +116,15 @@ static double apart(const double *a, const double *b, int64_t interfaces, double
  * astray: the tangent has that of the body's. */
 static void forces_of(Body *shadow, Room *room, const double *inputs) {
     const Program *p = &shadow->p;
+    const int64_t m = p->modes;
     configure(shadow, room->q, &room->at);
-    spread(shadow, inputs, &room->loads);
-    modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
-    for (int64_t j = 0; p->tied && j < p->modes; j++) room->left[j] += dot(p->tie_initial + j * p->modes, room->q, p->modes);
+    if (due(shadow->slice, (double)(12 * p->nodes * m + p->tied * m * m))) {
+        spread(shadow, inputs, &room->loads);
+        modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
+        for (int64_t j = 0; p->tied && j < m; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
+    }
     stretch_at(shadow, room->q, &room->stretch);
-    subtract_stretch_force(shadow, &room->stretch, &room->stretch, room->left);
+    if (due(shadow->slice, (double)(3 * p->stretches * m))) subtract_stretch_force(shadow, &room->stretch, &room->stretch, room->left);
     tangent_stiffness(shadow, &room->loads, 1, &room->at, room->tense, &room->tangents, room->tangent);
 }
 
@@ -129,41 +146,47 @@ static double own_stiffness(const Body *shadow, const Room *room, const double *
 
 /* The smallest eigenvalue of the shadow's tangent over its material's own stiffness, with its factor at hand, that the deflection
  * has a part in; 1 at the most: at rest and in what stiffens. */
-static double softest(Room *room, const Body *shadow, int64_t e) {
+static void find_softest(Room *room, const Body *shadow, int64_t e) {
     const Program *p = &shadow->p;
-    double *shape = room->factor, *work = room->work;
-    for (int64_t i = 0; i < e; i++) shape[i] = p->omega[p->rigid + i] * room->q[p->rigid + i];
-    double size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
-    if (!(size > 0.0)) return 1.0;
-    for (int k = 0; k < ITERATIONS; k++) {
-        for (int64_t i = 0; i < e; i++) shape[i] = work[i] / size;
-        lu_solve_one(room->scaled, shadow->pivot, shape, e);
-        size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
-        if (!(size > 0.0)) return 1.0;
+    const double cost = (double)(e * e + 6 * p->stretches * p->modes);
+    double *shape = room->factor, *work = room->work, *size = room->found + SOFT;
+    if (due(shadow->slice, cost)) {
+        for (int64_t i = 0; i < e; i++) shape[i] = p->omega[p->rigid + i] * room->q[p->rigid + i];
+        *size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
     }
-    return 1.0 / fmax(size, 1.0);
+    for (int k = 0; k < ITERATIONS; k++) {
+        if (!due(shadow->slice, cost) || !(*size > 0.0)) continue;
+        for (int64_t i = 0; i < e; i++) shape[i] = work[i] / *size;
+        lu_solve_one(room->scaled, room->pivot, shape, e);
+        *size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
+    }
+    if (due(shadow->slice, 1.0)) *size = 1.0 / fmax(*size, 1.0);
 }
 
 /* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of
  * its tangent; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and so it does in
  * the shadow. */
-static double newton_step(Body *shadow, Room *room, const double *inputs) {
+static int newton_step(Body *shadow, Room *room, const double *inputs) {
     const Program *p = &shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
+    Slice *slice = shadow->slice;
+    int doing = 1;
     forces_of(shadow, room, inputs);
     for (int64_t i = 0; i < e; i++) {
         const int64_t a = first + i;
+        if (!row_due(slice, i, (double)(5 * e), &doing)) continue;
         const double held = shadow->stiffness[a] * room->q[a] + dot(p->embedding + a * p->embedded, room->rest, p->embedded);
         room->left[a] = (room->left[a] - held) / p->omega[a];
         for (int64_t j = 0; j < e; j++) room->scaled[i * e + j] = room->tangent[a * m + first + j] / (p->omega[a] * p->omega[first + j]);
     }
-    if (!stable_tangent(room->scaled, room->factor, e) || !lu_factor(room->scaled, shadow->pivot, e)) return 0.0;
-    const double soft = softest(room, shadow, e);
-    lu_solve_one(room->scaled, shadow->pivot, room->left + first, e);
+    if (!stable_tangent(room->scaled, room->factor, e, slice) || !lu_factor(room->scaled, room->pivot, e, slice)) return 0;
+    find_softest(room, shadow, e);
+    if (!due(slice, (double)(e * e))) return 1;
+    lu_solve_one(room->scaled, room->pivot, room->left + first, e);
     for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
     for (int64_t i = 0; i < m; i++)
-        if (!isfinite(room->q[i])) return 0.0;
-    return soft;
+        if (!isfinite(room->q[i])) return fails(slice);
+    return 1;
 }
 
 /* The largest linear deflection of an interface under forces on the body's coordinates. */
@@ -195,20 +218,6 @@ static double share_of(const Program *p, const double *error, double deflection)
 /* What goes onto the bound: half of the errors beyond 0.3 % are estimated below 0.6 of what they are. */
 static const double MARGIN = 1.25;
 
-/* The largest distance by which second order within frames moves an interface, less what more frames change of it. */
-static double moved_within(Body *body, const Body *shadow, Room *room, const double *q) {
-    const int64_t interfaces = body->p.interfaces;
-    Arena arena = work_arena(body);
-    Configuration at;
-    take_configuration(body, &arena, &at);
-    if (arena.refused) return 0.0;
-    places_by_frames(shadow, room->q, &room->at, room->plain);
-    const double finer = apart(room->other, room->plain, interfaces, room->bent);
-    places_by_frames(body, q, &at, room->plain);
-    const double own = apart(room->moved, room->plain, interfaces, room->bent);
-    return fmax(own - fabs(own - finer), 0.0);
-}
-
 /* The deflection by which sections flatten. */
 static double moved_by_flattening(Body *body, Room *room, const double *q) {
     const Program *p = &body->p;
@@ -233,41 +242,90 @@ static double bound_of(double share, double soft, double within, double flat, do
     return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat) + 4.0 * strain * strain;
 }
 
-int bounded_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,
-                  double *share, double *bound) {
+/* What the body itself tells at q: what is left of its forces, its places, how far they are from where it began. */
+static int body_at(Body *body, const Body *shadow, const double *inputs, const double *q, Room *room) {
     const Program *p = &body->p;
     const int64_t n = p->modes;
-    Arena arena = work_arena(shadow);
-    Room room;
-    take_room(shadow, &arena, &room);
-    if (arena.refused || body_forces(body, inputs, q, room.rest, 0) != FLEX_OK) return FLEX_NO_ROOM;
-    for (int64_t j = 0; j < n; j++) room.rest[j] -= body->stiffness[j] * q[j];
-    rows_times(shadow->p.embedding, q, room.q, shadow->p.modes, n);
-    memset(room.tense, 0, (size_t)(12 * shadow->p.ties) * sizeof(double));
-    if (p->ties) tie_tension(body, whole_configuration(body, q), room.tense);
-    places(body, q, room.moved);
-    memset(room.rigid, 0, (size_t)n * sizeof(double));
-    memcpy(room.rigid, q, (size_t)p->rigid * sizeof(double));
-    places(body, room.rigid, room.other);
-    const double now = apart(room.moved, room.other, p->interfaces, error);
-    *deflection = fmax(*deflection, fmax(now, deflection_by(body, room.rest, &room)));
-    /* A shadow with loops opened: its frames are others, and stiff joints that turned are soft only against their start. */
+    const double cost = configuration_cost(body);
+    Slice *slice = shadow->slice;
+    Arena arena = work_arena(body);
+    Configuration at;
+    if (due(slice, cost)) {
+        if (body_forces(body, inputs, q, room->rest, 0) != FLEX_OK) return fails(slice);
+        for (int64_t j = 0; j < n; j++) room->rest[j] -= body->stiffness[j] * q[j];
+    }
+    if (due(slice, (double)(shadow->p.modes * n))) rows_times(shadow->p.embedding, q, room->q, shadow->p.modes, n);
+    take_configuration(body, &arena, &at);
+    if (arena.refused) return fails(slice);
+    if (due(slice, cost)) {
+        configure(body, q, &at);
+        places_in(p, &at, room->moved);
+        memset(room->tense, 0, (size_t)(12 * shadow->p.ties) * sizeof(double));
+        if (p->ties) tie_tension(body, &at, room->tense);
+        places_by_frames(body, &at, room->plain);
+        room->found[OWN] = apart(room->moved, room->plain, p->interfaces, room->bent);
+    }
+    if (due(slice, cost)) {
+        memset(room->rigid, 0, (size_t)n * sizeof(double));
+        memcpy(room->rigid, q, (size_t)p->rigid * sizeof(double));
+        configure(body, room->rigid, &at);
+        places_in(p, &at, room->other);
+        const double now = apart(room->moved, room->other, p->interfaces, room->error);
+        room->found[REACH] = fmax(now, deflection_by(body, room->rest, room));
+    }
+    return 1;
+}
+
+void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice) {
+    const int64_t interfaces = body->p.interfaces;
+    Room *room = room_in(shadow, &arena);
+    /* Joints of a shadow with loops opened were loops of the body, which a first step closes. */
+    const int opened = shadow->p.ties > body->p.ties;
+    shadow->slice = slice;
+    if (due(slice, 0.0)) {
+        memset(room->found, 0, FOUND * sizeof(double));
+        memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
+    }
+    if (body_at(body, shadow, inputs, q, room) && newton_step(shadow, room, inputs) && (!opened || newton_step(shadow, room, inputs))) {
+        configure(shadow, room->q, &room->at);
+        if (due(slice, (double)(100 * interfaces))) {
+            places_in(&shadow->p, &room->at, room->other);
+            apart(room->moved, room->other, interfaces, room->error);
+        }
+        places_by_frames(shadow, &room->at, room->plain);
+        if (due(slice, (double)(100 * interfaces + body->p.stretches * body->p.modes * body->p.modes))) {
+            const double own = room->found[OWN], finer = apart(room->other, room->plain, interfaces, room->bent);
+            room->found[WITHIN] = fmax(own - fabs(own - finer), 0.0);
+            room->found[FLAT] = moved_by_flattening(body, room, q);
+            room->found[STRAIN] = body_strain(body, q);
+        }
+    } else if (!slice || slice->failed) {
+        room->found[SOFT] = 0.0;
+    }
+    shadow->slice = 0;
+}
+
+void error_found(const Body *body, const Body *shadow, Arena arena, double *error, double *deflection, double *share, double *bound) {
+    const Program *p = &body->p;
+    const Room *room = room_in(shadow, &arena);
+    const double *found = room->found;
     const int opened = shadow->p.ties > p->ties;
-    double soft = newton_step(shadow, &room, inputs);
-    if (soft > 0.0 && opened) {
-        /* Its joints were loops of the body, which a first step closes. */
-        soft = newton_step(shadow, &room, inputs);
-    }
-    if (soft > 0.0) {
-        places(shadow, room.q, room.other);
-        apart(room.moved, room.other, p->interfaces, error);
-    }
-    *share = *bound = share_of(p, error, *deflection);
-    if (soft > 0.0 && *deflection > 0.0) {
-        const double within = opened ? 0.0 : moved_within(body, shadow, &room, q), flat = moved_by_flattening(body, &room, q);
-        *bound = bound_of(*share, opened ? 1.0 : soft, within / *deflection, flat / *deflection, body_strain(body, q));
-    }
-    if (*share == 0.0) memset(error, 0, (size_t)(2 * p->interfaces) * sizeof(double));
+    *deflection = fmax(*deflection, found[REACH]);
+    *share = *bound = share_of(p, room->error, *deflection);
+    /* A shadow with loops opened: its frames are others, and stiff joints that turned are soft only against their start. */
+    if (found[SOFT] > 0.0 && *deflection > 0.0)
+        *bound = bound_of(*share, opened ? 1.0 : found[SOFT], opened ? 0.0 : found[WITHIN] / *deflection, found[FLAT] / *deflection,
+                          found[STRAIN]);
+    for (int64_t i = 0; i < 2 * p->interfaces; i++) error[i] = *share == 0.0 ? 0.0 : room->error[i];
+}
+
+int bounded_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,
+                  double *share, double *bound) {
+    Arena arena = work_arena(shadow), size = arena;
+    room_in(shadow, &size);
+    if (size.refused) return FLEX_NO_ROOM;
+    pieces_of_error(body, shadow, inputs, q, arena, 0);
+    error_found(body, shadow, arena, error, deflection, share, bound);
     return FLEX_OK;
 }
 

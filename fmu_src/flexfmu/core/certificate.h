@@ -15,5 +15,8 @@ int body_error(Body *body, Body *shadow, const double *inputs, const double *q, 
 /* The same, and a bound of the largest share, in which is what the shadow does not see: what warnings go by. */
 int bounded_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,
                   double *share, double *bound);
+/* The same in an arena of certificate_demand(shadow), by pieces; what they found. */
+void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice);
+void error_found(const Body *body, const Body *shadow, Arena arena, double *error, double *deflection, double *share, double *bound);
 
 #endif

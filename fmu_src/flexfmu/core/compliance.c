@@ -76,7 +76,7 @@ static int factor_response(Body *body, const double *inputs, double step, const 
             const double coupled = crossed(p) ? body->coupled[i * m + j] / step : 0.0;
             room->lower[i * m + j] = (i == j ? 1.0 : 0.0) + rule->gq[i] * (0.5 * slope + coupled);
         }
-    return lu_factor(room->lower, body->pivot, m);
+    return lu_factor(room->lower, body->pivot, m, 0);
 }
 
 /* Derivative (m) of the modal force by a load: force or moment `c` on an interface, whose motion is `motion` (6, m). */
@@ -168,7 +168,7 @@ int body_derivative(Body *body, const double *inputs, double step, const double 
         /* A spin turns the rotation vector by T^-1. */
         rotation_vector(room.at.rotation + 9 * k, vector);
         exponential(vector, rotation, jacobian);
-        if (lu_factor(jacobian, pivot, 3)) lu_solve(jacobian, pivot, out + 6 * i + 3, 3, 1);
+        if (lu_factor(jacobian, pivot, 3, 0)) lu_solve(jacobian, pivot, out + 6 * i + 3, 3, 1);
     }
     return FLEX_OK;
 }

@@ -9,6 +9,7 @@
 
 #include "arena.h"
 #include "program.h"
+#include "slice.h"
 
 /* How a call ended. */
 enum {
@@ -67,6 +68,7 @@ typedef struct {
 
 typedef struct Body {
     Program p;
+    Slice *slice;         /* of what is done in pieces; null: all at once */
     double damping_scale;
     StepLimits limits;
     double *stiffness;    /* (m) */

@@ -79,6 +79,7 @@ FMI_EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component handle) {
 FMI_EXPORT fmi2Status fmi2Terminate(fmi2Component handle) {
     Component *c = allowed(handle, STEPPING | STEP_FAILED, "fmi2Terminate");
     if (!c) return fmi2Error;
+    instance_end(c->body, c->text);
     c->phase = TERMINATED;
     return fmi2OK;
 }

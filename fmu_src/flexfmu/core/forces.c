@@ -5,6 +5,9 @@
 
 #include "algebra.h"
 
+/* Cost of the springs of a tie, in multiplications. */
+enum { TIE = 200 };
+
 void take_loads(const Body *body, Arena *arena, Loads *loads) {
     const int64_t m = body->p.modes, n = body->p.nodes, square = body->p.by_load_given * m * m;
     loads->force = take(arena, 3 * n);
@@ -211,6 +214,7 @@ void gap_derivative(const Body *body, const Configuration *at, const Jacobians *
     for (int64_t t = 0; t < p->ties; t++) {
         const int64_t a = p->nodes - 2 * p->ties + t, b = a + p->ties;
         double arms_a[9], arms_b[9], *row = out + 12 * t * m;
+        if (!due(body->slice, (double)(60 * m))) continue;
         tie_levers(body, at, t, a, arms_a);
         tie_levers(body, at, t, b, arms_b);
         for (int64_t j = 0; j < size; j++) row[j] = translation[a * size + j] - translation[b * size + j];
@@ -254,6 +258,7 @@ static void subtract_moment_stiffness(const Body *body, const Configuration *at,
         for (int end = 0; end < 2; end++) {
             const int64_t k = p->nodes - (2 - end) * p->ties + t;
             double arms[9], change[9] = {0}, trace = 0.0;
+            if (!due(body->slice, (double)(3 * m * (m + 3)))) continue;
             tie_levers(body, at, t, k, arms);
             /* (w x r) x t = r (w.t) - w (r.t) */
             for (int c = 0; c < 3; c++)
@@ -309,11 +314,13 @@ static void add_moving_stiffness(const Body *body, const Loads *loads, int with_
     const Program *p = &body->p;
     const int64_t n = p->nodes;
     double *force = room->loads, *moment = force + 3 * n;
-    memset(force, 0, (size_t)(6 * n) * sizeof(double));
-    if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
-    if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
-    if (with_moments && loads->following) add_follower_stiffness(body, loads, at, room, out);
-    add_tie_loads(body, at, tense, force, moment);
+    if (due(body->slice, (double)(TIE * p->ties + 18 * n + 6 * p->followers * p->modes * p->modes))) {
+        memset(force, 0, (size_t)(6 * n) * sizeof(double));
+        if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
+        if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
+        if (with_moments && loads->following) add_follower_stiffness(body, loads, at, room, out);
+        add_tie_loads(body, at, tense, force, moment);
+    }
     add_load_stiffness(body, at, force, moment, &room->of, &room->slope, out);
 }
 
@@ -325,10 +332,12 @@ static void add_tie_stiffness(const Body *body, const Configuration *at, const d
     gap_derivative(body, at, &room->of, gaps);
     for (int64_t i = 0; i < 12 * p->ties; i++) {
         const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
+        if (!due(body->slice, (double)(m * m))) continue;
         for (int64_t j = 0; j < m; j++) row[j] = k * gaps[i * m + j];
         add_transposed_product(gaps + i * m, row, out, 1, m, m);
     }
-    for (int64_t j = 0; j < m * m; j++) out[j] -= p->tie_initial[j];
+    if (due(body->slice, (double)(m * m)))
+        for (int64_t j = 0; j < m * m; j++) out[j] -= p->tie_initial[j];
     subtract_moment_stiffness(body, at, tense, room->of.spin, row, out);
 }
 
@@ -347,12 +356,12 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
                        const double *tense, TangentRoom *room, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
-    memset(out, 0, (size_t)(m * m) * sizeof(double));
-    if (!loads->active) {
+    if (due(body->slice, (double)(m * m))) memset(out, 0, (size_t)(m * m) * sizeof(double));
+    if (!loads->active && !body->slice) {
         for (int64_t j = 0; j < m; j++) out[j * m + j] = body->stiffness[j];
         return;
     }
-    if (!tense) tie_tension(body, at, room->tense);
+    if (!tense && due(body->slice, (double)(TIE * p->ties))) tie_tension(body, at, room->tense);
     const double *pull = tense ? tense : room->tense;
     jacobians_at(body, at, &room->of);
     /* First dQ/dq, with its sign reversed below. */
@@ -361,21 +370,24 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
         for (int64_t i = 0; i < p->interfaces; i++) {
             const int64_t k = p->frames + i;
             double hat[9];
+            if (!due(body->slice, (double)(3 * m * (m + 3)))) continue;
             skew(loads->force + 3 * k, hat);
             for (int c = 0; c < 9; c++) hat[c] = -hat[c];
             apply_rows(hat, room->of.translation + 3 * k * m, room->row, m);
             add_transposed_product(p->load_operator + 3 * (p->interfaces + i) * m, room->row, out, 3, m, m);
         }
-    for (int64_t j = 0; j < m * m; j++) out[j] = -out[j];
-    for (int64_t j = 0; j < m; j++) out[j * m + j] += body->stiffness[j];
+    if (due(body->slice, (double)(m * m))) {
+        for (int64_t j = 0; j < m * m; j++) out[j] = -out[j];
+        for (int64_t j = 0; j < m; j++) out[j * m + j] += body->stiffness[j];
+    }
     if (p->ties) add_tie_stiffness(body, at, pull, room, out);
     if (p->stretches) {
         stretch_at(body, at->q, &room->stretch);
         add_stretch_stiffness(body, &room->stretch, out);
     }
-    if (p->by_load_given) {
+    if (p->by_load_given && due(body->slice, (double)(m * m))) {
         const double *geometric = with_moments ? loads->geometric : loads->f_geometric;
         for (int64_t j = 0; j < m * m; j++) out[j] += geometric[j];
     }
-    if (p->by_mode_given) add_mode_stiffness(body, at, room->square, out);
+    if (p->by_mode_given && due(body->slice, (double)(2 * m * m * m))) add_mode_stiffness(body, at, room->square, out);
 }

@@ -87,6 +87,7 @@ static void lay_out(Instance *x, Arena *arena) {
     x->q = take(arena, x->modes);
     x->v = take(arena, x->modes);
     x->seen = take(arena, x->loads);
+    x->memory.states = take(arena, STATES * (x->modes + x->loads));
     x->number_count = arena->used - before;
     x->motion = take(arena, 6 * p->interfaces);
     x->rates = take(arena, 6 * p->interfaces);
@@ -105,6 +106,8 @@ static void lay_out(Instance *x, Arena *arena) {
 void instance_forget_body(Instance *x) {
     if (x->body != x->described) body_close(x->body);
     body_close(x->shadow);
+    free(x->pieces.arena.start);
+    x->pieces = (Pieces){0};
     x->body = x->shadow = 0;
 }
 
@@ -261,12 +264,6 @@ static Answer open_shadow(Instance *x, char *why) {
     return ANSWER_FAILED;
 }
 
-int find_motion_at(Instance *x, const double *q, const double *v) {
-    if (body_motion(x->body, q, v, x->motion, x->rates) != FLEX_OK) return 0;
-    for (int64_t i = 0; i < 6 * description(x)->interfaces; i++) x->rates[i] *= x->scale.pace;
-    return 1;
-}
-
 /* Body of the parameters chosen. */
 static Answer choose(Instance *x, char *why) {
     if (x->body) return ANSWER_OK;
@@ -292,7 +289,17 @@ static Answer choose(Instance *x, char *why) {
     }
     x->body = body;
     find_softening(body);
-    return open_shadow(x, why);
+    if (open_shadow(x, why) != ANSWER_OK) return ANSWER_FAILED;
+    x->pieces.arena.size = look_size(body, x->shadow);
+    x->pieces.arena.start = malloc((size_t)x->pieces.arena.size * sizeof(double));
+    if (x->pieces.arena.start) {
+        /* Memory that nobody has touched yet would cost the first look more than its slices. */
+        memset(x->pieces.arena.start, 0, (size_t)x->pieces.arena.size * sizeof(double));
+        return ANSWER_OK;
+    }
+    instance_forget_body(x);
+    snprintf(why, TEXT_SIZE, "there is not enough memory");
+    return ANSWER_FAILED;
 }
 
 /* Tell of an input that is not finite. */
@@ -334,69 +341,8 @@ Answer instance_begin(Instance *x, char *why) {
     return ANSWER_OK;
 }
 
-/* What is looked for; limits and what happens beyond them follow each other in turn. */
-static Monitor monitor_of(const Instance *x) {
-    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], x->room, x->shape, x->errors};
-    const double *limit = x->parameter + P_ROTATION_LIMIT;
-    for (int i = 0; i < WATCHES; i++, limit += 2) monitor.watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
-    return monitor;
-}
-
-/* What a refused step means to the run. */
-static Answer step_refused(const Instance *x) {
-    return x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED;
-}
-
-/* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
-static Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, char *why) {
-    const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
-    const StepEnd end = {q, v, x->motion, inputs, step};
-    const Monitor monitor = monitor_of(x);
-    Findings found;
-    Answer answer = ANSWER_OK;
-    x->cached = 0;
-    if (!find_motion_at(x, q, v)) return instance_lacks_room(x, why);
-    if (!within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
-    double *kept = x->room + x->loads;
-    memcpy(kept, x->single, S_COUNT * sizeof(double));
-    memcpy(x->kept, x->seen, (size_t)x->loads * sizeof(double));
-    x->memory.largest = x->single[S_LARGEST];
-    x->memory.beyond = x->single[S_BEYOND];
-    memcpy(x->memory.warned, x->single + S_WARNED, sizeof x->memory.warned);
-    memcpy(&x->memory.course, x->single + S_COURSE, sizeof x->memory.course);
-    memcpy(&x->memory.error, x->single + S_SEEN, sizeof x->memory.error);
-    look(&monitor, &end, &x->memory, &found);
-    memcpy(x->single + S_SEEN, &x->memory.error, sizeof x->memory.error);
-    x->single[S_LARGEST] = x->memory.largest;
-    x->single[S_BEYOND] = x->memory.beyond;
-    memcpy(x->single + S_COURSE, &x->memory.course, sizeof x->memory.course);
-    memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);
-    for (int i = 0; i < found.count; i++) {
-        if (found.action[i] == ON_WARN) continue;
-        snprintf(why, TEXT_SIZE, "%s", found.text[i]);
-        if (found.action[i] == ON_TERMINATE) answer = ANSWER_FAILED;
-        if (answer == ANSWER_OK) answer = ANSWER_REFUSED;
-    }
-    if (answer != ANSWER_OK) {
-        memcpy(x->single, kept, S_COUNT * sizeof(double));
-        memcpy(x->seen, x->kept, (size_t)x->loads * sizeof(double));
-        return answer;
-    }
-    for (int i = 0; i < found.count; i++) {
-        if (x->single[S_STATUS] == STATE_SOUND) x->single[S_STATUS] = STATE_PASSED;
-        if (x->teller) x->teller(x->told, 1, found.text[i]);
-    }
-    return ANSWER_OK;
-}
-
-Answer instance_failed(Instance *x, Answer answer) {
-    x->single[S_STATUS] = STATE_REFUSED;
-    return answer;
-}
-
-Answer instance_lacks_room(Instance *x, char *why) {
-    snprintf(why, TEXT_SIZE, SAY_NO_ROOM);
-    return instance_failed(x, ANSWER_FAILED);
+void instance_end(Instance *x, char *why) {
+    if (instance_begin(x, why) == ANSWER_OK) inspect_rest(x);
 }
 
 Answer instance_start(Instance *x, char *why) {

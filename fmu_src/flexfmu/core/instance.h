@@ -4,6 +4,7 @@
 #define FLEX_INSTANCE_H
 
 #include "instance_data.h"
+#include "instance_watch.h"
 
 /* Make an instance of the FMU's resources folder; null with words in `why` (TEXT_SIZE) where it cannot be. */
 Instance *instance_open(const char *folder, const char *guid, char *why);
@@ -32,14 +33,10 @@ Answer instance_start(Instance *instance, char *why);
 /* ANSWER_REFUSED leaves the state as it was; ANSWER_FAILED ends the simulation. A refused step is tried at most so many
  * times at half its length; those left are told. */
 Answer instance_step(Instance *instance, double time, double step, int *halvings, char *why);
+/* Tell what is still to be looked at. */
+void instance_end(Instance *instance, char *why);
 /* Body and state, found from parameters and inputs when first asked for. */
 Answer instance_begin(Instance *instance, char *why);
-/* The answer, kept in status.code. */
-Answer instance_failed(Instance *instance, Answer answer);
-/* The same where the core refuses a call for want of room. */
-Answer instance_lacks_room(Instance *instance, char *why);
-/* Motion and rates at q and v, in times of the body; 0 where the core lacks room. */
-int find_motion_at(Instance *instance, const double *q, const double *v);
 /* The last time that was reached. */
 double instance_time(const Instance *instance);
 void instance_begin_at(Instance *instance, double time);

@@ -66,6 +66,7 @@ typedef struct {
     int64_t number_count;
     double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen;
     Memory memory;
+    Pieces pieces; /* of the look under way */
     /* What is found when it is asked for. */
     int cached;
     double *motion, *rates, *stress, *compliance, *errors, *start_inputs, *end_inputs, *q1, *v1, *room, *shape, *kept;
@@ -76,7 +77,7 @@ typedef struct {
 enum {
     S_LAST_STEP, S_TIME, S_KNOWN, S_RUNNING, S_STATUS, S_HINT, S_MODES, S_SUBSTEPS, S_ITERATIONS, S_ERROR, S_LARGEST, S_BEYOND,
     S_WARNED, S_COURSE = S_WARNED + WATCHES, S_SEEN = S_COURSE + sizeof(Course) / sizeof(double),
-    S_COUNT = S_SEEN + sizeof(ErrorMemory) / sizeof(double)
+    S_LOOKING = S_SEEN + sizeof(ErrorMemory) / sizeof(double), S_COUNT = S_LOOKING + sizeof(Looking) / sizeof(double)
 };
 
 static inline const Program *description(const Instance *x) { return &x->described->p; }

@@ -17,9 +17,11 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
     for (int64_t r = 0; r < p->stretches; r += LANES) {
+        if (!due(body->slice, (double)(LANES * m * m))) continue;
         packed_times(p->stretch + r / LANES * packed_size(m), q, body->four, m);
         unpack(body->four, at->slope + r * m, m);
     }
+    if (!due(body->slice, (double)(2 * m * p->stretches))) return;
     for (int64_t r = 0; r < p->stretches; r++) {
         at->bent[r] = dot(at->slope + r * m, q, m);
         at->whole[r] = at->bent[r] + dot(p->stretch_linear + r * m, q, m);
@@ -58,17 +60,18 @@ void add_turned_stretch(const Body *body, const Stretch *at, const double *direc
 void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
-    double whole[LANES] = {0.0};
-    for (int64_t r = 0; r < p->stretches; r++) {
-        const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m;
-        const double four = 4.0 * p->stretch_sign[r];
-        for (int64_t i = 0; i < m; i++) {
-            const double by_slope = four * (linear[i] + 2.0 * slope[i]);
-            for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + four * slope[i] * linear[j];
+    for (int64_t group = 0; group < p->stretches; group += LANES) {
+        double whole[LANES] = {0.0};
+        for (int64_t r = group; r < group + LANES && r < p->stretches; r++) {
+            const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m;
+            const double four = 4.0 * p->stretch_sign[r];
+            whole[r - group] = four * at->whole[r];
+            for (int64_t i = 0, doing = due(body->slice, (double)(2 * m * m)); doing && i < m; i++) {
+                const double by_slope = four * (linear[i] + 2.0 * slope[i]);
+                for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + four * slope[i] * linear[j];
+            }
         }
-        whole[r % LANES] = four * at->whole[r];
-        if (r % LANES < LANES - 1 && r + 1 < p->stretches) continue;
-        add_packed(whole, p->stretch + r / LANES * packed_size(m), out, m);
-        memset(whole, 0, sizeof whole);
+        if (!due(body->slice, (double)(LANES * m * m))) continue;
+        add_packed(whole, p->stretch + group / LANES * packed_size(m), out, m);
     }
 }

@@ -7,6 +7,7 @@
 
 #include "algebra.h"
 #include "messages.h"
+#include "tree.h"
 
 /* Share of the largest loads' norm by which loads must have changed for stability to be looked at again: where it is near
  * its limit, and far above. */
@@ -122,35 +123,15 @@ int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *wh
     return 0;
 }
 
-static void stability(const Monitor *monitor, const double *q, const double *inputs, Memory *memory, Findings *found) {
-    Body *body = monitor->body;
+static void tell_stability(const Monitor *monitor, const double *inputs, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_STABILITY;
-    double *alone = monitor->inputs, *shape = monitor->shape;
-    const Program *p = &body->p;
-    if (!(watch->limit > 0.0) || silenced(watch, memory->warned[WATCH_STABILITY])) return;
-    memory->beyond = body_stable_beyond(body, inputs, q, watch->limit);
-    if (memory->beyond >= watch->limit) return;
-    memory->beyond = watch->limit;
-    const double margin = body_stability(body, inputs, q, shape);
-    int64_t mode = 0, worst = 0;
-    double most = -HUGE_VAL;
-    for (int64_t j = 0; j < p->modes; j++)
-        if (fabs(shape[j]) > fabs(shape[mode])) mode = j;
-    for (int64_t i = 0; i < p->loads; i++) {
-        if (inputs[i] == 0.0) continue;
-        memset(alone, 0, (size_t)p->loads * sizeof(double));
-        alone[i] = inputs[i];
-        const double softening = body_softening(body, alone, q, shape);
-        if (softening > most) {
-            most = softening;
-            worst = i;
-        }
-    }
+    const Program *p = &monitor->body->p;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_STABILITY]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT, SAY_STABILITY,
-             margin <= 0.0 ? "beyond the critical load" : "near the critical load", margin, watch->limit,
-             input_name(p, worst), given(monitor, inputs, worst), most, (long long)mode + 1, monitor->scale.pace * p->omega[mode] / 6.283185307179586);
+    const Cause cause = cause_found(monitor->body, inputs, monitor->pieces->arena);
+    snprintf(text, FINDING_TEXT, SAY_STABILITY, cause.margin <= 0.0 ? "beyond the critical load" : "near the critical load",
+             cause.margin, watch->limit, input_name(p, cause.load), given(monitor, inputs, cause.load), cause.most,
+             (long long)cause.mode + 1, monitor->scale.pace * p->omega[cause.mode] / 6.283185307179586);
 }
 
 static void missed(const Monitor *monitor, const double *inputs, Memory *memory, Findings *found) {
@@ -226,13 +207,33 @@ static const double PATIENCE = 5.0, QUICK = 40.0;
 static const double WRONG = 0.1;
 static const char MORE[] = "more than ";
 
-static void error(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
+static void tell_error(const Monitor *monitor, double deflection, Memory *memory, Findings *found) {
+    const Watch *watch = monitor->watch + WATCH_ERROR;
+    const Program *p = &monitor->body->p;
+    ErrorMemory *seen = &memory->error;
+    double share, bound;
+    error_found(monitor->body, monitor->shadow, monitor->pieces->arena, monitor->errors, &deflection, &share, &bound);
+    seen->deflection = fmax(seen->deflection, deflection);
+    seen->bound = fmax(seen->bound, bound);
+    if (!(bound > watch->limit)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_ERROR]);
+    if (!text) return;
+    int64_t worst = 0;
+    for (int64_t i = 1; i < p->interfaces; i++)
+        if (monitor->errors[2 * i] > monitor->errors[2 * worst]) worst = i;
+    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), share > WRONG ? MORE : "", 100.0 * fmin(share, WRONG),
+             bound > WRONG ? MORE : "", 100.0 * fmin(bound, WRONG), 100.0 * watch->limit,
+             text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
+}
+
+/* Energy with which the error is due to be looked at; 0 where it is not. */
+static double error_due(const Monitor *monitor, const StepEnd *end, Memory *memory) {
     Body *body = monitor->body;
     const double *q = end->q;
     const Program *p = &body->p;
     const Watch *watch = monitor->watch + WATCH_ERROR;
     ErrorMemory *seen = &memory->error;
-    if (!monitor->shadow || !(watch->limit > 0.0)) return;
+    if (!monitor->shadow || !(watch->limit > 0.0)) return 0.0;
     double energy = 0.0;
     int64_t worst = 0;
     for (int64_t j = 0; j < p->modes; j++) energy += body->stiffness[j] * q[j] * q[j];
@@ -242,23 +243,11 @@ static void error(const Monitor *monitor, const StepEnd *end, Memory *memory, Fi
     const double patience = fmin(fmax(far, 1.0), PATIENCE) * monitor->interval * fmax(1.0, (double)monitor->shadow->p.modes / QUICK);
     const int waited = seen->steps >= patience && fabs(energy - seen->energy) > MOVED * seen->largest;
     const double growth = fmin(fmax(far, GROWN), p->rigid ? GROWN : GROWN_FAR);
-    if (!always && !waited && !(energy > growth * seen->largest)) return;
+    if (!always && !waited && !(energy > growth * seen->largest)) return 0.0;
     seen->energy = energy;
     seen->largest = fmax(seen->largest, fmin(energy, DBL_MAX));
     seen->steps = 0.0;
-    if (memory->warned[WATCH_ERROR] != 0.0 && watch->action == ON_WARN) return;
-    double share, bound;
-    if (bounded_error(body, monitor->shadow, end->inputs, q, monitor->errors, &seen->deflection, &share, &bound) != FLEX_OK) return;
-    seen->bound = fmax(seen->bound, bound);
-    if (!(bound > watch->limit)) return;
-    char *text = add_finding(found, watch->action, &memory->warned[WATCH_ERROR]);
-    if (!text) return;
-    worst = 0;
-    for (int64_t i = 1; i < p->interfaces; i++)
-        if (monitor->errors[2 * i] > monitor->errors[2 * worst]) worst = i;
-    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), share > WRONG ? MORE : "", 100.0 * fmin(share, WRONG),
-             bound > WRONG ? MORE : "", 100.0 * fmin(bound, WRONG), 100.0 * watch->limit,
-             text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
+    return silenced(watch, memory->warned[WATCH_ERROR]) ? 0.0 : fmin(fmax(energy, DBL_MIN), DBL_MAX);
 }
 
 /* Whether stability, and stiffness that is missed, may have changed since they were last looked at. */
@@ -273,27 +262,178 @@ static int changed(const Monitor *monitor, const double *inputs, const Memory *m
     return !(body_softening_bound(monitor->body, change) < above);
 }
 
+int64_t look_size(const Body *body, const Body *shadow) {
+    Arena of_body = {0}, of_shadow = {0};
+    stability_demand(body, &of_body);
+    if (shadow) certificate_demand(shadow, &of_shadow);
+    return larger(of_body.used, of_shadow.used);
+}
+
+/* Do pieces of a look, all of them without a slice. */
+static double pieces_of(const Monitor *monitor, int kind, const double *q, const double *inputs, Slice *slice) {
+    const Arena arena = monitor->pieces->arena;
+    const double limit = monitor->watch[WATCH_STABILITY].limit;
+    if (kind == LOOK_ERROR) pieces_of_error(monitor->body, monitor->shadow, inputs, q, arena, slice);
+    if (kind == LOOK_CAUSE) pieces_of_cause(monitor->body, inputs, q, arena, slice);
+    return kind == LOOK_STABILITY ? pieces_of_stability(monitor->body, inputs, q, limit, arena, slice) : 0.0;
+}
+
+static void look_at_once(const Monitor *monitor, int kind, const StepEnd *end, Memory *memory, Findings *found) {
+    const double limit = monitor->watch[WATCH_STABILITY].limit;
+    monitor->pieces->begun = 0;
+    if (kind == LOOK_ERROR) {
+        pieces_of(monitor, kind, end->q, end->inputs, 0);
+        tell_error(monitor, memory->error.deflection, memory, found);
+        return;
+    }
+    memory->beyond = body_stable_beyond(monitor->body, end->inputs, end->q, limit);
+    if (memory->beyond >= limit) return;
+    memory->beyond = limit;
+    pieces_of(monitor, LOOK_STABILITY, end->q, end->inputs, 0);
+    pieces_of(monitor, LOOK_CAUSE, end->q, end->inputs, 0);
+    tell_stability(monitor, end->inputs, memory, found);
+}
+
+/* Let a state be looked at, or wait. */
+static void submit(const Monitor *monitor, int kind, const StepEnd *end, double weight, Memory *memory) {
+    Looking *now = &memory->looking;
+    const int64_t m = monitor->body->p.modes, loads = monitor->body->p.loads;
+    if (!(weight > now->waiting[kind])) return;
+    now->waiting[kind] = weight;
+    now->deflections[kind] = memory->error.deflection;
+    double *state = memory->states + (1 + kind) * (m + loads);
+    memcpy(state, end->q, (size_t)m * sizeof(double));
+    memcpy(state + m, end->inputs, (size_t)loads * sizeof(double));
+}
+
+/* Of a slice: a part of what a configuration of the body costs, a few of which make a step, and what any step can bear. */
+static const double OF_STEP = 1.0 / 5.0, OF_ANY = 6000.0;
+
+/* Cost of a look, and in how many slices it is done. */
+static void begin_look(const Monitor *monitor, int kind, Memory *memory) {
+    const Program *p = &monitor->body->p;
+    Looking *now = &memory->looking;
+    Slice count = {0};
+    count.until = -1.0;
+    pieces_of(monitor, kind, memory->states, memory->states + p->modes, &count);
+    now->under_way = 1.0;
+    now->look = kind;
+    now->done = 0.0;
+    now->slices = ceil(count.whole / (OF_STEP * configuration_cost(monitor->body) + OF_ANY));
+    monitor->pieces->slice = count;
+    monitor->pieces->begun = 1;
+}
+
+/* The state that waits, of the other look first. */
+static int next_look(const Monitor *monitor, Memory *memory) {
+    Looking *now = &memory->looking;
+    const int64_t size = monitor->body->p.modes + monitor->body->p.loads;
+    const int other = now->look == LOOK_ERROR ? LOOK_STABILITY : LOOK_ERROR;
+    const int kind = now->waiting[other] > 0.0 ? other : WAITING - 1 - other;
+    if (!(now->waiting[kind] > 0.0)) return 0;
+    memcpy(memory->states, memory->states + (1 + kind) * size, (size_t)size * sizeof(double));
+    now->waiting[kind] = 0.0;
+    now->deflection = now->deflections[kind];
+    begin_look(monitor, kind, memory);
+    return 1;
+}
+
+/* The next slice of the look under way; after the last one what it has found is told. */
+static void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
+    Looking *now = &memory->looking;
+    Pieces *pieces = monitor->pieces;
+    Slice *slice = &pieces->slice;
+    const double *q = memory->states, *inputs = q + monitor->body->p.modes, limit = monitor->watch[WATCH_STABILITY].limit;
+    if (now->under_way == 0.0 && !next_look(monitor, memory)) return;
+    const int kind = (int)now->look;
+    if (kind == LOOK_ERROR && !monitor->shadow) {
+        now->under_way = 0.0;
+        return;
+    }
+    if (!pieces->begun) {
+        *slice = (Slice){0};
+        pieces->begun = 1;
+        if (kind == LOOK_CAUSE) pieces_of(monitor, LOOK_STABILITY, q, inputs, 0);
+        slice->until = -1.0;
+        pieces_of(monitor, kind, q, inputs, slice);
+    }
+    now->done += 1.0;
+    const int last = now->done >= now->slices;
+    /* Where slices were lost with another state, the rest makes up for them. */
+    slice->until = last ? HUGE_VAL : slice->spent + (slice->whole - slice->spent) / (now->slices - now->done + 1.0);
+    double beyond = 0.0;
+    if (last || (!slice->failed && slice->spent < slice->whole)) {
+        slice->met = 0;
+        slice->whole = 0.0;
+        beyond = pieces_of(monitor, kind, q, inputs, slice);
+    }
+    if (!last) return;
+    const int again = slice->failed == FAILED_PIECEMEAL;
+    if (again) beyond = pieces_of(monitor, kind, q, inputs, 0);
+    now->under_way = 0.0;
+    pieces->begun = 0;
+    if (kind == LOOK_ERROR) tell_error(monitor, now->deflection, memory, found);
+    if (kind == LOOK_CAUSE) tell_stability(monitor, inputs, memory, found);
+    if (kind != LOOK_STABILITY) return;
+    memory->beyond = fmax(beyond, limit);
+    if (beyond >= limit) return;
+    if (!again) {
+        begin_look(monitor, LOOK_CAUSE, memory);
+        return;
+    }
+    pieces_of(monitor, LOOK_CAUSE, q, inputs, 0);
+    tell_stability(monitor, inputs, memory, found);
+}
+
+void finish_looks(const Monitor *monitor, Memory *memory, Findings *found) {
+    const Looking *now = &memory->looking;
+    found->count = 0;
+    while (now->under_way != 0.0 || now->waiting[LOOK_ERROR] > 0.0 || now->waiting[LOOK_STABILITY] > 0.0) {
+        memory->looking.done = now->slices;
+        go_on(monitor, memory, found);
+    }
+}
+
+/* Whether a step is refused for what was found. */
+static int refuses(const Findings *found) {
+    for (int i = 0; i < found->count; i++)
+        if (found->action[i] != ON_WARN) return 1;
+    return 0;
+}
+
 void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
     Body *body = monitor->body;
     const Watch *watch = monitor->watch;
     const int64_t loads = body->p.loads;
     const double *q = end->q, *v = end->v, *inputs = end->inputs, square = dot(inputs, inputs, loads);
+    double due[WAITING] = {0.0, 0.0};
     found->count = 0;
     /* Of loads beyond 1e154 the square is no number any more. */
     if (square > memory->largest) memory->largest = square < DBL_MAX ? square : DBL_MAX;
     rotation(body, watch + WATCH_ROTATION, q, memory, found);
     strain(body, watch + WATCH_STRAIN, q, memory, found);
-    error(monitor, end, memory, found);
+    due[LOOK_ERROR] = error_due(monitor, end, memory);
     truncation(monitor, end, memory, found);
     if (end->step > 0.0 && body->p.spins) {
         spinning(monitor, q, v, memory, found);
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
     if (end->step > 0.0 && body->p.mass_forms && !body->p.inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
-    if (!(watch[WATCH_STABILITY].limit > 0.0 || watch[WATCH_MISSED].limit > 0.0)) return;
-    if (!changed(monitor, inputs, memory)) return;
-    stability(monitor, q, inputs, memory, found);
-    if (!(memory->warned[WATCH_MISSED] != 0.0 && watch[WATCH_MISSED].action == ON_WARN))
-        missed(monitor, inputs, memory, found);
-    memcpy(memory->inputs, inputs, (size_t)loads * sizeof(double));
+    if ((watch[WATCH_STABILITY].limit > 0.0 || watch[WATCH_MISSED].limit > 0.0) && changed(monitor, inputs, memory)) {
+        if (watch[WATCH_STABILITY].limit > 0.0 && !silenced(watch + WATCH_STABILITY, memory->warned[WATCH_STABILITY]))
+            due[LOOK_STABILITY] = fmin(fmax(square, DBL_MIN), DBL_MAX);
+        if (!silenced(watch + WATCH_MISSED, memory->warned[WATCH_MISSED])) missed(monitor, inputs, memory, found);
+        memcpy(memory->inputs, inputs, (size_t)loads * sizeof(double));
+    }
+    /* A step that may be refused, and the start, are looked at in full. */
+    const Watch *of[WAITING] = {watch + WATCH_ERROR, watch + WATCH_STABILITY};
+    for (int kind = 0; kind < WAITING; kind++)
+        if (due[kind] > 0.0 && (of[kind]->action != ON_WARN || end->step == 0.0 || (kind == LOOK_ERROR && monitor->interval <= 1.0))) {
+            look_at_once(monitor, kind, end, memory, found);
+            due[kind] = 0.0;
+        }
+    if (refuses(found)) return;
+    for (int kind = 0; kind < WAITING; kind++) submit(monitor, kind, end, due[kind], memory);
+    if (due[LOOK_STABILITY] > 0.0) memory->beyond = watch[WATCH_STABILITY].limit;
+    go_on(monitor, memory, found);
 }

@@ -39,9 +39,27 @@ typedef struct {
     Truncation truncation;
 } Course;
 
+/* What takes long is looked at in slices, one a step, at a state that is kept for it. In the meantime another may come to wait: the
+ * one with the most energy, or the largest loads. */
+enum { LOOK_ERROR, LOOK_STABILITY, LOOK_CAUSE, LOOKS };
+enum { WAITING = LOOK_CAUSE, STATES = 1 + WAITING };
+typedef struct {
+    double under_way, look, slices, done; /* whether one is; which; slices that it takes, and that were done */
+    double deflection, waiting[WAITING], deflections[WAITING]; /* at the state looked at; how much those that wait weigh, 0: none */
+} Looking;
+
+/* What the slices have found so far: of the states that are kept, and no state itself. */
+typedef struct {
+    Slice slice;
+    int begun;
+    Arena arena;
+} Pieces;
+
 /* What the monitor remembers: all of it is state. */
 typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
+    double *states;          /* (STATES, m + L): q and loads that are looked at, and of those that wait */
+    Looking looking;
     double largest;          /* square of the largest loads so far */
     double beyond;           /* what stability was known to lie above then */
     Course course;
@@ -75,9 +93,15 @@ typedef struct {
     Scale scale;
     Watch watch[WATCHES];
     double interval, *inputs, *shape, *errors;
+    Pieces *pieces;
 } Monitor;
+
+/* Room that looks take. */
+int64_t look_size(const Body *body, const Body *shadow);
 
 /* Look at a step's end; `memory` is changed, as it counts if the step is accepted. */
 void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found);
+/* All that is still to be looked at, at once. */
+void finish_looks(const Monitor *monitor, Memory *memory, Findings *found);
 
 #endif

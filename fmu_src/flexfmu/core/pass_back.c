@@ -86,15 +86,17 @@ void pass_back(const Body *body, const Configuration *at, double *force, double 
 static void full_operator(const Body *body, const Configuration *at, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
-    memcpy(out, p->operator_, (size_t)(6 * p->nodes * m) * sizeof(double));
+    if (due(body->slice, (double)(6 * p->nodes * m))) memcpy(out, p->operator_, (size_t)(6 * p->nodes * m) * sizeof(double));
     if (!p->curved) return;
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->bends + part;
         const double *basis = part_basis(p, part);
         const int64_t r = p->extent[part];
+        int doing = 1;
         for (int64_t k = 0; k < bend->count; k++) {
             const double *turned = at->turned + bend->start + k * r;
             double *row = out + bend->row[k] * m;
+            if (!row_due(body->slice, k, (double)(basis ? r * m : m), &doing)) continue;
             if (basis)
                 add_rows(turned, basis, row, r, m);
             else
@@ -119,6 +121,7 @@ void jacobians_at(const Body *body, const Configuration *at, Jacobians *of) {
     for (int64_t k = 0; k < p->nodes; k++) {
         const int64_t on = p->parent[k];
         double both[9], arm[3], hat[9], *x = translation + k * size, *w = spin + k * size;
+        if (!due(body->slice, (double)(10 * size))) continue;
         multiply(at->parent + 9 * k, at->jacobian + 9 * k, both);
         apply_rows(both, operator_ + (p->nodes + k) * size, w, m);
         apply_rows(at->parent + 9 * k, operator_ + k * size, x, m);
@@ -166,25 +169,28 @@ static void lever_changes(const Body *body, const double *force, const double *t
 /* out (m, m) += what rows (6K) of loads on b and phi make of the curvature. */
 static void add_curvature_stiffness(const Body *body, const double *rows, LoadSlope *room, double *out) {
     const Program *p = &body->p;
-    const int64_t m = p->modes, n = p->nodes;
+    const int64_t m = p->modes;
     double *one = room->one, *square = room->square;
     if (!p->curved) return;
     for (int64_t part = 0; part < p->parts; part++) {
         const int64_t r = p->extent[part];
         const double *basis = part_basis(p, part);
-        memset(square, 0, (size_t)(r * r) * sizeof(double));
+        if (due(body->slice, (double)(r * r))) memset(square, 0, (size_t)(r * r) * sizeof(double));
         const Bend *bend = body->bends + part;
         for (int64_t first = 0; first < bend->count; first += LANES) {
             double factors[LANES] = {0.0};
+            if (!due(body->slice, (double)(2 * LANES * r * r))) continue;
             for (int64_t k = first; k < first + LANES && k < bend->count; k++) factors[k - first] = rows[bend->row[k]];
             add_packed(factors, bend->curvature + first / LANES * packed_size(r), square, r);
         }
         if (!basis) {
+            if (!due(body->slice, (double)(m * m))) continue;
             for (int64_t j = 0; j < m * m; j++) out[j] += square[j];
             continue;
         }
         /* Basisᵀ square basis, a row of the middle at a time. */
         for (int64_t i = 0; i < r; i++) {
+            if (!due(body->slice, (double)((m + r) * m))) continue;
             memset(one, 0, (size_t)m * sizeof(double));
             add_rows(square + i * r, basis, one, r, m);
             add_transposed_product(basis + i * m, one, out, 1, m, m);
@@ -198,11 +204,14 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
     const int64_t m = p->modes, n = p->nodes, size = 3 * m;
     const double *operator_ = of->operator_, *translation = of->translation, *spin = of->spin;
     double *total = room->total, *about = room->about, *change = room->change, *one = room->one, *other = room->other;
-    memcpy(total, force, (size_t)(3 * n) * sizeof(double));
-    memcpy(about, moment, (size_t)(3 * n) * sizeof(double));
-    gather(body, at, total, about, room->rows);
-    lever_changes(body, force, translation, change);
+    if (due(body->slice, (double)(7 * n * size))) {
+        memcpy(total, force, (size_t)(3 * n) * sizeof(double));
+        memcpy(about, moment, (size_t)(3 * n) * sizeof(double));
+        gather(body, at, total, about, room->rows);
+        lever_changes(body, force, translation, change);
+    }
     for (int64_t k = 0; k < n; k++) {
+        if (!due(body->slice, (double)(2 * size * (m + 12)))) continue;
         const int64_t on = p->parent[k];
         const double *d = operator_ + k * size, *c = operator_ + (n + k) * size, *parent = at->parent + 9 * k;
         double hat_force[9], hat_moment[9], local[3], slope[9];

@@ -101,7 +101,7 @@ void polynomial_gradient(const Body *body, const double *q, const double *v, Pol
 }
 
 int factor_mass(double *mass, int64_t n) {
-    if (!cholesky(mass, n)) return 0;
+    if (!cholesky(mass, n, 0)) return 0;
     /* The square of a pivot is the mass of some motion. */
     for (int64_t j = 0; j < n; j++)
         if (!(mass[j * n + j] * mass[j * n + j] > LEAST_MASS)) return 0;

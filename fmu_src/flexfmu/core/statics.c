@@ -55,18 +55,23 @@ void statics_demand(const Body *body, Arena *arena) {
 }
 
 /* Without a potential it is not symmetric, and its symmetric part may be indefinite where the body is stable. */
-int stable_tangent(const double *tangent, double *factor, int64_t m) {
+int stable_tangent(const double *tangent, double *factor, int64_t m, Slice *slice) {
     double off = 0.0, most = 0.0;
+    int doing = 1;
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < m && (j > 0 || row_due(slice, i, (double)(3 * m), &doing)); j++) {
+            if (!isfinite(tangent[i * m + j])) return fails(slice);
+            factor[i * m + j] = 0.5 * (tangent[i * m + j] + tangent[j * m + i]);
+        }
+    if (cholesky(factor, m, slice)) return 1;
     for (int64_t i = 0; i < m; i++)
         for (int64_t j = 0; j < m; j++) {
-            if (!isfinite(tangent[i * m + j])) return 0;
             off = fmax(off, fabs(tangent[i * m + j] - tangent[j * m + i]));
             most = fmax(most, fabs(tangent[i * m + j]));
         }
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m; j++) factor[i * m + j] = 0.5 * (tangent[i * m + j] + tangent[j * m + i]);
-    if (cholesky(factor, m)) return 1;
-    if (off <= SYMMETRIC * most) return 0;
+    if (off <= SYMMETRIC * most) return fails(slice);
+    if (slice) slice->failed = FAILED_PIECEMEAL;
+    if (slice) return 0;
     memcpy(factor, tangent, (size_t)(m * m) * sizeof(double));
     return smallest_real_part(factor, m) > 0.0;
 }
@@ -94,8 +99,8 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
             room->change[i] = (body->stiffness[i] * room->trial[i] - force) / p->omega[i];
             for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= p->omega[i] * p->omega[j];
         }
-        if (!stable_tangent(room->tangent, room->factor, m)) return 0;
-        if (!lu_factor(room->tangent, body->pivot, m)) return 0;
+        if (!stable_tangent(room->tangent, room->factor, m, 0)) return 0;
+        if (!lu_factor(room->tangent, body->pivot, m, 0)) return 0;
         lu_solve(room->tangent, body->pivot, room->change, m, 1);
         const double size = norm(room->change, m);
         double whole = 0.0;
@@ -134,7 +139,7 @@ static int follows(Body *body, Room *room, const double *q, double earlier) {
         tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
         for (int64_t i = 0; i < m; i++)
             for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= body->p.omega[i] * body->p.omega[j];
-        if (!stable_tangent(room->tangent, room->factor, m)) return 0;
+        if (!stable_tangent(room->tangent, room->factor, m, 0)) return 0;
     }
     return 1;
 }

@@ -200,7 +200,7 @@ static int residual(Step *s) {
             const double one = i == j ? 1.0 : 0.0, of = end->mass.whole[i * n + j];
             x->room.matrix[i * solved + j] = i < t ? of : one + gv[i - t] / h * (of - one);
         }
-    return lu_factor(x->room.matrix, body->pivot, solved);
+    return lu_factor(x->room.matrix, body->pivot, solved, 0);
 }
 
 /* Spin and rates z at the end from the momenta there, in turns, since these hang on the rotation; 0 where it turns too far. */
@@ -261,7 +261,7 @@ static Progress correct(Step *s) {
         blurred += x->sizes[j] * blur * blur;
     }
     for (int64_t i = 0; i < t; i++) memcpy(x->room.matrix + i * t, end->mass.whole + i * n, (size_t)t * sizeof(double));
-    if (!lu_factor(x->room.matrix, s->body->pivot, t)) return LOST;
+    if (!lu_factor(x->room.matrix, s->body->pivot, t, 0)) return LOST;
     lu_solve(x->room.matrix, s->body->pivot, turn_by, t, 1);
     for (int64_t a = 0; a < t; a++) {
         const double unit = end->mass.whole[a * n + a], now = z[a] + turn_by[a], by = now - end->z[a];
@@ -285,7 +285,7 @@ static int keep_momenta(Free *x) {
         end->z[a] -= dot(end->mass.whole + a * n + t, end->z + t, e);
         memcpy(x->room.matrix + a * t, end->mass.whole + a * n, (size_t)t * sizeof(double));
     }
-    if (!lu_factor(x->room.matrix, s->body->pivot, t)) return 0;
+    if (!lu_factor(x->room.matrix, s->body->pivot, t, 0)) return 0;
     lu_solve(x->room.matrix, s->body->pivot, end->z, t, 1);
     total_force(p, x->inputs, x->total);
     apply(x->middle, x->followed, everything);

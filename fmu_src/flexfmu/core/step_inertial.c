@@ -62,7 +62,7 @@ static int accelerate(Inertial *x, const Configuration *at, const double *v, dou
     subtract_damping(body, v, out);
     memcpy(x->chord, x->mass, (size_t)(r * r) * sizeof(double));
     for (int64_t j = 0; j < r; j++) x->chord[j * r + j] += 1.0;
-    s->all->massless = !(body->p.lumped ? cholesky(x->chord, r) : factor_mass(x->chord, r));
+    s->all->massless = !(body->p.lumped ? cholesky(x->chord, r, 0) : factor_mass(x->chord, r));
     if (s->all->massless) return 0;
     cholesky_solve(x->chord, out, r);
     return 1;
@@ -200,7 +200,7 @@ static int residual(Step *s) {
             const double heavy = i < r && j < r ? (x->mass[i * r + j] - own * x->excess[j]) * s->rule->gv[j] : 0.0;
             x->chord[i * solved + j] = own + (heavy + damped) / h;
         }
-    return lu_factor(x->chord, body->pivot, solved);
+    return lu_factor(x->chord, body->pivot, solved, 0);
 }
 
 static Progress correct(Step *s) {

@@ -7,6 +7,9 @@
 
 static const double IDENTITY[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
+/* Cost of placing a node, in multiplications. */
+enum { NODE = 200 };
+
 void take_configuration(const Body *body, Arena *arena, Configuration *at) {
     const Program *p = &body->p;
     at->q = take(arena, p->modes);
@@ -53,7 +56,7 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
         for (int64_t first = 0; first < bend->count; first += LANES, curvature += size) {
             int any = 0;
             for (int64_t k = first; k < first + LANES && k < bend->count; k++) any |= wanted(p, need, bend->row[k]);
-            if (!any) continue;
+            if (!any || !due(body->slice, (double)(LANES * r * r))) continue;
             packed_times(curvature, bent + part * p->modes, body->four, r);
             unpack(body->four, to + bend->start + first * r, r);
         }
@@ -101,15 +104,18 @@ static void place(const Program *p, const Need *need, Configuration *at) {
 
 void configure_linear(const Body *body, const Need *need, const double *q, Configuration *at) {
     const Program *p = &body->p;
-    if (at->q != q) memcpy(at->q, q, (size_t)p->modes * sizeof(double));
-    memset(at->straight, 0, (size_t)(6 * p->nodes) * sizeof(double));
-    add_strided_rows(q, p->operator_t, 6 * p->nodes, at->straight, p->modes, moving_rows(p));
+    if (due(body->slice, (double)(6 * p->nodes * p->modes))) {
+        if (at->q != q) memcpy(at->q, q, (size_t)p->modes * sizeof(double));
+        memset(at->straight, 0, (size_t)(6 * p->nodes) * sizeof(double));
+        add_strided_rows(q, p->operator_t, 6 * p->nodes, at->straight, p->modes, moving_rows(p));
+    }
     if (!p->curved) return;
-    part_coordinates(p, q, at->bent);
+    if (due(body->slice, (double)(p->parts * p->modes * p->modes))) part_coordinates(p, q, at->bent);
     turn_rows(body, need, at->bent, at->turned);
 }
 
 void configure_places(const Body *body, const Need *need, Configuration *at) {
+    if (!due(body->slice, (double)(body->bend_rows + NODE * body->p.nodes))) return;
     bend_rows(body, need, at);
     place(&body->p, need, at);
 }
@@ -117,6 +123,11 @@ void configure_places(const Body *body, const Need *need, Configuration *at) {
 void configure(const Body *body, const double *q, Configuration *at) {
     configure_linear(body, 0, q, at);
     configure_places(body, 0, at);
+}
+
+double configuration_cost(const Body *body) {
+    const Program *p = &body->p;
+    return (double)((6 * p->nodes + body->bend_rows) * p->modes + NODE * p->nodes);
 }
 
 static void mean_of(const double *a, const double *b, double *out, int64_t n) {

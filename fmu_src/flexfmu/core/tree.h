@@ -6,6 +6,8 @@
 
 void take_configuration(const Body *body, Arena *arena, Configuration *at);
 void configure(const Body *body, const double *q, Configuration *at);
+/* Cost of that, in multiplications. */
+double configuration_cost(const Body *body);
 /* All that is linear in q, what places are made of; null `need`: all. */
 void configure_linear(const Body *body, const Need *need, const double *q, Configuration *at);
 void configure_places(const Body *body, const Need *need, Configuration *at);

@@ -4,214 +4,11 @@
 #include <string.h>
 
 #include "algebra.h"
-#include "forces.h"
 #include "polynomial.h"
-#include "tree.h"
-
-/* Growth of vibrations over the lowest frequency that is none but round-off. */
-static const double FLUTTER = 1e-6;
-
-/* Tangent of the elastic coordinates over the unloaded one, and what it is made in. */
-typedef struct {
-    Configuration at;
-    Loads loads;
-    TangentRoom rest;
-    Jacobians of;
-    double *tangent, *unloaded, *scaled, *lower, *shapes, *values, *gaps, *row, *none;
-    double *state; /* (2e, 2e) with loads that turn with the body */
-} Room;
-
-static void take_room(const Body *body, Arena *arena, Room *room) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes;
-    take_configuration(body, arena, &room->at);
-    take_loads(body, arena, &room->loads);
-    take_tangent_room(body, arena, &room->rest);
-    take_jacobians(body, arena, &room->of);
-    room->tangent = take(arena, m * m);
-    room->unloaded = take(arena, p->tied * m * m);
-    room->scaled = take(arena, m * m);
-    room->lower = take(arena, m * m);
-    room->shapes = take(arena, m * m);
-    room->values = take(arena, m);
-    room->gaps = take(arena, 12 * p->ties * m);
-    room->row = take(arena, m);
-    room->none = take(arena, p->loads);
-    room->state = take(arena, p->followers ? 4 * p->elastic_count * p->elastic_count : 0);
-}
-
-void stability_demand(const Body *body, Arena *arena) {
-    Room room;
-    take_room(body, arena, &room);
-}
-
-/* The scaled tangent (e, e) in room->scaled, e is returned. */
-static int64_t scaled_tangent(Body *body, const double *inputs, const double *q, Room *room) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first;
-    configure(body, q, &room->at);
-    spread(body, inputs, &room->loads);
-    tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
-    if (!p->tied) {
-        for (int64_t i = 0; i < e; i++)
-            for (int64_t j = 0; j < e; j++) {
-                const int64_t a = (first + i) * m + first + j, b = (first + j) * m + first + i;
-                room->scaled[i * e + j] = 0.5 * (room->tangent[a] + room->tangent[b]) / (p->omega[first + i] * p->omega[first + j]);
-            }
-        return e;
-    }
-    /* Turned frames stretch the modes' linear springs without any cause: what the tangent has to be compared with is the
-     * material's own stiffness and that of the ties where they are now. */
-    jacobians_at(body, &room->at, &room->of);
-    gap_derivative(body, &room->at, &room->of, room->gaps);
-    for (int64_t i = 0; i < m * m; i++) room->unloaded[i] = (i % (m + 1) == 0 ? body->stiffness[i / (m + 1)] : 0.0) - p->tie_initial[i];
-    for (int64_t i = 0; i < 12 * p->ties; i++) {
-        const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
-        for (int64_t j = 0; j < m; j++) room->row[j] = k * room->gaps[i * m + j];
-        add_transposed_product(room->gaps + i * m, room->row, room->unloaded, 1, m, m);
-    }
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m; j++) {
-            room->lower[i * m + j] = 0.5 * (room->unloaded[i * m + j] + room->unloaded[j * m + i]);
-            room->scaled[i * m + j] = 0.5 * (room->tangent[i * m + j] + room->tangent[j * m + i]);
-        }
-    if (!cholesky(room->lower, m)) {
-        /* The ties' own springs are unstable: nothing is left of stability. */
-        memset(room->scaled, 0, (size_t)(m * m) * sizeof(double));
-        return m;
-    }
-    congruent(room->lower, room->scaled, m);
-    return m;
-}
-
-/* With loads that turn with the body the tangent is not symmetric. The smallest real part of the eigenvalues of the scaled
- * tangent tells divergence; where vibrations grow, how fast, over the lowest frequency, with its sign reversed: flutter. */
-static double follower_stability(const Body *body, Room *room) {
-    const Program *p = &body->p;
-    const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first, n = 2 * e;
-    double *state = room->state;
-    memset(state, 0, (size_t)(n * n) * sizeof(double));
-    for (int64_t i = 0; i < e; i++) {
-        const int64_t a = first + i;
-        /* Coordinates by their frequency, which balances the matrix: y = omega q, v. */
-        state[i * n + e + i] = -p->omega[a];
-        state[(e + i) * n + e + i] = body->rate[a];
-        for (int64_t j = 0; j < e; j++) {
-            const double of = room->tangent[a * m + first + j];
-            state[(e + i) * n + j] = of / p->omega[first + j];
-            room->scaled[i * e + j] = of / (p->omega[a] * p->omega[first + j]);
-        }
-    }
-    const double growth = -smallest_real_part(state, n) / p->omega[first];
-    return growth > FLUTTER ? -growth : smallest_real_part(room->scaled, e);
-}
-
-double body_stability(Body *body, const double *inputs, const double *q, double *shape) {
-    const int64_t first = body->p.tied ? 0 : body->p.elastic_first;
-    Arena arena = work_arena(body);
-    Room room;
-    take_room(body, &arena, &room);
-    if (arena.refused) return NAN;
-    const int64_t e = scaled_tangent(body, inputs, q, &room);
-    for (int64_t i = 0; i < e * e; i++)
-        if (!isfinite(room.scaled[i])) return NAN;
-    symmetric_eigen(room.scaled, room.values, room.shapes, e);
-    if (room.loads.following && !body->p.tied) room.values[0] = follower_stability(body, &room);
-    if (shape) {
-        memset(shape, 0, (size_t)body->p.modes * sizeof(double));
-        for (int64_t i = 0; i < e; i++) shape[first + i] = room.shapes[i * e];
-    }
-    return room.values[0];
-}
-
-/* Beyond this the smallest eigenvalue is not looked at more closely. */
-static const double FAR_ABOVE = 0.5;
-
-double body_stable_beyond(Body *body, const double *inputs, const double *q, double margin) {
-    const int64_t tied = body->p.tied;
-    Arena arena = work_arena(body);
-    Room room;
-    take_room(body, &arena, &room);
-    if (arena.refused) return -HUGE_VAL;
-    spread(body, inputs, &room.loads);
-    /* The tangent of loads that turn with nothing is that of the unloaded body. */
-    if (!room.loads.active && !tied) return margin < 1.0 ? 1.0 : -HUGE_VAL;
-    const int64_t e = scaled_tangent(body, inputs, q, &room);
-    if (room.loads.following && !tied) return follower_stability(body, &room) > margin ? margin : -HUGE_VAL;
-    double *kept = room.shapes;
-    memcpy(kept, room.scaled, (size_t)(e * e) * sizeof(double));
-    for (double least = fmax(margin, FAR_ABOVE);; least = margin) {
-        for (int64_t i = 0; i < e; i++) room.scaled[i * e + i] -= least;
-        if (cholesky(room.scaled, e)) return least;
-        if (least == margin) return -HUGE_VAL;
-        memcpy(room.scaled, kept, (size_t)(e * e) * sizeof(double));
-    }
-}
-
-int body_is_stable(Body *body, const double *inputs, const double *q, double margin) {
-    return body_stable_beyond(body, inputs, q, margin) >= margin;
-}
-
-/* Whether the tangent is that of the unloaded body and a sum over the loads, whatever the body's shape. */
-static int softened_by_loads_alone(const Program *p) {
-    return !p->tied && !p->stretches && !p->by_mode_given && !p->followers;
-}
-
-/* What a bent body adds to the bound of the undeformed one. */
-static const double BENT = 2.0;
-
-void find_softening(Body *body) {
-    const Program *p = &body->p;
-    Arena arena = work_arena(body);
-    Room room;
-    take_room(body, &arena, &room);
-    if (!softened_by_loads_alone(p) || arena.refused) return;
-    double *rest = body->end_q;
-    memset(rest, 0, (size_t)p->modes * sizeof(double));
-    memset(body->softens, 0, (size_t)((p->loads + 2) / 3) * sizeof(double));
-    for (int64_t l = 0; l < p->loads; l++) {
-        memset(room.none, 0, (size_t)p->loads * sizeof(double));
-        room.none[l] = 1.0;
-        const int64_t e = scaled_tangent(body, room.none, rest, &room);
-        for (int64_t i = 0; i < e; i++) room.scaled[i * (e + 1)] -= 1.0;
-        body->softens[l / 3] += dot(room.scaled, room.scaled, e * e);
-    }
-    for (int64_t k = 0; 3 * k < p->loads; k++) body->softens[k] = BENT * sqrt(body->softens[k]);
-}
-
-/* Weyl's inequality: no eigenvalue changes by more than the norm of what is added. A force or moment may turn against the
- * body, so that its three components count alike. */
-double body_softening_bound(const Body *body, const double *inputs) {
-    const Program *p = &body->p;
-    if (!softened_by_loads_alone(p)) return HUGE_VAL;
-    double bound = 0.0;
-    for (int64_t k = 0; 3 * k < p->loads; k++) bound += body->softens[k] * norm(inputs + 3 * k, 3);
-    return bound;
-}
-
-double body_softening(Body *body, const double *inputs, const double *q, const double *shape) {
-    const int64_t first = body->p.tied ? 0 : body->p.elastic_first;
-    Arena arena = work_arena(body);
-    Room room;
-    take_room(body, &arena, &room);
-    if (arena.refused) return NAN;
-    double whole = 0.0, left = 0.0;
-    if (body->p.stretches) {
-        /* What the stretch stiffens or softens is there without the loads, too. */
-        memset(room.none, 0, (size_t)body->p.loads * sizeof(double));
-        const int64_t e = scaled_tangent(body, room.none, q, &room);
-        for (int64_t i = 0; i < e; i++) whole += shape[first + i] * dot(room.scaled + i * e, shape + first, e);
-    } else {
-        whole = dot(shape, shape, body->p.modes);
-    }
-    const int64_t e = scaled_tangent(body, inputs, q, &room);
-    for (int64_t i = 0; i < e; i++) left += shape[first + i] * dot(room.scaled + i * e, shape + first, e);
-    return whole - left;
-}
 
 /* e: elastic coordinates; columns: the loads, then unit loads on the interfaces. */
 typedef struct {
-    double *change, *missed, *lower, *values; /* (e, e) and (e) */
+    double *change, *missed, *lower, *values; /* (e, e) and (5e + 2) */
     double *loads, *right;                    /* (e, columns) */
     double *deflection, *off;                 /* (6I, columns) */
 } Judgement;
@@ -221,7 +18,7 @@ static void take_judgement(const Body *body, Arena *arena, Judgement *room) {
     room->change = take(arena, e * e);
     room->missed = take(arena, e * e);
     room->lower = take(arena, e * e);
-    room->values = take(arena, e);
+    room->values = take(arena, 5 * e + 2);
     room->loads = take(arena, e * columns);
     room->right = take(arena, e * columns);
     room->deflection = take(arena, rows * columns);
@@ -272,9 +69,9 @@ int body_may_miss(Body *body, const double *inputs, double limit) {
     double *change = room.change, *off = room.missed, *sum = room.lower;
     judged(body, inputs, change, off);
     for (int64_t i = 0; i < e * e; i++) sum[i] = limit / (1.0 - limit) * change[i] - off[i];
-    if (!cholesky(sum, e)) return 1;
+    if (!cholesky(sum, e, 0)) return 1;
     for (int64_t i = 0; i < e * e; i++) sum[i] = limit / (1.0 + limit) * change[i] + off[i];
-    return !cholesky(sum, e);
+    return !cholesky(sum, e, 0);
 }
 
 /* Disturbance that any loads may come with, as a share of their size: nothing is aligned better. */
@@ -305,17 +102,18 @@ double body_missed(Body *body, const double *inputs, double *margin) {
     double *loads = room.loads, *right = room.right, *deflection = room.deflection, *off = room.off;
     judged(body, inputs, change, missed);
     if (margin) {
-        symmetric_eigen(change, values, 0, e);
-        *margin = values[0];
+        smallest_eigen(change, values + e, margin, values, e, 0);
         judged(body, inputs, change, missed);
     }
     memcpy(lower, change, (size_t)(e * e) * sizeof(double));
-    if (!cholesky(lower, e)) return 1.0;
-    congruent(lower, missed, e);
-    symmetric_eigen(missed, values, 0, e);
-    if (values[0] <= -0.5) return 1.0;
-    double of_any_shape = 0.0;
-    for (int64_t i = 0; i < e; i++) of_any_shape = fmax(of_any_shape, fabs(values[i] / (1.0 + values[i])));
+    if (!cholesky(lower, e, 0)) return 1.0;
+    congruent(lower, missed, e, 0);
+    double least, most;
+    for (int64_t i = 0; i < e * e; i++) change[i] = -missed[i];
+    smallest_eigen(missed, values + e, &least, values, e, 0);
+    smallest_eigen(change, values + e, &most, values, e, 0);
+    if (least <= -0.5) return 1.0;
+    const double of_any_shape = fmax(fabs(least / (1.0 + least)), fabs(most / (1.0 - most)));
     /* The loads, then unit loads on the interfaces, in columns. */
     judged(body, inputs, change, missed);
     memset(loads, 0, (size_t)(e * columns) * sizeof(double));
@@ -325,10 +123,10 @@ double body_missed(Body *body, const double *inputs, double *margin) {
     }
     memcpy(right, loads, (size_t)(e * columns) * sizeof(double));
     memcpy(lower, change, (size_t)(e * e) * sizeof(double));
-    if (!lu_factor(lower, body->pivot, e)) return 1.0;
+    if (!lu_factor(lower, body->pivot, e, 0)) return 1.0;
     lu_solve(lower, body->pivot, right, e, columns);
     for (int64_t i = 0; i < e * e; i++) change[i] += missed[i];
-    if (!lu_factor(change, body->pivot, e)) return 1.0;
+    if (!lu_factor(change, body->pivot, e, 0)) return 1.0;
     lu_solve(change, body->pivot, loads, e, columns);
     for (int64_t i = 0; i < e * columns; i++) loads[i] -= right[i];
     product(p->judge_motion, right, deflection, rows, e, columns);

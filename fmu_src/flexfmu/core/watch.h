@@ -1,5 +1,4 @@
-/* What tells how far a body is to be trusted: stability, stiffness and inertia that its method misses. docs/theory.md
- * sections 7 and 9. */
+/* What tells how far a body is to be trusted: stiffness and inertia that its method misses. docs/theory.md sections 7 and 9. */
 #ifndef FLEX_WATCH_H
 #define FLEX_WATCH_H
 
@@ -11,21 +10,9 @@ typedef struct {
     double step;
 } StepEnd;
 
-void stability_demand(const Body *body, Arena *arena);
 void judgement_demand(const Body *body, Arena *arena);
 void inertia_demand(const Body *body, Arena *arena);
 
-/* Smallest eigenvalue of the tangent over the unloaded one; its shape (m) unless null. */
-double body_stability(Body *body, const double *inputs, const double *q, double *shape);
-int body_is_stable(Body *body, const double *inputs, const double *q, double margin);
-/* Number that the smallest eigenvalue is known to lie above: `margin`, or more; -HUGE_VAL where it may lie below the margin. */
-double body_stable_beyond(Body *body, const double *inputs, const double *q, double margin);
-/* Bound of what loads, or a change of loads, can take off it; HUGE_VAL where nothing but a look tells. */
-double body_softening_bound(const Body *body, const double *inputs);
-/* Find what that bound is made of, once. */
-void find_softening(Body *body);
-/* What loads alone take off the stability in a shape. */
-double body_softening(Body *body, const double *inputs, const double *q, const double *shape);
 /* Error of deflections from stiffness that the method misses: whether it may exceed a limit; itself; its own margin. */
 int body_may_miss(Body *body, const double *inputs, double limit);
 double body_missed(Body *body, const double *inputs, double *margin);

@@ -1,0 +1,101 @@
+#include "instance_watch.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "messages.h"
+
+Answer instance_failed(Instance *x, Answer answer) {
+    x->single[S_STATUS] = STATE_REFUSED;
+    return answer;
+}
+
+Answer instance_lacks_room(Instance *x, char *why) {
+    snprintf(why, TEXT_SIZE, SAY_NO_ROOM);
+    return instance_failed(x, ANSWER_FAILED);
+}
+
+int find_motion_at(Instance *x, const double *q, const double *v) {
+    if (body_motion(x->body, q, v, x->motion, x->rates) != FLEX_OK) return 0;
+    for (int64_t i = 0; i < 6 * description(x)->interfaces; i++) x->rates[i] *= x->scale.pace;
+    return 1;
+}
+
+/* What is looked for; limits and what happens beyond them follow each other in turn. */
+static Monitor monitor_of(Instance *x) {
+    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], x->room, x->shape, x->errors, &x->pieces};
+    const double *limit = x->parameter + P_ROTATION_LIMIT;
+    for (int i = 0; i < WATCHES; i++, limit += 2) monitor.watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
+    return monitor;
+}
+
+/* What a refused step means to the run. */
+Answer step_refused(const Instance *x) {
+    return x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED;
+}
+
+/* What the monitor remembers lies among the numbers of the state. */
+static void recall_memory(Instance *x) {
+    x->memory.largest = x->single[S_LARGEST];
+    x->memory.beyond = x->single[S_BEYOND];
+    memcpy(x->memory.warned, x->single + S_WARNED, sizeof x->memory.warned);
+    memcpy(&x->memory.course, x->single + S_COURSE, sizeof x->memory.course);
+    memcpy(&x->memory.error, x->single + S_SEEN, sizeof x->memory.error);
+    memcpy(&x->memory.looking, x->single + S_LOOKING, sizeof x->memory.looking);
+}
+
+static void keep_memory(Instance *x) {
+    memcpy(x->single + S_SEEN, &x->memory.error, sizeof x->memory.error);
+    memcpy(x->single + S_LOOKING, &x->memory.looking, sizeof x->memory.looking);
+    x->single[S_LARGEST] = x->memory.largest;
+    x->single[S_BEYOND] = x->memory.beyond;
+    memcpy(x->single + S_COURSE, &x->memory.course, sizeof x->memory.course);
+    memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);
+}
+
+static void tell_warnings(Instance *x, const Findings *found) {
+    for (int i = 0; i < found->count; i++) {
+        if (x->single[S_STATUS] == STATE_SOUND) x->single[S_STATUS] = STATE_PASSED;
+        if (x->teller) x->teller(x->told, 1, found->text[i]);
+    }
+}
+
+void inspect_rest(Instance *x) {
+    const Monitor monitor = monitor_of(x);
+    Findings found;
+    recall_memory(x);
+    finish_looks(&monitor, &x->memory, &found);
+    keep_memory(x);
+    tell_warnings(x, &found);
+}
+
+/* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
+Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, char *why) {
+    const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
+    const StepEnd end = {q, v, x->motion, inputs, step};
+    const Monitor monitor = monitor_of(x);
+    Findings found;
+    Answer answer = ANSWER_OK;
+    x->cached = 0;
+    if (!find_motion_at(x, q, v)) return instance_lacks_room(x, why);
+    if (!within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
+    double *kept = x->room + x->loads;
+    memcpy(kept, x->single, S_COUNT * sizeof(double));
+    memcpy(x->kept, x->seen, (size_t)x->loads * sizeof(double));
+    recall_memory(x);
+    look(&monitor, &end, &x->memory, &found);
+    keep_memory(x);
+    for (int i = 0; i < found.count; i++) {
+        if (found.action[i] == ON_WARN) continue;
+        snprintf(why, TEXT_SIZE, "%s", found.text[i]);
+        if (found.action[i] == ON_TERMINATE) answer = ANSWER_FAILED;
+        if (answer == ANSWER_OK) answer = ANSWER_REFUSED;
+    }
+    if (answer != ANSWER_OK) {
+        memcpy(x->single, kept, S_COUNT * sizeof(double));
+        memcpy(x->seen, x->kept, (size_t)x->loads * sizeof(double));
+        return answer;
+    }
+    tell_warnings(x, &found);
+    return ANSWER_OK;
+}

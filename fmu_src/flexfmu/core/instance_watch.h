@@ -1,0 +1,20 @@
+/* What an instance is watched for after each step, and tells. */
+#ifndef FLEX_INSTANCE_WATCH_H
+#define FLEX_INSTANCE_WATCH_H
+
+#include "instance_data.h"
+
+/* The answer, kept in status.code. */
+Answer instance_failed(Instance *instance, Answer answer);
+/* The same where the core refuses a call for want of room. */
+Answer instance_lacks_room(Instance *instance, char *why);
+/* Motion and rates at q and v, in times of the body; 0 where the core lacks room. */
+int find_motion_at(Instance *instance, const double *q, const double *v);
+/* What a refused step means to the run. */
+Answer step_refused(const Instance *instance);
+/* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
+Answer inspect(Instance *instance, const double *q, const double *v, double step, const double *inputs, char *why);
+/* What is still to be looked at. */
+void inspect_rest(Instance *instance);
+
+#endif

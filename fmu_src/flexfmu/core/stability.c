@@ -1,0 +1,254 @@
+#include "stability.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "algebra.h"
+#include "forces.h"
+#include "tree.h"
+
+/* Growth of vibrations over the lowest frequency that is none but round-off. */
+static const double FLUTTER = 1e-6;
+
+/* Tangent of the elastic coordinates over the unloaded one, and what it is made in; its softest shape. */
+typedef struct {
+    Configuration at;
+    Loads loads;
+    TangentRoom rest;
+    double *tangent, *unloaded, *scaled, *lower, *shapes, *values, *gaps, *row, *alone, *shape, *found;
+    double *state; /* (2e, 2e) with loads that turn with the body */
+} Room;
+/* Numbers found on the way: the smallest eigenvalue; what each load by itself leaves of it in its shape, and what is left
+ * without loads. */
+enum { SMALLEST, BY_LOADS };
+
+enum { ROOM = (sizeof(Room) + sizeof(double) - 1) / sizeof(double) };
+
+/* What lies in the arena from call to call; null where it is refused. */
+static Room *room_in(const Body *body, Arena *arena) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes;
+    Room none, *kept = (Room *)take(arena, ROOM), *room = kept ? kept : &none;
+    take_configuration(body, arena, &room->at);
+    take_loads(body, arena, &room->loads);
+    take_tangent_room(body, arena, &room->rest);
+    room->tangent = take(arena, m * m);
+    room->unloaded = take(arena, p->tied * m * m);
+    room->scaled = take(arena, m * m);
+    room->lower = take(arena, m * m);
+    room->shapes = take(arena, m * m);
+    room->values = take(arena, 4 * m + 2);
+    room->gaps = take(arena, 12 * p->ties * m);
+    room->row = take(arena, m);
+    room->alone = take(arena, p->loads);
+    room->shape = take(arena, m);
+    room->found = take(arena, BY_LOADS + p->loads + 1);
+    room->state = take(arena, p->followers ? 4 * p->elastic_count * p->elastic_count : 0);
+    return arena->refused ? 0 : kept;
+}
+
+void stability_demand(const Body *body, Arena *arena) { room_in(body, arena); }
+
+/* The scaled tangent (e, e) in room->scaled, e is returned. */
+static int64_t scaled_tangent(Body *body, const double *inputs, const double *q, Room *room) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first;
+    Slice *slice = body->slice;
+    int doing = 1;
+    configure(body, q, &room->at);
+    if (due(slice, (double)(3 * p->loads * m + 2 * p->by_load_given * p->loads * m * m))) spread(body, inputs, &room->loads);
+    tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
+    if (!p->tied) {
+        for (int64_t i = 0; i < e; i++)
+            for (int64_t j = 0; j < e && (j > 0 || row_due(slice, i, (double)(4 * e), &doing)); j++) {
+                const int64_t a = (first + i) * m + first + j, b = (first + j) * m + first + i;
+                room->scaled[i * e + j] = 0.5 * (room->tangent[a] + room->tangent[b]) / (p->omega[first + i] * p->omega[first + j]);
+            }
+        return e;
+    }
+    /* Turned frames stretch the modes' linear springs without any cause: what the tangent has to be compared with is the
+     * material's own stiffness and that of the ties where they are now. */
+    gap_derivative(body, &room->at, &room->rest.of, room->gaps);
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < m && (j > 0 || row_due(slice, i, (double)(2 * m), &doing)); j++)
+            room->unloaded[i * m + j] = (i == j ? body->stiffness[i] : 0.0) - p->tie_initial[i * m + j];
+    for (int64_t i = 0; i < 12 * p->ties; i++) {
+        const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
+        if (!due(slice, (double)(m * m))) continue;
+        for (int64_t j = 0; j < m; j++) room->row[j] = k * room->gaps[i * m + j];
+        add_transposed_product(room->gaps + i * m, room->row, room->unloaded, 1, m, m);
+    }
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < m && (j > 0 || row_due(slice, i, (double)(4 * m), &doing)); j++) {
+            room->lower[i * m + j] = 0.5 * (room->unloaded[i * m + j] + room->unloaded[j * m + i]);
+            room->scaled[i * m + j] = 0.5 * (room->tangent[i * m + j] + room->tangent[j * m + i]);
+        }
+    if (cholesky(room->lower, m, slice)) {
+        congruent(room->lower, room->scaled, m, slice);
+    } else {
+        /* The ties' own springs are unstable: nothing is left of stability. */
+        memset(room->scaled, 0, (size_t)(m * m) * sizeof(double));
+        if (slice) slice->failed = FAILED_PIECEMEAL;
+    }
+    return m;
+}
+
+/* With loads that turn with the body the tangent is not symmetric. The smallest real part of the eigenvalues of the scaled
+ * tangent tells divergence; where vibrations grow, how fast, over the lowest frequency, with its sign reversed: flutter. */
+static double follower_stability(const Body *body, Room *room) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first, n = 2 * e;
+    double *state = room->state;
+    memset(state, 0, (size_t)(n * n) * sizeof(double));
+    for (int64_t i = 0; i < e; i++) {
+        const int64_t a = first + i;
+        /* Coordinates by their frequency, which balances the matrix: y = omega q, v. */
+        state[i * n + e + i] = -p->omega[a];
+        state[(e + i) * n + e + i] = body->rate[a];
+        for (int64_t j = 0; j < e; j++) {
+            const double of = room->tangent[a * m + first + j];
+            state[(e + i) * n + j] = of / p->omega[first + j];
+            room->scaled[i * e + j] = of / (p->omega[a] * p->omega[first + j]);
+        }
+    }
+    const double growth = -smallest_real_part(state, n) / p->omega[first];
+    return growth > FLUTTER ? -growth : smallest_real_part(room->scaled, e);
+}
+
+/* Where coordinates of the softest shape begin. */
+static int64_t softest_first(const Body *body) { return body->p.tied ? 0 : body->p.elastic_first; }
+
+double body_stability(Body *body, const double *inputs, const double *q, double *shape) {
+    Arena arena = work_arena(body);
+    Room *room = room_in(body, &arena);
+    if (!room) return NAN;
+    const int64_t e = scaled_tangent(body, inputs, q, room);
+    for (int64_t i = 0; i < e * e; i++)
+        if (!isfinite(room->scaled[i])) return NAN;
+    memset(room->shape, 0, (size_t)body->p.modes * sizeof(double));
+    smallest_eigen(room->scaled, room->values, room->found + SMALLEST, room->shape + softest_first(body), e, 0);
+    if (shape) memcpy(shape, room->shape, (size_t)body->p.modes * sizeof(double));
+    return room->loads.following && !body->p.tied ? follower_stability(body, room) : room->found[SMALLEST];
+}
+
+/* Beyond this the smallest eigenvalue is not looked at more closely. */
+static const double FAR_ABOVE = 0.5;
+
+/* Whether the scaled tangent's eigenvalues lie above `least`, by a factor in `factor`. */
+static int lies_above(const Room *room, double least, double *factor, int64_t e, Slice *slice) {
+    if (due(slice, (double)(e * e))) {
+        memcpy(factor, room->scaled, (size_t)(e * e) * sizeof(double));
+        for (int64_t i = 0; i < e; i++) factor[i * e + i] -= least;
+    }
+    return cholesky(factor, e, slice);
+}
+
+double pieces_of_stability(Body *body, const double *inputs, const double *q, double margin, Arena arena, Slice *slice) {
+    const int64_t tied = body->p.tied;
+    Room *room = room_in(body, &arena);
+    if (!room) return -HUGE_VAL;
+    body->slice = slice;
+    const int64_t e = scaled_tangent(body, inputs, q, room);
+    body->slice = 0;
+    if (caught_up(slice) && room->loads.following && !tied) {
+        if (slice) slice->failed = FAILED_PIECEMEAL;
+        return !slice && follower_stability(body, room) > margin ? margin : -HUGE_VAL;
+    }
+    /* One after the other, whatever is found: all pieces are met in each call. */
+    const int far = lies_above(room, fmax(margin, FAR_ABOVE), room->lower, e, slice);
+    if (far && !slice) return fmax(margin, FAR_ABOVE);
+    const int above = lies_above(room, margin, room->shapes, e, slice);
+    return far ? fmax(margin, FAR_ABOVE) : above ? margin : -HUGE_VAL;
+}
+
+double body_stable_beyond(Body *body, const double *inputs, const double *q, double margin) {
+    Arena arena = work_arena(body);
+    Room *room = room_in(body, &arena);
+    if (!room) return -HUGE_VAL;
+    spread(body, inputs, &room->loads);
+    /* The tangent of loads that turn with nothing is that of the unloaded body. */
+    if (!room->loads.active && !body->p.tied) return margin < 1.0 ? 1.0 : -HUGE_VAL;
+    return pieces_of_stability(body, inputs, q, margin, work_arena(body), 0);
+}
+
+int body_is_stable(Body *body, const double *inputs, const double *q, double margin) {
+    return body_stable_beyond(body, inputs, q, margin) >= margin;
+}
+
+void pieces_of_cause(Body *body, const double *inputs, const double *q, Arena arena, Slice *slice) {
+    const Program *p = &body->p;
+    const int64_t first = softest_first(body), e = p->tied ? p->modes : p->elastic_count;
+    Room *room = room_in(body, &arena);
+    double *shape = room->shape, *found = room->found;
+    if (!slice) scaled_tangent(body, inputs, q, room);
+    if (due(slice, (double)p->modes)) memset(shape, 0, (size_t)p->modes * sizeof(double));
+    smallest_eigen(room->scaled, room->values, found + SMALLEST, shape + first, e, slice);
+    if (!slice && room->loads.following && !p->tied) found[SMALLEST] = follower_stability(body, room);
+    body->slice = slice;
+    for (int64_t l = 0; l <= p->loads; l++) {
+        const int alone = l < p->loads;
+        /* What the stretch stiffens or softens is there without the loads, too. */
+        if (alone ? inputs[l] == 0.0 : !p->stretches) continue;
+        if (due(slice, (double)p->loads)) {
+            memset(room->alone, 0, (size_t)p->loads * sizeof(double));
+            if (alone) room->alone[l] = inputs[l];
+        }
+        scaled_tangent(body, room->alone, q, room);
+        if (!due(slice, (double)(e * e))) continue;
+        double left = 0.0;
+        for (int64_t i = 0; i < e; i++) left += shape[first + i] * dot(room->scaled + i * e, shape + first, e);
+        found[BY_LOADS + l] = left;
+    }
+    body->slice = 0;
+}
+
+Cause cause_found(const Body *body, const double *inputs, Arena arena) {
+    const Program *p = &body->p;
+    const Room *room = room_in(body, &arena);
+    const double *left = room->found + BY_LOADS, without = p->stretches ? left[p->loads] : dot(room->shape, room->shape, p->modes);
+    Cause cause = {room->found[SMALLEST], -HUGE_VAL, 0, 0};
+    for (int64_t j = 0; j < p->modes; j++)
+        if (fabs(room->shape[j]) > fabs(room->shape[cause.mode])) cause.mode = j;
+    for (int64_t i = 0; i < p->loads; i++) {
+        if (inputs[i] == 0.0 || !(without - left[i] > cause.most)) continue;
+        cause.most = without - left[i];
+        cause.load = i;
+    }
+    return cause;
+}
+
+/* Whether the tangent is that of the unloaded body and a sum over the loads, whatever the body's shape. */
+static int softened_by_loads_alone(const Program *p) {
+    return !p->tied && !p->stretches && !p->by_mode_given && !p->followers;
+}
+
+/* What a bent body adds to the bound of the undeformed one. */
+static const double BENT = 2.0;
+
+void find_softening(Body *body) {
+    const Program *p = &body->p;
+    Arena arena = work_arena(body);
+    Room *room = room_in(body, &arena);
+    if (!softened_by_loads_alone(p) || !room) return;
+    double *rest = body->end_q;
+    memset(rest, 0, (size_t)p->modes * sizeof(double));
+    memset(body->softens, 0, (size_t)((p->loads + 2) / 3) * sizeof(double));
+    for (int64_t l = 0; l < p->loads; l++) {
+        memset(room->alone, 0, (size_t)p->loads * sizeof(double));
+        room->alone[l] = 1.0;
+        const int64_t e = scaled_tangent(body, room->alone, rest, room);
+        for (int64_t i = 0; i < e; i++) room->scaled[i * (e + 1)] -= 1.0;
+        body->softens[l / 3] += dot(room->scaled, room->scaled, e * e);
+    }
+    for (int64_t k = 0; 3 * k < p->loads; k++) body->softens[k] = BENT * sqrt(body->softens[k]);
+}
+
+/* Weyl's inequality: no eigenvalue changes by more than the norm of what is added. A force or moment may turn against the
+ * body, so that its three components count alike. */
+double body_softening_bound(const Body *body, const double *inputs) {
+    const Program *p = &body->p;
+    if (!softened_by_loads_alone(p)) return HUGE_VAL;
+    double bound = 0.0;
+    for (int64_t k = 0; 3 * k < p->loads; k++) bound += body->softens[k] * norm(inputs + 3 * k, 3);
+    return bound;
+}
