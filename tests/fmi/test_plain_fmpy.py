@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from bodies import beam_body
+from bodies import Beam, beam_body
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.runtime import Runtime
 
@@ -17,10 +17,10 @@ MARK = "RESULT "
 PROGRAM = """
 import json, sys
 import fmpy, numpy
-path, stop, interval, times, values, settings = json.loads(sys.argv[1])
-table = numpy.array(list(zip(times, map(float, values))), dtype=[("time", float), ("tip.force.y", float)])
-result = fmpy.simulate_fmu(path, stop_time=stop, output_interval=interval, input=table, start_values=settings)
-print("RESULT " + json.dumps([result["time"].tolist(), result["tip.displacement.y"].tolist()]), flush=True)
+path, stop, interval, times, values, settings, along, options = json.loads(sys.argv[1])
+table = numpy.array(list(zip(times, map(float, values))), dtype=[("time", float), ("tip.force." + along, float)])
+result = fmpy.simulate_fmu(path, stop_time=stop, output_interval=interval, input=table, start_values=settings, **options)
+print("RESULT " + json.dumps([result["time"].tolist(), result["tip.displacement." + along].tolist()]), flush=True)
 """
 
 
@@ -37,9 +37,9 @@ def beam(tmp_path_factory, runtime):
     return path
 
 
-def simulated(path, stop, interval, times, values, **settings):
+def simulated(path, stop, interval, times, values, along="y", options=None, **settings):
     """Times and deflections that fmpy returns in a process of its own, and all that a user reads meanwhile."""
-    job = json.dumps([str(path), stop, interval, times, [str(value) for value in values], settings])
+    job = json.dumps([str(path), stop, interval, times, [str(value) for value in values], settings, along, options or {}])
     command = [sys.executable, "-c", PROGRAM, job]
     done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=False)
     (line,) = [line for line in done.stdout.splitlines() if line.startswith(MARK)] or [""]
@@ -114,3 +114,12 @@ def test_the_first_warning_of_a_kind_reaches_a_user_who_asks_for_no_log(beam):
     _, _, read = simulated(beam, 0.5, 0.01, [0.0, 0.5], [0.0, 1e5])
     assert read.count("material turns by") == 1
     assert "beyond the limit of 28.6 deg" in read
+
+
+@pytest.mark.parametrize("set_stop_time", [True, False])
+def test_a_run_of_two_steps_beyond_the_critical_load_is_told_so(beam, set_stop_time):
+    """Shorter than the look that finds it; with a stop time, or by fmi2Terminate alone."""
+    press = [-1.2 * Beam().critical_load] * 2
+    time, _, read = simulated(beam, 2e-3, 1e-3, [0.0, 1.0], press, "x", {"set_stop_time": set_stop_time})
+    assert len(time) == 3
+    assert read.count("the loads are beyond the critical load: the tangent stiffness") == 1

@@ -10,6 +10,7 @@ from driven import Driven
 from flexfmu.api import Body
 from flexfmu.mesh.elements import ElementType
 from meshes import box
+from native_master.bare_fmi2 import OK
 
 STEPS, STEP, MOST_WAITED = 400, 1e-3, 100
 FORCES = [f"tip.force.{axis}" for axis in "xyz"]
@@ -73,6 +74,29 @@ def test_a_replay_from_amidst_a_look_tells_the_same_at_the_same_step(bar, tmp_pa
         assert warned(driven, following)[0] == told - before
         # Other looks in the meantime.
         warned(driven, loads[::-1][:50])
+
+
+@pytest.mark.parametrize("end", ["stop", "terminate", "close", "reset", "fail"])
+def test_what_is_still_looked_at_is_told_however_a_run_ends(bar, end, tmp_path):
+    start = QUIET | {"method": "linear", "watch.stability.limit": 0.0, "watch.error.limit": 0.01, "watch.step.on_limit": "terminate"}
+    driven = Driven(bar, tmp_path, **start)
+    if end == "stop":
+        assert driven.side.status("reset") == OK
+        driven.set(**start)
+        assert [driven.side.status(*call) for call in (("setup", 0.0, 9 * STEP), ("enter",), ("exit",))] == [OK] * 3
+    driven.set(**{"tip.force.z": 600.0})
+    assert all(driven.taken(STEP) for _ in range(8))
+    assert not driven.log
+    if end == "fail":
+        driven.set(**{"tip.force.z": 1e12})
+    if end in ("stop", "fail"):
+        assert driven.taken(STEP) == (end == "stop")
+    elif end == "close":
+        driven.side.close()
+    else:
+        assert driven.side.status(end) == OK
+    assert "off by" in driven.log[0][1]
+    assert len(driven.log) == 1 + (end == "fail")
 
 
 @pytest.mark.parametrize("limit", [0.05, 0.3])

@@ -15,8 +15,13 @@ static char *copied(const char *text) {
     return copy;
 }
 
+void run_ends(Component *c) {
+    if (c->phase & (STEPPING | STEP_FAILED)) instance_end(c->body);
+}
+
 void component_close(Component *c) {
     if (!c || c->sign != SIGN) return;
+    run_ends(c);
     instance_close(c->body);
     c->sign = 0;
     free(c->name);

@@ -49,6 +49,8 @@ typedef struct {
 /* A component that tells as `how` does; null, told, where `wrong` is given or there is no body. */
 Component *component_open(const Component *how, fmi2String name, const char *wrong, fmi2String guid, fmi2String location, int logging);
 void component_close(Component *c);
+/* Tell what a run that ends here was still being looked at for, whichever call ends it. */
+void run_ends(Component *c);
 /* fmi2DoStep, with `halvings` as of instance_step. */
 fmi2Status component_step(fmi2Component handle, double time, double step, int *halvings);
 /* Tell the master, of a status. */

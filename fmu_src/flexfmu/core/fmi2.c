@@ -79,7 +79,7 @@ FMI_EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component handle) {
 FMI_EXPORT fmi2Status fmi2Terminate(fmi2Component handle) {
     Component *c = allowed(handle, STEPPING | STEP_FAILED, "fmi2Terminate");
     if (!c) return fmi2Error;
-    instance_end(c->body, c->text);
+    run_ends(c);
     c->phase = TERMINATED;
     return fmi2OK;
 }
@@ -87,6 +87,7 @@ FMI_EXPORT fmi2Status fmi2Terminate(fmi2Component handle) {
 FMI_EXPORT fmi2Status fmi2Reset(fmi2Component handle) {
     Component *c = allowed(handle, ANY, "fmi2Reset");
     if (!c) return fmi2Error;
+    run_ends(c);
     instance_reset(c->body);
     c->set_up = 0;
     c->phase = INSTANTIATED;
@@ -115,12 +116,16 @@ fmi2Status component_step(fmi2Component handle, double time, double step, int *h
         }
     }
     switch (instance_step(c->body, time, step, halvings, c->text)) {
-    case ANSWER_OK: c->phase = STEPPING; return fmi2OK;
+    case ANSWER_OK:
+        c->phase = STEPPING;
+        if (c->set_up && isfinite(c->stop) && same_time(time + step, c->stop, step)) run_ends(c);
+        return fmi2OK;
     case ANSWER_REFUSED:
         c->phase = STEP_FAILED;
         tell(c, fmi2Discard, c->text);
         return fmi2Discard;
     default:
+        run_ends(c);
         c->phase = FAILED;
         return fail(c, c->text);
     }

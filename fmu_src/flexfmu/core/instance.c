@@ -341,7 +341,8 @@ Answer instance_begin(Instance *x, char *why) {
     return ANSWER_OK;
 }
 
-void instance_end(Instance *x, char *why) {
+void instance_end(Instance *x) {
+    char why[TEXT_SIZE];
     if (instance_begin(x, why) == ANSWER_OK) inspect_rest(x);
 }
 

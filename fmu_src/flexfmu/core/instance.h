@@ -34,7 +34,7 @@ Answer instance_start(Instance *instance, char *why);
  * times at half its length; those left are told. */
 Answer instance_step(Instance *instance, double time, double step, int *halvings, char *why);
 /* Tell what is still to be looked at. */
-void instance_end(Instance *instance, char *why);
+void instance_end(Instance *instance);
 /* Body and state, found from parameters and inputs when first asked for. */
 Answer instance_begin(Instance *instance, char *why);
 /* The last time that was reached. */

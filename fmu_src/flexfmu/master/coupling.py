@@ -80,11 +80,12 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
             participant.initialize(settings.stop)
         loop = Loop(wiring, participants, settings, coupling.output.every)
         stack.callback(loop.close)
-        result = _march(coupling, wiring, loop, Words(wiring, settings, report), tell, pressed)
-        for participant in participants:
-            for text in participant.warnings():
-                report.warning(f"{participant.name}: {text}")
-    return result
+        try:
+            return _march(coupling, wiring, loop, Words(wiring, settings, report), tell, pressed)
+        finally:
+            for participant in participants:
+                for text in participant.ended():
+                    report.warning(f"{participant.name}: {text}")
 
 
 def _check_size(coupling: CouplingFile, columns: int) -> None:

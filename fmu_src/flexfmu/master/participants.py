@@ -191,22 +191,23 @@ class Participant:
         self.usable = status < _FATAL
         return SimulationError(f"fmu {self.name!r} failed {call}: {self.said or f'status {status} of FMI 2.0'}")
 
-    def warnings(self) -> list[str]:
-        """What the FMU warned of so far, each once.
+    def ended(self) -> list[str]:
+        """End the run, and say what the FMU warned of, each once.
 
         Returns
         -------
         list of str
         """
+        if self.usable:
+            with suppress(SimulationError, FMICallException):
+                self._slave.terminate()
         return list(warnings_of(self.name))
 
     def close(self) -> None:
-        """End and free the instance and remove what was unpacked."""
+        """Free the instance and remove what was unpacked."""
         if self._slave is not None and self.usable:
             # A process that has ended has nothing left to free.
             with suppress(SimulationError):
-                with suppress(FMICallException):
-                    self._slave.terminate()
                 self._slave.freeInstance()
         self._slave = None
         shutil.rmtree(self._folder, ignore_errors=True)
