@@ -67,7 +67,7 @@ static void add_unexplained(Update *u, const double *scale, double part, const K
             u->right[i] = u->rest[i] / scale[i];
         }
         if (lu_factor(u->matrix, u->pivot, n, 0)) {
-            lu_solve(u->matrix, u->pivot, u->right, n, 1);
+            lu_solve(u->matrix, u->pivot, u->right, n, 1, 0);
             for (int64_t i = 0; i < n; i++) out[i] += scale[i] * u->right[i];
             return;
         }

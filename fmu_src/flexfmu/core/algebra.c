@@ -48,20 +48,24 @@ int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice) {
     return !failed(slice);
 }
 
-void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns) {
+void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns, Slice *slice) {
     COUNT(2 * n * n * columns);
-    for (int64_t i = 0; i < n; i++)
+    int doing = 1;
+    for (int64_t i = 0, all = due(slice, (double)(n * columns)); all && i < n; i++)
         for (int64_t j = 0; pivot[i] != i && j < columns; j++) {
             const double kept = b[i * columns + j];
             b[i * columns + j] = b[pivot[i] * columns + j];
             b[pivot[i] * columns + j] = kept;
         }
-    for (int64_t i = 1; i < n; i++)
+    for (int64_t i = 0; i < n; i++) {
+        if (!row_due(slice, i, (double)(i * columns), &doing)) continue;
         for (int64_t k = 0; k < i; k++) {
             const double factor = a[i * n + k];
             for (int64_t j = 0; j < columns; j++) b[i * columns + j] -= factor * b[k * columns + j];
         }
+    }
     for (int64_t i = n - 1; i >= 0; i--) {
+        if (!row_due(slice, n - 1 - i, (double)((n - i) * columns), &doing)) continue;
         for (int64_t k = i + 1; k < n; k++) {
             const double factor = a[i * n + k];
             for (int64_t j = 0; j < columns; j++) b[i * columns + j] -= factor * b[k * columns + j];
@@ -186,15 +190,17 @@ static void reduce_to_tridiagonal(double *a, double *off, double *scale, double 
     for (int64_t k = 0; k + 1 < n; k++) {
         const int64_t left = n - k - 1;
         double *v = a + k * n + k + 1, *rest = a + (k + 1) * (n + 1);
-        if (!due(slice, (double)(2 * left * left))) continue;
-        const double size = norm(v, left), sign = v[0] < 0.0 ? -1.0 : 1.0;
-        off[k] = -sign * size;
-        v[0] += sign * size;
-        const double square = dot(v, v, left);
-        scale[k] = square > 0.0 ? 2.0 / square : 0.0;
-        for (int64_t i = 0; i < left; i++) work[i] = scale[k] * dot(rest + i * n, v, left);
-        const double half = 0.5 * scale[k] * dot(work, v, left);
-        for (int64_t i = 0; i < left; i++) work[i] -= half * v[i];
+        if (due(slice, (double)(left * left))) {
+            const double size = norm(v, left), sign = v[0] < 0.0 ? -1.0 : 1.0;
+            off[k] = -sign * size;
+            v[0] += sign * size;
+            const double square = dot(v, v, left);
+            scale[k] = square > 0.0 ? 2.0 / square : 0.0;
+            for (int64_t i = 0; i < left; i++) work[i] = scale[k] * dot(rest + i * n, v, left);
+            const double half = 0.5 * scale[k] * dot(work, v, left);
+            for (int64_t i = 0; i < left; i++) work[i] -= half * v[i];
+        }
+        if (!due(slice, (double)(left * left))) continue;
         for (int64_t i = 0; i < left; i++)
             for (int64_t j = 0; j < left; j++) rest[i * n + j] -= v[i] * work[j] + work[i] * v[j];
     }

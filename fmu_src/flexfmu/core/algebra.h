@@ -17,7 +17,7 @@ void product(const double *a, const double *b, double *out, int64_t n, int64_t m
 /* LU with row exchanges in place, a (n, n); 0 where a is singular. */
 int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice);
 /* b (n, columns) becomes the solution. */
-void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns);
+void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns, Slice *slice);
 /* The same of one column, several times as fast, with sums in another order. */
 void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n);
 /* Lower Cholesky factor in place; 0 where a (its lower half) is not positive definite. */

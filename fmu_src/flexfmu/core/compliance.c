@@ -130,7 +130,7 @@ int body_compliance(Body *body, const double *inputs, double step, const double 
         force_by_load(body, &room.at, interfaces[k / 6], (int)(k % 6), room.motion + k / 6 * 6 * m, room.row);
         for (int64_t i = 0; i < m; i++) room.change[i * 6 * n + k] = rule->gq[i] * room.row[i];
     }
-    lu_solve(room.lower, body->pivot, room.change, m, 6 * n);
+    lu_solve(room.lower, body->pivot, room.change, m, 6 * n, 0);
     product(room.motion, room.change, out, 6 * n, m, 6 * n);
     return FLEX_OK;
 }
@@ -157,7 +157,7 @@ int body_derivative(Body *body, const double *inputs, double step, const double 
     memset(room.loads.geometric, 0, (size_t)(p->by_load_given * m * m) * sizeof(double));
     modal_force(body, &room.loads, 1, &room.at, 0, &room.scratch, without);
     for (int64_t j = 0; j < m; j++) room.row[j] = rule->gq[j] * (with[j] - without[j]);
-    lu_solve(room.lower, body->pivot, room.row, m, 1);
+    lu_solve(room.lower, body->pivot, room.row, m, 1, 0);
     node_rates(body, 0, &room.at, room.row, &room.rates);
     for (int64_t i = 0; i < p->interfaces; i++) {
         const int64_t k = p->frames + i;
@@ -168,7 +168,7 @@ int body_derivative(Body *body, const double *inputs, double step, const double 
         /* A spin turns the rotation vector by T^-1. */
         rotation_vector(room.at.rotation + 9 * k, vector);
         exponential(vector, rotation, jacobian);
-        if (lu_factor(jacobian, pivot, 3, 0)) lu_solve(jacobian, pivot, out + 6 * i + 3, 3, 1);
+        if (lu_factor(jacobian, pivot, 3, 0)) lu_solve(jacobian, pivot, out + 6 * i + 3, 3, 1, 0);
     }
     return FLEX_OK;
 }

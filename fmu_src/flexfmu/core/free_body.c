@@ -239,7 +239,7 @@ void accelerations(Body *body, const double *inputs, const End *end, Turning *ro
     for (int64_t j = 0; j < m - r; j++) out[t + j] -= body->stiffness[r + j] * end->at->q[r + j];
     const int64_t solved = p->inertial ? n : t;
     for (int64_t i = 0; i < solved; i++) memcpy(room->matrix + i * solved, end->mass.whole + i * n, (size_t)solved * sizeof(double));
-    if (lu_factor(room->matrix, body->pivot, solved, 0)) lu_solve(room->matrix, body->pivot, out, solved, 1);
+    if (lu_factor(room->matrix, body->pivot, solved, 0)) lu_solve(room->matrix, body->pivot, out, solved, 1, 0);
     for (int64_t j = 0; j < m - r; j++) out[t + j] += body->stiffness[r + j] * end->at->q[r + j];
 }
 

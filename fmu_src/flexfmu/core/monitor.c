@@ -134,13 +134,11 @@ static void tell_stability(const Monitor *monitor, const double *inputs, Memory 
              (long long)cause.mode + 1, monitor->scale.pace * p->omega[cause.mode] / 6.283185307179586);
 }
 
-static void missed(const Monitor *monitor, const double *inputs, Memory *memory, Findings *found) {
-    Body *body = monitor->body;
+static void tell_missed(const Monitor *monitor, const double *inputs, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_MISSED;
-    const Program *p = &body->p;
-    if (!(watch->limit > 0.0) || !body_may_miss(body, inputs, watch->limit)) return;
-    double margin;
-    const double error = body_missed(body, inputs, &margin);
+    const Program *p = &monitor->body->p;
+    int stable;
+    const double error = missed_found(monitor->body, monitor->pieces->arena, &stable);
     /* The quick looks are of every shape of the body, loaded or not. */
     if (error <= watch->limit && error < 1.0) return;
     int64_t worst = 0;
@@ -148,8 +146,8 @@ static void missed(const Monitor *monitor, const double *inputs, Memory *memory,
         if (fabs(inputs[i]) * p->judge_missed_bound[i] > fabs(inputs[worst]) * p->judge_missed_bound[worst]) worst = i;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_MISSED]), words[96];
     if (!text) return;
-    snprintf(words, sizeof words, margin > 0.0 ? "deflections are off by up to %.3g %%"
-                                               : "the loads are beyond the critical load, which the method does not know of",
+    snprintf(words, sizeof words, stable ? "deflections are off by up to %.3g %%"
+                                         : "the loads are beyond the critical load, which the method does not know of",
              100.0 * error);
     snprintf(text, FINDING_TEXT, SAY_MISSED,
              text_at(p->advice, p->advice_bytes, SOURCE_MISSED), words, 100.0 * watch->limit, input_name(p, worst),
@@ -250,48 +248,63 @@ static double error_due(const Monitor *monitor, const StepEnd *end, Memory *memo
     return silenced(watch, memory->warned[WATCH_ERROR]) ? 0.0 : fmin(fmax(energy, DBL_MIN), DBL_MAX);
 }
 
-/* Whether stability, and stiffness that is missed, may have changed since they were last looked at. */
-static int changed(const Monitor *monitor, const double *inputs, const Memory *memory) {
-    const int64_t loads = monitor->body->p.loads;
-    const double limit = monitor->watch[WATCH_STABILITY].limit, above = memory->beyond - limit;
+/* What loads change: whether stability and stiffness that is missed are due to be looked at. */
+static void loads_due(const Monitor *monitor, const double *inputs, Memory *memory, double *due) {
+    Body *body = monitor->body;
+    const int64_t loads = body->p.loads;
+    const Watch *stability = monitor->watch + WATCH_STABILITY, *missed = monitor->watch + WATCH_MISSED;
+    const double above = memory->beyond - stability->limit, weight = fmin(fmax(dot(inputs, inputs, loads), DBL_MIN), DBL_MAX);
     double *change = monitor->inputs;
     for (int64_t i = 0; i < loads; i++) change[i] = inputs[i] - memory->inputs[i];
-    const double square = dot(change, change, loads), share = above > limit ? CHANGED_FAR : CHANGED;
-    if (!(square > share * share * memory->largest)) return 0;
-    if (monitor->body->p.judged && monitor->watch[WATCH_MISSED].limit > 0.0 && !memory->warned[WATCH_MISSED]) return 1;
-    return !(body_softening_bound(monitor->body, change) < above);
+    const double square = dot(change, change, loads), share = above > stability->limit ? CHANGED_FAR : CHANGED;
+    if (!(square > share * share * memory->largest)) return;
+    if (missed->limit > 0.0 && !silenced(missed, memory->warned[WATCH_MISSED]) && body_might_miss(body, inputs, missed->limit))
+        due[LOOK_MISSED] = weight;
+    const double softer = body_softening_bound(body, change);
+    const int nearer = !(softer < above);
+    if (!nearer && due[LOOK_MISSED] == 0.0) return;
+    if (nearer && stability->limit > 0.0 && !silenced(stability, memory->warned[WATCH_STABILITY])) due[LOOK_STABILITY] = weight;
+    if (!nearer) memory->beyond -= softer;
+    memcpy(memory->inputs, inputs, (size_t)loads * sizeof(double));
 }
 
 int64_t look_size(const Body *body, const Body *shadow) {
-    Arena of_body = {0}, of_shadow = {0};
+    Arena of_body = {0}, of_shadow = {0}, of_judgement = {0};
     stability_demand(body, &of_body);
     if (shadow) certificate_demand(shadow, &of_shadow);
-    return larger(of_body.used, of_shadow.used);
+    if (body->p.judged) judgement_demand(body, &of_judgement);
+    return larger(larger(of_body.used, of_shadow.used), of_judgement.used);
 }
 
-/* Do pieces of a look, all of them without a slice. */
-static double pieces_of(const Monitor *monitor, int kind, const double *q, const double *inputs, Slice *slice) {
+/* Do pieces of a look, all of them without a slice; whether it is followed by another. */
+static int pieces_of(const Monitor *monitor, int kind, const double *q, const double *inputs, Slice *slice) {
+    Body *body = monitor->body;
     const Arena arena = monitor->pieces->arena;
     const double limit = monitor->watch[WATCH_STABILITY].limit;
-    if (kind == LOOK_ERROR) pieces_of_error(monitor->body, monitor->shadow, inputs, q, arena, slice);
-    if (kind == LOOK_CAUSE) pieces_of_cause(monitor->body, inputs, q, arena, slice);
-    return kind == LOOK_STABILITY ? pieces_of_stability(monitor->body, inputs, q, limit, arena, slice) : 0.0;
+    switch (kind) {
+    case LOOK_ERROR: pieces_of_error(body, monitor->shadow, inputs, q, arena, slice); return 0;
+    case LOOK_MISSED: return pieces_of_missing(body, inputs, monitor->watch[WATCH_MISSED].limit, arena, slice);
+    case LOOK_CAUSE: pieces_of_cause(body, inputs, q, arena, slice); return 0;
+    case LOOK_HOW_MUCH: pieces_of_missed(body, inputs, arena, slice); return 0;
+    default: break;
+    }
+    monitor->pieces->beyond = pieces_of_stability(body, inputs, q, limit, arena, slice);
+    return monitor->pieces->beyond < limit;
 }
 
-static void look_at_once(const Monitor *monitor, int kind, const StepEnd *end, Memory *memory, Findings *found) {
-    const double limit = monitor->watch[WATCH_STABILITY].limit;
+/* What the last piece of a look has found, told, or else whether another look follows. */
+static int concluded(const Monitor *monitor, int kind, int follows, double deflection, const double *inputs, Memory *memory, Findings *found) {
+    if (kind == LOOK_ERROR) tell_error(monitor, deflection, memory, found);
+    if (kind == LOOK_CAUSE) tell_stability(monitor, inputs, memory, found);
+    if (kind == LOOK_HOW_MUCH) tell_missed(monitor, inputs, memory, found);
+    if (kind == LOOK_STABILITY) memory->beyond = fmax(monitor->pieces->beyond, monitor->watch[WATCH_STABILITY].limit);
+    return !follows;
+}
+
+static void look_at_once(const Monitor *monitor, int kind, const double *q, const double *inputs, double deflection, Memory *memory,
+                         Findings *found) {
     monitor->pieces->begun = 0;
-    if (kind == LOOK_ERROR) {
-        pieces_of(monitor, kind, end->q, end->inputs, 0);
-        tell_error(monitor, memory->error.deflection, memory, found);
-        return;
-    }
-    memory->beyond = body_stable_beyond(monitor->body, end->inputs, end->q, limit);
-    if (memory->beyond >= limit) return;
-    memory->beyond = limit;
-    pieces_of(monitor, LOOK_STABILITY, end->q, end->inputs, 0);
-    pieces_of(monitor, LOOK_CAUSE, end->q, end->inputs, 0);
-    tell_stability(monitor, end->inputs, memory, found);
+    while (!concluded(monitor, kind, pieces_of(monitor, kind, q, inputs, 0), deflection, inputs, memory, found)) kind += FOLLOWING;
 }
 
 /* Let a state be looked at, or wait. */
@@ -324,18 +337,21 @@ static void begin_look(const Monitor *monitor, int kind, Memory *memory) {
     monitor->pieces->begun = 1;
 }
 
-/* The state that waits, of the other look first. */
+/* A state that waits, of each look in turn. */
 static int next_look(const Monitor *monitor, Memory *memory) {
     Looking *now = &memory->looking;
     const int64_t size = monitor->body->p.modes + monitor->body->p.loads;
-    const int other = now->look == LOOK_ERROR ? LOOK_STABILITY : LOOK_ERROR;
-    const int kind = now->waiting[other] > 0.0 ? other : WAITING - 1 - other;
-    if (!(now->waiting[kind] > 0.0)) return 0;
-    memcpy(memory->states, memory->states + (1 + kind) * size, (size_t)size * sizeof(double));
-    now->waiting[kind] = 0.0;
-    now->deflection = now->deflections[kind];
-    begin_look(monitor, kind, memory);
-    return 1;
+    int kind = (int)now->look;
+    for (int turn = 0; turn < WAITING; turn++) {
+        kind = kind + 1 < WAITING ? kind + 1 : 0;
+        if (!(now->waiting[kind] > 0.0)) continue;
+        memcpy(memory->states, memory->states + (1 + kind) * size, (size_t)size * sizeof(double));
+        now->waiting[kind] = 0.0;
+        now->deflection = now->deflections[kind];
+        begin_look(monitor, kind, memory);
+        return 1;
+    }
+    return 0;
 }
 
 /* The next slice of the look under way; after the last one what it has found is told. */
@@ -343,7 +359,7 @@ static void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
     Looking *now = &memory->looking;
     Pieces *pieces = monitor->pieces;
     Slice *slice = &pieces->slice;
-    const double *q = memory->states, *inputs = q + monitor->body->p.modes, limit = monitor->watch[WATCH_STABILITY].limit;
+    const double *q = memory->states, *inputs = q + monitor->body->p.modes;
     if (now->under_way == 0.0 && !next_look(monitor, memory)) return;
     const int kind = (int)now->look;
     if (kind == LOOK_ERROR && !monitor->shadow) {
@@ -353,42 +369,33 @@ static void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
     if (!pieces->begun) {
         *slice = (Slice){0};
         pieces->begun = 1;
-        if (kind == LOOK_CAUSE) pieces_of(monitor, LOOK_STABILITY, q, inputs, 0);
+        if (kind >= WAITING) pieces_of(monitor, kind - FOLLOWING, q, inputs, 0);
         slice->until = -1.0;
         pieces_of(monitor, kind, q, inputs, slice);
     }
     now->done += 1.0;
     const int last = now->done >= now->slices;
+    int follows = 0;
     /* Where slices were lost with another state, the rest makes up for them. */
     slice->until = last ? HUGE_VAL : slice->spent + (slice->whole - slice->spent) / (now->slices - now->done + 1.0);
-    double beyond = 0.0;
     if (last || (!slice->failed && slice->spent < slice->whole)) {
         slice->met = 0;
         slice->whole = 0.0;
-        beyond = pieces_of(monitor, kind, q, inputs, slice);
+        follows = pieces_of(monitor, kind, q, inputs, slice);
     }
     if (!last) return;
-    const int again = slice->failed == FAILED_PIECEMEAL;
-    if (again) beyond = pieces_of(monitor, kind, q, inputs, 0);
     now->under_way = 0.0;
     pieces->begun = 0;
-    if (kind == LOOK_ERROR) tell_error(monitor, now->deflection, memory, found);
-    if (kind == LOOK_CAUSE) tell_stability(monitor, inputs, memory, found);
-    if (kind != LOOK_STABILITY) return;
-    memory->beyond = fmax(beyond, limit);
-    if (beyond >= limit) return;
-    if (!again) {
-        begin_look(monitor, LOOK_CAUSE, memory);
-        return;
-    }
-    pieces_of(monitor, LOOK_CAUSE, q, inputs, 0);
-    tell_stability(monitor, inputs, memory, found);
+    if (slice->failed == FAILED_PIECEMEAL)
+        look_at_once(monitor, kind, q, inputs, now->deflection, memory, found);
+    else if (!concluded(monitor, kind, follows, now->deflection, inputs, memory, found))
+        begin_look(monitor, kind + FOLLOWING, memory);
 }
 
 void finish_looks(const Monitor *monitor, Memory *memory, Findings *found) {
     const Looking *now = &memory->looking;
     found->count = 0;
-    while (now->under_way != 0.0 || now->waiting[LOOK_ERROR] > 0.0 || now->waiting[LOOK_STABILITY] > 0.0) {
+    while (now->under_way != 0.0 || now->waiting[LOOK_ERROR] > 0.0 || now->waiting[LOOK_STABILITY] > 0.0 || now->waiting[LOOK_MISSED] > 0.0) {
         memory->looking.done = now->slices;
         go_on(monitor, memory, found);
     }
@@ -406,7 +413,7 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
     const Watch *watch = monitor->watch;
     const int64_t loads = body->p.loads;
     const double *q = end->q, *v = end->v, *inputs = end->inputs, square = dot(inputs, inputs, loads);
-    double due[WAITING] = {0.0, 0.0};
+    double due[WAITING] = {0.0};
     found->count = 0;
     /* Of loads beyond 1e154 the square is no number any more. */
     if (square > memory->largest) memory->largest = square < DBL_MAX ? square : DBL_MAX;
@@ -419,17 +426,12 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
     if (end->step > 0.0 && body->p.mass_forms && !body->p.inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
-    if ((watch[WATCH_STABILITY].limit > 0.0 || watch[WATCH_MISSED].limit > 0.0) && changed(monitor, inputs, memory)) {
-        if (watch[WATCH_STABILITY].limit > 0.0 && !silenced(watch + WATCH_STABILITY, memory->warned[WATCH_STABILITY]))
-            due[LOOK_STABILITY] = fmin(fmax(square, DBL_MIN), DBL_MAX);
-        if (!silenced(watch + WATCH_MISSED, memory->warned[WATCH_MISSED])) missed(monitor, inputs, memory, found);
-        memcpy(memory->inputs, inputs, (size_t)loads * sizeof(double));
-    }
+    loads_due(monitor, inputs, memory, due);
     /* A step that may be refused, and the start, are looked at in full. */
-    const Watch *of[WAITING] = {watch + WATCH_ERROR, watch + WATCH_STABILITY};
+    const Watch *of[WAITING] = {watch + WATCH_ERROR, watch + WATCH_STABILITY, watch + WATCH_MISSED};
     for (int kind = 0; kind < WAITING; kind++)
         if (due[kind] > 0.0 && (of[kind]->action != ON_WARN || end->step == 0.0 || (kind == LOOK_ERROR && monitor->interval <= 1.0))) {
-            look_at_once(monitor, kind, end, memory, found);
+            look_at_once(monitor, kind, q, inputs, memory->error.deflection, memory, found);
             due[kind] = 0.0;
         }
     if (refuses(found)) return;

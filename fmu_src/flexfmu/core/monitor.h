@@ -41,8 +41,9 @@ typedef struct {
 
 /* What takes long is looked at in slices, one a step, at a state that is kept for it. In the meantime another may come to wait: the
  * one with the most energy, or the largest loads. */
-enum { LOOK_ERROR, LOOK_STABILITY, LOOK_CAUSE, LOOKS };
-enum { WAITING = LOOK_CAUSE, STATES = 1 + WAITING };
+enum { LOOK_ERROR, LOOK_STABILITY, LOOK_MISSED, LOOK_CAUSE, LOOK_HOW_MUCH, LOOKS };
+/* What follows where a look finds something to tell of. */
+enum { FOLLOWING = LOOK_CAUSE - LOOK_STABILITY, WAITING = LOOK_CAUSE, STATES = 1 + WAITING };
 typedef struct {
     double under_way, look, slices, done; /* whether one is; which; slices that it takes, and that were done */
     double deflection, waiting[WAITING], deflections[WAITING]; /* at the state looked at; how much those that wait weigh, 0: none */
@@ -52,6 +53,7 @@ typedef struct {
 typedef struct {
     Slice slice;
     int begun;
+    double beyond; /* what stability is known to lie above */
     Arena arena;
 } Pieces;
 

@@ -81,7 +81,7 @@ static void response_rule(Body *body, Rule *r) {
             r->response[i * m + j] = i == j ? 1.0 : 0.0;
         }
     if (lu_factor(matrix, body->pivot, m, 0))
-        lu_solve(matrix, body->pivot, r->response, m, m);
+        lu_solve(matrix, body->pivot, r->response, m, m, 0);
     else
         for (int64_t i = 0; i < m * m; i++) r->response[i] = NAN;
 }

@@ -35,10 +35,10 @@ static inline int fails(Slice *slice) {
     return 0;
 }
 
-/* The same of loops over rows: some of them make a piece. */
-enum { ROWS = 4 };
+/* The same of loops over rows: some of them make a piece, or a long one by itself. */
+enum { ROWS = 4, LONG = 1000 };
 static inline int row_due(Slice *slice, int64_t row, double cost, int *doing) {
-    if (row % ROWS == 0) *doing = due(slice, ROWS * cost);
+    if (row % ROWS == 0 || cost > LONG) *doing = due(slice, cost > LONG ? cost : ROWS * cost);
     return *doing;
 }
 

@@ -101,7 +101,7 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
         }
         if (!stable_tangent(room->tangent, room->factor, m, 0)) return 0;
         if (!lu_factor(room->tangent, body->pivot, m, 0)) return 0;
-        lu_solve(room->tangent, body->pivot, room->change, m, 1);
+        lu_solve(room->tangent, body->pivot, room->change, m, 1, 0);
         const double size = norm(room->change, m);
         double whole = 0.0;
         for (int64_t j = 0; j < m; j++) {

@@ -214,7 +214,7 @@ static int turn(Free *x) {
     memset(by, 0, (size_t)((t + e) * (1 + t)) * sizeof(double));
     for (int64_t a = 0; a < t; a++) by[a * (1 + t) + 1 + a] = 1.0;
     for (int64_t j = 0; j < e; j++) by[(t + j) * (1 + t)] = x->free_v[j] + gv[j] * (x->push[j] + x->momentum[t + j] / h);
-    lu_solve(x->room.matrix, s->body->pivot, by, solved, 1 + t);
+    lu_solve(x->room.matrix, s->body->pivot, by, solved, 1 + t, 0);
     for (int number = 0; number < MOST_TURNS && off > SAME_TURN; number++) {
         double now[3];
         if (number) mean_rotation(start->rotation, x->spin, h, end->rotation, x->mean, x->inverse, x->middle);
@@ -262,7 +262,7 @@ static Progress correct(Step *s) {
     }
     for (int64_t i = 0; i < t; i++) memcpy(x->room.matrix + i * t, end->mass.whole + i * n, (size_t)t * sizeof(double));
     if (!lu_factor(x->room.matrix, s->body->pivot, t, 0)) return LOST;
-    lu_solve(x->room.matrix, s->body->pivot, turn_by, t, 1);
+    lu_solve(x->room.matrix, s->body->pivot, turn_by, t, 1, 0);
     for (int64_t a = 0; a < t; a++) {
         const double unit = end->mass.whole[a * n + a], now = z[a] + turn_by[a], by = now - end->z[a];
         moved += unit * by * by;
@@ -286,7 +286,7 @@ static int keep_momenta(Free *x) {
         memcpy(x->room.matrix + a * t, end->mass.whole + a * n, (size_t)t * sizeof(double));
     }
     if (!lu_factor(x->room.matrix, s->body->pivot, t, 0)) return 0;
-    lu_solve(x->room.matrix, s->body->pivot, end->z, t, 1);
+    lu_solve(x->room.matrix, s->body->pivot, end->z, t, 1, 0);
     total_force(p, x->inputs, x->total);
     apply(x->middle, x->followed, everything);
     for (int i = 0; i < 3; i++) {

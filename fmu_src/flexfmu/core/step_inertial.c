@@ -207,7 +207,7 @@ static Progress correct(Step *s) {
     Inertial *x = (Inertial *)s;
     const Program *p = &s->body->p;
     double moved = 0.0, sized = 0.0, blurred = 0.0;
-    lu_solve(x->chord, s->body->pivot, x->off, p->dampers ? p->modes : p->inertial_modes, 1);
+    lu_solve(x->chord, s->body->pivot, x->off, p->dampers ? p->modes : p->inertial_modes, 1, 0);
     const double left = learn(&x->learning, x->size, x->mean, s->round, x->off);
     for (int64_t j = 0; j < p->modes; j++) {
         const double blur = s->blur * s->way[j];

@@ -60,7 +60,7 @@ int pull_at(const Body *body, const Rule *rule, const Configuration *at, int64_t
     }
     for (int64_t i = 0; i < n; i++) pull->square[i * n + i] += 1.0;
     if (!lu_factor(pull->square, pivot, n, 0)) return 0;
-    lu_solve(pull->square, pivot, pull->hold, n, n);
+    lu_solve(pull->square, pivot, pull->hold, n, n, 0);
     return 1;
 }
 

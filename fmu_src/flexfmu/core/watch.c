@@ -8,21 +8,30 @@
 
 /* e: elastic coordinates; columns: the loads, then unit loads on the interfaces. */
 typedef struct {
-    double *change, *missed, *lower, *values; /* (e, e) and (5e + 2) */
-    double *loads, *right;                    /* (e, columns) */
-    double *deflection, *off;                 /* (6I, columns) */
+    double *change, *missed; /* (e, e) */
+    double *lower, *square, *values; /* workspaces (e, e) and (5e + 2) */
+    double *loads, *right;           /* (e, columns) */
+    double *deflection, *off;        /* (6I, columns) */
+    double *found;
+    int64_t *pivot;
 } Judgement;
+/* Numbers found on the way: whether the true stiffness is stable; extremes of what is missed over it; error of interfaces, and
+ * the least of all. */
+enum { STABLE, LEAST, MOST, WORST, MISSED, FOUND };
 
 static void take_judgement(const Body *body, Arena *arena, Judgement *room) {
     const int64_t e = body->p.elastic_count, rows = 6 * body->p.interfaces, columns = 1 + rows;
     room->change = take(arena, e * e);
     room->missed = take(arena, e * e);
     room->lower = take(arena, e * e);
+    room->square = take(arena, e * e);
     room->values = take(arena, 5 * e + 2);
     room->loads = take(arena, e * columns);
     room->right = take(arena, e * columns);
     room->deflection = take(arena, rows * columns);
     room->off = take(arena, rows * columns);
+    room->found = take(arena, FOUND);
+    room->pivot = (int64_t *)take(arena, e);
 }
 
 void judgement_demand(const Body *body, Arena *arena) {
@@ -31,51 +40,65 @@ void judgement_demand(const Body *body, Arena *arena) {
 }
 
 /* out (e, e) = the sum of symmetric matrices, their lower triangles, times factors. */
-static void sum_of_triangles(const double *factors, const double *triangles, int64_t count, int64_t e, double *out) {
-    const int64_t pairs = e * (e + 1) / 2;
-    memset(out, 0, (size_t)(e * e) * sizeof(double));
-    add_rows(factors, triangles, out, count, pairs);
-    /* From the end, where no row comes before it is read. */
-    for (int64_t i = e - 1; i >= 0; i--) memmove(out + i * e, out + i * (i + 1) / 2, (size_t)(i + 1) * sizeof(double));
-    for (int64_t i = 0; i < e; i++)
+static void sum_of_triangles(const double *factors, const double *triangles, int64_t count, int64_t e, double *out, Slice *slice) {
+    int doing = 1;
+    for (int64_t i = 0; i < e; i++) {
+        if (!row_due(slice, i, (double)(count * (i + 1)), &doing)) continue;
+        memset(out + i * e, 0, (size_t)(i + 1) * sizeof(double));
+        add_strided_rows(factors, triangles + i * (i + 1) / 2, e * (e + 1) / 2, out + i * e, count, i + 1);
         for (int64_t j = 0; j < i; j++) out[j * e + i] = out[i * e + j];
+    }
 }
 
 /* true = 1 + sum of loads times `change`, and what is missed of it. */
-static void judged(const Body *body, const double *inputs, double *change, double *missed) {
+static void judged(const Body *body, const double *inputs, double *change, double *missed, Slice *slice) {
     const int64_t e = body->p.elastic_count;
-    sum_of_triangles(inputs, body->p.judge_change, body->p.loads, e, change);
-    sum_of_triangles(inputs, body->p.judge_missed, body->p.loads, e, missed);
+    sum_of_triangles(inputs, body->p.judge_change, body->p.loads, e, change, slice);
+    sum_of_triangles(inputs, body->p.judge_missed, body->p.loads, e, missed, slice);
+    if (!due(slice, (double)(e * e))) return;
     for (int64_t i = 0; i < e * e; i++) missed[i] = -missed[i];
     for (int64_t i = 0; i < e; i++) change[i * (e + 1)] += 1.0;
 }
 
-int body_may_miss(Body *body, const double *inputs, double limit) {
+int body_might_miss(const Body *body, const double *inputs, double limit) {
     const Program *p = &body->p;
-    const int64_t e = p->elastic_count;
     if (!p->judged) return 0;
     double stiffness = 1.0, missed = 0.0;
     for (int64_t i = 0; i < p->loads; i++) {
         stiffness -= fabs(inputs[i]) * p->judge_bound[i];
         missed += fabs(inputs[i]) * p->judge_missed_bound[i];
     }
-    /* A bound that costs next to nothing. */
-    if (missed <= limit * (stiffness - missed)) return 0;
-    if (limit >= 1.0) return 1;
-    Arena arena = work_arena(body);
+    return !(missed <= limit * (stiffness - missed));
+}
+
+/* Whether share * change + sign * missed is positive definite. */
+static int covers(const Judgement *room, double share, double sign, double *sum, int64_t e, Slice *slice) {
+    if (due(slice, (double)(e * e)))
+        for (int64_t i = 0; i < e * e; i++) sum[i] = share * room->change[i] + sign * room->missed[i];
+    return cholesky(sum, e, slice);
+}
+
+int pieces_of_missing(Body *body, const double *inputs, double limit, Arena arena, Slice *slice) {
+    const int64_t e = body->p.elastic_count;
     Judgement room;
     take_judgement(body, &arena, &room);
     if (arena.refused) return 1;
-    double *change = room.change, *off = room.missed, *sum = room.lower;
-    judged(body, inputs, change, off);
-    for (int64_t i = 0; i < e * e; i++) sum[i] = limit / (1.0 - limit) * change[i] - off[i];
-    if (!cholesky(sum, e, 0)) return 1;
-    for (int64_t i = 0; i < e * e; i++) sum[i] = limit / (1.0 + limit) * change[i] + off[i];
-    return !cholesky(sum, e, 0);
+    judged(body, inputs, room.change, room.missed, slice);
+    if (limit >= 1.0) return 1;
+    const int above = covers(&room, limit / (1.0 - limit), -1.0, room.lower, e, slice);
+    if (!above && !slice) return 1;
+    return !covers(&room, limit / (1.0 + limit), 1.0, room.square, e, slice) || !above;
+}
+
+int body_may_miss(Body *body, const double *inputs, double limit) {
+    return body_might_miss(body, inputs, limit) && pieces_of_missing(body, inputs, limit, work_arena(body), 0);
 }
 
 /* Disturbance that any loads may come with, as a share of their size: nothing is aligned better. */
 static const double DISTURBANCE = 0.01;
+
+/* Of two singular values of (6, 6), in multiplications. */
+static const double OF_EIGENVALUES = 12000.0;
 
 /* Largest singular value of the motions (6, 6) of one interface in `x` (6 n, 1 + 6 I) under unit loads on it. */
 static double answer_size(const double *x, int64_t interface, int64_t columns) {
@@ -86,65 +109,109 @@ static double answer_size(const double *x, int64_t interface, int64_t columns) {
     return sqrt(fmax(values[5], 0.0));
 }
 
-/* Relative error of the interfaces' deflections under loads by what the method misses of their effect: of the loads as they
- * are, and of a disturbance that acts on an interface in the worst direction, over the larger of the two deflections. Never
- * more than that of any shape of the body. */
-double body_missed(Body *body, const double *inputs, double *margin) {
+/* What interfaces' motions in `loads` and `right` come to, of the interface that is off most. */
+static void find_worst(const Body *body, const double *inputs, const Judgement *room, Slice *slice) {
     const Program *p = &body->p;
-    const int64_t e = p->elastic_count, columns = 1 + 6 * p->interfaces, rows = 6 * p->interfaces;
-    if (margin) *margin = 1.0;
-    if (!p->judged) return 0.0;
-    Arena arena = work_arena(body);
-    Judgement room;
-    take_judgement(body, &arena, &room);
-    if (arena.refused) return NAN;
-    double *change = room.change, *missed = room.missed, *values = room.values, *lower = room.lower;
-    double *loads = room.loads, *right = room.right, *deflection = room.deflection, *off = room.off;
-    judged(body, inputs, change, missed);
-    if (margin) {
-        smallest_eigen(change, values + e, margin, values, e, 0);
-        judged(body, inputs, change, missed);
+    const int64_t columns = 1 + 6 * p->interfaces, e = p->elastic_count;
+    double *deflection = room->deflection, *off = room->off, disturbance = 0.0;
+    int doing = 1;
+    for (int64_t i = 0; i < 6 * p->interfaces; i++) {
+        if (!row_due(slice, i, (double)(2 * e * columns), &doing)) continue;
+        product(p->judge_motion + i * e, room->right, deflection + i * columns, 1, e, columns);
+        product(p->judge_motion + i * e, room->loads, off + i * columns, 1, e, columns);
     }
-    memcpy(lower, change, (size_t)(e * e) * sizeof(double));
-    if (!cholesky(lower, e, 0)) return 1.0;
-    congruent(lower, missed, e, 0);
-    double least, most;
-    for (int64_t i = 0; i < e * e; i++) change[i] = -missed[i];
-    smallest_eigen(missed, values + e, &least, values, e, 0);
-    smallest_eigen(change, values + e, &most, values, e, 0);
-    if (least <= -0.5) return 1.0;
-    const double of_any_shape = fmax(fabs(least / (1.0 + least)), fabs(most / (1.0 - most)));
-    /* The loads, then unit loads on the interfaces, in columns. */
-    judged(body, inputs, change, missed);
-    memset(loads, 0, (size_t)(e * columns) * sizeof(double));
-    for (int64_t i = 0; i < e; i++) {
-        for (int64_t l = 0; l < p->loads; l++) loads[i * columns] += inputs[l] * p->judge_force[l * e + i];
-        for (int64_t r = 0; r < rows; r++) loads[i * columns + 1 + r] = p->judge_motion[r * e + i];
-    }
-    memcpy(right, loads, (size_t)(e * columns) * sizeof(double));
-    memcpy(lower, change, (size_t)(e * e) * sizeof(double));
-    if (!lu_factor(lower, body->pivot, e, 0)) return 1.0;
-    lu_solve(lower, body->pivot, right, e, columns);
-    for (int64_t i = 0; i < e * e; i++) change[i] += missed[i];
-    if (!lu_factor(change, body->pivot, e, 0)) return 1.0;
-    lu_solve(change, body->pivot, loads, e, columns);
-    for (int64_t i = 0; i < e * columns; i++) loads[i] -= right[i];
-    product(p->judge_motion, right, deflection, rows, e, columns);
-    product(p->judge_motion, loads, off, rows, e, columns);
-    double disturbance = 0.0, worst = 0.0;
     for (int64_t l = 0; l < p->loads; l++) disturbance += inputs[l] * p->judge_size[l] * inputs[l] * p->judge_size[l];
     disturbance = DISTURBANCE * sqrt(disturbance);
     for (int64_t k = 0; k < p->interfaces; k++) {
         double error = 0.0, size = 0.0;
+        if (!due(slice, OF_EIGENVALUES)) continue;
         for (int i = 0; i < 6; i++) {
             error += off[(6 * k + i) * columns] * off[(6 * k + i) * columns];
             size += deflection[(6 * k + i) * columns] * deflection[(6 * k + i) * columns];
         }
         error = sqrt(error) + disturbance * answer_size(off, k, columns);
         size = fmax(sqrt(size), disturbance * answer_size(deflection, k, columns));
-        if (size > 0.0) worst = fmax(worst, error / size);
+        if (size > 0.0) room->found[WORST] = fmax(room->found[WORST], error / size);
     }
-    return fmin(of_any_shape, worst);
+}
+
+/* Of the loads as they are, and of a disturbance that acts on an interface in the worst direction, over the larger of the two
+ * deflections. Never more than that of any shape of the body. */
+void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slice) {
+    const Program *p = &body->p;
+    const int64_t e = p->elastic_count, columns = 1 + 6 * p->interfaces, rows = 6 * p->interfaces;
+    Judgement room;
+    take_judgement(body, &arena, &room);
+    if (arena.refused) return;
+    double *change = room.change, *missed = room.missed, *lower = room.lower, *square = room.square, *found = room.found;
+    double *loads = room.loads, *right = room.right;
+    int doing = 1;
+    if (due(slice, (double)(e * e))) {
+        found[MISSED] = 1.0;
+        found[STABLE] = found[WORST] = 0.0;
+        memcpy(lower, change, (size_t)(e * e) * sizeof(double));
+    }
+    if (!cholesky(lower, e, slice)) {
+        fails(slice);
+        return;
+    }
+    if (due(slice, (double)(e * e))) {
+        found[STABLE] = 1.0;
+        memcpy(square, missed, (size_t)(e * e) * sizeof(double));
+    }
+    congruent(lower, square, e, slice);
+    if (due(slice, (double)(e * e)))
+        for (int64_t i = 0; i < e * e; i++) lower[i] = -square[i];
+    smallest_eigen(square, room.values + e, found + LEAST, room.values, e, slice);
+    smallest_eigen(lower, room.values + e, found + MOST, room.values, e, slice);
+    if (caught_up(slice) && found[LEAST] <= -0.5) {
+        fails(slice);
+        return;
+    }
+    /* The loads, then unit loads on the interfaces, in columns. */
+    for (int64_t i = 0; i < e; i++) {
+        if (!row_due(slice, i, (double)(columns + p->loads), &doing)) continue;
+        loads[i * columns] = 0.0;
+        for (int64_t l = 0; l < p->loads; l++) loads[i * columns] += inputs[l] * p->judge_force[l * e + i];
+        for (int64_t r = 0; r < rows; r++) loads[i * columns + 1 + r] = p->judge_motion[r * e + i];
+        memcpy(right + i * columns, loads + i * columns, (size_t)columns * sizeof(double));
+    }
+    if (due(slice, (double)(e * e))) memcpy(square, change, (size_t)(e * e) * sizeof(double));
+    if (!lu_factor(square, room.pivot, e, slice)) return;
+    lu_solve(square, room.pivot, right, e, columns, slice);
+    if (due(slice, (double)(e * e)))
+        for (int64_t i = 0; i < e * e; i++) change[i] += missed[i];
+    if (!lu_factor(change, room.pivot, e, slice)) return;
+    lu_solve(change, room.pivot, loads, e, columns, slice);
+    if (due(slice, (double)(e * columns)))
+        for (int64_t i = 0; i < e * columns; i++) loads[i] -= right[i];
+    find_worst(body, inputs, &room, slice);
+    if (due(slice, 1.0)) found[MISSED] = fmin(fmax(fabs(found[LEAST] / (1.0 + found[LEAST])), fabs(found[MOST] / (1.0 - found[MOST]))), found[WORST]);
+}
+
+double missed_found(const Body *body, Arena arena, int *stable) {
+    Judgement room;
+    take_judgement(body, &arena, &room);
+    *stable = room.found[STABLE] > 0.0;
+    return room.found[MISSED];
+}
+
+double body_missed(Body *body, const double *inputs, double *margin) {
+    const int64_t e = body->p.elastic_count;
+    Arena arena = work_arena(body);
+    Judgement room;
+    int stable;
+    if (margin) *margin = 1.0;
+    if (!body->p.judged) return 0.0;
+    take_judgement(body, &arena, &room);
+    if (arena.refused) return NAN;
+    judged(body, inputs, room.change, room.missed, 0);
+    if (margin) {
+        memcpy(room.square, room.change, (size_t)(e * e) * sizeof(double));
+        smallest_eigen(room.square, room.values + e, margin, room.values, e, 0);
+    }
+    pieces_of_missed(body, inputs, work_arena(body), 0);
+    return missed_found(body, work_arena(body), &stable);
 }
 
 /* Rotation vector, its derivative, the rotation and T of a body that turns as a whole. */

@@ -16,6 +16,12 @@ void inertia_demand(const Body *body, Arena *arena);
 /* Error of deflections from stiffness that the method misses: whether it may exceed a limit; itself; its own margin. */
 int body_may_miss(Body *body, const double *inputs, double limit);
 double body_missed(Body *body, const double *inputs, double *margin);
+/* By a bound that costs next to nothing: 0 where it may not; then whether it may, in an arena of judgement_demand, by pieces;
+ * then itself in the same arena, and what was found: the error, and whether the true stiffness is stable. */
+int body_might_miss(const Body *body, const double *inputs, double limit);
+int pieces_of_missing(Body *body, const double *inputs, double limit, Arena arena, Slice *slice);
+void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slice);
+double missed_found(const Body *body, Arena arena, int *stable);
 /* Spin of a body that turns as a whole with constant mass over its lowest elastic frequency; 0 for others. */
 double body_spin(Body *body, const double *q, const double *v);
 /* Its angular momentum so far, from rest: impulse of the moments, rotation vector and its derivative where it was last
