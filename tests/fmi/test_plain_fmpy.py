@@ -17,9 +17,9 @@ MARK = "RESULT "
 PROGRAM = """
 import json, sys
 import fmpy, numpy
-path, stop, interval, times, values, settings, along, options = json.loads(sys.argv[1])
+path, stop, interval, times, values, settings, along, more = json.loads(sys.argv[1])
 table = numpy.array(list(zip(times, map(float, values))), dtype=[("time", float), ("tip.force." + along, float)])
-result = fmpy.simulate_fmu(path, stop_time=stop, output_interval=interval, input=table, start_values=settings, **options)
+result = fmpy.simulate_fmu(path, stop_time=stop, output_interval=interval, input=table, start_values=settings, **more)
 print("RESULT " + json.dumps([result["time"].tolist(), result["tip.displacement." + along].tolist()]), flush=True)
 """
 
@@ -37,9 +37,9 @@ def beam(tmp_path_factory, runtime):
     return path
 
 
-def simulated(path, stop, interval, times, values, along="y", options=None, **settings):
+def simulated(path, stop, interval, times, values, along="y", more=None, **settings):
     """Times and deflections that fmpy returns in a process of its own, and all that a user reads meanwhile."""
-    job = json.dumps([str(path), stop, interval, times, [str(value) for value in values], settings, along, options or {}])
+    job = json.dumps([str(path), stop, interval, times, [str(value) for value in values], settings, along, more or {}])
     command = [sys.executable, "-c", PROGRAM, job]
     done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=False)
     (line,) = [line for line in done.stdout.splitlines() if line.startswith(MARK)] or [""]

@@ -78,7 +78,12 @@ def test_a_replay_from_amidst_a_look_tells_the_same_at_the_same_step(bar, tmp_pa
 
 @pytest.mark.parametrize("end", ["stop", "terminate", "close", "reset", "fail"])
 def test_what_is_still_looked_at_is_told_however_a_run_ends(bar, end, tmp_path):
-    start = QUIET | {"method": "linear", "watch.stability.limit": 0.0, "watch.error.limit": 0.01, "watch.step.on_limit": "terminate"}
+    start = QUIET | {
+        "method": "linear",
+        "watch.stability.limit": 0.0,
+        "watch.error.limit": 0.01,
+        "watch.step.on_limit": "terminate",
+    }
     driven = Driven(bar, tmp_path, **start)
     if end == "stop":
         assert driven.side.status("reset") == OK

@@ -186,7 +186,9 @@ void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slic
     if (due(slice, (double)(e * columns)))
         for (int64_t i = 0; i < e * columns; i++) loads[i] -= right[i];
     find_worst(body, inputs, &room, slice);
-    if (due(slice, 1.0)) found[MISSED] = fmin(fmax(fabs(found[LEAST] / (1.0 + found[LEAST])), fabs(found[MOST] / (1.0 - found[MOST]))), found[WORST]);
+    if (!due(slice, 1.0)) return;
+    const double of_any_shape = fmax(fabs(found[LEAST] / (1.0 + found[LEAST])), fabs(found[MOST] / (1.0 - found[MOST])));
+    found[MISSED] = fmin(1.0, fmin(of_any_shape, found[WORST]));
 }
 
 double missed_found(const Body *body, Arena arena, int *stable) {
