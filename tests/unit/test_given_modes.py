@@ -1,5 +1,8 @@
 """Bodies of modes that another program found."""
 
+import gzip
+from pathlib import Path
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -10,6 +13,8 @@ from flexfmu.files.errors import BodyFileError, FlexfmuError
 from flexfmu.given.modes import GivenModesError
 from flexfmu.model.errors import OptionError
 from given_bars import LENGTH, MODES, SIDE, bar, eigenmodes, motion
+
+FOREIGN = Path(__file__).parents[1] / "foreign"
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +190,21 @@ def test_modes_of_a_mesh_by_node_number_in_any_order_bring_cells_sets_and_mass(c
     np.testing.assert_allclose(motion(parts), motion(whole), rtol=1e-9)
     with pytest.raises(GivenModesError, match="the modes lack nodes of the mesh: "):
         flexfmu.GivenModes.of_mesh(mesh, mesh.labels[order[1:]], clamped.modes[:, order[1:]], clamped.frequency)
+
+
+def test_the_recipe_for_calculix_reads_its_modes(tmp_path, monkeypatch):
+    """Of tests/foreign/modes_bar.inp, by ccx 2.20: those of flexfmu, but for the file's digits."""
+    page = (Path(__file__).parents[2] / "docs" / "given-modes.md").read_text(encoding="utf-8")
+    script = page[page.index("## From CalculiX") :].split("```")[1].removeprefix("python").replace("mm-t-s", "m-kg-s")
+    (tmp_path / "arm.dat").write_bytes(gzip.decompress((FOREIGN / "modes_bar.dat.gz").read_bytes()))
+    (tmp_path / "arm.inp").write_bytes((FOREIGN / "modes_bar.inp").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    exec(script, {})
+    given = flexfmu.pack("arm.npz", {"tip": "TIP"}, frames=4)
+    own = flexfmu.Body(flexfmu.read_mesh("arm.inp"), None, [], {"tip": "TIP"}, name="arm")
+    own = own.build("frames", modes=4, residual_flexibility=False, frames=4)
+    np.testing.assert_allclose(given.model.angular_frequency, own.model.angular_frequency[:4], rtol=1e-6)
+    np.testing.assert_allclose(motion(given), motion(own), rtol=1e-4)
 
 
 def test_the_command_packs_modes_and_modal_files_alike(clamped, tmp_path):
