@@ -46,7 +46,7 @@ def run(case: str) -> None:
     folder, name = case.split("/")
     model = HERE / folder / CASES[case]
     mesh = read_mesh(model, UnitSystem.SI)
-    nodes, faces = surface_nodes(mesh, mesh.faces)
+    nodes, faces = surface_nodes(mesh)
     chosen = nodes[np.unique(corner_edges(mesh.points[nodes], faces))]
     labels = mesh.labels[chosen]
     deck = (HERE / folder / "calculix" / f"{name}.inp").read_text()

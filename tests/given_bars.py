@@ -22,8 +22,7 @@ def eigenmodes(mesh, held):
 
     from flexfmu.fe.assembly import stiffness
 
-    volumes = mesh.volume_matrices
-    k, m = sp.csc_array(stiffness(mesh)), sp.csc_array(mass_matrix(mesh, volumes))
+    k, m = sp.csc_array(stiffness(mesh)), sp.csc_array(mass_matrix(mesh))
     count = len(mesh.points)
     if m.shape[0] == count:
         m = sp.csc_array(sp.kron(m, sp.eye_array(3)))

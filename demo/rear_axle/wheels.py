@@ -76,10 +76,9 @@ class Wheel:
 def wheels(deck: Path) -> dict[str, Wheel]:
     """Fit the wheels to the flanges of a model deck."""
     mesh = read_mesh(deck, UnitSystem.SI)
-    faces = mesh.faces
     result = {}
     for name, nodes in FLANGES.items():
-        interface = fit_interface(InterfaceNodes(name, nodes, weights="area"), mesh, faces, ())
-        weight = area_matrix(mesh.points, select(faces, interface.nodes, outer=True), interface.nodes)
+        interface = fit_interface(InterfaceNodes(name, nodes, weights="area"), mesh, ())
+        weight = area_matrix(mesh.points, select(mesh.faces, interface.nodes, outer=True), interface.nodes)
         result[name] = Wheel(interface, mesh.points[interface.nodes], weight, mesh.labels[interface.nodes])
     return result

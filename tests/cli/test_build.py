@@ -148,7 +148,7 @@ def test_weights_by_area_are_refused_for_a_piece_of_the_body(tmp_path):
 
 def test_a_force_on_a_section_inside_the_body_is_a_uniform_traction():
     mesh = bar()
-    interface = fit_interface(InterfaceNodes("inside", "INSIDE"), mesh, mesh.faces, ())
+    interface = fit_interface(InterfaceNodes("inside", "INSIDE"), mesh, ())
     assert interface.by_area
     forces = interface.nodal_loads(len(mesh.points)).reshape(-1, 3, 6)[interface.nodes, 0, 0]
     # Of four 8-node faces around one corner: a third of a face's share between corners, twice that where two meet.

@@ -44,7 +44,7 @@ def mass(mesh):
     """Mass of a mesh with materials, kg."""
     from flexfmu.reduction.masses import body_properties
 
-    return body_properties(mesh, mesh.volume_matrices).mass
+    return body_properties(mesh).mass
 
 
 def answer(mesh, root, tip, material=STEEL):

@@ -37,7 +37,7 @@ def test_bars_on_springs_deflect_as_in_calculix_little_and_far(name, tmp_path, c
     model = assemble_model(checked(body.mesh), body.spec.options)
     tip, load = model.mesh.node_sets["TIP"], np.zeros((len(model.mesh.points), 3))
     load[tip] = FORCE / len(tip)
-    found = Matrices(model, model.mesh.volume_matrices, Reporter()).supported
+    found = Matrices(model, Reporter()).supported
     u = found.whole(found.static(found.forces(load.reshape(-1, 1))))[:, 0]
     path = load_path(
         model.mesh, model.unknowns, model.spring, LARGE * load.ravel(), [1.0], Reporter(), model.bushings.forces

@@ -219,7 +219,7 @@ def test_the_whole_model_on_a_bushing_turns_far_as_a_rigid_body_does():
     """What scenes and `fit --verify` compare with: the bushing's own forces in turns of any size."""
     config = flexfmu.Body(bar(), supports=[BUSHING], interfaces={"tip": "TIP"}).spec
     model = assemble_model(bar(), config.options)
-    interface = fit_interface(config.options.interfaces[0], model.mesh, model.mesh.faces, [])
+    interface = fit_interface(config.options.interfaces[0], model.mesh, [])
     pull = np.append(LOAD[:3], np.zeros(3))
     load = interface.nodal_loads(len(model.mesh.points)) @ pull
     path = load_path(model.mesh, model.unknowns, model.spring, load, [1.0], Reporter(), model.bushings.forces)

@@ -60,7 +60,7 @@ def true_error(body, flexible, state, loads):
     """Largest distance of interfaces from those of the nonlinear finite element model, over their displacement."""
     found = body_model(body.mesh, body.spec)
     mesh, model = found.model.mesh, found.model
-    interfaces = [fit_interface(table, mesh, mesh.faces, []) for table in found.options.interfaces]
+    interfaces = [fit_interface(table, mesh, []) for table in found.options.interfaces]
     load = sum(i.nodal_loads(len(mesh.points))[:, :3] @ np.array(loads[i.name]) for i in interfaces)
     moved = load_path(mesh, model.unknowns, model.spring, load, [1.0], Reporter()).displacement[0].reshape(-1, 3)
     exact = np.array([i.operator[:3] @ moved[i.nodes].ravel() for i in interfaces])

@@ -29,7 +29,7 @@ def frame(*runs, kind=ElementType.C3D20):
 
 
 def found(mesh, *clear):
-    return inner_sections(mesh, mesh.faces, mesh.node_sets["ROOT"], {name: mesh.node_sets[name] for name in clear})
+    return inner_sections(mesh, mesh.node_sets["ROOT"], {name: mesh.node_sets[name] for name in clear})
 
 
 @pytest.mark.parametrize(("posts", "count"), [((), 1), (POSTS[:1], 2), (POSTS, 3)])
@@ -76,7 +76,7 @@ def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
     read = read_body_model(config, Reporter())
     model = read.model
     worst = 0.0
-    fit = fit_interface(read.options.interfaces[0], model.mesh, model.mesh.faces, ())
+    fit = fit_interface(read.options.interfaces[0], model.mesh, ())
     for force in ((0.0, 0.0, -1.0), (0.6, 0.3, -0.8)):
         full = 15e3 * np.array(force)
         nodal = fit.nodal_loads(len(model.mesh.points))[:, :3] @ full

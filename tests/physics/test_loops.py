@@ -166,7 +166,7 @@ def test_a_ring_on_two_feet_is_cut_in_both_arcs_beside_its_interface():
 
 def sections(mesh, *supports, clear=()):
     nodes = np.concatenate([mesh.node_sets[name] for name in supports])
-    return loop_sections(mesh, mesh.faces, nodes, {name: mesh.node_sets[name] for name in clear})
+    return loop_sections(mesh, nodes, {name: mesh.node_sets[name] for name in clear})
 
 
 def bar(length=1.0, cells=20, **sets):

@@ -26,7 +26,7 @@ def path(folder, direction, forces):
 def path_of(config, direction, forces):
     """The same of a body file."""
     model = assemble_model(checked(read_mesh(config.mesh.file, config.mesh.units)), config.options)
-    interface = fit_interface(config.options.interfaces[0], model.mesh, model.mesh.faces, [])
+    interface = fit_interface(config.options.interfaces[0], model.mesh, [])
     load = max(forces) * interface.nodal_loads(len(model.mesh.points))[:, :3] @ np.asarray(direction, dtype=float)
     factors = np.asarray(forces) / max(forces)
     found = load_path(model.mesh, model.unknowns, model.spring, load, factors.tolist(), Reporter())

@@ -30,8 +30,8 @@ def matrices_and_loads(mesh, folder, support="ROOT", interface="TIP"):
     """Matrices of a body, and nodal forces of unit forces on its interface."""
     config = body_file(mesh, folder, interface=[interface], support=support).options
     model = assemble_model(checked(mesh), config)
-    matrices = Matrices(model, model.mesh.volume_matrices, Reporter())
-    fit = fit_interface(config.interfaces[0], model.mesh, model.mesh.faces, [])
+    matrices = Matrices(model, Reporter())
+    fit = fit_interface(config.interfaces[0], model.mesh, [])
     return matrices, fit.nodal_loads(len(model.mesh.points))
 
 
@@ -142,7 +142,7 @@ def test_the_shortest_body_file_follows_bodies_that_evade_their_stretch(make, fo
     matrices, loads = matrices_and_loads(mesh, tmp_path)
     model, load = matrices.model, loads[:, :3] @ np.array(force)
     path = load_path(model.mesh, model.unknowns, model.spring, load, [1.0], Reporter())
-    fit = fit_interface(body_file(mesh, tmp_path, interface=["TIP"]).options.interfaces[0], mesh, mesh.faces, [])
+    fit = fit_interface(body_file(mesh, tmp_path, interface=["TIP"]).options.interfaces[0], mesh, [])
     expected = fit.motion(path.displacement.T)[:3, 0]
 
     def error(**reduction):

@@ -172,7 +172,7 @@ def test_a_coupling_is_an_interface_under_its_names_at_its_reference_node(tmp_pa
     moved = read(tmp_path, BODY + COUPLING.replace("100, 2.,", "100, 3.,"))
     for body, x in ((mesh, 2.0), (moved, 3.0)):
         body = checked(body)
-        interface = fit_interface(spec.options.interfaces[0], body, body.faces, ())
+        interface = fit_interface(spec.options.interfaces[0], body, ())
         np.testing.assert_allclose(interface.point, [x, 0.5, 0.5])
     assert any(note.endswith("; its nodes are rigid") for note in mesh.notes)
 

@@ -26,7 +26,7 @@ EVERY = pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.name)
 
 
 def divided(mesh, levels):
-    return divide(mesh, mesh.volume_matrices, mesh.faces, mesh.node_sets["ROOT"], levels)
+    return divide(mesh, mesh.node_sets["ROOT"], levels)
 
 
 def fork(kind, width=0.1):
@@ -232,7 +232,7 @@ def test_division_does_not_depend_on_the_numbering_of_nodes_and_elements(kind, n
 
 def branched(mesh, *branches):
     found = [Joints(name, mesh.node_sets[name], joints) for name, joints in branches]
-    return divide_branches(mesh, mesh.volume_matrices, mesh.faces, mesh.node_sets["ROOT"], found)
+    return divide_branches(mesh, mesh.node_sets["ROOT"], found)
 
 
 @EVERY
@@ -276,7 +276,7 @@ def test_the_distance_follows_the_body_and_not_the_air():
 def test_a_body_without_supports_cannot_be_divided():
     mesh = box(ElementType.C3D8, (2, 1, 1), (2.0, 1.0, 1.0))
     with pytest.raises(BodyFileError, match=r"counts from the supports, and the body has none"):
-        divide(mesh, mesh.volume_matrices, mesh.faces, np.zeros(0, dtype=np.int64), 2)
+        divide(mesh, np.zeros(0, dtype=np.int64), 2)
 
 
 def test_a_part_that_no_way_leads_to_is_refused():

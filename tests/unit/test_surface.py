@@ -152,7 +152,7 @@ def test_the_surface_of_a_bent_bar_is_stressed_as_beam_theory_has_it(tmp_path):
 def test_pairs_of_modes_are_answered_a_few_at_a_time_with_the_same_surface(tmp_path, monkeypatch):
     mesh = arc(BRICK, (8, 2, 2), 1.0, 0.08)
     model = assemble_model(mesh, body_file(mesh, tmp_path, interface=["TIP"]).options)
-    matrices = Matrices(model, mesh.volume_matrices, Reporter())
+    matrices = Matrices(model, Reporter())
     modes = normal_modes(matrices.supported, 8)
     arguments = modes.shapes, np.arange(8), modes.angular_frequency**2, modes.shapes[:, :0], mesh.node_sets["TIP"]
     counts = []

@@ -33,7 +33,7 @@ def bores(mesh: Mesh) -> dict[str, Place]:
     dict of str to Place
         Cylinders, the widest first.
     """
-    nodes, faces = surface_nodes(mesh, mesh.faces)
+    nodes, faces = surface_nodes(mesh)
     points = mesh.points[nodes]
     corners = points[faces]
     normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])

@@ -125,7 +125,7 @@ def _properties(options: BodyOptions, model: Model) -> Properties:
     mesh = model.mesh
     names, points, springs = support_places(mesh, options.supports)
     return replace(
-        body_properties(mesh, mesh.volume_matrices),
+        body_properties(mesh),
         spring=model.springs_along_axes if model.sprung.any() else None,
         support_names=names,
         support_point=points,

@@ -134,14 +134,12 @@ def scatter(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((matrices.ravel(), (rows, columns)), shape=(size, size)))
 
 
-def mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> sp.csr_array:
+def mass(mesh: Mesh) -> sp.csr_array:
     """Consistent mass matrix of all nodes.
 
     Parameters
     ----------
     mesh : Mesh
-    volumes : tuple of (n_elements, node_count, node_count) float
-        From `Mesh.volume_matrices`.
 
     Returns
     -------
@@ -150,9 +148,8 @@ def mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> sp.csr_array:
     """
     size = len(mesh.points)
     scalar = sp.csr_array((size, size))
-    density = np.array([material.density for material in mesh.materials])
-    for block, matrices in zip(mesh.blocks, volumes, strict=True):
-        scalar = scalar + scatter(block.connectivity, density[block.material][:, None, None] * matrices, size)
+    for block, matrices in zip(mesh.blocks, mesh.mass_matrices, strict=True):
+        scalar = scalar + scatter(block.connectivity, matrices, size)
     return in_short(sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr")))
 
 

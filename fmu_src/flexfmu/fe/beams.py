@@ -45,5 +45,4 @@ def beam_law(corners: FloatArray, merged: FloatArray, constants: FloatArray, sec
     found = (2.0 / length * scale).T[:, :, None] * (_STRAINS @ merged)
     # Shear is that at the shear centre, which twist moves.
     found[:, 4:] += section[:, [7, 6], None] * np.array([[1.0], [-1.0]]) * found[:, 3:4]
-    result: FloatArray = found.swapaxes(1, 2) @ ((length * stiff).T[:, :, None] * found)
-    return result
+    return found.swapaxes(1, 2) @ ((length * stiff).T[:, :, None] * found)

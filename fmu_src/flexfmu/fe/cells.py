@@ -138,8 +138,7 @@ class Cells:
         """Stiffness (e, a + b, a + b), in each direction, of what works on strains (e, r)."""
         (i, j), slope = self.rows.T, self.shape_slopes
         half = (slope[:, i] * (work * np.where(i == j, 0.5, 1.0))[..., None]).swapaxes(1, 2) @ slope[:, j]
-        found: FloatArray = half + half.swapaxes(1, 2)
-        return found
+        return half + half.swapaxes(1, 2)
 
     def turned(self, turn: FloatArray) -> FloatArray:
         """Slopes (e, s, 3, k) that turns (e, q, 3, 3, k) give to the undeformed places."""

@@ -68,8 +68,7 @@ class Laminate:
         below = np.sum(self.axes[:, :, 2] * normal, axis=1, keepdims=True) < 0.0
         up = np.where(below & self.fixed, -1.0, 1.0) * normal
         turn = turning(local @ np.stack([along, np.cross(up, along), up], axis=2))
-        found: FloatArray = turn @ self.elastic[layer] @ turn.swapaxes(1, 2)
-        return found
+        return turn @ self.elastic[layer] @ turn.swapaxes(1, 2)
 
 
 def laminates(mesh: Mesh, block: ElementBlock) -> Iterator[tuple[IntArray, Laminate]]:
@@ -107,8 +106,7 @@ def _turned(elastic: FloatArray, angle: FloatArray) -> FloatArray:
     turn[:, 0, 0], turn[:, 1, 1] = np.cos(angle), np.cos(angle)
     turn[:, 1, 0], turn[:, 0, 1] = np.sin(angle), -np.sin(angle)
     both = turning(turn)
-    found: FloatArray = both @ elastic @ both.swapaxes(1, 2)
-    return found
+    return both @ elastic @ both.swapaxes(1, 2)
 
 
 def _stiffest(bend: FloatArray) -> float:
@@ -145,12 +143,10 @@ def _shear(z: FloatArray, elastic: FloatArray) -> FloatArray:
 
         def upto(height: float, low: float = low, own: FloatArray = own) -> FloatArray:
             first, second = height - low, 0.5 * (height**2 - low**2)
-            found: FloatArray = (own @ (first * flexible[:3] + second * flexible[3:]))[rows, columns]
-            return found
+            return (own @ (first * flexible[:3] + second * flexible[3:]))[rows, columns]
 
         for place, weight in zip(along, length, strict=True):
             stress = below + upto(0.5 * (low + high + place * (high - low)))
             soft += 0.5 * weight * (high - low) * stress.T @ np.linalg.solve(shear, stress)
         below = np.asarray(below + upto(high), dtype=np.float64)
-    found: FloatArray = np.linalg.inv(soft).astype(np.float64)
-    return found
+    return np.linalg.inv(soft).astype(np.float64)

@@ -123,8 +123,7 @@ class ShellCells(Cells):
 
     def turned(self, turn: FloatArray) -> FloatArray:
         """As of solids, by the mean turn of each element."""
-        found: FloatArray = np.einsum("eqijk,esj->esik", turn, self.base, optimize=True) / turn.shape[1]
-        return found
+        return np.einsum("eqijk,esj->esik", turn, self.base, optimize=True) / turn.shape[1]
 
 
 def shell_cells(mesh: Mesh, block: ElementBlock, size: int) -> Iterator[ShellCells]:
@@ -302,8 +301,7 @@ class Places:
     def strains(self, q: int) -> FloatArray:
         """Strains (e, 6, r) at a point of the rule."""
         to_natural = np.linalg.inv(self.base[:, q].swapaxes(1, 2)) @ self.axes[:, q].swapaxes(1, 2)
-        found: FloatArray = turning(to_natural).swapaxes(1, 2) @ self._natural[q]
-        return found
+        return turning(to_natural).swapaxes(1, 2) @ self._natural[q]
 
     def own(self, q: int, point: FloatArray) -> FloatArray:
         """Strains (e, 6, 4) of an element's own at a point of the rule."""
@@ -318,8 +316,7 @@ class Places:
         turn = self.axes[:, -1] @ self.axes[:, q].swapaxes(1, 2)
         turn = turning(turn.swapaxes(1, 2) if back else turn).swapaxes(1, 2)
         inside = np.array([1.0, 1.0, 0.0, 1.0, 0.0, 0.0])
-        found: FloatArray = inside[:, None] * (turn @ (inside[:, None] * strains))
-        return found
+        return inside[:, None] * (turn @ (inside[:, None] * strains))
 
     def means(self) -> dict[float, FloatArray]:
         """Mean strains (e, 6, r) in the middle's axes above (1) and below (−1) the middle."""
@@ -343,5 +340,4 @@ def _softening(corners: FloatArray) -> FloatArray:
     thickness = np.linalg.norm(corners[:, 3:].mean(axis=1) - corners[:, :3].mean(axis=1), axis=1)
     middle = 0.5 * (corners[:, :3] + corners[:, 3:])
     longest = np.linalg.norm(middle - np.roll(middle, 1, axis=1), axis=2).max(axis=1)
-    result: FloatArray = thickness**2 / (thickness**2 + _SOFTENED * longest**2)
-    return result
+    return thickness**2 / (thickness**2 + _SOFTENED * longest**2)

@@ -164,8 +164,7 @@ def _walls(mesh: Mesh, sides: Sequence[IntArray]) -> BoolArray:
         thin = axes[:, 2] * (size[:, 2:] < _THIN * size[:, 1:2])
         np.add.at(total, side, (thin[:, :, None] * thin[:, None])[:, None])
         np.add.at(met, side, 1.0)
-    found: BoolArray = np.linalg.eigvalsh(total)[:, 2] > _SMOOTH * np.maximum(met, 1.0)
-    return found
+    return np.linalg.eigvalsh(total)[:, 2] > _SMOOTH * np.maximum(met, 1.0)
 
 
 def _shell_jumps(mesh: Mesh, blocks: Sequence[ElementBlock], field: FloatArray) -> FloatArray:

@@ -31,5 +31,4 @@ def orthonormal(vectors: Sequence[Sequence[float]] | FloatArray | None) -> Float
     first, second = np.asarray(vectors if vectors is not None else np.eye(3)[:2], dtype=np.float64)
     third = np.cross(first, second)
     found = np.array([first, np.cross(third, first), third])
-    result: FloatArray = found / np.linalg.norm(found, axis=1)[:, None]
-    return result
+    return found / np.linalg.norm(found, axis=1)[:, None]

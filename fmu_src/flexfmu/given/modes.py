@@ -151,7 +151,7 @@ class GivenModes:
             for block in mesh.blocks
         )
         heavy = replace(mesh, materials=materials, blocks=blocks)
-        mass = mass_matrix(heavy, heavy.volume_matrices)
+        mass = mass_matrix(heavy)
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
             shape = LINEAR[block.type.shape.polytope] if block.type.shell else block.type.shape

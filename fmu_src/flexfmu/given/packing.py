@@ -19,7 +19,6 @@ from ..files.progress import Reporter, ScriptReporter
 from ..files.units import UnitSystem
 from ..files.version import __version__
 from ..fmu.built_body import BuiltBody, load
-from ..mesh.blocks import FaceBlock
 from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents
 from ..mesh.model import Material, Mesh
@@ -196,10 +195,8 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
     shapes = given.modes[:, rows].reshape(len(given.modes), -1).T
     options = replace(spec.options, variant=variant, stored=frozenset())
     model = _model(given, mesh, options, shapes, rows)
-    volumes = mesh.volume_matrices if mesh.blocks else ()
-    faces = mesh.faces if mesh.blocks else ()
-    subdomains = _subdomains(given, options, model, volumes, faces, rows, report)
-    interfaces = [fit_interface(one, mesh, faces, subdomains) for one in options.interfaces]
+    subdomains = _subdomains(given, options, model, rows, report)
+    interfaces = [fit_interface(one, mesh, subdomains) for one in options.interfaces]
     frames = frame_operators(mesh.points, shapes, subdomains)
     frequency = 2.0 * np.pi * given.frequency
     use = replace(
@@ -209,9 +206,9 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": __version__},
     )
     parts = Parts(
-        whole=whole_frame(model, volumes, faces, shapes, options) if several(subdomains) and mesh.blocks else None,
+        whole=whole_frame(model, shapes, options) if several(subdomains) and mesh.blocks else None,
         masses=_masses(given, subdomains, shapes, mesh, rows) if options.acceleration else None,
-        surface=_surface(mesh, shapes, faces, subdomains, interfaces, model) if options.surface else None,
+        surface=_surface(mesh, shapes, subdomains, interfaces, model) if options.surface else None,
     )
     body = made_body(Motion.of_tree(frequency, shapes, interfaces, subdomains, frames), use, parts)
     report.note(
@@ -278,13 +275,7 @@ def _model(given: GivenModes, mesh: Mesh, options: BodyOptions, shapes: FloatArr
 
 
 def _subdomains(
-    given: GivenModes,
-    options: BodyOptions,
-    model: Model,
-    volumes: tuple[FloatArray, ...],
-    faces: tuple[FaceBlock, ...],
-    rows: IntArray,
-    report: Reporter,
+    given: GivenModes, options: BodyOptions, model: Model, rows: IntArray, report: Reporter
 ) -> list[Subdomain]:
     """Frames: of elements where there are some; of nodes alone one frame, or those of node sets."""
     points = model.mesh.points
@@ -302,7 +293,7 @@ def _subdomains(
         else []
     )
     if model.mesh.blocks:
-        found, warnings = body_subdomains(options, model, volumes, faces)
+        found, warnings = body_subdomains(options, model)
         for text in warnings:
             report.warning(text)
         # The floating frame is that of the given mass, not of the elements' volume.
@@ -314,7 +305,7 @@ def _subdomains(
         )
     if options.frames:
         wanted = requested_subdomains(
-            model.mesh, (), (), np.flatnonzero(model.fixed.any(axis=1)), frame_requests(options, model.mesh)
+            model.mesh, np.flatnonzero(model.fixed.any(axis=1)), frame_requests(options, model.mesh)
         )
         return floating + [replace(domain, parent=domain.parent + len(floating)) for domain in wanted]
     if floating or options.levels == 0:
@@ -324,18 +315,13 @@ def _subdomains(
 
 
 def _surface(
-    mesh: Mesh,
-    shapes: FloatArray,
-    faces: tuple[FaceBlock, ...],
-    subdomains: list[Subdomain],
-    interfaces: list[InterfaceFit],
-    model: Model,
+    mesh: Mesh, shapes: FloatArray, subdomains: list[Subdomain], interfaces: list[InterfaceFit], model: Model
 ) -> Surface | None:
     """Outer faces for viewing; None without cells."""
     if not mesh.blocks:
         return None
     held = np.flatnonzero(model.fixed.any(axis=1))
-    return body_surface(mesh, shapes, faces, subdomains, [interface.nodes for interface in interfaces], held)
+    return body_surface(mesh, shapes, subdomains, [interface.nodes for interface in interfaces], held)
 
 
 def _masses(given: GivenModes, subdomains: list[Subdomain], shapes: FloatArray, mesh: Mesh, rows: IntArray) -> Masses:

@@ -60,8 +60,7 @@ class Simplices:
     @property
     def span(self) -> FloatArray:
         """Projectors (e, 3, 3) on what the masters span, in which alone strain has energy."""
-        found: FloatArray = np.linalg.pinv(self.gradient, rcond=_FLAT) @ self.gradient
-        return found
+        return np.linalg.pinv(self.gradient, rcond=_FLAT) @ self.gradient
 
 
 def renumbered(simplices: Sequence[Simplices], place: IntArray) -> tuple[Simplices, ...]:

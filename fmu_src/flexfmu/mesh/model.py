@@ -263,6 +263,13 @@ class Mesh:
         """∫ N_a N_b dV (n_elements, node_count, node_count) of each block's elements, m³."""
         return volume_matrices(self.points, self.blocks)
 
+    @property
+    def mass_matrices(self) -> tuple[FloatArray, ...]:
+        """∫ ρ N_a N_b dV (n_elements, node_count, node_count) of each block's elements, kg."""
+        density = np.array([material.density for material in self.materials])
+        pairs = zip(self.blocks, self.volume_matrices, strict=True)
+        return tuple(density[block.material][:, None, None] * matrices for block, matrices in pairs)
+
     @cached_property
     def volumes(self) -> FloatArray:
         """Volumes (n_elements,) over all blocks, m³."""

@@ -296,8 +296,7 @@ def _corner_normals(points: FloatArray, block: ElementBlock) -> FloatArray:
     size = np.linalg.norm(found, axis=2, keepdims=True)
     if (folded := (size <= 0.0).any(axis=(1, 2))).any():
         raise MeshError(f"shells have no area at a corner: {listed(block.labels[folded])}; mesh again")
-    result: FloatArray = (found / size).reshape(-1, 3)
-    return result
+    return (found / size).reshape(-1, 3)
 
 
 def _groups(normals: FloatArray, heights: FloatArray) -> list[tuple[FloatArray, FloatArray, list[int]]]:
@@ -352,8 +351,7 @@ def _supports(
 def _beside(directions: FloatArray) -> FloatArray:
     """Orthonormal directions (k, 3) at right angles to all of some."""
     _, sizes, axes = np.linalg.svd(directions)
-    found: FloatArray = axes[int(np.sum(sizes > _NOTHING)) :]
-    return found
+    return axes[int(np.sum(sizes > _NOTHING)) :]
 
 
 def _joined(lines: _Lines, row: IntArray) -> list[dict[int, float]]:

@@ -27,14 +27,11 @@ class Matrices:
     Parameters
     ----------
     model : Model
-    volumes : tuple of (n_elements, node_count, node_count) float
-        From `Mesh.volume_matrices`.
     report : Reporter
     """
 
-    def __init__(self, model: Model, volumes: tuple[FloatArray, ...], report: Reporter):
+    def __init__(self, model: Model, report: Reporter):
         self.model = model
-        self._volumes = volumes
         self._report = report
 
     @cached_property
@@ -57,9 +54,7 @@ class Matrices:
         with self._report.stage("Assemble stiffness and mass"):
             # Without names for those of all degrees of freedom, which are not kept beside the factors.
             matrices = eliminated(
-                stiffness(model.mesh) + model.unknowns.in_means(model.springs),
-                model_mass(model.mesh, self._volumes),
-                model.unknowns,
+                stiffness(model.mesh) + model.unknowns.in_means(model.springs), model_mass(model.mesh), model.unknowns
             )
         with self._report.stage(f"Factorise the stiffness ({solver_name()})"):
             return supported(matrices, model.rigid, self._report.note)

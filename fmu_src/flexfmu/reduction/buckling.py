@@ -64,5 +64,4 @@ def _shapes(matrices: Matrices, motion: FloatArray) -> FloatArray:
     except spla.ArpackNoConvergence as error:
         inverse, shapes = error.eigenvalues, error.eigenvectors
     order = np.argsort(-np.abs(inverse))
-    result: FloatArray = shapes[:, order[np.abs(inverse[order]) > 1.0 / _REACH]].T
-    return result
+    return shapes[:, order[np.abs(inverse[order]) > 1.0 / _REACH]].T

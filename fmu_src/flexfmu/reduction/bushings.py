@@ -130,8 +130,7 @@ class SpringReading:
         """First derivatives (..., 6, z) of the values at numbers (..., z)."""
         step = _TINY * self._size
         moved = z[..., None, :] + 1j * step * np.eye(z.shape[-1])
-        result: FloatArray = self.values(moved).imag.swapaxes(-1, -2) / step
-        return result
+        return self.values(moved).imag.swapaxes(-1, -2) / step
 
     def bend(self, z: FloatArray) -> FloatArray:
         """Second derivatives (6, z, z) of the values at numbers (z,)."""

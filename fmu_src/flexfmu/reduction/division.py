@@ -101,16 +101,12 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
     return dijkstra(graph, directed=False, indices=sources, min_only=True)
 
 
-def divide(
-    mesh: Mesh, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], supported: IntArray, levels: int
-) -> Division:
+def divide(mesh: Mesh, supported: IntArray, levels: int) -> Division:
     """Divide a body into sub-domains by levels of the distance from its supports.
 
     Parameters
     ----------
     mesh : Mesh
-    volumes : tuple of (n_elements, node_count, node_count) float
-    faces : tuple of FaceBlock
     supported : (k,) int
         Nodes from which the distance counts.
     levels : int
@@ -131,17 +127,11 @@ def divide(
     middle = _middle(mesh, distance)
     depth = float(distance.max()) / levels
     level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
-    link = linked(mesh, faces)
-    return _divided(mesh, volumes, faces, supported, level, link, distance, depth)
+    link = linked(mesh)
+    return _divided(mesh, supported, level, link, distance, depth)
 
 
-def divide_branches(
-    mesh: Mesh,
-    volumes: tuple[FloatArray, ...],
-    faces: tuple[FaceBlock, ...],
-    supported: IntArray,
-    branches: Sequence[Joints],
-) -> Division:
+def divide_branches(mesh: Mesh, supported: IntArray, branches: Sequence[Joints]) -> Division:
     """Divide a body at given distances from its supports, of each branch by itself.
 
     A joint separates what lies beyond it and hangs together with the branch's end from all the rest.
@@ -149,8 +139,6 @@ def divide_branches(
     Parameters
     ----------
     mesh : Mesh
-    volumes : tuple of (n_elements, node_count, node_count) float
-    faces : tuple of FaceBlock
     supported : (k,) int
         Nodes from which the distance counts.
     branches : sequence of Joints
@@ -168,7 +156,7 @@ def divide_branches(
     """
     distance = _supported_distance(mesh, supported)
     middle = _middle(mesh, distance)
-    link = linked(mesh, faces)
+    link = linked(mesh)
     size = float(distance.max())
     place = np.round(middle / size, _DIGITS)
     beyond = []
@@ -188,7 +176,7 @@ def divide_branches(
     flags = np.array(beyond, dtype=np.int64).reshape(len(beyond), -1)
     level = np.unique(flags, axis=1, return_inverse=True)[1].ravel().astype(np.int64)
     steps = [b - a for branch in branches for a, b in pairwise((0.0, *branch.joints))]
-    return _divided(mesh, volumes, faces, supported, level, link, distance, min(steps, default=size))
+    return _divided(mesh, supported, level, link, distance, min(steps, default=size))
 
 
 def _supported_distance(mesh: Mesh, supported: IntArray) -> FloatArray:
@@ -209,14 +197,7 @@ def _middle(mesh: Mesh, distance: FloatArray) -> FloatArray:
 
 
 def _divided(
-    mesh: Mesh,
-    volumes: tuple[FloatArray, ...],
-    faces: tuple[FaceBlock, ...],
-    supported: IntArray,
-    level: IntArray,
-    link: sp.csr_array,
-    distance: FloatArray,
-    depth: float,
+    mesh: Mesh, supported: IntArray, level: IntArray, link: sp.csr_array, distance: FloatArray, depth: float
 ) -> Division:
     """Sub-domains of the connected pieces of each level (e,), slivers against a depth (m) joined."""
     _, piece = connected_components(link.multiply(equal_labels(link, level)), directed=False)
@@ -226,9 +207,8 @@ def _divided(
             for b in mesh.blocks
         ]
     )
-    volume = np.concatenate([matrices.sum(axis=(1, 2)) for matrices in volumes])
-    piece = _merge_slivers(piece.astype(np.int64), link, reach, volume, depth)
-    return _tree(mesh, volumes, faces, supported, piece, _middle(mesh, distance), link)
+    piece = _merge_slivers(piece.astype(np.int64), link, reach, mesh.volumes, depth)
+    return _tree(mesh, supported, piece, _middle(mesh, distance), link)
 
 
 def neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:
@@ -249,16 +229,16 @@ def _corner_areas(at: FloatArray) -> FloatArray:
     return 0.5 * np.linalg.norm(edges, axis=1)
 
 
-def linked(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> sp.csr_array:
+def linked(mesh: Mesh) -> sp.csr_array:
     """Elements that share a face, or whose outer faces equations join, (e, e) with the area in common."""
-    link = neighbours(mesh.points, faces, mesh.element_count)
+    link = neighbours(mesh.points, mesh.faces, mesh.element_count)
     if mesh.equations is None:
         return link
     joined = coupled_nodes(mesh.equations)
     inside = np.diff(joined.indptr) > 0
     shape = (mesh.element_count, len(mesh.points))
     parts = [sp.csr_array(shape)]
-    for block in faces:
+    for block in mesh.faces:
         nodes, element = block.nodes[block.outer], block.element[block.outer]
         area = _corner_areas(mesh.points[nodes[:, : block.corner_count]])
         share = inside[nodes] * area[:, None] / nodes.shape[1]
@@ -320,18 +300,10 @@ def _shared(piece: IntArray, link: sp.csr_array, count: int) -> FloatArray:
     return table
 
 
-def _tree(
-    mesh: Mesh,
-    volumes: tuple[FloatArray, ...],
-    faces: tuple[FaceBlock, ...],
-    supported: IntArray,
-    piece: IntArray,
-    middle: FloatArray,
-    link: sp.csr_array,
-) -> Division:
+def _tree(mesh: Mesh, supported: IntArray, piece: IntArray, middle: FloatArray, link: sp.csr_array) -> Division:
     """Hang the pieces on each other, nearest to the support first."""
     count = int(piece.max()) + 1
-    bodies = [volume_weighted(mesh, volumes, np.flatnonzero(piece == p)) for p in range(count)]
+    bodies = [volume_weighted(mesh, mesh.volume_matrices, np.flatnonzero(piece == p)) for p in range(count)]
     near = np.full(count, np.inf)
     np.minimum.at(near, piece, middle)
     roots = [p for p in range(count) if np.intersect1d(bodies[p].nodes, supported).size]
@@ -362,7 +334,7 @@ def _tree(
         beyond = supported if up == GROUND else bodies[up].nodes
         if up != GROUND and mesh.equations is not None:
             beyond = np.union1d(beyond, np.unique(coupled_nodes(mesh.equations)[beyond].indices))
-        joint = section(mesh.points, faces, np.intersect1d(bodies[p].nodes, beyond))
+        joint = section(mesh, np.intersect1d(bodies[p].nodes, beyond))
         index = GROUND if up == GROUND else position[up]
         elements = np.flatnonzero(piece == p)
         turn = mean_rotation(mesh, elements)
@@ -371,13 +343,12 @@ def _tree(
     return Division(tuple(subdomains), _open_loops(mesh, subdomains, shared[np.ix_(order, order)]))
 
 
-def open_loops(mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: Sequence[Subdomain]) -> tuple[str, ...]:
+def open_loops(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[str, ...]:
     """Where sub-domains given by hand share a section without hanging on each other, in words.
 
     Parameters
     ----------
     mesh : Mesh
-    faces : tuple of FaceBlock
     subdomains : sequence of Subdomain
 
     Returns
@@ -389,7 +360,7 @@ def open_loops(mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: Sequence[Su
     piece = np.full(mesh.element_count, count)
     for s in reversed(range(count)):
         piece[subdomains[s].elements] = s
-    shared = _shared(piece, linked(mesh, faces), count + 1)
+    shared = _shared(piece, linked(mesh), count + 1)
     return _open_loops(mesh, subdomains, shared[:count, :count])
 
 

@@ -43,7 +43,7 @@ def slices(mesh: Mesh, anchored: IntArray) -> list[IntArray]:
         anchored = np.array([np.argmax(np.linalg.norm(mesh.points - mesh.points.mean(axis=0), axis=1))])
     distance = distance_along(mesh, anchored)
     way = float(distance.max())
-    link = linked(mesh, mesh.faces)
+    link = linked(mesh)
     middle = _across(mesh, link, np.concatenate([distance[b.connectivity].mean(axis=1) for b in mesh.blocks]), way)
     level = np.floor(np.round(_LEVELS * middle / way, _DIGITS)).astype(np.int64)
     piece = connected_components(link.multiply(equal_labels(link, level)), directed=False)[1]

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, WholeFrame
 from .division import Joints, divide, divide_branches, open_loops
@@ -30,17 +29,13 @@ from .subdomains import (
 _RIGID_MOTIONS = 6
 
 
-def body_subdomains(
-    config: BodyOptions, model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...]
-) -> tuple[list[Subdomain], tuple[str, ...]]:
+def body_subdomains(config: BodyOptions, model: Model) -> tuple[list[Subdomain], tuple[str, ...]]:
     """Frames by hand or by themselves; those of a free body hang on a floating one.
 
     Parameters
     ----------
     config : BodyOptions
     model : Model
-    volumes : tuple of (n_elements, node_count, node_count) float
-    faces : tuple of FaceBlock
 
     Returns
     -------
@@ -56,23 +51,23 @@ def body_subdomains(
     anchored = hanging(model, config)
     held = anchored if is_free(model) else model.held
     # Parts of a cut body turn with their ties: their coordinates are no rigid motions any more.
-    top = [] if config.cuts else root_frame(model, volumes)
+    top = [] if config.cuts else root_frame(model)
     if config.branches:
         branches = [
             Joints(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), b.joints)
             for b in config.branches
         ]
-        division = divide_branches(mesh, volumes, faces, anchored, branches)
+        division = divide_branches(mesh, anchored, branches)
         return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
     if not config.frames:
         if config.levels == 0:
             return top, ()
-        division = divide(mesh, volumes, faces, anchored, config.levels)
+        division = divide(mesh, anchored, config.levels)
         advice = _advised(division.cuts) if config.levels_asked else ()
         return top + on_floating_frame(division.subdomains, len(top)), advice
     requests = frame_requests(config, mesh)
-    subdomains = requested_subdomains(mesh, volumes, faces, held, requests)
-    warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, faces, subdomains))
+    subdomains = requested_subdomains(mesh, held, requests)
+    warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, subdomains))
     return top + on_floating_frame(subdomains, len(top)), warnings
 
 
@@ -97,13 +92,13 @@ def is_free(model: Model) -> bool:
     return bool(model.rigid.shape[1] == _RIGID_MOTIONS)
 
 
-def root_frame(model: Model, volumes: tuple[FloatArray, ...]) -> list[Subdomain]:
+def root_frame(model: Model) -> list[Subdomain]:
     """The frame that turns with a body that is free to turn; none for others."""
     if is_free(model):
-        return [floating_frame(model.mesh, volumes)]
+        return [floating_frame(model.mesh)]
     if not model.rigid.shape[1]:
         return []
-    found = hinge_frame(model.mesh, volumes, model.rigid, np.asarray(model.fixed.all(axis=1)))
+    found = hinge_frame(model.mesh, model.rigid, np.asarray(model.fixed.all(axis=1)))
     return [] if found is None else [found]
 
 
@@ -126,13 +121,11 @@ def several(subdomains: list[Subdomain]) -> bool:
     return sum(not domain.floating for domain in subdomains) > 1
 
 
-def whole_frame(
-    model: Model, volumes: tuple[FloatArray, ...], faces: tuple[FaceBlock, ...], shapes: FloatArray, config: BodyOptions
-) -> WholeFrame:
+def whole_frame(model: Model, shapes: FloatArray, config: BodyOptions) -> WholeFrame:
     """A frame for the whole body about its supports, to be compared with the tree."""
     mesh = model.mesh
-    body = volume_weighted(mesh, volumes, np.arange(mesh.element_count))
-    joint = section(mesh.points, faces, hanging(model, config))
+    body = volume_weighted(mesh, mesh.volume_matrices, np.arange(mesh.element_count))
+    joint = section(mesh, hanging(model, config))
     every = np.arange(mesh.element_count)
     turn = mean_rotation(mesh, every)
     domain = Subdomain("whole", GROUND, every, body, turn, joint, joint.centre(mesh.points))

@@ -17,17 +17,13 @@ LUMPS = 16
 """Of a body; each frame has one at least."""
 
 
-def element_lumps(
-    mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]
-) -> list[tuple[int, IntArray]]:
+def element_lumps(mesh: Mesh, subdomains: Sequence[Subdomain]) -> list[tuple[int, IntArray]]:
     """Lumps as frames and elements: the one whose mass lies farthest from its centre is split until there are enough.
 
     Parameters
     ----------
     mesh : Mesh
         Every element with a material.
-    volumes : tuple of (n_elements, node_count, node_count) float
-        From `Mesh.volume_matrices`.
     subdomains : sequence of Subdomain
 
     Returns
@@ -38,7 +34,7 @@ def element_lumps(
     density = np.array([material.density for material in mesh.materials])
     nodal = [
         density[block.material][:, None] * matrices.sum(axis=2)
-        for block, matrices in zip(mesh.blocks, volumes, strict=True)
+        for block, matrices in zip(mesh.blocks, mesh.volume_matrices, strict=True)
     ]
     places = [mesh.points[block.connectivity] for block in mesh.blocks]
     mass = np.concatenate([part.sum(axis=1) for part in nodal])
@@ -89,7 +85,6 @@ def _lump_of_elements(
 
 def lumped_mass(
     mesh: Mesh,
-    volumes: tuple[FloatArray, ...],
     shapes: FloatArray,
     lumps: Sequence[tuple[int, IntArray]],
     frames: FrameOperators,
@@ -100,7 +95,6 @@ def lumped_mass(
     Parameters
     ----------
     mesh : Mesh
-    volumes : tuple of (n_elements, node_count, node_count) float
     shapes : (3n, m) float
     lumps : sequence of (int, (k,) int)
         From `element_lumps`.
@@ -114,12 +108,8 @@ def lumped_mass(
     inertia : LumpedMass
     centres : list of Centre
     """
-    density = np.array([material.density for material in mesh.materials])
-    masses = tuple(
-        density[block.material][:, None, None] * matrices for block, matrices in zip(mesh.blocks, volumes, strict=True)
-    )
     modes, turn = shapes.shape[1], frames.frame_rotation
-    nodal = shapes.reshape(len(mesh.points), 3, modes)
+    nodal, masses = shapes.reshape(len(mesh.points), 3, modes), mesh.mass_matrices
     found = [(frame, *_lump_of_elements(mesh, masses, nodal, elements, turn[frame])) for frame, elements in lumps]
     for frame, one in zip(carried, mesh.masses, strict=False):
         if frame == GROUND:

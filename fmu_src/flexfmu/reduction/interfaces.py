@@ -8,7 +8,6 @@ import numpy as np
 from ..fe.faces import area_matrix, select
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError
-from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from .options import InterfaceNodes
 from .places import node_set, reference
@@ -53,16 +52,13 @@ class InterfaceFit:
         return result.reshape(-1, 6)
 
 
-def fit_interface(
-    table: InterfaceNodes, mesh: Mesh, faces: tuple[FaceBlock, ...], subdomains: Sequence[Subdomain]
-) -> InterfaceFit:
+def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[Subdomain]) -> InterfaceFit:
     """Fit an interface of the body file.
 
     Parameters
     ----------
     table : InterfaceNodes
     mesh : Mesh
-    faces : tuple of FaceBlock
     subdomains : sequence of Subdomain
 
     Returns
@@ -76,7 +72,7 @@ def fit_interface(
     """
     key = f"interface {table.name!r}"
     nodes = node_set(mesh, table.nodes, f"{key}, nodes")
-    weighted = _weighted(table, mesh, faces, nodes)
+    weighted = _weighted(table, mesh, nodes)
     point = reference(mesh, table.nodes) if table.point is None else np.array(table.point)
     if point is None:
         point = weighted.centre(mesh.points)
@@ -90,12 +86,12 @@ def fit_interface(
     return InterfaceFit(table.name, point, nodes, operator, by_area, carrying_frame(subdomains, nodes))
 
 
-def _weighted(table: InterfaceNodes, mesh: Mesh, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:
+def _weighted(table: InterfaceNodes, mesh: Mesh, nodes: IntArray) -> Weighted:
     if table.weights == "node":
         return by_node(nodes)
     # A section inside the body is an area too; a set that holds whole elements is a piece of it.
     for outer in (True, False) if not elements_within(mesh, nodes).size else (True,):
-        matrix = area_matrix(mesh.points, select(faces, nodes, outer=outer), nodes)
+        matrix = area_matrix(mesh.points, select(mesh.faces, nodes, outer=outer), nodes)
         if matrix is not None:
             return Weighted(nodes, matrix)
     if table.weights == "area":

@@ -47,15 +47,13 @@ def hung_centre(points: FloatArray, one: PointMass) -> Centre:
     return Centre(one.point, one.nodes, attachment(points, one)[:3])
 
 
-def body_properties(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Properties:
+def body_properties(mesh: Mesh) -> Properties:
     """Size, and volume and constants of each material.
 
     Parameters
     ----------
     mesh : Mesh
         Every element with a material.
-    volumes : tuple of (n_elements, node_count, node_count) float
-        From `Mesh.volume_matrices`.
 
     Returns
     -------
@@ -63,7 +61,7 @@ def body_properties(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Properties:
         Materials of no element are left out.
     """
     volume = np.zeros(len(mesh.materials))
-    for block, matrices in zip(mesh.blocks, volumes, strict=True):
+    for block, matrices in zip(mesh.blocks, mesh.volume_matrices, strict=True):
         np.add.at(volume, block.material, matrices.sum(axis=(1, 2)))
     used = np.flatnonzero(volume)
     made = [mesh.materials[index] for index in used]
@@ -73,9 +71,7 @@ def body_properties(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Properties:
     return Properties(box, tuple(m.name for m in made), volume[used], modulus, ratio, density, hung)
 
 
-def sub_masses(
-    mesh: Mesh, volumes: tuple[FloatArray, ...], shapes: FloatArray, subdomains: Sequence[Subdomain]
-) -> Masses:
+def sub_masses(mesh: Mesh, shapes: FloatArray, subdomains: Sequence[Subdomain]) -> Masses:
     """Masses of the sub-domains, and of what lies in none of them, on the ground.
 
     Exact for a uniform acceleration: the mean displacement of a part is that of its centre of mass, in any frame.
@@ -84,8 +80,6 @@ def sub_masses(
     ----------
     mesh : Mesh
         Every element with a material.
-    volumes : tuple of (n_elements, node_count, node_count) float
-        From `Mesh.volume_matrices`.
     shapes : (3n, m) float
     subdomains : sequence of Subdomain
 
@@ -93,16 +87,14 @@ def sub_masses(
     -------
     Masses
     """
-    mass, frame, centres = mass_centres(mesh, volumes, subdomains)
+    mass, frame, centres = mass_centres(mesh, subdomains)
     displacement = np.array([centre.moved(shapes) for centre in centres])
     return Masses(mass, np.array([centre.point for centre in centres]), displacement, frame)
 
 
-def mass_centres(
-    mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]
-) -> tuple[FloatArray, IntArray, list[Centre]]:
+def mass_centres(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[FloatArray, IntArray, list[Centre]]:
     """Masses (P,) of the sub-domains, of what lies in none, and at points; their frames (P,) and centres."""
-    share = _shares(mesh, volumes, subdomains)
+    share = _shares(mesh, subdomains)
     mass = share.sum(axis=1)
     frame = np.append(np.arange(len(subdomains)), GROUND)
     kept = mass > 0.0
@@ -116,12 +108,12 @@ def mass_centres(
     )
 
 
-def _shares(mesh: Mesh, volumes: tuple[FloatArray, ...], subdomains: Sequence[Subdomain]) -> FloatArray:
+def _shares(mesh: Mesh, subdomains: Sequence[Subdomain]) -> FloatArray:
     """Mass (S + 1, n) that each node has in each sub-domain and, in the last row, in none, kg."""
     owner = element_owner(mesh, subdomains)
     density = np.array([material.density for material in mesh.materials])
     share = np.zeros((len(subdomains) + 1, len(mesh.points)))
-    for block, matrices, rows in zip(mesh.blocks, volumes, mesh.split(owner), strict=True):
+    for block, matrices, rows in zip(mesh.blocks, mesh.volume_matrices, mesh.split(owner), strict=True):
         nodal = density[block.material][:, None] * matrices.sum(axis=1)
         # Row GROUND is the last.
         np.add.at(share, (np.broadcast_to(rows[:, None], nodal.shape), block.connectivity), nodal)

@@ -88,10 +88,9 @@ class Stretching:
     @cached_property
     def _spin(self) -> FloatArray:
         """Mean of ω_a·ω_b over the volume, ω = ½ curl φ, of coordinates of unit energy."""
-        result: FloatArray = mean_spin(self.matrices.model.mesh, self.modes.shapes[:, self._elastic]) / np.outer(
+        return mean_spin(self.matrices.model.mesh, self.modes.shapes[:, self._elastic]) / np.outer(
             self._omega, self._omega
         )
-        return result
 
     @cached_property
     def motions(self) -> FloatArray:
@@ -103,8 +102,7 @@ class Stretching:
             [self.loads.T @ self.modes.shapes[:, self._elastic] / self._omega, np.eye(self._omega.size)[:_LOW_MODES]]
         )
         scale = turning_scale((found**2).sum(axis=1), np.einsum("ia,ab,ib->i", found, self._spin, found))
-        result: FloatArray = found[scale > 0.0] * scale[scale > 0.0, None]
-        return result
+        return found[scale > 0.0] * scale[scale > 0.0, None]
 
     @cached_property
     def _directions(self) -> FloatArray:
@@ -114,8 +112,7 @@ class Stretching:
         # After what motions consist of, the coordinates that turn the material most.
         turns = np.sqrt(np.diag(self._spin) / np.diag(self._spin).max())
         rest = np.diag(_AMPLITUDE * np.linalg.norm(self.motions, axis=1).min() * turns)
-        result: FloatArray = np.linalg.svd(np.concatenate([self.motions, rest]), full_matrices=False)[2][:_DIRECTIONS].T
-        return result
+        return np.linalg.svd(np.concatenate([self.motions, rest]), full_matrices=False)[2][:_DIRECTIONS].T
 
     def _forms(self, energies: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
         """Forms (r, p) whose squares add up to an energy (p, p) of pairs of coordinates, but for what is nothing."""
@@ -126,8 +123,7 @@ class Stretching:
         root = np.where(first == second, 1.0, np.sqrt(2.0)) * size[first] * size[second]
         values, vectors = np.linalg.eigh(energies * np.outer(root, root))
         kept = values > max(TOLERANCE * values[-1], _LEAST * 0.5 * (_TURN * norms.min()) ** 2)
-        result: FloatArray = (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
-        return result
+        return (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
 
     def _flattening(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
         """Energy (p, p) that stress which turns with its material sets free outside the basis."""
@@ -211,8 +207,7 @@ class Stretching:
         turned = np.sqrt(np.einsum("ap,ab,bp->p", found, self._spin, found))
         found = found[:, self._fourth.turns(forces @ np.array(pairs).T) > _SHOWN * turned]
         shapes, sizes, _ = np.linalg.svd(found, full_matrices=False)
-        result: FloatArray = shapes[:, sizes > _SAME * sizes.max(initial=0.0)]
-        return result
+        return shapes[:, sizes > _SAME * sizes.max(initial=0.0)]
 
 
 def membrane_energy(

@@ -226,8 +226,7 @@ def _balanced(model: Supported, loads: FloatArray) -> FloatArray:
     scale = np.linalg.norm(felt, axis=0)
     scale[scale == 0.0] = 1.0
     _, _, turn = np.linalg.svd(felt / scale)
-    result: FloatArray = turn[count:].T / scale[:, None]
-    return result
+    return turn[count:].T / scale[:, None]
 
 
 def _with_rigid(model: Supported, modes: Modes) -> Modes:
@@ -414,5 +413,4 @@ def _fixed_axes(squares: FloatArray, vectors: FloatArray) -> FloatArray:
 def _rotation_onto(axis: FloatArray) -> FloatArray:
     """Orthogonal matrix whose first column is the unit vector `axis`."""
     turn, upper = np.linalg.qr(np.column_stack([axis, np.eye(axis.size)]))
-    result: FloatArray = turn * np.sign(np.concatenate([[upper[0, 0]], np.ones(axis.size - 1)]))
-    return result
+    return turn * np.sign(np.concatenate([[upper[0, 0]], np.ones(axis.size - 1)]))

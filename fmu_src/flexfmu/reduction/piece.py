@@ -10,7 +10,6 @@ from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
-from ..mesh.blocks import FaceBlock
 from ..model.inertia import LumpedMass
 from ..model.membrane import Membrane
 from ..model.methods import Data, Mass, has_frames
@@ -77,8 +76,6 @@ class _Divided:
     """A model with its frames and interfaces."""
 
     model: Model
-    volumes: tuple[FloatArray, ...]
-    faces: tuple[FaceBlock, ...]
     subdomains: list[Subdomain]
     interfaces: list[InterfaceFit]
     open_loops: bool
@@ -129,7 +126,7 @@ def reduced_piece(
     Reduced
     """
     divided = _divided(config, model, report)
-    matrices = Matrices(model, divided.volumes, report)
+    matrices = Matrices(model, report)
     loads, cut = divided.unit_loads(), warping is not None
     warping = np.zeros((len(loads), 0)) if warping is None else warping
     every = np.hstack([loads, warping])
@@ -182,15 +179,15 @@ def _reduced(
     cut: bool,
 ) -> ReducedBody:
     """The body of a divided model in a basis."""
-    mesh, volumes, subdomains, modes = divided.model.mesh, divided.volumes, divided.subdomains, basis.modes
+    mesh, subdomains, modes = divided.model.mesh, divided.subdomains, basis.modes
     loads = divided.unit_loads()
     # Parts of a cut body have constant mass.
-    lumps = element_lumps(mesh, volumes, subdomains) if subdomains and not cut else []
+    lumps = element_lumps(mesh, subdomains) if subdomains and not cut else []
     carried = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
     inertia: LumpedMass | None = None
     lump_centres: list[Centre] = []
     if lumps and Data.INERTIA in config.stored:
-        inertia, lump_centres = lumped_mass(mesh, volumes, modes.shapes, lumps, basis.frames, carried)
+        inertia, lump_centres = lumped_mass(mesh, modes.shapes, lumps, basis.frames, carried)
     second, membrane = None, None
     if Data.SECOND_ORDER in config.stored and subdomains:
         second, curvature = _second_order(config, divided, basis, springs, lump_centres, report)
@@ -219,9 +216,9 @@ def _fine_tree(config: BodyOptions, divided: _Divided, basis: _Basis, membrane: 
     )  # fmt: skip
     found = _divided(alone, model, quiet)
     frames = frame_operators(model.mesh.points, modes.shapes, found.subdomains)
-    lumps = element_lumps(model.mesh, found.volumes, found.subdomains)
+    lumps = element_lumps(model.mesh, found.subdomains)
     carried = [carrying_frame(found.subdomains, one.nodes) for one in model.mesh.masses]
-    inertia, centres = lumped_mass(model.mesh, found.volumes, modes.shapes, lumps, frames, carried)
+    inertia, centres = lumped_mass(model.mesh, modes.shapes, lumps, frames, carried)
     second, curvature = _second_order(alone, found, replace(basis, frames=frames), (), centres, quiet)
     motion = Motion.of_tree(modes.angular_frequency, modes.shapes, found.interfaces, found.subdomains, frames)
     parts = Parts(second=second, membrane=membrane, inertia=replace(inertia, curvature=curvature))
@@ -229,12 +226,7 @@ def _fine_tree(config: BodyOptions, divided: _Divided, basis: _Basis, membrane: 
 
 
 def _with_modes(
-    config: BodyOptions,
-    divided: _Divided,
-    matrices: Matrices,
-    every: FloatArray,
-    report: Reporter,
-    store: Store,
+    config: BodyOptions, divided: _Divided, matrices: Matrices, every: FloatArray, report: Reporter, store: Store
 ) -> _Basis:
     """The modes of a divided model, with room for loads (3n, l): of units on interfaces, and warping of sections."""
     chosen = config.basis.residual
@@ -258,7 +250,7 @@ def _parts(
 ) -> Parts:
     """What the body holds beside its motion, by its options."""
     model, subdomains, matrices = divided.model, divided.subdomains, basis.matrices
-    modes, key, stored, volumes = basis.modes, basis.key, config.stored, divided.volumes
+    modes, key, stored = basis.modes, basis.key, config.stored
     by_load, by_mode = Data.BY_LOAD in stored, Data.BY_MODE in stored
     surface = _surface(config, divided, basis, loads, second, report, store) if config.surface else None
     loaded = stiffness_by_load(matrices, modes, key, loads, config.acceleration, store, report) if by_load else None
@@ -270,8 +262,8 @@ def _parts(
     return replace(
         parts,
         root_interface=fixable_root(config, model),
-        whole=whole_frame(model, volumes, divided.faces, modes.shapes, config) if several(subdomains) else None,
-        masses=sub_masses(model.mesh, volumes, modes.shapes, subdomains) if config.acceleration else None,
+        whole=whole_frame(model, modes.shapes, config) if several(subdomains) else None,
+        masses=sub_masses(model.mesh, modes.shapes, subdomains) if config.acceleration else None,
         stress_sets=_stress_sets(config, model, modes),
         stiffness_by_load=loaded,
         stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if by_mode else None,
@@ -285,10 +277,8 @@ def _parts(
 def _divided(config: BodyOptions, model: Model, report: Reporter) -> _Divided:
     """Divide a model into frames, and fit its interfaces."""
     with report.stage("Divide into frames and fit interfaces"):
-        volumes = model.mesh.volume_matrices
-        faces = model.mesh.faces
-        subdomains, cuts = body_subdomains(config, model, volumes, faces)
-        interfaces = [fit_interface(table, model.mesh, faces, subdomains) for table in config.interfaces]
+        subdomains, cuts = body_subdomains(config, model)
+        interfaces = [fit_interface(table, model.mesh, subdomains) for table in config.interfaces]
     for interface in interfaces:
         _tell_interface(interface, model, subdomains, report)
     for text in cuts:
@@ -299,7 +289,7 @@ def _divided(config: BodyOptions, model: Model, report: Reporter) -> _Divided:
             f"frames = {config.levels} were asked for, the body has layers of elements for {len(subdomains)} only: "
             "ask for fewer, or mesh it finer"
         )
-    return _Divided(model, volumes, faces, subdomains, interfaces, open_loops=bool(cuts))
+    return _Divided(model, subdomains, interfaces, open_loops=bool(cuts))
 
 
 def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[Subdomain], report: Reporter) -> None:
@@ -369,7 +359,7 @@ def _second_order(
     """Where places go at second order: those that the body's kinematics read, and the lumps of its mass."""
     mesh, subdomains, modes = divided.model.mesh, divided.subdomains, basis.modes
     heavy = config.acceleration
-    centres = mass_centres(mesh, divided.volumes, subdomains)[2] if heavy else []
+    centres = mass_centres(mesh, subdomains)[2] if heavy else []
     centres = centres + lump_centres
     turned, nodes = basis.frames.frame_rotation, [by_node(spring.nodes) for spring in springs]
     readings = node_readings(
@@ -415,12 +405,10 @@ def _surface(
 ) -> Surface:
     """The surface for pictures, and how it moves."""
     model, modes, subdomains = divided.model, basis.modes, divided.subdomains
-    fields = _surface_fields(basis, loads, divided.faces, store, report) if second is not None else None
+    fields = _surface_fields(basis, loads, store, report) if second is not None else None
     sets, held = [interface.nodes for interface in divided.interfaces], model.fixed | model.sprung
     moved = np.flatnonzero(held.any(axis=1))
-    surface = body_surface(
-        model.mesh, modes.shapes, divided.faces, subdomains, sets, moved, fields, config.surface_stress
-    )
+    surface = body_surface(model.mesh, modes.shapes, subdomains, sets, moved, fields, config.surface_stress)
     rigid = modes.angular_frequency == 0.0
     if fields is None or not rigid.any() or subdomains[0].floating:
         return surface
@@ -432,16 +420,14 @@ def _surface(
     )
 
 
-def _surface_fields(
-    basis: _Basis, loads: FloatArray, faces: tuple[FaceBlock, ...], store: Store, report: Reporter
-) -> tuple[FloatArray, FloatArray]:
+def _surface_fields(basis: _Basis, loads: FloatArray, store: Store, report: Reporter) -> tuple[FloatArray, FloatArray]:
     """What goes with q at second order all over the surface, for pictures."""
     mesh, shapes, omega = basis.matrices.model.mesh, basis.modes.shapes, basis.modes.angular_frequency
 
     def make() -> dict[str, FloatArray]:
         model = basis.matrices.supported
         with report.stage("Find where the surface goes at second order"):
-            elastic, nodes = np.flatnonzero(omega > 0.0), surface_nodes(mesh, faces)[0]
+            elastic, nodes = np.flatnonzero(omega > 0.0), surface_nodes(mesh)[0]
             fields, forms = second_order_fields(mesh, model, shapes, elastic, omega**2, loads, nodes)
             return {"fields": fields, "forms": forms}
 

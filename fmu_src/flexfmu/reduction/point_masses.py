@@ -56,19 +56,17 @@ def point_mass_matrix(mesh: Mesh) -> sp.csr_array:
     return total
 
 
-def model_mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> sp.csr_array:
+def model_mass(mesh: Mesh) -> sp.csr_array:
     """Mass matrix of elements and of masses at points.
 
     Parameters
     ----------
     mesh : Mesh
-    volumes : tuple of (n_elements, node_count, node_count) float
-        From `Mesh.volume_matrices`.
 
     Returns
     -------
     (3n, 3n) sparse
         kg.
     """
-    elements = mass(mesh, volumes)
+    elements = mass(mesh)
     return sp.csr_array(elements + point_mass_matrix(mesh)) if mesh.masses else elements

@@ -61,5 +61,4 @@ def finer_shadow(config: BodyOptions, levels: int) -> BodyOptions:
 
 def embedding(model: Supported, shadow: FloatArray, shapes: FloatArray) -> FloatArray:
     """The coordinates (M, m), of a basis (3n, M), of the motions (3n, m) of another one: P = Φ_Sᵀ M Φ."""
-    result: FloatArray = model.unknowns.of(shadow).T @ (model.mass @ model.unknowns.of(shapes))
-    return result
+    return model.unknowns.of(shadow).T @ (model.mass @ model.unknowns.of(shapes))

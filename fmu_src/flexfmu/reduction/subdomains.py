@@ -10,7 +10,6 @@ from ..fe.assembly import mean_gradient, scatter
 from ..fe.faces import area_matrix, select
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import BodyFileError
-from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND
 from ..model.rotations import skew
@@ -140,7 +139,7 @@ def volume_weighted(mesh: Mesh, volumes: tuple[FloatArray, ...], elements: IntAr
     return Weighted(nodes, sp.csr_array(total[nodes][:, nodes]))
 
 
-def floating_frame(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Subdomain:
+def floating_frame(mesh: Mesh) -> Subdomain:
     """Mean-axis frame of a body that nothing holds: its origin is the centre of mass, it turns with the rigid motions.
 
     Fitted by mass, elastic modes do not move it, and momentum is that of the rigid motions however far they go.
@@ -148,28 +147,24 @@ def floating_frame(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Subdomain:
     Parameters
     ----------
     mesh : Mesh
-    volumes : tuple of (n_elements, node_count, node_count) float
 
     Returns
     -------
     Subdomain
         Without elements: what lies on no other frame hangs on it.
     """
-    whole = _by_mass(mesh, volumes)
+    whole = _by_mass(mesh)
     none = np.zeros(0, dtype=np.int64)
     turn = fitted_rotation(mesh.points, whole)
     return Subdomain("floating", GROUND, none, whole, turn, whole, whole.centre(mesh.points), floating=True)
 
 
-def hinge_frame(
-    mesh: Mesh, volumes: tuple[FloatArray, ...], rigid: FloatArray, held: BoolArray | None = None
-) -> Subdomain | None:
+def hinge_frame(mesh: Mesh, rigid: FloatArray, held: BoolArray | None = None) -> Subdomain | None:
     """Frame of a body on a hinge or a ball joint: it turns with the rigid motions, elastic modes do not move it.
 
     Parameters
     ----------
     mesh : Mesh
-    volumes : tuple of (n_elements, node_count, node_count) float
     rigid : (3n, r) float
         Rigid motions that no support resists.
     held : (n,) bool, optional
@@ -187,7 +182,7 @@ def hinge_frame(
         return None
     if held is not None and held[still].any():
         still = still[held[still]]
-    whole = _by_mass(mesh, volumes)
+    whole = _by_mass(mesh)
     arm = mesh.points - mesh.points[still[0]]
     fitted = fitted_rotation(mesh.points, whole).of(rigid)
     if np.abs(np.cross(fitted[None], arm[:, :, None], axis=1) - motions).max() > _STILL * size.max():
@@ -199,12 +194,8 @@ def hinge_frame(
     return Subdomain("hinge", GROUND, none, whole, turn, by_node(still), mesh.points[still[0]], floating=True)
 
 
-def _by_mass(mesh: Mesh, volumes: tuple[FloatArray, ...]) -> Weighted:
-    density = np.array([material.density for material in mesh.materials])
-    masses = tuple(
-        density[block.material][:, None, None] * matrices for block, matrices in zip(mesh.blocks, volumes, strict=True)
-    )
-    whole = volume_weighted(mesh, masses, np.arange(mesh.element_count))
+def _by_mass(mesh: Mesh) -> Weighted:
+    whole = volume_weighted(mesh, mesh.mass_matrices, np.arange(mesh.element_count))
     if not mesh.masses:
         return whole
     unknown = (3 * whole.nodes[:, None] + np.arange(3)).ravel()
@@ -217,13 +208,12 @@ def on_floating_frame(subdomains: Sequence[Subdomain], floating: int) -> list[Su
     return [replace(domain, parent=domain.parent + floating) for domain in subdomains]
 
 
-def section(points: FloatArray, faces: tuple[FaceBlock, ...], nodes: IntArray) -> Weighted:
+def section(mesh: Mesh, nodes: IntArray) -> Weighted:
     """Nodes of a section, weighted by area where element faces make it up, else each the same.
 
     Parameters
     ----------
-    points : (n, 3) float
-    faces : tuple of FaceBlock
+    mesh : Mesh
     nodes : (k,) int
         Ascending.
 
@@ -231,7 +221,7 @@ def section(points: FloatArray, faces: tuple[FaceBlock, ...], nodes: IntArray) -
     -------
     Weighted
     """
-    matrix = area_matrix(points, select(faces, nodes, outer=False), nodes)
+    matrix = area_matrix(mesh.points, select(mesh.faces, nodes, outer=False), nodes)
     return by_node(nodes) if matrix is None else Weighted(nodes, matrix)
 
 
@@ -266,20 +256,12 @@ class FrameRequest:
     points: tuple[IntArray, ...] = ()
 
 
-def requested_subdomains(
-    mesh: Mesh,
-    volumes: tuple[FloatArray, ...],
-    faces: tuple[FaceBlock, ...],
-    supported: IntArray,
-    requests: Sequence[FrameRequest],
-) -> list[Subdomain]:
+def requested_subdomains(mesh: Mesh, supported: IntArray, requests: Sequence[FrameRequest]) -> list[Subdomain]:
     """Sub-domains as given by hand, parents first.
 
     Parameters
     ----------
     mesh : Mesh
-    volumes : tuple of (n_elements, node_count, node_count) float
-    faces : tuple of FaceBlock
     supported : (k,) int
         Nodes that a support holds.
     requests : sequence of FrameRequest
@@ -304,27 +286,25 @@ def requested_subdomains(
             raise BodyFileError(f"[[frame]] parents must form a tree; these lead to no root: {chain}")
         for request in ready:
             neighbour = supported if request.parent is None else known[request.parent].nodes
-            joint, point = _joint(mesh.points, faces, request, neighbour)
+            joint, point = _joint(mesh, request, neighbour)
             elements = elements_within(mesh, request.nodes)
             body = by_node(request.nodes)
             turn = None
             if elements.size:
-                solid = volume_weighted(mesh, volumes, elements)
+                solid = volume_weighted(mesh, mesh.volume_matrices, elements)
                 # Where the set is no union of elements, every node counts the same.
                 if np.array_equal(solid.nodes, request.nodes):
                     body, turn = solid, mean_rotation(mesh, elements)
             parent = GROUND if request.parent is None else position[request.parent]
             position[request.name] = len(result)
-            points = tuple(section(mesh.points, faces, nodes) for nodes in request.points)
+            points = tuple(section(mesh, nodes) for nodes in request.points)
             turn = turn or fitted_rotation(mesh.points, body)
             result.append(Subdomain(request.name, parent, elements, body, turn, joint, point, points))
         waiting = [r for r in waiting if r.name not in position]
     return result
 
 
-def _joint(
-    points: FloatArray, faces: tuple[FaceBlock, ...], request: FrameRequest, neighbour: IntArray
-) -> tuple[Weighted, FloatArray]:
+def _joint(mesh: Mesh, request: FrameRequest, neighbour: IntArray) -> tuple[Weighted, FloatArray]:
     where = "any support" if request.parent is None else f"its parent {request.parent!r}"
     if request.joint is not None and request.joint.dtype.kind in "iu":
         nodes = request.joint.astype(np.int64)
@@ -334,21 +314,21 @@ def _joint(
                     f"frame {request.name!r}: its joint shares no node with {words}; the joint is the "
                     "section between the two"
                 )
-        joint = section(points, faces, nodes)
-        return joint, joint.centre(points)
+        joint = section(mesh, nodes)
+        return joint, joint.centre(mesh.points)
     shared = np.intersect1d(request.nodes, neighbour)
     if not shared.size:
         raise BodyFileError(
             f'frame {request.name!r} shares no node with {where}: name the joint\'s nodes (joint = "SET"), or let '
             "neighbouring sets share their common section"
         )
-    joint = section(points, faces, shared)
+    joint = section(mesh, shared)
     if request.joint is None:
-        return joint, joint.centre(points)
+        return joint, joint.centre(mesh.points)
     point = request.joint.astype(np.float64)
     # A joint anywhere else would have the frame turn about a place where nothing joins.
-    reach = float(np.max(np.linalg.norm(points[shared] - joint.centre(points), axis=1)))
-    away = float(np.linalg.norm(point - joint.centre(points)))
+    reach = float(np.max(np.linalg.norm(mesh.points[shared] - joint.centre(mesh.points), axis=1)))
+    away = float(np.linalg.norm(point - joint.centre(mesh.points)))
     if away > _JOINT_REACH * reach:
         raise BodyFileError(
             f"frame {request.name!r}: its joint lies {away:.3g} m from the centre of the section shared with {where}, "

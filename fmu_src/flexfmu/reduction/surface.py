@@ -8,7 +8,6 @@ from ..fe.gradients import quadratic_strain
 from ..fe.stress import nodal_stress
 from ..files.array_types import FloatArray, IntArray
 from ..files.progress import tell_nobody
-from ..mesh.blocks import FaceBlock
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, Surface
 from .subdomains import Subdomain
@@ -21,11 +20,11 @@ _AT_A_TIME = 16
 _SMALL = 1e-3
 
 
-def surface_nodes(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> tuple[IntArray, IntArray]:
+def surface_nodes(mesh: Mesh) -> tuple[IntArray, IntArray]:
     """Corner nodes of the outer faces, rows of the mesh's points, and the faces (f, 4), outward, in them."""
     centres = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
     corners = []
-    for block in faces:
+    for block in mesh.faces:
         outer = block.nodes[block.outer, : block.corner_count]
         if not len(outer):
             continue
@@ -62,7 +61,6 @@ def set_numbers(count: int, sets: Sequence[IntArray]) -> IntArray:
 def body_surface(
     mesh: Mesh,
     shapes: FloatArray,
-    faces: tuple[FaceBlock, ...],
     subdomains: Sequence[Subdomain],
     interfaces: Sequence[IntArray],
     held: IntArray,
@@ -75,7 +73,6 @@ def body_surface(
     ----------
     mesh : Mesh
     shapes : (3n, m) float
-    faces : tuple of FaceBlock
     subdomains : sequence of Subdomain
     interfaces : sequence of (k,) int
         Node sets of the interfaces.
@@ -91,7 +88,7 @@ def body_surface(
     Surface
     """
     count = len(mesh.points)
-    nodes, corners = surface_nodes(mesh, faces)
+    nodes, corners = surface_nodes(mesh)
     fields, forms = second or (None, None)
     return Surface(
         mesh.points[nodes],

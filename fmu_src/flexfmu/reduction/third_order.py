@@ -85,8 +85,7 @@ def third_order_loads(
     found, count = np.zeros((len(loads), 0)), loads.shape[1] // 6
 
     def held(forces: FloatArray) -> FloatArray:
-        result: FloatArray = (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
-        return result
+        return (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
 
     with report.stage("Find static shapes of third order"):
         for which, number in ((_together, most), (_by_interface, 2 * count)):

@@ -78,8 +78,7 @@ def _motions(omega: FloatArray, forces: FloatArray) -> FloatArray:
     random = np.random.default_rng(_SEED)
     sums = [basis @ random.standard_normal((basis.shape[1], _SUMS)) ** 3 for basis in (unit, modes) if basis.shape[1]]
     every = np.hstack([unit, modes, *sums])
-    result: FloatArray = every / np.linalg.norm(every, axis=0) / stiffness
-    return result
+    return every / np.linalg.norm(every, axis=0) / stiffness
 
 
 def _gradients(mesh: Mesh, phi: FloatArray, elements: IntArray) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:

@@ -64,15 +64,13 @@ def normal_shapes(body: ReducedBody, basis: BasisChoice) -> FloatArray:
     motion = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1).reshape(-1, body.mode_count)
     free = scipy.linalg.null_space(motion / np.linalg.norm(motion, axis=1)[:, None])
     _, small = scipy.linalg.eigh(free.T @ (body.angular_frequency[:, None] ** 2 * free))
-    result: FloatArray = free @ small
-    return result
+    return free @ small
 
 
 def normal_frequencies(body: ReducedBody, basis: BasisChoice) -> FloatArray:
     """Angular frequencies (n,) of `normal_shapes`, rad/s."""
     shapes = normal_shapes(body, basis)
-    result: FloatArray = np.linalg.norm(body.angular_frequency[:, None] * shapes, axis=0)
-    return result
+    return np.linalg.norm(body.angular_frequency[:, None] * shapes, axis=0)
 
 
 def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArray) -> ReducedBody:

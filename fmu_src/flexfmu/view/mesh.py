@@ -53,14 +53,13 @@ def model_view(options: BodyOptions, model: Model, report: Reporter) -> View:
         options, model, _ = cut_loops(options, model)
     mesh = model.mesh
     count = len(mesh.points)
-    faces = mesh.faces
     numbered = []
     marks, places = [], []
     with report.stage("Divide into frames"):
         subdomains, names, frame = _frames(options, model, report)
     if subdomains:
         numbered.append(Region(FRAMES, names, frame))
-    interfaces = [fit_interface(table, mesh, faces, ()) for table in options.interfaces]
+    interfaces = [fit_interface(table, mesh, ()) for table in options.interfaces]
     held = np.flatnonzero((model.fixed | model.sprung).any(axis=1))
     sets = [*(interface.nodes for interface in interfaces), held]
     titles = (*(interface.name for interface in interfaces), "supports")
@@ -93,7 +92,7 @@ def _frames(config: BodyOptions, model: Model, report: Reporter) -> tuple[list[S
     number = np.full(len(points), GROUND)
     for k, (own, piece) in enumerate(pieces, start=1):
         mesh = piece.mesh
-        found, warnings = body_subdomains(own, piece, mesh.volume_matrices, mesh.faces)
+        found, warnings = body_subdomains(own, piece)
         for text in warnings:
             report.warning(text)
         carried = carrying_frames(len(mesh.points), found)
@@ -107,7 +106,7 @@ def _frames(config: BodyOptions, model: Model, report: Reporter) -> tuple[list[S
 
 
 def _view(mesh: Mesh, title: str, regions: list[Region], marks: tuple[Mark, ...], mark_points: FloatArray) -> View:
-    nodes, corners = surface_nodes(mesh, mesh.faces)
+    nodes, corners = surface_nodes(mesh)
     row = np.full(len(mesh.points), -1)
     row[nodes] = np.arange(nodes.size)
     named = {name: rows for name, rows in mesh.node_sets.items() if not name.startswith(PLACED)}

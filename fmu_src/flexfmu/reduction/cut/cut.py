@@ -457,7 +457,7 @@ def section_tractions(part: Part, section: str, fields: FloatArray) -> FloatArra
     rows = (3 * nodes[:, None] + np.arange(3)).ravel()
     force = (part.model.unknowns.nodal(stiffness(mesh), own)[rows]).astype(np.float64)
     # The fit of the interface that the section is.
-    fitted = section_weights(mesh.points, mesh.faces, nodes)
+    fitted = section_weights(mesh, nodes)
     fit, _ = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
     # Self-equilibrated forces do no work on rigid motions; G R = 1.
     arm = mesh.points[nodes] - fitted.centre(mesh.points)
@@ -467,8 +467,7 @@ def section_tractions(part: Part, section: str, fields: FloatArray) -> FloatArra
     motions = rigid.reshape(-1, 6)
     force -= fit.T @ (motions.T @ force)
     shapes, size, _ = np.linalg.svd(force, full_matrices=False)
-    result: FloatArray = shapes[:, size > _WARPING * size[0]]
-    return result
+    return shapes[:, size > _WARPING * size[0]]
 
 
 def on_section(part: Part, section: str, shapes: FloatArray) -> FloatArray:

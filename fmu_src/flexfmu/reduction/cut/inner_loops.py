@@ -14,7 +14,6 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...files.array_types import BoolArray, FloatArray, IntArray
-from ...mesh.blocks import FaceBlock
 from ...mesh.model import Mesh
 from ..division import distance_along
 from .loops import (
@@ -49,16 +48,13 @@ class _Loop:
     arms: tuple[Sequence[int], Sequence[int]]
 
 
-def inner_sections(
-    mesh: Mesh, faces: tuple[FaceBlock, ...], anchored: IntArray, clear: Mapping[str, IntArray]
-) -> list[LoopSection]:
+def inner_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray]) -> list[LoopSection]:
     """Sections that open the loops within a body, one a loop; the longest first.
 
     Parameters
     ----------
     mesh : Mesh
         In one piece.
-    faces : tuple of FaceBlock
     anchored : (k,) int
         Nodes that supports hold: distances count from there. Loops from support to support are not looked for.
     clear : mapping of str to (k,) int
@@ -69,7 +65,7 @@ def inner_sections(
     list of LoopSection
         None where a loop stays without a slender section, or where there are too many.
     """
-    contacts = element_contacts(mesh, faces)
+    contacts = element_contacts(mesh)
     distance = distance_along(mesh, anchored)
     middle = element_means(mesh, distance)
     extent = np.concatenate([np.ptp(distance[block.connectivity], axis=1) for block in mesh.blocks])

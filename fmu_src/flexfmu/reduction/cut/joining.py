@@ -85,8 +85,7 @@ class _Stack:
     def every(self, name: str, modes: FloatArray) -> FloatArray:
         """Operators of that name of all parts, by the modes of the whole."""
         wide = np.concatenate([self.widened(p, getattr(part, name)) for p, part in enumerate(self.parts)])
-        result: FloatArray = wide @ modes
-        return result
+        return wide @ modes
 
 
 def join_parts(
@@ -239,8 +238,7 @@ def _stretch(ties: Ties, chosen: BoolArray) -> FloatArray:
     """Stretch of springs to the ground per unit coordinate, times the root of their stiffness, (12 T, m)."""
     turned = skew(np.swapaxes(ties.lever, 1, 2)) @ ties.rotation[:, :1]
     rows = np.concatenate([ties.displacement[:, :1], -turned], axis=1) * np.sqrt(ties.stiffness)[:, None, :, None]
-    result: FloatArray = rows[chosen].reshape(-1, rows.shape[-1])
-    return result
+    return rows[chosen].reshape(-1, rows.shape[-1])
 
 
 def _stiffness(stiffness: FloatArray, gap: FloatArray, loads: FloatArray) -> tuple[float, float]:

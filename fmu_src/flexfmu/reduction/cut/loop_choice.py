@@ -125,12 +125,12 @@ def _within(config: BodyOptions, model: Model) -> list[LoopSection]:
     mesh = model.mesh
     if model.rigid.shape[1] or not model.anchored.size:
         return []
-    return inner_sections(mesh, mesh.faces, model.anchored, interface_sets(config, mesh))
+    return inner_sections(mesh, model.anchored, interface_sets(config, mesh))
 
 
 def _between_supports(config: BodyOptions, model: Model) -> list[LoopSection]:
     mesh = model.mesh
-    return loop_sections(mesh, mesh.faces, model.anchored, interface_sets(config, mesh))
+    return loop_sections(mesh, model.anchored, interface_sets(config, mesh))
 
 
 def _closes_loops(model: Model) -> bool:
@@ -155,10 +155,9 @@ def _parts(config: BodyOptions, model: Model) -> list[Part]:
 def _decided(config: BodyOptions, model: Model, parts: list[Part], report: Reporter, store: Store) -> _Choice:
     """Cut where the parts turn as a whole, unless stretch stops the body before it turns far."""
     mesh = model.mesh
-    faces = mesh.faces
-    nodal = [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
+    nodal = [fit_interface(table, mesh, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
     forces = np.hstack([loads[:, :3] for loads in nodal])
-    matrices = Matrices(model, mesh.volume_matrices, report)
+    matrices = Matrices(model, report)
     fields, _ = FourthOrder(matrices, report).responses(forces)
     gain = turning_taken(mesh, fields, [part.elements for part in parts])
     begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"

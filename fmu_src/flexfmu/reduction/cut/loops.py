@@ -13,7 +13,6 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...files.array_types import FloatArray, IntArray
-from ...mesh.blocks import FaceBlock
 from ...mesh.checks import nodes_of_elements
 from ...mesh.equations import coupled_nodes
 from ...mesh.model import Mesh
@@ -64,16 +63,13 @@ class Contacts:
     coupled: sp.csr_array
 
 
-def loop_sections(
-    mesh: Mesh, faces: tuple[FaceBlock, ...], anchored: IntArray, clear: Mapping[str, IntArray]
-) -> list[LoopSection]:
+def loop_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray]) -> list[LoopSection]:
     """Sections that open the loops between a body's supports.
 
     Parameters
     ----------
     mesh : Mesh
         In one piece.
-    faces : tuple of FaceBlock
     anchored : (k,) int
         Nodes that supports hold; those that elements connect are one support.
     clear : mapping of str to (k,) int
@@ -87,7 +83,7 @@ def loop_sections(
     group = support_groups(mesh, anchored)
     if int(group.max(initial=0)) < 1:
         return []
-    contacts = element_contacts(mesh, faces)
+    contacts = element_contacts(mesh)
     ways = np.array([distance_along(mesh, anchored[group == g]) for g in range(int(group.max()) + 1)])
     # A label for each support; those that nothing slender separates get the same one.
     label = np.arange(len(ways))
@@ -120,12 +116,12 @@ def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def element_contacts(mesh: Mesh, faces: tuple[FaceBlock, ...]) -> Contacts:
+def element_contacts(mesh: Mesh) -> Contacts:
     """The faces inside a body."""
     centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
     elements, areas, rows, columns = ([np.zeros(shape, int)] for shape in ((0, 2), (0, 3), 0, 0))
     first = 0
-    for block in faces:
+    for block in mesh.faces:
         inner = block.beyond >= 0
         if not inner.any():
             continue

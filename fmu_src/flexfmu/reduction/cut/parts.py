@@ -60,7 +60,7 @@ def reduced_parts(
     with report.stage("Cut into parts"):
         opened, parts = cut_parts(model, config.cuts, config.supports)
         configs = part_configs(config, opened, parts)
-    whole = Matrices(model, model.mesh.volume_matrices, report)
+    whole = Matrices(model, report)
     warping = _warping(config.cuts, parts, _unit_responses(config, whole, report, store))
     pieces, bodies, ends = [], [], dict[str, _End]()
     spanned = np.zeros((model.fixed.size, 0)) if spanned is None else spanned
@@ -180,10 +180,7 @@ def _joined(
 def _unit_responses(config: BodyOptions, matrices: Matrices, report: Reporter, store: Store) -> FloatArray:
     """Static displacements (3n, l) of the body in one piece under its interfaces' unit loads, of unit work."""
     mesh = matrices.model.mesh
-    faces = mesh.faces
-    loads = np.hstack(
-        [fit_interface(table, mesh, faces, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
-    )
+    loads = np.hstack([fit_interface(table, mesh, ()).nodal_loads(len(mesh.points)) for table in config.interfaces])
 
     def make() -> dict[str, FloatArray]:
         whole = matrices.supported

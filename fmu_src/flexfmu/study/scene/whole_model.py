@@ -74,8 +74,7 @@ class WholeModel:
     def interfaces(self) -> list[InterfaceFit]:
         """The fits of the interfaces."""
         mesh = self.model.mesh
-        faces = mesh.faces
-        return [fit_interface(table, mesh, faces, []) for table in self._body_model.options.interfaces]
+        return [fit_interface(table, mesh, []) for table in self._body_model.options.interfaces]
 
     @property
     def size(self) -> int:
@@ -90,7 +89,7 @@ class WholeModel:
             result += interface.nodal_loads(len(mesh.points))[:, :3] @ force
         if np.any(case.peak.acceleration):
             # In the frame of its supports every mass feels the opposite.
-            result -= model_mass(mesh, mesh.volume_matrices) @ np.tile(case.peak.acceleration, len(mesh.points))
+            result -= model_mass(mesh) @ np.tile(case.peak.acceleration, len(mesh.points))
         return result
 
     def refusal(self, case: StaticCase) -> str:
@@ -128,7 +127,7 @@ class WholeModel:
         if refusal:
             raise SceneError(refusal)
         load = self.load(case)
-        matrices = Matrices(self.model, (), self._report).key
+        matrices = Matrices(self.model, self._report).key
         key = content_key(__name__, "scene equilibria", matrices, load, np.array(case.factors))
         title = f"equilibria of the finite element model under {case.name}"
         kept = self._store.arrays(key, title, self._report, partial(self._solve, case, load))
