@@ -11,7 +11,6 @@ from flexfmu.fe.gradients import quadratic_strain
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.fe.stressed import stressed_gradients
 from flexfmu.files.progress import Reporter, tell_nobody
-from flexfmu.files.store import Store
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.basis import Matrices
@@ -49,7 +48,7 @@ def test_forces_of_third_order_are_the_gradient_of_the_membrane_energy(kind, tmp
 
     def energy(part):
         motion = (x + other + part * y)[:, None]
-        return FourthOrder(matrices, Reporter()).stretching(motion, pairs[:1])[0][0, 0]
+        return FourthOrder(matrices).stretching(motion, pairs[:1])[0][0, 0]
 
     slope = (energy(1e-3) - energy(-1e-3)) / 2e-3
     assert slope != 0.0
@@ -81,7 +80,7 @@ def test_shapes_of_third_order_are_what_a_basis_of_few_modes_lacks(tmp_path):
     matrices, loads = matrices_and_loads(box(ElementType.C3D20, (6, 4, 1), (1.0, 0.7, 0.02)), tmp_path)
     model = matrices.supported
     modes = with_residual_flexibility(model, normal_modes(model, 4), loads)
-    forces = third_order_loads(matrices, modes, loads, 1e-6, 6, Store(), Reporter())
+    forces = third_order_loads(matrices, modes, loads, 1e-6, 6)
     # Six of all loads, and two of the only interface's, stiffer ones too.
     assert forces.shape[1] == 8
 
@@ -170,7 +169,7 @@ def test_a_basis_that_holds_nearly_all_of_a_thin_body_s_static_shapes_is_complet
     matrices, loads = matrices_and_loads(slit_plate(), tmp_path)
     model = matrices.supported
     modes = with_residual_flexibility(model, normal_modes(model, 8), loads, 5e-3)
-    forces = third_order_loads(matrices, modes, loads, 0.02, 6, Store(), Reporter())
+    forces = third_order_loads(matrices, modes, loads, 0.02, 6)
     few = with_residual_flexibility(model, modes, forces)
     every = with_residual_flexibility(model, few, loads)
     assert few.angular_frequency.size < every.angular_frequency.size

@@ -1,6 +1,7 @@
 """The basis that a body file asks for and its geometric stiffness, found once and kept by content."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -28,11 +29,26 @@ class Matrices:
     ----------
     model : Model
     report : Reporter
+        Hears of what is found with them.
+    store : Store, optional
+        Keeps it. Default: nothing is kept.
     """
 
-    def __init__(self, model: Model, report: Reporter):
-        self.model = model
-        self._report = report
+    def __init__(self, model: Model, report: Reporter, store: Store | None = None):
+        self.model, self.report, self.store = model, report, store or Store()
+
+    @property
+    def quiet(self) -> "Matrices":
+        """The same matrices; of what is found with these nobody hears."""
+        # Assembled and factorised once for both.
+        _ = self.supported
+        found = copy(self)
+        found.report = Reporter()
+        return found
+
+    def kept(self, key: str, what: str, make: Callable[[], FloatArray]) -> FloatArray:
+        """An array that is found with them, from the store where it was found before."""
+        return self.store.arrays(key, what, self.report, lambda: {"found": make()})["found"]
 
     @cached_property
     def key(self) -> str:
@@ -51,18 +67,16 @@ class Matrices:
     def supported(self) -> Supported:
         """Both without the supports, factorised."""
         model = self.model
-        with self._report.stage("Assemble stiffness and mass"):
+        with self.report.stage("Assemble stiffness and mass"):
             # Without names for those of all degrees of freedom, which are not kept beside the factors.
             matrices = eliminated(
                 stiffness(model.mesh) + model.unknowns.in_means(model.springs), model_mass(model.mesh), model.unknowns
             )
-        with self._report.stage(f"Factorise the stiffness ({solver_name()})"):
-            return supported(matrices, model.rigid, self._report.note)
+        with self.report.stage(f"Factorise the stiffness ({solver_name()})"):
+            return supported(matrices, model.rigid, self.report.note)
 
 
-def modal_basis(
-    table: BasisOptions, matrices: Matrices, loads: FloatArray, residual: FloatArray, store: Store, report: Reporter
-) -> tuple[Modes, str]:
+def modal_basis(table: BasisOptions, matrices: Matrices, loads: FloatArray, residual: FloatArray) -> tuple[Modes, str]:
     """Modes of the basis that the body file asks for.
 
     Parameters
@@ -73,8 +87,6 @@ def modal_basis(
         Nodal forces of the interfaces' unit loads; normal modes alone do not depend on them.
     residual : (3n, j) float
         Those whose static response normal modes are completed by.
-    store : Store
-    report : Reporter
 
     Returns
     -------
@@ -85,64 +97,43 @@ def modal_basis(
     model = matrices.model
     numbers = table.numbers
     if table.exact:
-        return _numbered_basis(table, numbers, matrices, loads, residual, store, report)
+        return _numbered_basis(table, numbers, matrices, loads, residual)
     held = loads.shape[1] if table.kind is Basis.CRAIG_BAMPTON else 0
     # The iteration needs two unknowns more than it finds modes.
     most = model.free.size - model.rigid.shape[1] - held - 2
     numbers = numbers[: max(most, 1)]
-    modes, key = _numbered_basis(table, numbers, matrices, loads, residual, store, report)
+    modes, key = _numbered_basis(table, numbers, matrices, loads, residual)
     if modes.splits_pair and len(numbers) < most:
         numbers = (*numbers, numbers[-1] + 1)
-        modes, key = _numbered_basis(table, numbers, matrices, loads, residual, store, report)
+        modes, key = _numbered_basis(table, numbers, matrices, loads, residual)
     return modes, key
 
 
 def _numbered_basis(
-    table: BasisOptions,
-    numbers: tuple[int, ...],
-    matrices: Matrices,
-    loads: FloatArray,
-    residual: FloatArray,
-    store: Store,
-    report: Reporter,
+    table: BasisOptions, numbers: tuple[int, ...], matrices: Matrices, loads: FloatArray, residual: FloatArray
 ) -> tuple[Modes, str]:
     """Modes of a basis with the normal modes of these numbers; the rest as of `modal_basis`."""
     count = numbers[-1]
     # Those that are left out.
     few = len(numbers) < count
     chosen = np.array(numbers) - 1
-
-    def kept(key: str, title: str, words: str, find: Callable[[Supported], Modes]) -> Modes:
-        def make() -> dict[str, FloatArray]:
-            model = matrices.supported
-            with report.stage(words):
-                return _arrays(find(model))
-
-        return _modes(store.arrays(key, title, report, make))
-
     if table.kind is Basis.CRAIG_BAMPTON:
         key = content_key(__name__, "craig-bampton", matrices.key, numbers if few else count, loads)
         words = f"Find {loads.shape[1]} constraint modes and {count} fixed-interface normal modes"
-        modes = kept(key, "modes", words, lambda model: craig_bampton(model, chosen, loads))
+        modes = _kept(matrices, key, "modes", words, lambda model: craig_bampton(model, chosen, loads))
         if table.residual:
-            report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
+            matrices.report.note("residual_flexibility adds nothing: constraint modes hold the static response already")
         return modes, key
-    key = content_key(__name__, "normal", matrices.key, count)
-    modes = kept(key, "normal modes", f"Find {count} normal modes", lambda model: normal_modes(model, count))
+    key, words = content_key(__name__, "normal", matrices.key, count), f"Find {count} normal modes"
+    modes = _kept(matrices, key, "normal modes", words, lambda model: normal_modes(model, count))
     if few:
-        report.detail(f"kept of {count} normal modes: {', '.join(map(str, numbers))}")
+        matrices.report.detail(f"kept of {count} normal modes: {', '.join(map(str, numbers))}")
         modes, key = chosen_modes(modes, chosen), content_key(__name__, "chosen", key, numbers)
-    return completed_basis(matrices, modes, key, residual, store, report, MISSED if table.by_need else 0.0)
+    return completed_basis(matrices, modes, key, residual, MISSED if table.by_need else 0.0)
 
 
 def completed_basis(
-    matrices: Matrices,
-    modes: Modes,
-    key: str,
-    residual: FloatArray,
-    store: Store,
-    report: Reporter,
-    missed: float = 0.0,
+    matrices: Matrices, modes: Modes, key: str, residual: FloatArray, missed: float = 0.0
 ) -> tuple[Modes, str]:
     """Modes, and what they lack of the static response to nodal forces (3n, j); see `modal_basis`.
 
@@ -150,33 +141,32 @@ def completed_basis(
     """
     if not residual.shape[1]:
         return modes, key
-
-    def completed() -> Modes:
-        with report.stage(f"Add the static response to {residual.shape[1]} unit loads"):
-            return with_residual_flexibility(matrices.supported, modes, residual, missed)
-
     key = content_key(__name__, "residual", key, residual, missed)
-    return _modes(store.arrays(key, "static response", report, lambda: _arrays(completed()))), key
+    words = f"Add the static response to {residual.shape[1]} unit loads"
+
+    def completed(model: Supported) -> Modes:
+        return with_residual_flexibility(model, modes, residual, missed)
+
+    return _kept(matrices, key, "static response", words, completed), key
 
 
-def _arrays(modes: Modes) -> dict[str, FloatArray]:
-    checks = np.array([modes.orthonormality_error, modes.frequency_error, float(modes.splits_pair)])
-    return {"angular_frequency": modes.angular_frequency, "shapes": modes.shapes, "checks": checks}
+def _kept(matrices: Matrices, key: str, title: str, words: str, find: Callable[[Supported], Modes]) -> Modes:
+    """Modes from the store, or found in a stage of these words."""
 
+    def make() -> dict[str, FloatArray]:
+        model = matrices.supported
+        with matrices.report.stage(words):
+            modes = find(model)
+        checks = np.array([modes.orthonormality_error, modes.frequency_error, float(modes.splits_pair)])
+        return {"angular_frequency": modes.angular_frequency, "shapes": modes.shapes, "checks": checks}
 
-def _modes(arrays: Mapping[str, FloatArray]) -> Modes:
+    arrays = matrices.store.arrays(key, title, matrices.report, make)
     orthonormality, error, splits = arrays["checks"]
     return Modes(arrays["angular_frequency"], arrays["shapes"], float(orthonormality), float(error), bool(splits))
 
 
 def stiffness_by_load(
-    matrices: Matrices,
-    modes: Modes,
-    modes_key: str,
-    loads: FloatArray,
-    acceleration: bool,
-    store: Store,
-    report: Reporter,
+    matrices: Matrices, modes: Modes, modes_key: str, loads: FloatArray, acceleration: bool
 ) -> FloatArray:
     """Geometric stiffness of unit loads.
 
@@ -190,35 +180,29 @@ def stiffness_by_load(
         Forces of all interfaces, then moments.
     acceleration : bool
         Whether unit accelerations of the supports come after them.
-    store : Store
-    report : Reporter
 
     Returns
     -------
     (6I, m, m) or (6I + 3, m, m) float
     """
 
-    def make() -> dict[str, FloatArray]:
-        model, mesh = matrices.supported, matrices.model.mesh
-        every = loads
-        if acceleration:
-            # What the mass of the body does under a unit acceleration of its supports.
-            every = np.hstack([loads, -model.inertia])
-        with report.stage(f"Geometric stiffness of {every.shape[1]} unit loads"):
+    def make() -> FloatArray:
+        model = matrices.supported
+        # What the mass of the body does under a unit acceleration of its supports.
+        every = np.hstack([loads, -model.inertia]) if acceleration else loads
+        with matrices.report.stage(f"Geometric stiffness of {every.shape[1]} unit loads"):
             fields = model.whole(model.static(model.forces(every)))
-            return {"by_load": geometric_stiffness(mesh, fields, modes.shapes)}
+            return geometric_stiffness(matrices.model.mesh, fields, modes.shapes)
 
     key = content_key(__name__, "by load", modes_key, loads, acceleration)
-    return store.arrays(key, "geometric stiffness by load", report, make)["by_load"]
+    return matrices.kept(key, "geometric stiffness by load", make)
 
 
-def stiffness_by_mode(matrices: Matrices, modes: Modes, modes_key: str, store: Store, report: Reporter) -> FloatArray:
+def stiffness_by_mode(matrices: Matrices, modes: Modes, modes_key: str) -> FloatArray:
     """Geometric stiffness (m, m, m) of unit modal coordinates; parameters as of `stiffness_by_load`."""
 
-    def make() -> dict[str, FloatArray]:
-        with report.stage(f"Geometric stiffness of {modes.shapes.shape[1]} modes"):
-            return {"by_mode": geometric_stiffness(matrices.model.mesh, modes.shapes, modes.shapes)}
+    def make() -> FloatArray:
+        with matrices.report.stage(f"Geometric stiffness of {modes.shapes.shape[1]} modes"):
+            return geometric_stiffness(matrices.model.mesh, modes.shapes, modes.shapes)
 
-    return store.arrays(content_key(__name__, "by mode", modes_key), "geometric stiffness by mode", report, make)[
-        "by_mode"
-    ]
+    return matrices.kept(content_key(__name__, "by mode", modes_key), "geometric stiffness by mode", make)

@@ -7,7 +7,6 @@ import scipy.sparse.linalg as spla
 
 from ..fe.stressed import stress_stiffness
 from ..files.array_types import FloatArray
-from ..files.progress import Reporter
 from .basis import Matrices
 from .third_order import softest_motions
 
@@ -18,7 +17,7 @@ _MOTIONS, _MOST, _EACH, _REACH = 3, 8, 6, 1.0
 _VECTORS, _TOLERANCE, _SEED = 20, 1e-2, 20261122
 
 
-def buckling_loads(matrices: Matrices, loads: FloatArray, report: Reporter) -> FloatArray:
+def buckling_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     """Nodal forces (3n, k) whose static responses are shapes of buckling, K x = −λ K_σ x, of the smallest |λ|.
 
     K_σ is the geometric stiffness of one of the softest motions.
@@ -28,7 +27,6 @@ def buckling_loads(matrices: Matrices, loads: FloatArray, report: Reporter) -> F
     matrices : Matrices
     loads : (3n, l) float
         Nodal forces of the interfaces' unit loads.
-    report : Reporter
 
     Returns
     -------
@@ -39,7 +37,7 @@ def buckling_loads(matrices: Matrices, loads: FloatArray, report: Reporter) -> F
     if model.free.size <= 2 * _VECTORS or not np.any(model.forces(loads)):
         return np.zeros((len(loads), 0))
     motions = softest_motions(matrices, loads)[0][:, :_MOTIONS]
-    with report.counted("Find shapes of buckling", motions.shape[1], "motions") as tell:
+    with matrices.report.counted("Find shapes of buckling", motions.shape[1], "motions") as tell:
         found = []
         for number, motion in enumerate(motions.T):
             found.append(_shapes(matrices, motion))

@@ -7,8 +7,7 @@ import numpy as np
 
 from ..fe.gradients import mean_spin, quadratic_strain, turned_stress
 from ..files.array_types import FloatArray, IntArray
-from ..files.progress import Reporter
-from ..files.store import Store, content_key
+from ..files.store import content_key
 from ..mesh.model import Mesh
 from .basis import Matrices
 from .flattening import slices, without_resultants
@@ -28,11 +27,9 @@ class FourthOrder:
     Attributes
     ----------
     matrices : Matrices
-    report : Reporter
     """
 
     matrices: Matrices
-    report: Reporter
 
     @property
     def _mesh(self) -> Mesh:
@@ -57,9 +54,10 @@ class FourthOrder:
         forces : (3n, p) float
             f of (18a).
         """
-        count = len(pairs)
-        with self.report.counted(f"Stretch of {count} pairs of motions", self._mesh.element_count, "elements") as tell:
-            forces, energies = quadratic_strain(self._mesh, fields, pairs, tell)
+        count, mesh = len(pairs), self._mesh
+        title = f"Stretch of {count} pairs of motions"
+        with self.matrices.report.counted(title, mesh.element_count, "elements") as tell:
+            forces, energies = quadratic_strain(mesh, fields, pairs, tell)
         bushings = self.matrices.model.bushings
         own = 0.5 * bushings.curvature(fields)[:, pairs[:, 0], pairs[:, 1]]
         forces, energies = forces + bushings.rows.T @ own, energies + own.T @ own
@@ -82,7 +80,7 @@ class FourthOrder:
         model, mesh = self.matrices.supported, self._mesh
         # Forces of springs to the ground keep their axes.
         applied = model.applied(fields) - self.matrices.model.springs @ fields
-        with self.report.counted(
+        with self.matrices.report.counted(
             f"Flattening of {len(pairs)} pairs of motions", mesh.element_count, "elements"
         ) as tell:
             forces = turned_stress(mesh, fields, applied, pairs, tell)
@@ -92,7 +90,7 @@ class FourthOrder:
         """Work (p, p) of nodal forces on free degrees of freedom (k, p) over the displacements that they make."""
         model, count = self.matrices.supported, forces.shape[1]
         result = np.empty((count, count))
-        with self.report.counted(title, count, "solutions") as tell:
+        with self.matrices.report.counted(title, count, "solutions") as tell:
             for first in range(0, count, _COLUMNS):
                 part = slice(first, first + _COLUMNS)
                 result[:, part] = forces.T @ model.static(forces[:, part])
@@ -160,7 +158,7 @@ def turning_scale(energy: FloatArray, turned: FloatArray) -> FloatArray:
     return np.divide(1.0, np.sqrt(np.maximum(turned, 0.0)), out=np.zeros_like(energy), where=soft)
 
 
-def energy_shares(matrices: Matrices, forces: FloatArray, store: Store, report: Reporter) -> FloatArray:
+def energy_shares(matrices: Matrices, forces: FloatArray) -> FloatArray:
     """Shares of a body's energies of fourth order, whatever modes are taken; found once and kept by content.
 
     Moments are left out: on an interface between supports they bend slices that are not quite straight across.
@@ -170,17 +168,11 @@ def energy_shares(matrices: Matrices, forces: FloatArray, store: Store, report: 
     matrices : Matrices
     forces : (3n, l) float
         Nodal forces of unit forces on the interfaces.
-    store : Store
-    report : Reporter
 
     Returns
     -------
     (2,) float
         Energy of stretching and of flattening over the linear one, where the material turns by one radian (rms).
     """
-
-    def make() -> dict[str, FloatArray]:
-        return {"shares": FourthOrder(matrices, report).shares(forces)}
-
     key = content_key(__name__, "shares", matrices.key, forces)
-    return store.arrays(key, "shares of membrane energy", report, make)["shares"]
+    return matrices.kept(key, "shares of membrane energy", lambda: FourthOrder(matrices).shares(forces))

@@ -19,8 +19,7 @@ from ..fe.factorisation import GIGA, free_memory
 from ..fe.gradients import mean_spin
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import ModelError
-from ..files.progress import Reporter
-from ..files.store import Store, content_key
+from ..files.store import content_key
 from ..model.membrane import Membrane
 from .basis import Matrices
 from .fourth_order import FourthOrder, energy_shares, turning_scale
@@ -65,17 +64,15 @@ class Stretching:
         Those of frequency zero are rigid motions, which stretch nothing.
     loads : (3n, l) float
         Nodal forces of unit loads on the interfaces: of all forces, then of all moments.
-    report : Reporter
     """
 
     matrices: Matrices
     modes: Modes
     loads: FloatArray
-    report: Reporter
 
     @cached_property
     def _fourth(self) -> FourthOrder:
-        return FourthOrder(self.matrices, self.report)
+        return FourthOrder(self.matrices)
 
     @cached_property
     def _elastic(self) -> IntArray:
@@ -211,7 +208,7 @@ class Stretching:
 
 
 def membrane_energy(
-    stretching: Stretching, modes_key: str, asked: tuple[bool, bool] | None, keep_shapes: bool, store: Store
+    stretching: Stretching, modes_key: str, asked: tuple[bool, bool] | None, keep_shapes: bool
 ) -> Membrane | None:
     """Stretches of a body, where it stretches when it bends or the body file asks for them.
 
@@ -224,19 +221,18 @@ def membrane_energy(
         Whether energy of stretching, and of flattening, is to be there whatever it holds; None: where it holds enough.
     keep_shapes : bool
         As of `Stretching.membrane`.
-    store : Store
 
     Returns
     -------
     Membrane or None
     """
-    report = stretching.report
+    matrices, report = stretching.matrices, stretching.matrices.report
     key = content_key(__name__, modes_key, stretching.loads, keep_shapes)
     if asked is not None:
         stretched, flattened = asked
     else:
         forces = stretching.loads[:, : stretching.loads.shape[1] // 2]
-        held, freed = energy_shares(stretching.matrices, forces, store, report).tolist()
+        held, freed = energy_shares(matrices, forces).tolist()
         stretched, flattened = held > _NOTHING, freed > _FLAT and held < _SHELL
         report.detail(
             "membrane energy over that of bending at a turn of 1 rad (rms): "
@@ -249,7 +245,7 @@ def membrane_energy(
         made = stretching.membrane(stretched, flattened, keep_shapes)
         return {"quadratic": made.quadratic, "linear": made.linear, "sign": made.sign}
 
-    membrane = Membrane(**store.arrays(f"{key}-{stretched}-{flattened}", "membrane energy", report, make))
+    membrane = Membrane(**matrices.store.arrays(f"{key}-{stretched}-{flattened}", "membrane energy", report, make))
     report.detail(membrane.words)
     return membrane
 

@@ -73,12 +73,15 @@ class Reduced:
 
 @dataclass(frozen=True, slots=True)
 class _Divided:
-    """A model with its frames and interfaces."""
+    """A model with its frames and interfaces, and the options and the springs to the ground of a part of a cut body."""
 
+    config: BodyOptions
     model: Model
     subdomains: list[Subdomain]
     interfaces: list[InterfaceFit]
     open_loops: bool
+    springs: Sequence[Spring]
+    cut: bool
 
     def unit_loads(self) -> FloatArray:
         """Nodal loads (3n, 6i) of unit forces on all interfaces, then of unit moments."""
@@ -125,18 +128,18 @@ def reduced_piece(
     -------
     Reduced
     """
-    divided = _divided(config, model, report)
-    matrices = Matrices(model, report)
-    loads, cut = divided.unit_loads(), warping is not None
+    cut = warping is not None
+    divided = _divided(config, model, report, springs, cut)
+    matrices, loads = Matrices(model, report, store), divided.unit_loads()
     warping = np.zeros((len(loads), 0)) if warping is None else warping
     every = np.hstack([loads, warping])
-    basis = _with_modes(config, divided, matrices, every, report, store)
-    body = _reduced(config, divided, basis, springs, report, store, cut=cut)
-    fine = _fine_tree(config, divided, basis, body.membrane) if config.certificate or not cut else None
+    basis = _with_modes(divided, matrices, every)
+    body = _reduced(divided, basis)
+    fine = _fine_tree(divided, basis, body.membrane) if config.certificate or not cut else None
     work = finer_work = warping.T @ basis.modes.shapes
     if config.certificate:
         with report.stage("Reduce the body once more, finer, to know its error"):
-            finer, finer_basis = _shadow(config, divided, basis, every, springs, store, cut=cut)
+            finer, finer_basis = _shadow(divided, basis, every)
         span = embedding(matrices.supported, finer_basis.modes.shapes, basis.modes.shapes)
         body, finer_work = replace(body, shadow=Shadow(finer, span)), warping.T @ finer_basis.modes.shapes
     shapes = basis.modes.shapes
@@ -144,69 +147,56 @@ def reduced_piece(
     return Reduced(body, work, finer_work, fine, shapes, embedding(matrices.supported, shapes, spanned))
 
 
-def _shadow(
-    config: BodyOptions,
-    divided: _Divided,
-    basis: _Basis,
-    every: FloatArray,
-    springs: Sequence[Spring],
-    store: Store,
-    cut: bool,
-) -> tuple[ReducedBody, _Basis]:
+def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[ReducedBody, _Basis]:
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
-    quiet, model = Reporter(), divided.model
-    finer = shadow_options(config, divided.subdomains)
-    loads, matrices = divided.unit_loads(), basis.matrices
-    third = third_order_loads(matrices, basis.modes, loads, THIRD_LEAST, THIRD_MOST, store, quiet)
-    buckled = store.arrays(
-        content_key(__name__, "buckling", matrices.key, loads), "shapes of buckling", quiet,
-        lambda: {"forces": buckling_loads(matrices, loads, quiet)},
-    )["forces"]  # fmt: skip
+    matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
+    finer = shadow_options(divided.config, divided.subdomains)
+    third = third_order_loads(matrices, basis.modes, loads, THIRD_LEAST, THIRD_MOST)
+    key = content_key(__name__, "buckling", matrices.key, loads)
+    buckled = matrices.kept(key, "shapes of buckling", lambda: buckling_loads(matrices, loads))
     lacking = np.hstack([every, third, buckled])
-    modes, key = completed_basis(basis.matrices, basis.modes, basis.key, lacking, store, quiet)
-    again = _divided(finer, model, quiet)
-    own = _Basis(basis.matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))
-    return _reduced(finer, again, own, springs, quiet, store, cut=cut), own
+    modes, key = completed_basis(matrices, basis.modes, basis.key, lacking)
+    again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
+    own = _Basis(matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))
+    return _reduced(again, own), own
 
 
-def _reduced(
-    config: BodyOptions,
-    divided: _Divided,
-    basis: _Basis,
-    springs: Sequence[Spring],
-    report: Reporter,
-    store: Store,
-    cut: bool,
-) -> ReducedBody:
+def _reduced(divided: _Divided, basis: _Basis) -> ReducedBody:
     """The body of a divided model in a basis."""
-    mesh, subdomains, modes = divided.model.mesh, divided.subdomains, basis.modes
-    loads = divided.unit_loads()
-    # Parts of a cut body have constant mass.
-    lumps = element_lumps(mesh, subdomains) if subdomains and not cut else []
-    carried = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
+    stored, loads = divided.config.stored, divided.unit_loads()
     inertia: LumpedMass | None = None
     lump_centres: list[Centre] = []
-    if lumps and Data.INERTIA in config.stored:
-        inertia, lump_centres = lumped_mass(mesh, modes.shapes, lumps, basis.frames, carried)
+    # Parts of a cut body have constant mass.
+    if Data.INERTIA in stored and not divided.cut:
+        inertia, lump_centres = _lumped(divided, basis)
     second, membrane = None, None
-    if Data.SECOND_ORDER in config.stored and subdomains:
-        second, curvature = _second_order(config, divided, basis, springs, lump_centres, report)
+    if Data.SECOND_ORDER in stored and divided.subdomains:
+        second, curvature = _second_order(divided, basis, lump_centres)
         if inertia is not None:
             inertia = replace(inertia, curvature=curvature)
-        membrane = _membrane(config, divided, basis, loads, report, store, cut=cut)
-    parts = replace(
-        _parts(config, divided, basis, loads, second, report, store),
-        inertia=inertia,
-        ties=_springs(springs, divided, basis),
-        membrane=membrane,
-    )
+        membrane = _membrane(divided, basis, loads)
+    parts = _parts(divided, basis, loads, second)
+    return _made(divided, basis, replace(parts, inertia=inertia, ties=_springs(divided, basis), membrane=membrane))
+
+
+def _made(divided: _Divided, basis: _Basis, parts: Parts) -> ReducedBody:
+    """A body without damping and names."""
+    modes, subdomains = basis.modes, divided.subdomains
     motion = Motion.of_tree(modes.angular_frequency, modes.shapes, divided.interfaces, subdomains, basis.frames)
-    return made_body(motion, BodyUse(config.name), parts)
+    return made_body(motion, BodyUse(divided.config.name), parts)
 
 
-def _fine_tree(config: BodyOptions, divided: _Divided, basis: _Basis, membrane: Membrane | None) -> ReducedBody | None:
+def _lumped(divided: _Divided, basis: _Basis) -> tuple[LumpedMass | None, list[Centre]]:
+    """Mass of the turned body, in lumps of its frames, and their centres; none without frames of elements."""
+    mesh, subdomains = divided.model.mesh, divided.subdomains
+    lumps = element_lumps(mesh, subdomains) if subdomains else []
+    carried = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
+    return lumped_mass(mesh, basis.modes.shapes, lumps, basis.frames, carried) if lumps else (None, [])
+
+
+def _fine_tree(divided: _Divided, basis: _Basis, membrane: Membrane | None) -> ReducedBody | None:
     """The modes on a tree of `_FINE` frames to second order, with its lumps, whatever the body's own frames are."""
-    quiet, model, modes = Reporter(), divided.model, basis.modes
+    config, model = divided.config, divided.model
     unheard = config.variant.mass is Mass.CONFIGURATION or not has_frames(config.variant.method)
     if unheard or not divided.subdomains:
         return None
@@ -214,47 +204,34 @@ def _fine_tree(config: BodyOptions, divided: _Divided, basis: _Basis, membrane: 
         config, levels=_FINE, levels_asked=False, frames=(), branches=(), acceleration=False,
         interfaces=config.interfaces[:1], stored=config.stored | {Data.SECOND_ORDER},
     )  # fmt: skip
-    found = _divided(alone, model, quiet)
-    frames = frame_operators(model.mesh.points, modes.shapes, found.subdomains)
-    lumps = element_lumps(model.mesh, found.subdomains)
-    carried = [carrying_frame(found.subdomains, one.nodes) for one in model.mesh.masses]
-    inertia, centres = lumped_mass(model.mesh, modes.shapes, lumps, frames, carried)
-    second, curvature = _second_order(alone, found, replace(basis, frames=frames), (), centres, quiet)
-    motion = Motion.of_tree(modes.angular_frequency, modes.shapes, found.interfaces, found.subdomains, frames)
-    parts = Parts(second=second, membrane=membrane, inertia=replace(inertia, curvature=curvature))
-    return made_body(motion, BodyUse(config.name), parts)
+    found = _divided(alone, model, Reporter(), (), divided.cut)
+    frames = frame_operators(model.mesh.points, basis.modes.shapes, found.subdomains)
+    own = replace(basis, frames=frames, matrices=basis.matrices.quiet)
+    inertia, centres = _lumped(found, own)
+    second, curvature = _second_order(found, own, centres)
+    inertia = inertia and replace(inertia, curvature=curvature)
+    return _made(found, own, Parts(second=second, membrane=membrane, inertia=inertia))
 
 
-def _with_modes(
-    config: BodyOptions, divided: _Divided, matrices: Matrices, every: FloatArray, report: Reporter, store: Store
-) -> _Basis:
+def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Basis:
     """The modes of a divided model, with room for loads (3n, l): of units on interfaces, and warping of sections."""
-    chosen = config.basis.residual
+    wanted, chosen = divided.config.basis, divided.config.basis.residual
     residual = every if chosen is True else every[:, list(chosen or ())]
-    modes, key = modal_basis(config.basis, matrices, every, residual, store, report)
-    if config.basis.by_need and Data.SECOND_ORDER in config.stored:
-        modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), store, report)
-    _tell(modes, report)
-    _tell_coarse(divided.model, modes, report)
+    modes, key = modal_basis(wanted, matrices, every, residual)
+    if wanted.by_need and Data.SECOND_ORDER in divided.config.stored:
+        modes, key = with_third_order(matrices, modes, key, divided.unit_loads())
+    _tell(modes, matrices.report)
+    _tell_coarse(divided.model, modes, matrices.report)
     return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
 
 
-def _parts(
-    config: BodyOptions,
-    divided: _Divided,
-    basis: _Basis,
-    loads: FloatArray,
-    second: SecondOrder | None,
-    report: Reporter,
-    store: Store,
-) -> Parts:
+def _parts(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOrder | None) -> Parts:
     """What the body holds beside its motion, by its options."""
-    model, subdomains, matrices = divided.model, divided.subdomains, basis.matrices
+    config, model, subdomains, matrices = divided.config, divided.model, divided.subdomains, basis.matrices
     modes, key, stored = basis.modes, basis.key, config.stored
-    by_load, by_mode = Data.BY_LOAD in stored, Data.BY_MODE in stored
-    surface = _surface(config, divided, basis, loads, second, report, store) if config.surface else None
-    loaded = stiffness_by_load(matrices, modes, key, loads, config.acceleration, store, report) if by_load else None
     parts, spread = NO_PARTS, None
+    surface = _surface(divided, basis, loads, second) if config.surface else None
+    by_load = stiffness_by_load(matrices, modes, key, loads, config.acceleration) if Data.BY_LOAD in stored else None
     if config.watched:
         spread = frequency_spread(matrices.supported, modes.angular_frequency, modes.shapes)
         turned = basis.frames.frame_rotation
@@ -265,8 +242,8 @@ def _parts(
         whole=whole_frame(model, modes.shapes, config) if several(subdomains) else None,
         masses=sub_masses(model.mesh, modes.shapes, subdomains) if config.acceleration else None,
         stress_sets=_stress_sets(config, model, modes),
-        stiffness_by_load=loaded,
-        stiffness_by_mode=stiffness_by_mode(matrices, modes, key, store, report) if by_mode else None,
+        stiffness_by_load=by_load,
+        stiffness_by_mode=stiffness_by_mode(matrices, modes, key) if Data.BY_MODE in stored else None,
         frequency_spread=spread,
         damper=model.damper_rows(modes.shapes),
         surface=surface,
@@ -274,7 +251,7 @@ def _parts(
     )
 
 
-def _divided(config: BodyOptions, model: Model, report: Reporter) -> _Divided:
+def _divided(config: BodyOptions, model: Model, report: Reporter, springs: Sequence[Spring], cut: bool) -> _Divided:
     """Divide a model into frames, and fit its interfaces."""
     with report.stage("Divide into frames and fit interfaces"):
         subdomains, cuts = body_subdomains(config, model)
@@ -289,7 +266,7 @@ def _divided(config: BodyOptions, model: Model, report: Reporter) -> _Divided:
             f"frames = {config.levels} were asked for, the body has layers of elements for {len(subdomains)} only: "
             "ask for fewer, or mesh it finer"
         )
-    return _Divided(model, subdomains, interfaces, open_loops=bool(cuts))
+    return _Divided(config, model, subdomains, interfaces, bool(cuts), springs, cut)
 
 
 def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[Subdomain], report: Reporter) -> None:
@@ -348,26 +325,18 @@ def _tell_coarse(model: Model, modes: Modes, report: Reporter) -> None:
         )
 
 
-def _second_order(
-    config: BodyOptions,
-    divided: _Divided,
-    basis: _Basis,
-    springs: Sequence[Spring],
-    lump_centres: list[Centre],
-    report: Reporter,
-) -> tuple[SecondOrder, FloatArray]:
+def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) -> tuple[SecondOrder, FloatArray]:
     """Where places go at second order: those that the body's kinematics read, and the lumps of its mass."""
     mesh, subdomains, modes = divided.model.mesh, divided.subdomains, basis.modes
-    heavy = config.acceleration
-    centres = mass_centres(mesh, subdomains)[2] if heavy else []
-    centres = centres + lump_centres
-    turned, nodes = basis.frames.frame_rotation, [by_node(spring.nodes) for spring in springs]
+    heavy = mass_centres(mesh, subdomains)[2] if divided.config.acceleration else []
+    centres = heavy + lump_centres
+    turned, nodes = basis.frames.frame_rotation, [by_node(spring.nodes) for spring in divided.springs]
     readings = node_readings(
         mesh.points, modes.shapes, subdomains, turned, divided.interfaces, centres, nodes, modes.angular_frequency
     )
     rigid = np.flatnonzero(modes.angular_frequency == 0.0)
     floating = any(domain.floating for domain in subdomains)
-    with report.stage(f"Find where {len(readings)} places go at second order"):
+    with basis.matrices.report.stage(f"Find where {len(readings)} places go at second order"):
         every = second_order(
             mesh, basis.matrices.supported, modes.shapes, rigid, floating, readings, divided.model.bushings
         )
@@ -377,38 +346,28 @@ def _second_order(
     return SecondOrder(displacement, rotation), every.displacement[lumped]
 
 
-def _membrane(
-    config: BodyOptions, divided: _Divided, basis: _Basis, loads: FloatArray, report: Reporter, store: Store, cut: bool
-) -> Membrane | None:
+def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray) -> Membrane | None:
     """The energy of fourth order, where it is wanted and the body holds any; parts of a cut one keep no shapes."""
-    if config.membrane is False:
+    wanted = divided.config.membrane
+    if wanted is False:
         return None
-    stretching = Stretching(basis.matrices, basis.modes, loads, report)
-    asked = None if config.membrane == "auto" else (True, config.membrane is True)
-    membrane = membrane_energy(stretching, basis.key, asked, not cut, store)
+    asked = None if wanted == "auto" else (True, wanted is True)
+    membrane = membrane_energy(Stretching(basis.matrices, basis.modes, loads), basis.key, asked, not divided.cut)
     if membrane is not None and divided.open_loops:
-        report.warning(
+        basis.matrices.report.warning(
             f"{len(divided.subdomains)} frames open a loop that stretches, one frame keeps it closed: take "
             'frames = 1, or cut = "auto"'
         )
     return membrane
 
 
-def _surface(
-    config: BodyOptions,
-    divided: _Divided,
-    basis: _Basis,
-    loads: FloatArray,
-    second: SecondOrder | None,
-    report: Reporter,
-    store: Store,
-) -> Surface:
+def _surface(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOrder | None) -> Surface:
     """The surface for pictures, and how it moves."""
     model, modes, subdomains = divided.model, basis.modes, divided.subdomains
-    fields = _surface_fields(basis, loads, store, report) if second is not None else None
+    fields = _surface_fields(basis, loads) if second is not None else None
     sets, held = [interface.nodes for interface in divided.interfaces], model.fixed | model.sprung
     moved = np.flatnonzero(held.any(axis=1))
-    surface = body_surface(model.mesh, modes.shapes, subdomains, sets, moved, fields, config.surface_stress)
+    surface = body_surface(model.mesh, modes.shapes, subdomains, sets, moved, fields, divided.config.surface_stress)
     rigid = modes.angular_frequency == 0.0
     if fields is None or not rigid.any() or subdomains[0].floating:
         return surface
@@ -420,27 +379,28 @@ def _surface(
     )
 
 
-def _surface_fields(basis: _Basis, loads: FloatArray, store: Store, report: Reporter) -> tuple[FloatArray, FloatArray]:
+def _surface_fields(basis: _Basis, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What goes with q at second order all over the surface, for pictures."""
-    mesh, shapes, omega = basis.matrices.model.mesh, basis.modes.shapes, basis.modes.angular_frequency
+    matrices, shapes, omega = basis.matrices, basis.modes.shapes, basis.modes.angular_frequency
+    mesh = matrices.model.mesh
 
     def make() -> dict[str, FloatArray]:
-        model = basis.matrices.supported
-        with report.stage("Find where the surface goes at second order"):
+        model = matrices.supported
+        with matrices.report.stage("Find where the surface goes at second order"):
             elastic, nodes = np.flatnonzero(omega > 0.0), surface_nodes(mesh)[0]
             fields, forms = second_order_fields(mesh, model, shapes, elastic, omega**2, loads, nodes)
             return {"fields": fields, "forms": forms}
 
     key = content_key(__name__, "surface", basis.key, loads)
-    kept = store.arrays(key, "the surface at second order", report, make)
+    kept = matrices.store.arrays(key, "the surface at second order", matrices.report, make)
     return kept["fields"], kept["forms"]
 
 
-def _springs(springs: Sequence[Spring], divided: _Divided, basis: _Basis) -> Ties | None:
+def _springs(divided: _Divided, basis: _Basis) -> Ties | None:
     """Springs to the ground of a part of a cut body: they pull along the axes wherever the part turns."""
     mesh, shapes = divided.model.mesh, basis.modes.shapes
     found = []
-    for spring in springs:
+    for spring in divided.springs:
         nodes = spring.nodes
         weighted = by_node(nodes)
         centre = weighted.centre(mesh.points)

@@ -37,22 +37,17 @@ _KEPT = 2_000_000
 _TURN, _OWN_TURN = 0.5, 0.6
 
 
-def with_third_order(
-    matrices: Matrices, modes: Modes, modes_key: str, loads: FloatArray, store: Store, report: Reporter
-) -> tuple[Modes, str]:
+def with_third_order(matrices: Matrices, modes: Modes, modes_key: str, loads: FloatArray) -> tuple[Modes, str]:
     """A basis with the shapes of second and third order that it lacks most, and its key; parameters as below."""
+    forces = matrices.kept(
+        content_key(__name__, modes_key, loads),
+        "static shapes of third order",
+        lambda: third_order_loads(matrices, modes, loads, _LEAST, _MOST),
+    )
+    return completed_basis(matrices, modes, modes_key, forces)
 
-    def make() -> dict[str, FloatArray]:
-        return {"forces": third_order_loads(matrices, modes, loads, _LEAST, _MOST, store, report)}
 
-    key = content_key(__name__, modes_key, loads)
-    forces = store.arrays(key, "static shapes of third order", report, make)["forces"]
-    return completed_basis(matrices, modes, modes_key, forces, store, report)
-
-
-def third_order_loads(
-    matrices: Matrices, modes: Modes, loads: FloatArray, least: float, most: int, store: Store, report: Reporter
-) -> FloatArray:
+def third_order_loads(matrices: Matrices, modes: Modes, loads: FloatArray, least: float, most: int) -> FloatArray:
     """Nodal forces whose static shapes a basis lacks most at second and third order.
 
     They complete a basis as unit loads do: `modal_basis` and `with_residual_flexibility` take them among `residual`.
@@ -69,9 +64,6 @@ def third_order_loads(
         to which it is left out: by about as much a motion under its own load is too small without the shape.
     most : int
         How many shapes at most; and two for each interface, of motions by its loads alone.
-    store : Store
-        Where what does not depend on the basis is kept.
-    report : Reporter
 
     Returns
     -------
@@ -87,9 +79,9 @@ def third_order_loads(
     def held(forces: FloatArray) -> FloatArray:
         return (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
 
-    with report.stage("Find static shapes of third order"):
+    with matrices.report.stage("Find static shapes of third order"):
         for which, number in ((_together, most), (_by_interface, 2 * count)):
-            forces, answer = _answered(matrices, loads, which, store)
+            forces, answer = _answered(matrices, loads, which)
             free, known = model.forces(forces), held(forces)
             taken = model.forces(found).T @ answer - held(found).T @ known
             # What they do outside the basis, and what is taken already.
@@ -104,7 +96,7 @@ _Motions = tuple[FloatArray, FloatArray]
 
 
 def _answered(
-    matrices: Matrices, loads: FloatArray, which: Callable[[Matrices, FloatArray], Iterator[_Motions]], store: Store
+    matrices: Matrices, loads: FloatArray, which: Callable[[Matrices, FloatArray], Iterator[_Motions]]
 ) -> tuple[FloatArray, FloatArray]:
     """Forces (3n, k) by the stress of some motions, and what they displace (f, k)."""
     model = matrices.supported
@@ -113,7 +105,7 @@ def _answered(
         forces = np.hstack([loads[:, :0], *(_forces(matrices, *motions) for motions in which(matrices, loads))])
         return {"forces": forces, "answer": model.static(model.forces(forces))}
 
-    kept = store if loads.size < _KEPT else Store()
+    kept = matrices.store if loads.size < _KEPT else Store()
     found = kept.arrays(content_key(__name__, which.__name__, matrices.key, loads), "forces", Reporter(), make)
     return found["forces"], found["answer"]
 

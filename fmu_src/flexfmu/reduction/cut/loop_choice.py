@@ -157,13 +157,13 @@ def _decided(config: BodyOptions, model: Model, parts: list[Part], report: Repor
     mesh = model.mesh
     nodal = [fit_interface(table, mesh, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
     forces = np.hstack([loads[:, :3] for loads in nodal])
-    matrices = Matrices(model, report)
-    fields, _ = FourthOrder(matrices, report).responses(forces)
+    matrices = Matrices(model, report, store)
+    fields, _ = FourthOrder(matrices).responses(forces)
     gain = turning_taken(mesh, fields, [part.elements for part in parts])
     begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"
     if gain < _PAYS:
         return _Choice(False, False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)')
-    if energy_shares(matrices, forces, store, report)[0] > _STOPS:
+    if energy_shares(matrices, forces)[0] > _STOPS:
         return _Choice(
             False, True, f"{begin}, but stretch stops it before it turns far: it stays in one piece, with one frame"
         )

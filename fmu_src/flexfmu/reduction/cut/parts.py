@@ -60,8 +60,8 @@ def reduced_parts(
     with report.stage("Cut into parts"):
         opened, parts = cut_parts(model, config.cuts, config.supports)
         configs = part_configs(config, opened, parts)
-    whole = Matrices(model, report)
-    warping = _warping(config.cuts, parts, _unit_responses(config, whole, report, store))
+    whole = Matrices(model, report, store)
+    warping = _warping(config.cuts, parts, _unit_responses(config, whole))
     pieces, bodies, ends = [], [], dict[str, _End]()
     spanned = np.zeros((model.fixed.size, 0)) if spanned is None else spanned
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
@@ -177,19 +177,17 @@ def _joined(
     return body, turn, note
 
 
-def _unit_responses(config: BodyOptions, matrices: Matrices, report: Reporter, store: Store) -> FloatArray:
+def _unit_responses(config: BodyOptions, matrices: Matrices) -> FloatArray:
     """Static displacements (3n, l) of the body in one piece under its interfaces' unit loads, of unit work."""
     mesh = matrices.model.mesh
     loads = np.hstack([fit_interface(table, mesh, ()).nodal_loads(len(mesh.points)) for table in config.interfaces])
 
-    def make() -> dict[str, FloatArray]:
+    def make() -> FloatArray:
         whole = matrices.supported
-        with report.stage(f"Find the static response to {loads.shape[1]} unit loads in one piece"):
-            return {"fields": whole.whole(whole.static(whole.forces(loads)))}
+        with matrices.report.stage(f"Find the static response to {loads.shape[1]} unit loads in one piece"):
+            return whole.whole(whole.static(whole.forces(loads)))
 
-    found = store.arrays(content_key(__name__, "fields", matrices.key, loads), "static response", report, make)[
-        "fields"
-    ]
+    found = matrices.kept(content_key(__name__, "fields", matrices.key, loads), "static response", make)
     work = np.einsum("ij,ij->j", loads, found)
     # Loads on a support do nothing.
     return found[:, work > 0.0] / np.sqrt(work[work > 0.0])
