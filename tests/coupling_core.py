@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from flexfmu.core.building import FLAGS, FOLDER, system_compiler
+from flexfmu.core.structures import Arrays
 from flexfmu.master.foreign import ForeignProcess
-from flexfmu.master.loop import Arrays, joined, participating, wired
+from flexfmu.master.loop import joined, participating, wired
 from flexfmu.master.participants import Participant
 
 FILES = ("vectors", "algebra", "arena", "joints", "acceleration", "exchange", "doubts", "participant")

@@ -1,12 +1,14 @@
 """What a run of a coupling is told of while it goes on, in words; core/doubts.c finds it."""
 
+from typing import Any
+
 import numpy as np
 
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from .config import ExperimentTable, Scheme
 from .layout import Wiring
-from .loop import Loop, Notice, Outcome
+from .loop import Loop
 
 FED = 'the coupling itself fed the motion: take scheme = "iterated", or a shorter step'
 TAKEN = "the coupling itself damped the motion: take a shorter step{}"
@@ -43,7 +45,7 @@ class Words:
             self._fed |= notice.kind == _FED
         self._told = loop.outcome.notices
 
-    def _words(self, notice: Notice, time: float) -> str:
+    def _words(self, notice: Any, time: float) -> str:
         figure, other = notice.figures
         if notice.kind == _ODD_STATUS:
             name = self._wiring.roles[notice.who].description.name
@@ -73,14 +75,14 @@ class Words:
                 'not small against 1: take scheme = "iterated", or a shorter step'
             )
 
-    def runaway(self, outcome: Outcome) -> str:
+    def runaway(self, outcome: Any) -> str:
         """Why a run is stopped whose motion grows without bound."""
-        return f"the motion grows without bound. {FED} (it created {outcome.created:.3g} J)"
+        return f"the motion grows without bound. {FED} (it created {outcome.energies.created:.3g} J)"
 
-    def end(self, outcome: Outcome) -> None:
+    def end(self, outcome: Any) -> None:
         """Say what was not said on the way, and how many iterations there were."""
         if outcome.feeds > 0 and not self._fed:
-            self._report.warning(_energies(FED, "created", outcome.created, outcome.stored, ""))
+            self._report.warning(_energies(FED, "created", outcome.energies.created, outcome.energies.stored, ""))
         if self._iterated:
             self._report.note(f"{outcome.rounds / outcome.steps:.2f} iterations a step")
 

@@ -2,112 +2,26 @@
 
 import ctypes
 from collections.abc import Sequence
-from ctypes import Structure
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from ..core.library import library
+from ..core.structures import Arrays, structures
 from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
 from .config import ExperimentTable, Held, Scheme
 from .layout import Ends, Recorded, Springs, Wiring
-from .participants import FUNCTIONS, Participant, StepRefusedError
+from .participants import Participant, StepRefusedError
 
-_PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+_KINDS = structures("joints", "exchange", "participant", "doubts", "coupling")
 # `Ending` of core/coupling.h.
 _CALL_FAILED, _STEP_REFUSED, _NOT_FINITE, _UNSETTLED, _FAILURE_TOLD, GROWS = range(1, 7)
 # `Asked` of core/participant.h; the step is told of with its time.
 _ASKED = ("its start", "to take its inputs", "to give its values", "{}", "to save its state", "to go back to its state")
 _HOLD = "to hold its internal steps"
 _TYPES = ("Real", "Integer", "Boolean")
-
-
-def _named(kind: Any, names: str) -> list[tuple[str, Any]]:
-    return [(name, kind) for name in names.split()]
-
-
-class _Joints(Structure):
-    """`Joints` of core/joints.h."""
-
-    _fields_ = [*_named(_WHOLE, "count ends"), *_named(_PLACE, "a b stiffness damping axes")]
-
-
-class _Wiring(Structure):
-    """`Wiring` of core/exchange.h."""
-
-    _fields_ = [
-        *_named(_WHOLE, "inputs signals participants tables links responses"),
-        ("step", _NUMBER),
-        *_named(_PLACE, "base coupled kind input_role signal_role nominal table_rows table_columns"),
-        *_named(_PLACE, "table_times table_values table_inputs link_to link_from link_factor"),
-        ("joints", _Joints),
-        *_named(_PLACE, "end_motion end_rates end_loads response_role response_end response_places"),
-    ]
-
-
-class _Participant(Structure):
-    """`Participant` of core/participant.h."""
-
-    _fields_ = [
-        ("instance", _PLACE),
-        *_named(_PLACE, " ".join(FUNCTIONS)),
-        *_named(_WHOLE, "first_input inputs first_signal signals"),
-        ("recorded", _WHOLE * 3),
-        *_named(_PLACE, "input_references signal_references recorded_references recorded_columns"),
-        *_named(_WHOLE, "status substeps fewest"),
-        ("fewest_start", _NUMBER),
-        *_named(_PLACE, "marks state"),
-        *_named(_WHOLE, "saved tried"),
-    ]
-
-
-class Notice(Structure):
-    """`Notice` of core/doubts.h: what a run is told of, once each."""
-
-    _fields_ = [*_named(_WHOLE, "kind step who"), ("figures", _NUMBER * 2)]
-
-
-class _Setup(Structure):
-    """`Setup` of core/coupling.h."""
-
-    _fields_ = [
-        ("wiring", _Wiring),
-        *_named(_PLACE, "participants response_references"),
-        *_named(_WHOLE, "scheme every columns kinds most_iterations reuse mean_inputs"),
-        *_named(_NUMBER, "tolerance relaxation share"),
-        *_named(_PLACE, "times rows"),
-        ("most_rows", _WHOLE),
-        ("notices", _PLACE),
-    ]
-
-
-class Outcome(Structure):
-    """`Outcome` of core/coupling.h: why a call came back, and how far the run is."""
-
-    _fields_ = [
-        *_named(_WHOLE, "ending who what status"),
-        ("figure", _NUMBER),
-        *_named(_WHOLE, "steps rows rounds notices feeds"),
-        *_named(_NUMBER, "created stored exchanged now"),
-    ]
-
-
-class Arrays:
-    """Keeps what structures point to."""
-
-    def __init__(self) -> None:
-        self._kept: list[Any] = []
-
-    def place(self, array: Any) -> int:
-        """Address of an array of ctypes."""
-        self._kept.append(array)
-        return ctypes.addressof(array)
-
-    def at(self, values: Any, kind: Any = np.float64) -> int:
-        """Address of an array of numbers of a kind."""
-        self._kept.append(np.ascontiguousarray(values, dtype=kind))
-        return int(self._kept[-1].ctypes.data)
 
 
 class Loop:
@@ -123,8 +37,8 @@ class Loop:
 
     Attributes
     ----------
-    outcome : Outcome
-        Of the last call.
+    outcome : structure
+        Of core/coupling.h, of the last call.
     notices : array of Notice
         So many as `outcome` says.
     times : (rows,) float
@@ -141,8 +55,8 @@ class Loop:
     def __init__(self, wiring: Wiring, participants: Sequence[Participant], settings: ExperimentTable, every: int):
         self._wiring, self._participants, self._settings = wiring, tuple(participants), settings
         self._arrays = arrays = Arrays()
-        self.outcome = Outcome()
-        self.notices = (Notice * (len(participants) + 3))()
+        self.outcome = _KINDS["Outcome"]()
+        self.notices = (_KINDS["Notice"] * (len(participants) + 3))()
         most, columns = settings.steps // every + 3, len(wiring.recorded) + 2
         self._times, self._rows = np.empty(most), np.empty((most, columns))
         recorded = list(enumerate(wiring.recorded))
@@ -151,10 +65,11 @@ class Loop:
             for k, one in enumerate(participants)
         ]
         mean = settings.scheme is Scheme.ITERATED and settings.held is Held.MEAN
-        self._setup = _Setup(
+        self._setup = arrays.filled(
+            _KINDS["Setup"],
             wiring=wired(wiring, settings.step, arrays),
-            participants=arrays.place((_Participant * len(participants))(*ours)),
-            response_references=arrays.at([r.references for r in wiring.responses], np.uint32),
+            participants=arrays.place((_KINDS["Participant"] * len(participants))(*ours)),
+            response_references=[r.references for r in wiring.responses],
             scheme=list(Scheme).index(settings.scheme),
             every=every,
             columns=columns,
@@ -165,8 +80,8 @@ class Loop:
             tolerance=settings.tolerance,
             relaxation=settings.relaxation,
             share=0.5 if mean else 1.0,
-            times=self._times.ctypes.data,
-            rows=self._rows.ctypes.data,
+            times=self._times,
+            rows=self._rows,
             most_rows=most,
             notices=arrays.place(self.notices),
         )
@@ -275,7 +190,7 @@ class Loop:
         return participant.failed((*_ASKED, _HOLD)[found.what].format(where), found.status)
 
 
-def wired(w: Wiring, step: float, arrays: "Arrays") -> Structure:
+def wired(w: Wiring, step: float, arrays: Arrays) -> Any:
     """A coupling's layout as the core takes it.
 
     Parameters
@@ -290,71 +205,64 @@ def wired(w: Wiring, step: float, arrays: "Arrays") -> Structure:
     -------
     Structure
     """
-    ends, springs, whole = w.ends, w.springs, np.int64
+    ends, springs, tables, responses = w.ends, w.springs, w.tables, w.responses
     to, source = np.nonzero(w.matrix)
-    return _Wiring(
+    alike = ("base", "coupled", "kind", "input_role", "signal_role", "nominal")
+    return arrays.filled(
+        _KINDS["Wiring"],
+        **{name: getattr(w, name) for name in alike},
         inputs=len(w.base),
         signals=w.matrix.shape[1],
         participants=len(w.roles),
-        tables=len(w.tables),
+        tables=len(tables),
         links=len(to),
-        responses=len(w.responses),
+        responses=len(responses),
         step=step,
-        base=arrays.at(w.base),
-        coupled=arrays.at(w.coupled, whole),
-        kind=arrays.at(w.kind, whole),
-        input_role=arrays.at(w.input_role, whole),
-        signal_role=arrays.at(w.signal_role, whole),
-        nominal=arrays.at(w.nominal),
-        table_rows=arrays.at([len(table.time) for table in w.tables], whole),
-        table_columns=arrays.at([len(table.inputs) for table in w.tables], whole),
-        table_times=arrays.at(np.concatenate([np.zeros(0), *(table.time for table in w.tables)])),
-        table_values=arrays.at(np.concatenate([np.zeros(0), *(table.values.ravel() for table in w.tables)])),
-        table_inputs=arrays.at(np.concatenate([np.zeros(0), *(table.inputs for table in w.tables)]), whole),
-        link_to=arrays.at(to, whole),
-        link_from=arrays.at(source, whole),
-        link_factor=arrays.at(w.matrix[to, source]),
+        table_rows=[len(table.time) for table in tables],
+        table_columns=[len(table.inputs) for table in tables],
+        table_times=np.concatenate([np.zeros(0), *(table.time for table in tables)]),
+        table_values=np.concatenate([np.zeros(0), *(table.values.ravel() for table in tables)]),
+        table_inputs=np.concatenate([np.zeros(0), *(table.inputs for table in tables)]),
+        link_to=to,
+        link_from=source,
+        link_factor=w.matrix[to, source],
         joints=joined(springs, len(ends.names), arrays),
-        end_motion=arrays.at(ends.motion, whole),
-        end_rates=arrays.at(ends.rates, whole),
-        end_loads=arrays.at(ends.loads, whole),
-        response_role=arrays.at([r.role for r in w.responses], whole),
-        response_end=arrays.at([_end(ends, r.moved) if r.moved == r.loaded else -1 for r in w.responses], whole),
-        response_places=arrays.at([(*r.motion, *r.rates, *r.loads) for r in w.responses], whole),
+        end_motion=ends.motion,
+        end_rates=ends.rates,
+        end_loads=ends.loads,
+        response_role=[r.role for r in responses],
+        response_end=[_end(ends, r.moved) if r.moved == r.loaded else -1 for r in responses],
+        response_places=[(*r.motion, *r.rates, *r.loads) for r in responses],
     )
 
 
-def joined(springs: Springs, ends: int, arrays: "Arrays") -> Structure:
-    """Springs between so many ends as the core takes them; arguments else as of `wired`."""
-    return _Joints(
-        count=len(springs.a),
-        ends=ends,
-        a=arrays.at(springs.a, np.int64),
-        b=arrays.at(springs.b, np.int64),
-        stiffness=arrays.at(springs.stiffness),
-        damping=arrays.at(springs.damping),
-        axes=arrays.at(np.tile(np.eye(3), (len(springs.a), 1, 1)) if springs.axes is None else springs.axes),
-    )
+def joined(springs: Springs, ends: int, arrays: Arrays) -> Any:
+    """Springs between so many ends as the core takes them."""
+    given = {field.name: getattr(springs, field.name) for field in fields(springs)}
+    if springs.axes is None:
+        given["axes"] = np.tile(np.eye(3), (len(springs.a), 1, 1))
+    return arrays.filled(_KINDS["Joints"], count=len(springs.a), ends=ends, **given)
 
 
-def participating(one: Participant, variables: list[tuple[int, Recorded]], arrays: "Arrays") -> _Participant:
-    """An FMU as the core takes it, with columns and variables of its results; arrays as of `wired`."""
+def participating(one: Participant, variables: list[tuple[int, Recorded]], arrays: Arrays) -> Any:
+    """An FMU as the core takes it; `variables`: recorded ones, with the columns that they fill."""
     variables = sorted(variables, key=lambda pair: _TYPES.index(pair[1].type))
     role = one.role
-    return _Participant(
+    return arrays.filled(
+        _KINDS["Participant"],
         instance=one.instance,
-        **{name: ctypes.cast(function, _PLACE).value for name, function in one.functions.items()},
+        **{name: ctypes.cast(function, ctypes.c_void_p).value for name, function in one.functions.items()},
         first_input=role.first_input,
         inputs=len(role.inputs),
         first_signal=role.first_signal,
         signals=len(role.signals),
-        recorded=(_WHOLE * 3)(*(sum(v.type == kind for _, v in variables) for kind in _TYPES)),
-        input_references=arrays.at(role.inputs, np.uint32),
-        signal_references=arrays.at(role.signals, np.uint32),
-        recorded_references=arrays.at([v.reference for _, v in variables], np.uint32),
-        recorded_columns=arrays.at([column for column, _ in variables], np.int64),
+        recorded=(ctypes.c_int64 * 3)(*(sum(v.type == kind for _, v in variables) for kind in _TYPES)),
+        input_references=role.inputs,
+        signal_references=role.signals,
+        recorded_references=[v.reference for _, v in variables],
+        recorded_columns=[column for column, _ in variables],
         **one.bookkeeping,
-        marks=one.marks.ctypes.data,
+        marks=one.marks,
         tried=1,
     )
 

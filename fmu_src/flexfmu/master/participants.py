@@ -42,7 +42,6 @@ _OF_LIBRARY = {
     "set_state": "SetFMUstate",
     "free_state": "FreeFMUstate",
 }
-FUNCTIONS = (*_OF_LIBRARY, "take_back")
 _TAKE_BACK = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
@@ -79,7 +78,7 @@ class Participant:
     instance : int or None
         FMI's component.
     functions : dict of str to ctypes function
-        By `FUNCTIONS`.
+        By the members of core/participant.h.
     bookkeeping : dict of str to float
         Further fields of core/participant.h.
     marks : (2,) int
