@@ -24,8 +24,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import couple
 from flexfmu.master.config import parse_coupling
-from flexfmu.master.coupling import CouplingStoppedError
-from flexfmu.master.results import Result
+from flexfmu.master.coupling import CouplingStoppedError, Result
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.study.records import verdict

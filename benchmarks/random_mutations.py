@@ -61,7 +61,7 @@ ROWS: tuple[tuple[str, str], ...] = (
     ("reduction/cut/*.py", "cut loops inner_loops ties acceleration"),
     ("reduction/membrane.py", "membrane loops"),
     ("reduction/fourth_order.py", "membrane loops"),
-    ("reduction/flattening.py", "loops membrane"),
+    ("reduction/fourth_order.py", "loops membrane"),
     ("reduction/second_order.py", "second_order curved_bodies membrane"),
     ("reduction/division.py", "@division chain tree @run_time_division"),
     ("reduction/subdomains.py", "@division averaged_rotation free_bodies tree chain"),

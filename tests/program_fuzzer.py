@@ -23,7 +23,7 @@ from flexfmu.model.methods import Mass, Method
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
 from flexfmu.program.programs import DESCRIPTION
-from flexfmu.study.slave import BodyPrograms
+from flexfmu.study.stability import BodyPrograms
 
 # Seconds that one program may take, with every call and under sanitizers.
 PATIENCE = 60

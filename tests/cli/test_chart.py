@@ -21,12 +21,11 @@ from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Mass, Method, Variant, has_frames
 from flexfmu.study import fmu_cost
 from flexfmu.study import pictures as look
-from flexfmu.study.body_text import body_text
 from flexfmu.study.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
 from flexfmu.study.chart import sweep as sweeping
 from flexfmu.study.chart.draw import chart
-from flexfmu.study.chart.extent import Grid, members
-from flexfmu.study.chart.sweep import sweep
+from flexfmu.study.chart.sweep import Grid, members, sweep
+from flexfmu.study.fitted import body_text
 from flexfmu.study.fmu_cost import FmuTimer
 from flexfmu.study.front import RATIO, cost_axis, finding, front, pareto_front, plain_front, recommended, tolerance
 from flexfmu.study.records import RECORDS, Record, RecordFile

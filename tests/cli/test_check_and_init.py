@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from decks import BODY, COUPLING
-from flexfmu.build.bores import bores
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.build.suggest import likely_mesh, starting_body_file
+from flexfmu.build.suggest import bores, likely_mesh, starting_body_file
 from flexfmu.commands.cli import app
 from flexfmu.files.errors import AccuracyError, BodyFileError
 from flexfmu.files.progress import Reporter

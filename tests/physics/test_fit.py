@@ -23,10 +23,10 @@ from flexfmu.files.store import Store
 from flexfmu.fmu.package import read_packaged_body
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method, Variant
-from flexfmu.study.body_text import body_text
 from flexfmu.study.candidates import Reduction, reduction_config
 from flexfmu.study.cost import StepCost
 from flexfmu.study.fit import fit
+from flexfmu.study.fitted import body_text
 from flexfmu.study.jobs import Crew
 from flexfmu.study.scene.config import BasisChoice
 from flexfmu.study.scene.measure import errors

@@ -11,7 +11,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
-from flexfmu.reduction.cut.inner_loops import inner_sections
+from flexfmu.reduction.cut.loops import inner_sections
 from flexfmu.reduction.interfaces import fit_interface
 from meshes import bars, body_file, box, with_sets
 

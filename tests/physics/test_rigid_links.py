@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 
 import flexfmu
-from flexfmu.fe.elastic import elastic_cells
+from flexfmu.fe.assembly import elastic_cells
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.checks import checked

@@ -15,12 +15,10 @@ from scipy.linalg import eigh
 
 import flexfmu
 from decks import read
-from flexfmu.fe.assembly import stiffness
-from flexfmu.fe.elastic import elastic_cells
-from flexfmu.fe.gradients import geometric_stiffness, quadratic_strain
+from flexfmu.fe.assembly import elastic_cells, stiffness
+from flexfmu.fe.gradients import geometric_stiffness, quadratic_strain, stress_stiffness
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.fe.stress import nodal_stress, point_stress, stress_jumps
-from flexfmu.fe.stressed import stress_stiffness
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import DeckError, FlexfmuError, MeshError
 from flexfmu.files.progress import Reporter, tell_nobody

@@ -10,7 +10,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
-from flexfmu.study.slave import BodyPrograms, DrivenSlave
+from flexfmu.study.stability import BodyPrograms, DrivenSlave
 from meshes import bars, body_file, box, with_sets
 
 WIDTH = 2e-3

@@ -13,7 +13,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.methods import Method
-from flexfmu.study.slave import BodyPrograms, DrivenSlave
+from flexfmu.study.stability import BodyPrograms, DrivenSlave
 from meshes import arc, body_file, box, with_sets
 from references import body_without_error
 

@@ -7,9 +7,8 @@ import pytest
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
-from flexfmu.fe.gradients import quadratic_strain
+from flexfmu.fe.gradients import quadratic_strain, stressed_gradients
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.fe.stressed import stressed_gradients
 from flexfmu.files.progress import Reporter, tell_nobody
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType

@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 import flexfmu
 from flexfmu.commands.cli import app
-from flexfmu.given.checks import checked_modes
+from flexfmu.given.modes import checked_modes
 from flexfmu.given.sid import SidError, mass_integrals
 from given_bars import LENGTH, SIDE
 

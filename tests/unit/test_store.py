@@ -11,10 +11,9 @@ import flexfmu
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InterfaceTable, SupportTable
-from flexfmu.files import code_digest as digests
-from flexfmu.files.code_digest import code_digest, imported_modules
+from flexfmu.files import store as digests
 from flexfmu.files.progress import Reporter
-from flexfmu.files.store import Store, content_key, default_folder
+from flexfmu.files.store import Store, code_digest, content_key, default_folder, imported_modules
 from flexfmu.reduction.options import Basis
 from references import BEAM, body_without_error
 

@@ -10,8 +10,7 @@ import numpy as np
 from ..core.library import Core, StepLimits
 from ..files.array_types import FloatArray, IntArray
 from ..model.errors import EquilibriumError, LoadError, OptionError, StepError
-from ..model.fixing import with_fixed_interfaces
-from ..model.frame_layout import with_frame_layout
+from ..model.fixing import with_fixed_interfaces, with_frame_layout
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen

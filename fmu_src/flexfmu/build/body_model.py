@@ -9,8 +9,7 @@ from ..mesh.model import Mesh
 from ..reduction.materials import needless
 from ..reduction.model import Model, assemble_model
 from ..reduction.options import BodyOptions
-from ..reduction.places import by_name, node_set
-from ..reduction.sets import element_set
+from ..reduction.places import by_name, element_set, node_set
 from .config import BodyFile, BodySpec
 
 

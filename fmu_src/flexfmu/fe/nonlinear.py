@@ -17,9 +17,8 @@ from ..files.errors import AccuracyError, ModelError
 from ..files.progress import Reporter
 from ..files.threads import in_one_thread
 from ..mesh.model import Mesh
-from .assembly import CHUNK, assembled, summed
+from .assembly import CHUNK, assembled, elastic_cells, summed
 from .cells import Cells
-from .elastic import elastic_cells
 from .factorisation import Factorisation, dissection_order
 from .unknowns import Unknowns
 

@@ -35,8 +35,7 @@ from ..reduction.places import node_set
 from ..reduction.rigid_fit import by_node
 from ..reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
 from ..reduction.surface import body_surface
-from .checks import checked_modes
-from .modes import GivenModes, read_given
+from .modes import GivenModes, checked_modes, read_given
 from .sid import SUFFIX as SID
 from .sid import read_sid
 

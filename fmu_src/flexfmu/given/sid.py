@@ -27,8 +27,7 @@ from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
 from ..reduction.making import Motion, linear_use, made_body
 from ..reduction.rigid_fit import by_node, modal_fit
-from .checks import checked_modes
-from .modes import GivenModes, GivenModesError
+from .modes import GivenModes, GivenModesError, checked_modes
 
 SUFFIX = ".sid_fem"
 # Structures: symmetric, given by one triangle, and the unit matrix.

@@ -1,24 +1,190 @@
-"""Coupling FMUs from a file or from Python: set up, run, keep what came out also where a run stops early."""
+"""Coupling FMUs from a file or from Python: set up, run, and keep what came out also where a run stops early."""
 
 import math
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import h5py
+import numpy as np
+
+from ..files.array_types import FloatArray
 from ..files.errors import INTERRUPTED, SimulationError
+from ..files.plain_data import picture_html
 from ..files.progress import Reporter, Tell, ends_on_interrupt
-from ..files.targets import check_target
+from ..files.tables import write_table
+from ..files.targets import check_target, whole_file
 from ..fmu.runtime import own_log
 from ..fmu.simulation import MOST_VALUES
-from .config import CouplingFile, Scheme, read_coupling_file
-from .doubts import FED, Words
+from .config import CouplingFile, ExperimentTable, Scheme, read_coupling_file
 from .foreign import ForeignProcess
 from .layout import Wiring
 from .loop import GROWS, Loop
 from .participants import Participant
-from .results import CREATED_ENERGY, ITERATIONS, SUFFIXES, Result, write_result
 from .wiring import wire
+
+FED = 'the coupling itself fed the motion: take scheme = "iterated", or a shorter step'
+TAKEN = "the coupling itself damped the motion: take a shorter step{}"
+# `NoticeKind` of core/doubts.h.
+_ODD_STATUS, _FED, _TAKEN, _COARSE = range(4)
+# Answer of springs to their own loads beyond which explicit schemes are warned of.
+_STIFF = 0.1
+
+
+class Words:
+    """Tells a user what the loop noticed.
+
+    Parameters
+    ----------
+    wiring : Wiring
+    settings : ExperimentTable
+    report : Reporter
+    """
+
+    def __init__(self, wiring: Wiring, settings: ExperimentTable, report: Reporter):
+        self._wiring, self._settings, self._report = wiring, settings, report
+        self._iterated = settings.scheme is Scheme.ITERATED
+        self._told, self._fed = 0, False
+
+    def notices(self, loop: Loop) -> None:
+        """Tell what was noticed since the last time.
+
+        Parameters
+        ----------
+        loop : Loop
+        """
+        for notice in loop.notices[self._told : loop.outcome.notices]:
+            self._report.warning(self._words(notice, notice.step * self._settings.step))
+            self._fed |= notice.kind == _FED
+        self._told = loop.outcome.notices
+
+    def _words(self, notice: Any, time: float) -> str:
+        figure, other = notice.figures
+        if notice.kind == _ODD_STATUS:
+            name = self._wiring.roles[notice.who].description.name
+            return f"{name}: status.code is {figure:.0f} from {time:.6g} s on"
+        if notice.kind == _COARSE:
+            return (
+                f"the step does not resolve the motion of {self._wiring.ends.names[notice.who]}: with {figure:.3g} "
+                f"steps a period it lags by some {other:.2g} rad at {time:.6g} s: take a shorter step"
+            )
+        if notice.kind == _FED:
+            return _energies(FED, "created", figure, other, f" from {time:.6g} s on")
+        remedy = ', or held = "mean"' if self._iterated else ', or scheme = "iterated" with held = "mean"'
+        return _energies(TAKEN.format(remedy), "took", figure, other, f" from {time:.6g} s on")
+
+    def stiff_springs(self, slope: FloatArray | None) -> None:
+        """Say so where the interfaces' compliance tells that an explicit scheme will grow.
+
+        Parameters
+        ----------
+        slope : (n, n) float or None
+            Of the coupled inputs by themselves.
+        """
+        size = 0.0 if slope is None else float(np.max(np.abs(np.linalg.eigvals(slope)), initial=0.0))
+        if size > _STIFF:
+            self._report.warning(
+                f"springs answer their own loads {size:.2g}-fold within a step; explicit coupling grows where that is "
+                'not small against 1: take scheme = "iterated", or a shorter step'
+            )
+
+    def runaway(self, outcome: Any) -> str:
+        """Why a run is stopped whose motion grows without bound."""
+        return f"the motion grows without bound. {FED} (it created {outcome.energies.created:.3g} J)"
+
+    def end(self, outcome: Any) -> None:
+        """Say what was not said on the way, and how many iterations there were."""
+        if outcome.feeds > 0 and not self._fed:
+            self._report.warning(_energies(FED, "created", outcome.energies.created, outcome.energies.stored, ""))
+        if self._iterated:
+            self._report.note(f"{outcome.rounds / outcome.steps:.2f} iterations a step")
+
+
+def _energies(words: str, verb: str, created: float, stored: float, since: str) -> str:
+    return f"{words} (it {verb} {abs(created):.3g} J{since}, the springs held {stored:.3g} J at most)"
+
+
+SUFFIXES = (".csv", ".h5", ".hdf5")
+ITERATIONS = "master.iterations"
+CREATED_ENERGY = "master.created_energy"
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What the coupled FMUs did.
+
+    Attributes
+    ----------
+    names : tuple of str
+        "fmu.variable", C of them; the last ones are the master's own.
+    units : tuple of str or None
+    time : (T,) float
+        s.
+    values : (T, C) float
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    time: FloatArray
+    values: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (len(self.time), len(self.names)) or len(self.units) != len(self.names):
+            raise ValueError(
+                f"{len(self.names)} names, {len(self.units)} units, {len(self.time)} times, values {self.values.shape}"
+            )
+        for array in (self.time, self.values):
+            array.flags.writeable = False
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Values (T,) of a column by its name."""
+        return self.values[:, self.names.index(name)]
+
+    def to_dataframe(self) -> Any:
+        """A pandas.DataFrame of the columns, with time as its index."""
+        import pandas
+
+        return pandas.DataFrame(self.values, index=pandas.Index(self.time, name="time"), columns=list(self.names))
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the motions among the columns."""
+        from ..fmu.curves import result_figure
+
+        return result_figure(self.names, self.time, self.values)
+
+    def _repr_html_(self) -> str:
+        return picture_html(self.plot())
+
+
+def write_result(path: Path, result: Result) -> None:
+    """Write results, by the file name's ending as CSV or HDF5; the file appears whole or not at all.
+
+    CSV: as `write_table`. HDF5: datasets "time" and one a column, with the attribute "unit".
+
+    Parameters
+    ----------
+    path : Path
+    result : Result
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    if path.suffix.lower() == ".csv":
+        write_table(path, result.names, np.column_stack([result.time, result.values]), result.units)
+        return
+    units = zip(result.names, result.units, strict=True)
+    columns = [("time", "s", result.time), *((name, unit, result[name]) for name, unit in units)]
+    with whole_file(path) as part, h5py.File(part, "w") as file:
+        for name, unit, values in columns:
+            # HDF5 takes a slash for a group.
+            dataset = file.create_dataset(name.replace("/", "_"), data=values, track_times=False)
+            dataset.attrs["unit"] = unit or ""
+
 
 # s that the loop runs without a word: so soon Ctrl-C ends it.
 _PATIENCE = 0.02

@@ -20,9 +20,8 @@ from fmpy.logging import addLoggerProxy
 
 from ..files.errors import SimulationError
 from ..files.inputs import check_unpacked
-from .foreign import ForeignProcess, ForeignSlave
+from .foreign import LOGGER, ForeignProcess, ForeignSlave, open_log, quoted, take_back_warnings, warnings_of
 from .layout import Role
-from .log import LOGGER, open_log, quoted, take_back_warnings, warnings_of
 
 # Of flexfmu's bodies: what tells masters that overlook a discarded step; how many internal steps a step took; and the
 # parameter, set between steps, that says how many it takes at least.

@@ -3,6 +3,10 @@
 A Craig-Bampton basis holds the constraint modes of every interface, so that what is left once G_i q = 0 is the same
 body with the interface as its support: q = N z with N the null space of G_i, and the small eigenproblem makes N
 mass-orthonormal modes again.
+
+Frames of a body hang together as its method has it: as a tree, each by itself, or one for all. The tree is this
+project's; frames by themselves, each about its own joint's linear displacement, are the sub-domains of the method's
+source; one for all is a floating frame of reference.
 """
 
 from collections.abc import Collection
@@ -16,7 +20,7 @@ from .arrays import BODY
 from .curvature import from_ground
 from .errors import OptionError
 from .inertia import without_frames
-from .methods import Method, has_frames
+from .methods import FrameLayout, Method, has_frames, recipe_of
 from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface, WholeFrame
 from .rotations import skew
 
@@ -201,3 +205,65 @@ def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> tuple[F
     if squares[0] <= 0.0:
         raise OptionError("the body can still move freely with these interfaces fixed; fix one more")
     return turn @ small, squares
+
+
+def with_frame_layout(body: ReducedBody, method: Method) -> ReducedBody:
+    """The body with its frames as a method has them.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    method : Method
+
+    Returns
+    -------
+    ReducedBody
+
+    Raises
+    ------
+    OptionError
+        The body does not hold the frame of the whole.
+    """
+    layout = recipe_of(method).layout
+    # A floating frame counts: the method has it alone.
+    if layout is FrameLayout.TREE or body.frame_count < 2:
+        return body
+    if layout is FrameLayout.SEPARATE:
+        # Of a free body all frames hang on the floating one.
+        parent = np.full(body.frame_count, 0 if body.floating else GROUND)
+        if body.floating:
+            parent[0] = GROUND
+        return replace(body, frame_parent=parent)
+    return _as_one(body)
+
+
+def _as_one(body: ReducedBody) -> ReducedBody:
+    """The body on one frame: its floating frame, or that of the whole body about its supports."""
+    name, whole = "whole", body.whole
+    if body.floating:
+        name = body.frame_names[0]
+        whole = WholeFrame(
+            body.joint_point[0], body.joint_displacement[0], body.joint_rotation[0], body.frame_rotation[0]
+        )
+    if whole is None:
+        raise OptionError("the method needs the whole body's frame, which this modal file does not hold")
+    masses, surface = body.masses, body.surface
+    if masses is not None:
+        masses = replace(masses, frame=np.zeros_like(masses.frame))
+    if surface is not None:
+        surface = replace(surface, frame=np.zeros_like(surface.frame))
+    return replace(
+        body,
+        frame_names=(name,),
+        frame_parent=np.array([GROUND]),
+        joint_point=whole.joint_point[None],
+        joint_displacement=whole.joint_displacement[None],
+        joint_rotation=whole.joint_rotation[None],
+        frame_rotation=whole.frame_rotation[None],
+        interface_frame=np.zeros_like(body.interface_frame),
+        masses=masses,
+        surface=surface,
+        inertia=None,
+        second=None,
+        membrane=None,
+    )

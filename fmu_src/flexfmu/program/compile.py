@@ -1,16 +1,143 @@
-"""A reduced body under one method as a program: all that does not depend on inputs, found once."""
+"""A reduced body under one method as a program: all that does not depend on inputs, found once.
+
+With it goes a second opinion on what loads do to the stiffness, by the best that it holds (docs/theory.md, section 7).
+"""
 
 from dataclasses import replace
 
 import numpy as np
 
+from ..core.library import Core
 from ..files.array_types import FloatArray
 from ..model.errors import ModalFileError, OptionError
 from ..model.methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
-from ..model.reduced_body import ReducedBody
+from ..model.reduced_body import GROUND, ReducedBody
 from .draft import Draft
-from .mechanics import PLACEMENT, mechanics
-from .second_opinion import in_load_order, second_opinion, unit_load_tangents
+from .mechanics import PLACEMENT, advice, mechanics
+
+# Times 1/n²: what n frames in a chain overestimate a cantilever's critical load by (section 4b: 0.223, 0.056, 0.016 for
+# 1, 2, 4).
+_CHAIN = 0.25
+# Critical load of the clamped column over what the moment u × F alone makes of it.
+_MOMENT = 8.0 / np.pi**2
+# Bits of its numbers: estimates of a few percent need no more, and shorter numbers pack well.
+_BITS = 16
+_BY_LOAD, _BY_SECOND_ORDER = "geometric stiffness by load", "the frames to second order"
+
+
+def in_load_order(by_load: FloatArray, interfaces: int) -> FloatArray:
+    """Matrices (L, m, m) of forces of all interfaces, then moments, as force and moment of each interface in turn."""
+    wrenches = by_load[: 6 * interfaces].reshape(2, interfaces, 3, *by_load.shape[1:])
+    ordered = np.moveaxis(wrenches, 0, 1).reshape(6 * interfaces, *by_load.shape[1:])
+    return np.concatenate([ordered, by_load[6 * interfaces :]])
+
+
+def unit_load_tangents(draft: Draft, body: ReducedBody) -> FloatArray:
+    """What each unit load adds to the tangent stiffness of the undeformed body, (L, m, m)."""
+    core = Core(draft.image())
+    still = np.zeros(body.mode_count)
+    loads = np.eye(draft.sizes["loads"])
+    return np.array([core.tangent(load, still) for load in loads]) - np.diag(body.angular_frequency**2)
+
+
+def _interface_loads(draft: Draft, body: ReducedBody, elastic: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Modal forces (L, e) of unit loads and motions (I, 6, e) of interfaces over ω, and what makes loads comparable."""
+    omega, interfaces = body.angular_frequency[elastic], body.interface_count
+    displacement, rotation = (
+        operator[..., elastic] / omega for operator in (body.interface_displacement, body.interface_rotation)
+    )
+    # Displacement over rotation under loads of all directions.
+    moved, turned = (np.linalg.norm(operator, axis=(1, 2)) for operator in (displacement, rotation))
+    length = np.where((moved > 0.0) & (turned > 0.0), moved / np.where(turned > 0.0, turned, 1.0), 1.0)
+    motion = np.concatenate([displacement, rotation * length[:, None, None]], axis=1)
+    force = np.concatenate([displacement, rotation], axis=1).reshape(6 * interfaces, -1)
+    size = np.concatenate([np.ones((interfaces, 3)), np.repeat(1.0 / length[:, None], 3, axis=1)], axis=1).ravel()
+    if body.masses is not None:
+        inertia = np.asarray(draft.arrays["inertia_operator"])[:, elastic] / omega
+        force = np.concatenate([force, inertia])
+        size = np.concatenate([size, np.full(3, float(np.sum(body.masses.mass)))])
+    return force, motion, size
+
+
+def _against_missed(body: ReducedBody, recipe: Recipe, source: str) -> str:
+    """What to do about stiffness that is missed."""
+    linear = recipe.kinematics is Kinematics.LINEAR
+    by_load = "stiffness_by_load" if linear else "frames_stiffness"
+    if source == _BY_SECOND_ORDER:
+        return 'take method = "second_order"'
+    if source == _BY_LOAD:
+        return f'take method = "{by_load}"'
+    stored = f'geometric_stiffness = ["by_load"] and take method = "{by_load}"'
+    if linear and body.frame_count > 1:
+        return f'take method = "frames", or build with {stored}'
+    return f"build with more frames, or with {stored}"
+
+
+def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
+    """A second opinion on the tangent stiffness, by the best that the body holds (section 7)."""
+    own = unit_load_tangents(draft, body)
+    if recipe.stiffness is Stiffness.BY_MODE:
+        own = own + _by_mode(draft, body)
+    depth = _depth(body)
+    if body.second is not None and body.frame_count:
+        better = recipe_of(Method.SECOND_ORDER)
+        # Without membrane energy, whose coordinates are others: what loads do at first order is the same.
+        plain = mechanics(replace(body, membrane=None), better)
+        source, change = _BY_SECOND_ORDER, unit_load_tangents(plain, body)
+    elif body.stiffness_by_load is not None:
+        source = _BY_LOAD
+        change = in_load_order(np.asarray(body.stiffness_by_load), body.interface_count)
+    elif depth:
+        framed = recipe_of(Method.FRAMES)
+        source = "the frames"
+        change = (1.0 + _CHAIN / depth**2) * unit_load_tangents(mechanics(body, framed), body)
+    else:
+        moved = Recipe(recipe.kinematics, LoadPlacement.CORRECTIVE_MOMENT)
+        source = "the displacement of the loaded interfaces, an estimate"
+        change = _MOMENT * unit_load_tangents(mechanics(body, moved), body)
+    first, count = draft.sizes["elastic_first"], draft.sizes["elastic_count"]
+    elastic, omega = slice(first, first + count), body.angular_frequency[first : first + count]
+
+    def scaled(tangents: FloatArray) -> FloatArray:
+        part = tangents[:, elastic, elastic]
+        fraction, power = np.frexp(0.5 * (part + part.swapaxes(1, 2)) / (omega[:, None] * omega))
+        return np.ldexp(np.rint(np.ldexp(fraction, _BITS)), power - _BITS)
+
+    # Of methods that know of no loads both are the same array, which an FMU then has once.
+    judged, missed = scaled(change), scaled(change - own)
+    triangle = np.tril_indices(count)
+    draft.sizes |= {"judged": 1, "judged_pairs": triangle[0].size}
+    draft.arrays |= {
+        "judge_change": judged[:, *triangle],
+        "judge_missed": missed[:, *triangle],
+        "judge_bound": np.linalg.norm(judged, 2, (1, 2)),
+        "judge_missed_bound": np.linalg.norm(missed, 2, (1, 2)),
+    }
+    force, motion, size = _interface_loads(draft, body, elastic)
+    draft.arrays |= {"judge_force": force, "judge_motion": motion, "judge_size": size}
+    draft.arrays["advice"] = advice(body, recipe, _against_missed(body, recipe, source), source)
+
+
+def _by_mode(draft: Draft, body: ReducedBody) -> FloatArray:
+    """Tangent (L, m, m) of stiffness by mode in the linear response to each unit load."""
+    by_mode = np.asarray(body.stiffness_by_mode)
+    core = Core(draft.image())
+    still, stiffness = np.zeros(body.mode_count), body.angular_frequency**2
+    result = []
+    for load in np.eye(draft.sizes["loads"]):
+        force = core.force(load, still)
+        q = np.divide(force, stiffness, out=np.zeros_like(force), where=stiffness > 0.0)
+        result.append(np.tensordot(q, by_mode, axes=1) + (by_mode @ q).T)
+    return np.array(result)
+
+
+def _depth(body: ReducedBody) -> int:
+    """Frames in the longest chain of those that carry material, but for the floating one."""
+    depth: list[int] = []
+    for frame, parent in enumerate(body.frame_parent.tolist()):
+        counts = 0 if body.floating and frame == 0 else 1
+        depth.append(counts + (0 if parent == GROUND else depth[parent]))
+    return max(depth, default=0)
 
 
 def compile_draft(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> Draft:

@@ -1,4 +1,4 @@
-"""Mass and centre of mass of each sub-domain: what acceleration of the supports, or weight, acts on."""
+"""Mass of sub-domains, on which acceleration and weight act, and of lumps, for the turned body (docs/theory.md, 9)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,9 +7,11 @@ import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.model import Mesh, PointMass
+from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND, Masses, Properties
+from ..model.rotations import skew
 from .point_masses import attachment
-from .subdomains import Subdomain, carrying_frame, element_owner
+from .subdomains import FrameOperators, Subdomain, carrying_frame, element_owner, volume_weighted
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,3 +120,116 @@ def _shares(mesh: Mesh, subdomains: Sequence[Subdomain]) -> FloatArray:
         # Row GROUND is the last.
         np.add.at(share, (np.broadcast_to(rows[:, None], nodal.shape), block.connectivity), nodal)
     return share
+
+
+LUMPS = 16
+"""Of a body; each frame has one at least."""
+
+
+def element_lumps(mesh: Mesh, subdomains: Sequence[Subdomain]) -> list[tuple[int, IntArray]]:
+    """Lumps as frames and elements: the one whose mass lies farthest from its centre is split until there are enough.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Every element with a material.
+    subdomains : sequence of Subdomain
+
+    Returns
+    -------
+    list of (int, (k,) int)
+        By frame; what lies on no frame has none.
+    """
+    density = np.array([material.density for material in mesh.materials])
+    nodal = [
+        density[block.material][:, None] * matrices.sum(axis=2)
+        for block, matrices in zip(mesh.blocks, mesh.volume_matrices, strict=True)
+    ]
+    places = [mesh.points[block.connectivity] for block in mesh.blocks]
+    mass = np.concatenate([part.sum(axis=1) for part in nodal])
+    centre = np.concatenate([np.einsum("en,eni->ei", *both) for both in zip(nodal, places, strict=True)])
+    centre /= mass[:, None]
+    owner = element_owner(mesh, subdomains)
+    lumps = [(int(s), np.flatnonzero(owner == s)) for s in np.unique(owner) if s != GROUND]
+
+    def spread(elements: IntArray) -> tuple[float, FloatArray]:
+        """Largest principal moment, and the elements' places along its axis."""
+        arm = centre[elements] - np.average(centre[elements], axis=0, weights=mass[elements])
+        values, axes = np.linalg.eigh(arm.T @ (mass[elements, None] * arm))
+        return float(values[-1]) if elements.size > 1 else 0.0, arm @ axes[:, -1]
+
+    spreads = [spread(elements) for _, elements in lumps]
+    while lumps and len(lumps) < LUMPS:
+        widest = int(np.argmax([size for size, _ in spreads]))
+        size, along = spreads[widest]
+        frame, elements = lumps[widest]
+        # Elements beside the middle by round-off belong to one side.
+        far = along > 1e-9 * np.abs(along).max(initial=0.0)
+        if size <= 0.0 or far.all() or not far.any():
+            break
+        lumps[widest : widest + 1] = [(frame, elements[~far]), (frame, elements[far])]
+        spreads[widest : widest + 1] = [spread(elements[~far]), spread(elements[far])]
+    return lumps
+
+
+def _lump_of_elements(
+    mesh: Mesh, masses: tuple[FloatArray, ...], nodal: FloatArray, elements: IntArray, turn: FloatArray
+) -> tuple[float, Centre, FloatArray, FloatArray, FloatArray]:
+    """Mass, centre, mean displacement (3, m), inertia about the centre and sweep (3, m) of a lump whose frame turns."""
+    part = volume_weighted(mesh, masses, elements)
+    weight = part.weight @ np.ones(part.nodes.size)
+    share = np.zeros(len(mesh.points))
+    share[part.nodes] = weight / weight.sum()
+    moved = nodal[part.nodes]
+    centre = Centre.mean(mesh.points, share)
+    arm = mesh.points[part.nodes] - centre.point
+    weighted = part.weight @ arm
+    square = arm.T @ weighted
+    inertia = np.trace(square) * np.eye(3) - square
+    # ∫ρ r × e, where the frame's turn is taken off: the mean of either does not count.
+    swept = np.einsum("nij,nja->ia", skew(weighted), moved, optimize=True)
+    displacement = np.tensordot(share[part.nodes], moved, axes=1)
+    return float(weight.sum()), centre, displacement, inertia, swept - inertia @ turn
+
+
+def lumped_mass(
+    mesh: Mesh,
+    shapes: FloatArray,
+    lumps: Sequence[tuple[int, IntArray]],
+    frames: FrameOperators,
+    carried: Sequence[int] = (),
+) -> tuple[LumpedMass, list[Centre]]:
+    """Mass of each lump with the consistent mass matrix, and masses at points, without curvature.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    shapes : (3n, m) float
+    lumps : sequence of (int, (k,) int)
+        From `element_lumps`.
+    frames : FrameOperators
+        Of the same shapes.
+    carried : sequence of int
+        Frame of each of the mesh's masses at points, `GROUND` of those that are not to count.
+
+    Returns
+    -------
+    inertia : LumpedMass
+    centres : list of Centre
+    """
+    modes, turn = shapes.shape[1], frames.frame_rotation
+    nodal, masses = shapes.reshape(len(mesh.points), 3, modes), mesh.mass_matrices
+    found = [(frame, *_lump_of_elements(mesh, masses, nodal, elements, turn[frame])) for frame, elements in lumps]
+    for frame, one in zip(carried, mesh.masses, strict=False):
+        if frame == GROUND:
+            continue
+        motion = attachment(mesh.points, one) @ nodal[one.nodes].reshape(-1, modes)
+        swept, centre = one.inertia @ (motion[3:] - turn[frame]), hung_centre(mesh.points, one)
+        found.append((frame, one.mass, centre, motion[:3], one.inertia, swept))
+    frame_of, mass, centres, displacement, inertia, swept_by = zip(*found, strict=True)
+    turning, sweep = np.zeros((len(turn), 3, 3)), np.zeros((len(turn), 3, modes))
+    for k, frame in enumerate(frame_of):
+        turning[frame] += inertia[k]
+        sweep[frame] += swept_by[k]
+    arrays = np.array(mass), np.array([centre.point for centre in centres]), np.array(displacement)
+    return LumpedMass(np.array(frame_of, dtype=np.int64), *arrays, turning, sweep), list(centres)

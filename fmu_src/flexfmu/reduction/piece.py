@@ -15,24 +15,22 @@ from ..model.membrane import Membrane
 from ..model.methods import Data, Mass, has_frames
 from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, StressSet, Surface, Ties
 from .basis import Matrices, completed_basis, modal_basis, stiffness_by_load, stiffness_by_mode
-from .buckling import buckling_loads
 from .cut.cut import Spring
 from .frames import body_subdomains, fixable_root, several, whole_frame
-from .inertia import element_lumps, lumped_mass
 from .interfaces import InterfaceFit, fit_interface
 from .making import NO_PARTS, Motion, Parts, made_body
-from .masses import Centre, mass_centres, sub_masses
+from .masses import Centre, element_lumps, lumped_mass, mass_centres, sub_masses
 from .membrane import Stretching, membrane_energy
 from .model import Model
 from .modes import Modes, frequency_spread
 from .options import BodyOptions, BodyUse
+from .places import element_set
 from .rigid_fit import by_node, modal_fit
 from .second_order import node_readings, second_order
-from .sets import element_set
 from .shadow import THIRD_LEAST, THIRD_MOST, embedding, shadow_options
 from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operators
 from .surface import body_surface, second_order_fields, surface_nodes
-from .third_order import third_order_loads, with_third_order
+from .third_order import buckling_loads, third_order_loads, with_third_order
 from .watched import watched_material
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.

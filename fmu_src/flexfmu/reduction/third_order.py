@@ -1,4 +1,6 @@
-"""Static shapes by which a body answers its loads at second and third order (docs/theory.md, section 1).
+"""Static shapes by which a body answers its loads at second and third order, and in which it buckles.
+
+The former: docs/theory.md, section 1; the latter, under the stress of its softest motions: section 7a.
 
 A motion x under interface loads has the stress σ(x), and at second order the stress S = C (½ GᵀG + sym ∇w) that no
 displacement takes away (section 4c). Both act on the body once more where it has moved, with the forces
@@ -9,12 +11,12 @@ A basis without K⁻¹d and K⁻¹g answers too stiffly: it locks where the body
 """
 
 from collections.abc import Callable, Iterator
-from itertools import combinations_with_replacement, permutations
+from itertools import combinations_with_replacement, permutations, zip_longest
 
 import numpy as np
+import scipy.sparse.linalg as spla
 
-from ..fe.gradients import mean_spin, own_spin, quadratic_strain
-from ..fe.stressed import stressed_gradients
+from ..fe.gradients import mean_spin, own_spin, quadratic_strain, stress_stiffness, stressed_gradients
 from ..files.array_types import FloatArray
 from ..files.progress import Reporter, tell_nobody
 from ..files.store import Store, content_key
@@ -165,3 +167,58 @@ def _forces(matrices: Matrices, fields: FloatArray, energy: FloatArray) -> Float
         orders = len(set(permutations(product)))
         scaled.append(force / np.sqrt(orders * np.prod(energy[list(product)]) ** (1.0 / len(product))))
     return np.array(scaled).T
+
+
+# Motions, of which stiffer ones bear far more stress than they will; shapes in all, and of each motion; the part of a
+# motion with a turn of 0.5 rad (rms) beyond which none counts.
+_BENT, _BUCKLED, _EACH, _REACH = 3, 8, 6, 1.0
+# Of the iteration, whose shapes need not be exact: Krylov vectors, relative error.
+_VECTORS, _TOLERANCE, _SEED = 20, 1e-2, 20261122
+
+
+def buckling_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
+    """Nodal forces (3n, k) whose static responses are shapes of buckling, K x = −λ K_σ x, of the smallest |λ|.
+
+    K_σ is the geometric stiffness of one of the softest motions.
+
+    Parameters
+    ----------
+    matrices : Matrices
+    loads : (3n, l) float
+        Nodal forces of the interfaces' unit loads.
+
+    Returns
+    -------
+    (3n, k) float
+    """
+    model = matrices.supported
+    # Loads on a support do nothing.
+    if model.free.size <= 2 * _VECTORS or not np.any(model.forces(loads)):
+        return np.zeros((len(loads), 0))
+    motions = softest_motions(matrices, loads)[0][:, :_BENT]
+    with matrices.report.counted("Find shapes of buckling", motions.shape[1], "motions") as tell:
+        found = []
+        for number, motion in enumerate(motions.T):
+            found.append(_buckled_shapes(matrices, motion))
+            tell(number)
+    # The lowest of each motion first.
+    ranked = [shape for level in zip_longest(*found) for shape in level if shape is not None][:_BUCKLED]
+    shapes = np.array(ranked).reshape(-1, model.free.size).T
+    return model.applied(model.whole(shapes))
+
+
+def _buckled_shapes(matrices: Matrices, motion: FloatArray) -> FloatArray:
+    """Shapes (k, f) in which the stress of a motion (3n,), or its opposite, buckles the body, the first ones first."""
+    model = matrices.supported
+    size = model.free.size
+    stress = model.unknowns.matrix(model.unknowns.in_means(stress_stiffness(matrices.model.mesh, motion)))
+    solve = spla.LinearOperator((size, size), matvec=lambda force: model.static(force.reshape(-1, 1))[:, 0])
+    start = model.static(np.random.default_rng(_SEED).standard_normal((size, 1)))[:, 0]
+    try:
+        inverse, shapes = spla.eigsh(
+            stress, _EACH, model.stiffness, which="BE", v0=start, Minv=solve, ncv=_VECTORS, tol=_TOLERANCE
+        )
+    except spla.ArpackNoConvergence as error:
+        inverse, shapes = error.eigenvalues, error.eigenvectors
+    order = np.argsort(-np.abs(inverse))
+    return shapes[:, order[np.abs(inverse[order]) > 1.0 / _REACH]].T

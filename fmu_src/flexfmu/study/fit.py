@@ -19,7 +19,6 @@ from ..model.methods import Mass, Method, Variant, has_frames
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
 from ..reduction.cut.loop_choice import cut_loops
-from .body_text import body_text
 from .candidates import (
     BASES,
     GIVEN,
@@ -32,7 +31,7 @@ from .candidates import (
     reduction_config,
     times,
 )
-from .fitted import Fit
+from .fitted import Fit, body_text
 from .jobs import Crew
 from .scene.config import BasisChoice
 from .scene.measure import SceneErrors

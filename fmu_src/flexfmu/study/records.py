@@ -14,8 +14,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from ..files.code_digest import code_digest
 from ..files.counts import plural
+from ..files.store import code_digest
 from ..files.targets import whole_file
 from ..model.methods import Method, has_frames
 from .candidates import REDUCED, modes_words

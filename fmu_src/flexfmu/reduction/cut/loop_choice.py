@@ -20,8 +20,7 @@ from ..model import Model
 from ..options import BodyOptions
 from ..subdomains import mean_rotation
 from .cut import Part, cut_at, cut_parts, interface_sets, part_configs
-from .inner_loops import inner_sections
-from .loops import LoopSection, loop_sections, support_groups
+from .loops import LoopSection, inner_sections, loop_sections, support_groups
 
 # How much of the turning (mean square) frames of the parts have to take away: a twist-beam axle has 9 to 12, a beam
 # held at both ends and an arch 5, a portal frame 1.5, a ring on two feet 1.1.

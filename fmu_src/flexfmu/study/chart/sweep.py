@@ -1,11 +1,16 @@
-"""Models of a body, tried on a scene and recorded one by one."""
+"""Models of a body, tried on a scene and recorded one by one: coarse, then finer where the front is.
+
+The whole finite element model is among them: how long it takes for what a reduced model gives at each step.
+"""
 
 import math
+import statistics
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from ...body.flexible_body import FlexibleBody
 from ...files.counts import plural
@@ -13,18 +18,189 @@ from ...files.errors import AccuracyError, SimulationError
 from ...files.progress import Reporter
 from ...files.store import Store
 from ...model.errors import RuntimeBodyError
+from ...model.methods import Method, has_frames
 from ...model.modal_file import write_modal_file
 from ...model.reduced_body import ReducedBody
 from ...model.variants import lean
-from ..candidates import BASES, REDUCED, Candidate, Reduction, candidates, frames_words, grouped
+from ..candidates import (
+    BASES,
+    EXACT,
+    REDUCED,
+    SINGLE,
+    Candidate,
+    Reduction,
+    candidates,
+    frames_words,
+    grouped,
+    offered_frames,
+)
 from ..fmu_cost import FmuTimer, fmu_timer
+from ..front import QUANTITIES, cost_axis, front
 from ..jobs import Crew
 from ..records import KEY, RECORDS, Record, RecordFile
-from ..scene.measure import SceneErrors
+from ..scene.config import BasisChoice, SceneError
+from ..scene.measure import SceneErrors, equilibria_errors
+from ..scene.reference import Reference
 from ..scene.scene import Scene
+from ..scene.whole_model import WholeModel
 from ..workshop import Built, Workshop
-from .extent import Grid, members
-from .finite_elements import finite_element_records
+
+BROUGHT, OWN = "results", "flexfmu"
+"""The solver of what the user brings, and the package's own."""
+
+
+def finite_element_records(
+    scene: Scene, known: Mapping[str, Reference], whole: WholeModel, kept: RecordFile[Record], report: Reporter
+) -> Iterator[Record]:
+    """Records of the finite element model, where they are not kept already.
+
+    Static: one equilibrium, reached from the one before, stands against one step. Transient: what a simulated second
+    takes, where the user tells.
+
+    Parameters
+    ----------
+    scene : Scene
+    known : mapping of str to Reference
+    whole : WholeModel
+    kept : RecordFile
+        Of the reduced models, whose step and empty FMU are those that times are taken against.
+    report : Reporter
+
+    Yields
+    ------
+    Record
+    """
+    rows = [row for row in kept.rows if row.solver == REDUCED and row.status == "ok"]
+    done = {(row.solver, row.case) for row in kept.rows}
+    if not rows:
+        return
+    empty = [row.empty_us for row in rows if math.isfinite(row.empty_us)]
+    empty_us = statistics.median(empty) if empty else math.nan
+    plain = Record(scene.digest, scene.config.name, step=rows[0].step, empty_us=empty_us)
+    for case in scene.static:
+        if case.results_seconds is not None and (BROUGHT, case.name) not in done:
+            count, seconds = known[case.name].equilibria, case.results_seconds
+            note, spent = f"{count} equilibria in {seconds:.3g} s", 1e3 * seconds
+            own = _timed(plain, BROUGHT, case.name, seconds / count, note=note, equilibrium_ms=spent)
+            yield replace(own, static_displacement=0.0, share=0.0)
+    for motion in scene.transient:
+        if motion.seconds_per_second is not None and (BROUGHT, motion.name) not in done:
+            note = f"{motion.seconds_per_second:.3g} s per simulated second"
+            own = _timed(plain, BROUGHT, motion.name, motion.seconds_per_second * plain.step, note=note)
+            yield replace(own, transient_displacement=0.0, share=0.0)
+    if scene.static and scene.file.sweep.finite_elements and (OWN, scene.static[0].name) not in done:
+        yield from _own(plain, scene, known, whole, report)
+
+
+def _own(
+    plain: Record, scene: Scene, known: Mapping[str, Reference], whole: WholeModel, report: Reporter
+) -> Iterator[Record]:
+    """Record of the package's own finite element model in the first static case; a word why where there is none."""
+    case = scene.static[0]
+    if refusal := whole.refusal(case):
+        report.note(f"no time of the finite element model: {refusal}")
+        return
+    try:
+        found = known[case.name].whole or whole.equilibria(case)
+    except SceneError as error:
+        report.warning(str(error))
+        return
+    yield _timed(
+        plain,
+        OWN,
+        case.name,
+        found.seconds / found.increments,
+        equilibrium_ms=1e3 * found.seconds,
+        iterations=found.iterations / found.increments,
+        mode_count=whole.size,
+        note=f"{len(case.factors)} equilibria in {found.seconds:.3g} s: {found.increments} increments, "
+        f"{found.iterations} iterations",
+        **equilibria_errors(scene, case, found.motion, known[case.name]).columns,
+    )
+
+
+def _timed(plain: Record, solver: str, case: str, seconds: float, **others: Any) -> Record:
+    """Record of what takes so many seconds where a reduced model takes a step."""
+    us = 1e6 * seconds
+    others |= dict.fromkeys(("step_us", "step_us_median", "fmu_us"), us)
+    others |= dict.fromkeys(("bare_ms_per_s", "fmu_ms_per_s"), 1e3 * seconds / plain.step)
+    return replace(plain, solver=solver, case=case, fmu_ratio=us / plain.empty_us, **others)
+
+
+_MAIN = (Method.LINEAR, Method.FRAMES, Method.SECOND_ORDER)
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """The models of a scene's sweep, as neighbours of each other.
+
+    Attributes
+    ----------
+    models : tuple of Candidate
+    modes, frames : tuple of int
+        In the order in which they follow each other.
+    """
+
+    models: tuple[Candidate, ...]
+    modes: tuple[int, ...]
+    frames: tuple[int, ...]
+
+    @classmethod
+    def of(cls, scene: Scene, models: Sequence[Candidate]) -> "Grid":
+        """Grid of the models of a scene."""
+        modes = sorted({model.reduction.modes for model in models})
+        return cls(tuple(models), tuple(modes), tuple(offered_frames(scene.config, scene.file.sweep.frames)))
+
+    def coarse(self) -> list[Candidate]:
+        """Few modes and few frames under the main methods, in one basis."""
+        methods = {m.variant.method for m in self.models}
+        bases = {m.reduction.basis for m in self.models}
+        steps = {m.internal_step for m in self.models} - {EXACT}
+        step = SINGLE if SINGLE in steps else max(steps, default=EXACT)
+        # The fewest, and a middling number.
+        modes, frames = ({listed[0], listed[len(listed) // 2]} for listed in (self.modes, self.frames))
+        return [
+            m
+            for m in self.models
+            if m.variant.method in (methods & set(_MAIN) or methods)
+            and m.variant.mass is min((m.variant.mass for m in self.models), key=lambda one: one.value != "constant")
+            and m.reduction.basis is min(bases, key=lambda one: (one is not BasisChoice.RESIDUAL, one.value))
+            and m.reduction.modes in modes
+            and (not _divided(m) or m.reduction.frames in frames)
+            and m.internal_step in (step, EXACT)
+        ]
+
+    def around(self, keys: Collection[tuple[str, ...]]) -> list[Candidate]:
+        """Models that differ in one thing, by one number at most, from some that are given by their keys."""
+        places = {model: self._place(model) for model in self.models}
+        given = [place for model, place in places.items() if model.key in keys]
+        return [model for model, place in places.items() if any(_distance(place, one) <= 1 for one in given)]
+
+    def _place(self, model: Candidate) -> tuple[object, ...]:
+        """What tells a model from its neighbours; None where that has no meaning for it."""
+        reduction, variant = model.reduction, model.variant
+        frames = self.frames.index(reduction.frames) if _divided(model) else None
+        step = None if model.internal_step == EXACT else model.internal_step
+        return self.modes.index(reduction.modes), frames, reduction.basis, variant.method, variant.mass, step
+
+
+def _divided(model: Candidate) -> bool:
+    method = model.variant.method
+    return has_frames(method) and method is not Method.FLOATING_FRAME
+
+
+def _distance(place: tuple[object, ...], other: tuple[object, ...]) -> int:
+    pairs = [(a, b) for a, b in zip(place, other, strict=True) if None not in (a, b)]
+    return sum(abs(a - b) if isinstance(a, int) and isinstance(b, int) else int(a != b) for a, b in pairs)
+
+
+def members(rows: Sequence[Record]) -> set[tuple[str, ...]]:
+    """Keys of the models on the fronts of all that a chart shows, and of the error over the tolerance."""
+    rows = [row for row in rows if row.solver == REDUCED and row.status == "ok"]
+    axis = cost_axis(rows)
+    shown = [q for q in ("share", *QUANTITIES) if any(getattr(row, q) > 0.0 for row in rows)]
+    return {row.key for q in shown for row in front(rows, q, axis)}
+
 
 Look = Callable[[str], None]
 # A sweep that takes long is drawn as often as this, s.
