@@ -14,7 +14,7 @@ from demo.fit.scenes import DEMONSTRATIONS, Outcome, run
 
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.store import Store
-from flexfmu.study.scene.measure import SceneErrors
+from flexfmu.study.scene.reference import SceneErrors
 
 HEAD = (
     "scene",

@@ -21,8 +21,7 @@ from flexfmu.files.store import Store
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.study.fit import fit
 from flexfmu.study.fitted import Fit
-from flexfmu.study.scene.measure import SceneErrors, errors
-from flexfmu.study.scene.reference import references
+from flexfmu.study.scene.reference import SceneErrors, errors, references
 from flexfmu.study.scene.scene import AXES, Scene, read_scene
 
 HERE = Path(__file__).parent

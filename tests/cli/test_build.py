@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import flexfmu.build.pipeline
+import flexfmu.build.reduce
 import flexfmu.reduction.basis
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.pipeline import build_fmu
-from flexfmu.build.reduce import reduce_body
+from flexfmu.build.reduce import build_fmu, reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.errors import BodyFileError, FlexfmuError, MeshError, ModelError
 from flexfmu.files.progress import Reporter
@@ -328,7 +327,7 @@ def test_of_fmu_and_modal_file_both_are_written_or_none(folder, writer, monkeypa
     def fail(*_, **__):
         raise OSError("no space left")
 
-    monkeypatch.setattr(flexfmu.build.pipeline, writer, fail)
+    monkeypatch.setattr(flexfmu.build.reduce, writer, fail)
     before = sorted(folder.iterdir())
     with pytest.raises((OSError, FlexfmuError), match="no space left"):
         build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")

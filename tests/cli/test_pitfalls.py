@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from flexfmu.build.config import read_body_file
-from flexfmu.build.pipeline import build_fmu
-from flexfmu.build.reduce import reduce_body
+from flexfmu.build.reduce import build_fmu, reduce_body
 from flexfmu.build.tables import FrameTable, InterfaceTable
 from flexfmu.files.errors import BodyFileError, OutputError, PackagingError, SimulationError
 from flexfmu.files.progress import Reporter

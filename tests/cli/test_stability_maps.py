@@ -12,10 +12,10 @@ from flexfmu.commands.cli import app
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.study import stability
-from flexfmu.study.jobs import Crew
 from flexfmu.study.records import RUNS, RecordFile, Run, Verdict, verdict
 from flexfmu.study.scene.config import SceneError
 from flexfmu.study.stability import ESTIMATE, draw_map, map_stability, mapped_models, planned
+from flexfmu.study.workshop import Crew
 from scene_tools import Listening, scene_of
 
 pytestmark = pytest.mark.slow

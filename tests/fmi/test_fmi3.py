@@ -25,7 +25,7 @@ from flexfmu.files.errors import PackagingError, SimulationError
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.fmu.simulation import simulate
-from flexfmu.master.descriptions import read_description
+from flexfmu.master.layout import read_description
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 STEP, STEPS = 1e-3, 12

@@ -15,7 +15,7 @@ from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.errors import AccuracyError, DeckError, FlexfmuError, MeshError, ModelError
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.sections import box, ellipse, pipe, rectangle
+from flexfmu.mesh.beams import box, ellipse, pipe, rectangle
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions
 

@@ -27,14 +27,11 @@ from flexfmu.study.candidates import Reduction, reduction_config
 from flexfmu.study.cost import StepCost
 from flexfmu.study.fit import fit
 from flexfmu.study.fitted import body_text
-from flexfmu.study.jobs import Crew
 from flexfmu.study.scene.config import BasisChoice
-from flexfmu.study.scene.measure import errors
-from flexfmu.study.scene.reference import references
+from flexfmu.study.scene.reference import errors, references
 from flexfmu.study.scene.scene import read_scene
 from flexfmu.study.smallest import reference_scene, smallest
-from flexfmu.study.subspace import subset
-from flexfmu.study.workshop import Workshop
+from flexfmu.study.workshop import Crew, Workshop, subset
 from meshes import body_file, box
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 from scene_tools import BEND, Listening, calculix_results, scene_of, with_results

@@ -19,8 +19,7 @@ from flexfmu.model.membrane import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane
 from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING, _SHELL
-from flexfmu.study.scene.measure import errors
-from flexfmu.study.scene.reference import references
+from flexfmu.study.scene.reference import errors, references
 from references import BEAM, DEMO, L_FRAME, calculix, relative
 from scene_tools import scene_of
 

@@ -11,8 +11,8 @@ import flexfmu
 from decks import read
 from flexfmu.fe.assembly import stiffness
 from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.mesh.beams import CrossSection, channel, i_section, l_section, walls
 from flexfmu.mesh.checks import checked
-from flexfmu.mesh.sections import CrossSection, channel, i_section, l_section, walls
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions
 

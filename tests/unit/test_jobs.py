@@ -14,9 +14,8 @@ from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.study.candidates import candidates, grouped
 from flexfmu.study.chart.sweep import measure
-from flexfmu.study.jobs import Crew, JobsError
 from flexfmu.study.records import RECORDS
-from flexfmu.study.workshop import Workshop
+from flexfmu.study.workshop import Crew, JobsError, Workshop
 from scene_tools import SMALL_SWEEP, with_results
 
 

@@ -9,11 +9,11 @@ import subprocess
 import time
 from pathlib import Path
 
+import flexfmu.view.page
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import flexfmu.view.page
 from chromium import Tab, browser
 from driven import Driven
 from flexfmu.build.reduce import reduce_body

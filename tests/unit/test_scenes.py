@@ -11,8 +11,7 @@ from flexfmu.model.methods import Method, Variant
 from flexfmu.model.rotations import exponential, rotation_vector
 from flexfmu.study.candidates import Reduction
 from flexfmu.study.scene.config import BasisChoice, SceneError
-from flexfmu.study.scene.measure import equilibria_errors, errors, within
-from flexfmu.study.scene.reference import references
+from flexfmu.study.scene.reference import equilibria_errors, errors, references, within
 from flexfmu.study.scene.scene import read_scene
 from flexfmu.study.scene.whole_model import finite_motion
 from flexfmu.study.workshop import Workshop

@@ -1,8 +1,9 @@
-"""The pipeline: mesh → model → modes → interfaces and frames → reduced body."""
+"""The pipeline: mesh → model → modes → interfaces and frames → reduced body → FMU."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,13 +11,17 @@ from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.progress import Reporter
 from ..files.store import Store
+from ..files.targets import check_target, whole_file
 from ..files.threads import in_one_thread
 from ..files.units import UnitSystem
 from ..files.version import __version__
+from ..fmu.package import cores_for, package_fmu
+from ..fmu.runtime import Runtime
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
 from ..mesh.plausibility import implausible
 from ..model.methods import Mass, Variant
+from ..model.modal_file import write_modal_file
 from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen
@@ -30,7 +35,7 @@ from ..reduction.options import BodyOptions
 from ..reduction.places import node_set, support_places
 from ..reduction.rigid_nodes import stretch_free
 from .body_model import body_model
-from .config import BodyFile, BodySpec
+from .config import BodyFile, BodySpec, read_body_file
 
 # Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
 _HEAVY_DAMPING = 0.3
@@ -229,3 +234,62 @@ def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict
             else {}
         ),
     }
+
+
+def build_fmu(
+    body_file: Path | BodyFile,
+    output: Path,
+    modal_file: Path | None = None,
+    report: Reporter | None = None,
+    store: Store | None = None,
+    runtime: Runtime = Runtime.NATIVE,
+    platforms: Sequence[str] = (),
+    fmi: int = 2,
+) -> ReducedBody:
+    """Reduce a body and write its FMU; nothing is written unless all of it succeeds.
+
+    Parameters
+    ----------
+    body_file : Path or BodyFile
+        TOML, or what it says.
+    output : Path
+        The FMU.
+    modal_file : Path, optional
+        Where to keep the modal file as well.
+    report : Reporter, optional
+        Default: silent.
+    store : Store, optional
+        Where modes and the like are kept from build to build; default: nowhere.
+    runtime : Runtime
+        What runs the body.
+    platforms : sequence of str
+        Where it runs, names of `core.building.PLATFORMS`, or "all"; default: those that this installation has.
+    fmi : int
+        Version of FMI, 2 or 3.
+
+    Returns
+    -------
+    ReducedBody
+
+    Raises
+    ------
+    FlexfmuError
+        With what was found, what was expected and what to do.
+    """
+    report = report or Reporter()
+    check_target(output, (".fmu",))
+    if modal_file is not None:
+        check_target(modal_file, (".h5",))
+    # What cannot be compiled is told before anything long begins.
+    cores_for(runtime, platforms, report, fmi)
+    config = read_body_file(body_file) if isinstance(body_file, Path) else body_file
+    body = reduce_body(config, report, store)
+    with report.stage(f"Write {output}"):
+        if modal_file is None:
+            package_fmu(body, output, runtime, platforms, fmi=fmi)
+        else:
+            # The modal file takes its name once the FMU is there.
+            with whole_file(modal_file) as part:
+                write_modal_file(body, part)
+                package_fmu(body, output, runtime, platforms, fmi=fmi)
+    return body

@@ -224,8 +224,8 @@ def chart(
     from ..study.chart.draw import chart as draw
     from ..study.chart.draw import check_targets
     from ..study.chart.sweep import sweep
-    from ..study.jobs import Crew
     from ..study.scene.scene import read_scene
+    from ..study.workshop import Crew
 
     paths = [Path(records)] if isinstance(records, str | Path) else list(map(Path, records))
     picture, page = (None if one is None else Path(one) for one in (picture, page))
@@ -276,10 +276,10 @@ def stability(
     --------
     >>> flexfmu.stability("body.toml", "scene.toml", "runs.csv").plot()  # doctest: +SKIP
     """
-    from ..study.jobs import Crew
     from ..study.records import RUNS
     from ..study.scene.scene import read_scene
     from ..study.stability import draw_map, map_stability
+    from ..study.workshop import Crew
 
     records, finding, picture = Path(records), "", None if picture is None else Path(picture)
     if body is not None and scene is not None:
@@ -328,8 +328,8 @@ def fit(
     True
     """
     from ..study.fit import fit as find
-    from ..study.jobs import Crew
     from ..study.scene.scene import read_scene
+    from ..study.workshop import Crew
 
     target, report = Path(output), report or ScriptReporter()
     beside = Path(fmu) if fmu else target.with_suffix(".fmu")

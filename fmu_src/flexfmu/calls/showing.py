@@ -24,11 +24,18 @@ from ..files.tables import read_table
 from ..files.targets import check_target
 from ..fmu.package import read_packaged_body
 from ..model.reduced_body import ReducedBody
-from ..view.from_motion import motion_columns, shapes_of_least_energy
 from ..view.live import live_view
 from ..view.mesh import mesh_view, model_view
 from ..view.model import Case, View
-from ..view.motions import MODES, body_view, mode_cases, motion_case, static_case
+from ..view.motions import (
+    MODES,
+    body_view,
+    mode_cases,
+    motion_case,
+    motion_columns,
+    shapes_of_least_energy,
+    static_case,
+)
 from ..view.shown import PAGE, SUFFIXES, Shown
 
 # Most shapes of a motion, and relative difference of motions that are the same.

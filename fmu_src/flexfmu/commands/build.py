@@ -34,7 +34,7 @@ def build(
 ) -> None:
     """Reduce a finite element body and write its FMU; modes are kept for the next build of the same mesh."""
     from ..build.config import read_body_file
-    from ..build.pipeline import build_fmu
+    from ..build.reduce import build_fmu
     from ..files.store import Store, default_folder
     from ..study.candidates import times
     from ..study.smallest import own_error, smallest

@@ -27,8 +27,7 @@ from ..model.modal_file import read_modal_file, write_modal_file
 from ..model.reduced_body import ReducedBody
 from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM
 from ..program.programs import guid_of, programs, with_guid
-from .description import model_description
-from .description_3 import files_3
+from .description import files_3, model_description
 from .python_slave import guid_in
 from .runtime import Runtime
 

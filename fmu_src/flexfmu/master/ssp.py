@@ -9,7 +9,7 @@ from ..files.progress import Reporter
 from ..files.targets import check_target, whole_file
 from ..files.version import __version__
 from .config import CouplingFile, Scheme, read_coupling_file
-from .descriptions import Description, read_description
+from .layout import Description, read_description
 from .wiring import wire
 
 _SPACE = "http://ssp-standard.org/SSP1/SystemStructure"

@@ -12,8 +12,19 @@ from ..files.names import nearest
 from ..files.tables import read_table
 from ..files.units import QUANTITIES
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, SpringTable, StartValue
-from .descriptions import Description, read_description, split, units_differ
-from .layout import EndResponse, Ends, Recorded, Role, SignalTable, Springs, Wiring
+from .layout import (
+    Description,
+    EndResponse,
+    Ends,
+    Recorded,
+    Role,
+    SignalTable,
+    Springs,
+    Wiring,
+    read_description,
+    split,
+    units_differ,
+)
 
 AXES = ("x", "y", "z")
 ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")

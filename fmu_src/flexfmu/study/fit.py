@@ -32,12 +32,10 @@ from .candidates import (
     times,
 )
 from .fitted import Fit, body_text
-from .jobs import Crew
 from .scene.config import BasisChoice
-from .scene.measure import SceneErrors
+from .scene.reference import SceneErrors
 from .scene.scene import Scene
-from .subspace import normal_frequencies, pair_ends
-from .workshop import Workshop, build
+from .workshop import Crew, Workshop, build, normal_frequencies, pair_ends
 
 _LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of modes that are tried, where no pair of equal frequency is split."""

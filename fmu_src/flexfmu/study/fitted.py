@@ -16,7 +16,7 @@ from ..files.toml_files import toml_value
 from ..model.methods import Variant
 from ..reduction.options import Basis
 from .candidates import Reduction, times
-from .scene.measure import SceneErrors
+from .scene.reference import SceneErrors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -37,12 +37,11 @@ from ..program.programs import programs, with_guid
 from ..program.variable_table import variable_table
 from ..program.variables import ERROR, STATUS_CODE
 from .candidates import Candidate, Reduction, has_meaning, linear_frames
-from .jobs import Crew
 from .records import RUNS, RecordFile, Run, Verdict, verdict
 from .scene.config import BasisChoice, SceneError
 from .scene.reference import by_default
 from .scene.scene import Scene
-from .workshop import Workshop, build
+from .workshop import Crew, Workshop, build
 
 
 class BodyPrograms:

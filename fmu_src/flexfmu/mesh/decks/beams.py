@@ -5,14 +5,13 @@ from dataclasses import replace
 from math import inf
 
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.beams import Beam
+from flexfmu.mesh.beams import Beam, CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.geometry import Elements, ElementTable
 from flexfmu.mesh.decks.materials import DeckMaterials, MaterialCard
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.decks.structures import take
 from flexfmu.mesh.elements import ElementType
-from flexfmu.mesh.sections import CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
 
 KEYS = ("BEAMSECTION", "BEAMGENERALSECTION")
 BARS = dict.fromkeys(("T3D2", "T3D2H", "T3D3", "T3D3H"), ElementType.B31)

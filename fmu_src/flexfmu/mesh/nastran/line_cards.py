@@ -10,8 +10,7 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.beams import Beam
-from flexfmu.mesh.sections import CrossSection, box, channel, ellipse, i_section, l_section, pipe, rectangle
+from flexfmu.mesh.beams import Beam, CrossSection, box, channel, ellipse, i_section, l_section, pipe, rectangle
 
 PROPERTIES = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
 CARDS = (*PROPERTIES, "CONROD")

@@ -36,14 +36,12 @@ from ..candidates import (
 )
 from ..fmu_cost import FmuTimer, fmu_timer
 from ..front import QUANTITIES, cost_axis, front
-from ..jobs import Crew
 from ..records import KEY, RECORDS, Record, RecordFile
 from ..scene.config import BasisChoice, SceneError
-from ..scene.measure import SceneErrors, equilibria_errors
-from ..scene.reference import Reference
+from ..scene.reference import Reference, SceneErrors, equilibria_errors
 from ..scene.scene import Scene
 from ..scene.whole_model import WholeModel
-from ..workshop import Built, Workshop
+from ..workshop import Built, Crew, Workshop
 
 BROUGHT, OWN = "results", "flexfmu"
 """The solver of what the user brings, and the package's own."""
