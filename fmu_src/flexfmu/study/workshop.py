@@ -1,7 +1,7 @@
 """Models of a scene's body: reduced, held against the references, and timed; what chart and fit have in common.
 
-Of a reduced body with many modes, those with fewer are found without the mesh. Accuracy runs are shared among processes,
-of this machine or of a Dask cluster; timings never are.
+Of a reduced body with many modes, those with fewer are found without the mesh. Accuracy runs are shared by processes of
+this machine or of a Dask cluster; timings never are.
 """
 
 import math
