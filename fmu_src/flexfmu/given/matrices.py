@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 from ..fmu.built_body import BuiltBody
-from ..reduction.making import Motion, linear_use, made_body
+from ..reduction.making import linear_use, made_body, motion_of_interfaces
 
 # Relative size of what is not symmetric, and of a smallest eigenvalue that is round-off.
 _ASYMMETRIC, _ROUND_OFF = 1e-6, 1e-10
@@ -27,12 +27,7 @@ class MatrixError(FlexfmuError):
 
 
 def linear_body(
-    stiffness: Any,
-    mass: Any,
-    points: Mapping[str, Sequence[float]],
-    *,
-    damping: float = 0.0,
-    name: str = "body",
+    stiffness: Any, mass: Any, points: Mapping[str, Sequence[float]], *, damping: float = 0.0, name: str = "body"
 ) -> BuiltBody:
     """Linear body of condensed matrices, in SI units.
 
@@ -79,7 +74,7 @@ def linear_body(
         raise MatrixError("stiffness is not positive definite: the body is free, or rows are zero; hold it")
     moved = shapes[: _EACH * len(points)].reshape(len(points), _EACH, -1)
     use = linear_use(name, damping, {"matrices": f"{len(k)} rows"})
-    body = made_body(Motion.of_interfaces(np.sqrt(squares), points, moved), use)
+    body = made_body(use, **motion_of_interfaces(np.sqrt(squares), points, moved))
     return BuiltBody(body)
 
 

@@ -28,7 +28,7 @@ from ..model.reduced_body import GROUND, Masses, ReducedBody, Surface
 from ..model.summary import first_frequency
 from ..reduction.frames import body_subdomains, frame_requests, several, whole_frame
 from ..reduction.interfaces import InterfaceFit, fit_interface
-from ..reduction.making import Motion, Parts, made_body
+from ..reduction.making import made_body, motion_of_tree
 from ..reduction.model import Model
 from ..reduction.options import BodyOptions
 from ..reduction.places import node_set
@@ -204,12 +204,13 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         variant=variant,
         provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": __version__},
     )
-    parts = Parts(
+    body = made_body(
+        use,
+        **motion_of_tree(frequency, shapes, interfaces, subdomains, frames),
         whole=whole_frame(model, shapes, options) if several(subdomains) and mesh.blocks else None,
         masses=_masses(given, subdomains, shapes, mesh, rows) if options.acceleration else None,
         surface=_surface(mesh, shapes, subdomains, interfaces, model) if options.surface else None,
     )
-    body = made_body(Motion.of_tree(frequency, shapes, interfaces, subdomains, frames), use, parts)
     report.note(
         f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg; "
         f"first frequency {first_frequency(body.angular_frequency)}"

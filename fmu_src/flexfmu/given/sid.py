@@ -25,7 +25,7 @@ from ..files.errors import FlexfmuError
 from ..files.targets import whole_file
 from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
-from ..reduction.making import Motion, linear_use, made_body
+from ..reduction.making import linear_use, made_body, motion_of_interfaces
 from ..reduction.rigid_fit import by_node, modal_fit
 from .modes import GivenModes, GivenModesError, checked_modes
 
@@ -248,7 +248,7 @@ def read_sid(path: str | Path, name: str | None = None) -> ReducedBody:
     use = linear_use(
         name or re.sub(r"\W", "_", source.stem), np.maximum(modal / (2.0 * rate), 0.0), {"sid_fem": source.name}
     )
-    return made_body(Motion.of_interfaces(rate, points, moved), use)
+    return made_body(use, **motion_of_interfaces(rate, points, moved))
 
 
 def _array(text: str, key: str) -> Series:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from .basis import Matrices, completed_basis, modal_basis, stiffness_by_load, st
 from .cut.cut import Spring
 from .frames import body_subdomains, fixable_root, several, whole_frame
 from .interfaces import InterfaceFit, fit_interface
-from .making import NO_PARTS, Motion, Parts, made_body
+from .making import made_body, motion_of_tree
 from .masses import Centre, element_lumps, lumped_mass, mass_centres, sub_masses
 from .membrane import Stretching, membrane_energy
 from .model import Model
@@ -174,14 +175,14 @@ def _reduced(divided: _Divided, basis: _Basis) -> ReducedBody:
             inertia = replace(inertia, curvature=curvature)
         membrane = _membrane(divided, basis, loads)
     parts = _parts(divided, basis, loads, second)
-    return _made(divided, basis, replace(parts, inertia=inertia, ties=_springs(divided, basis), membrane=membrane))
+    return _made(divided, basis, inertia=inertia, ties=_springs(divided, basis), membrane=membrane, **parts)
 
 
-def _made(divided: _Divided, basis: _Basis, parts: Parts) -> ReducedBody:
+def _made(divided: _Divided, basis: _Basis, **beside: Any) -> ReducedBody:
     """A body without damping and names."""
     modes, subdomains = basis.modes, divided.subdomains
-    motion = Motion.of_tree(modes.angular_frequency, modes.shapes, divided.interfaces, subdomains, basis.frames)
-    return made_body(motion, BodyUse(divided.config.name), parts)
+    motion = motion_of_tree(modes.angular_frequency, modes.shapes, divided.interfaces, subdomains, basis.frames)
+    return made_body(BodyUse(divided.config.name), **motion, **beside)
 
 
 def _lumped(divided: _Divided, basis: _Basis) -> tuple[LumpedMass | None, list[Centre]]:
@@ -208,7 +209,7 @@ def _fine_tree(divided: _Divided, basis: _Basis, membrane: Membrane | None) -> R
     inertia, centres = _lumped(found, own)
     second, curvature = _second_order(found, own, centres)
     inertia = inertia and replace(inertia, curvature=curvature)
-    return _made(found, own, Parts(second=second, membrane=membrane, inertia=inertia))
+    return _made(found, own, second=second, membrane=membrane, inertia=inertia)
 
 
 def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Basis:
@@ -223,30 +224,30 @@ def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Ba
     return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
 
 
-def _parts(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOrder | None) -> Parts:
-    """What the body holds beside its motion, by its options."""
+def _parts(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOrder | None) -> dict[str, Any]:
+    """What the body holds beside its motion, by its options: fields of `ReducedBody`."""
     config, model, subdomains, matrices = divided.config, divided.model, divided.subdomains, basis.matrices
     modes, key, stored = basis.modes, basis.key, config.stored
-    parts, spread = NO_PARTS, None
+    watched: dict[str, Any] = {}
     surface = _surface(divided, basis, loads, second) if config.surface else None
     by_load = stiffness_by_load(matrices, modes, key, loads, config.acceleration) if Data.BY_LOAD in stored else None
     if config.watched:
-        spread = frequency_spread(matrices.supported, modes.angular_frequency, modes.shapes)
-        turned = basis.frames.frame_rotation
-        parts = Parts(*watched_material(model.mesh, modes.shapes, modes.angular_frequency, loads, subdomains, turned))
-    return replace(
-        parts,
-        root_interface=fixable_root(config, model),
-        whole=whole_frame(model, modes.shapes, config) if several(subdomains) else None,
-        masses=sub_masses(model.mesh, modes.shapes, subdomains) if config.acceleration else None,
-        stress_sets=_stress_sets(config, model, modes),
-        stiffness_by_load=by_load,
-        stiffness_by_mode=stiffness_by_mode(matrices, modes, key) if Data.BY_MODE in stored else None,
-        frequency_spread=spread,
-        damper=model.damper_rows(modes.shapes),
-        surface=surface,
-        second=second,
-    )
+        names, turned = ("watched_frame", "watched_rotation", "watched_strain"), basis.frames.frame_rotation
+        found = watched_material(model.mesh, modes.shapes, modes.angular_frequency, loads, subdomains, turned)
+        watched = dict(zip(names, found, strict=True))
+        watched["frequency_spread"] = frequency_spread(matrices.supported, modes.angular_frequency, modes.shapes)
+    return {
+        **watched,
+        "root_interface": fixable_root(config, model),
+        "whole": whole_frame(model, modes.shapes, config) if several(subdomains) else None,
+        "masses": sub_masses(model.mesh, modes.shapes, subdomains) if config.acceleration else None,
+        "stress_sets": _stress_sets(config, model, modes),
+        "stiffness_by_load": by_load,
+        "stiffness_by_mode": stiffness_by_mode(matrices, modes, key) if Data.BY_MODE in stored else None,
+        "damper": model.damper_rows(modes.shapes),
+        "surface": surface,
+        "second": second,
+    }
 
 
 def _divided(config: BodyOptions, model: Model, report: Reporter, springs: Sequence[Spring], cut: bool) -> _Divided:

@@ -1,7 +1,7 @@
 """Parts of a cut body, each reduced by itself, joined to one reduced body (docs/theory.md, section 10)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,10 +9,11 @@ import scipy.linalg
 
 from ...files.array_types import BoolArray, FloatArray, IntArray
 from ...files.errors import ModelError
+from ...model.arrays import BODY, MASSES, STRESS, TIES, Entry
 from ...model.membrane import Membrane
 from ...model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
 from ...model.rotations import skew
-from ..making import Motion, Parts, made_body
+from ..making import made_body
 from ..options import BodyUse
 
 # Springs of the joints take up this share of an interface's displacement under a load on it, all together. Stiffer ones
@@ -26,6 +27,9 @@ _ROUND_OFF = 1e-15
 _DEPENDENT = 1e-6
 # As in `modes`.
 _NEARLY_LARGEST = 0.9
+# What the body has of its parts as they have it.
+_LAID = ("joint_point", "frame_parent", "joint_displacement", "joint_rotation", "frame_rotation", "damper",
+         "watched_frame", "watched_rotation", "watched_strain")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +86,22 @@ class _Stack:
         own = np.concatenate([body.interface_displacement[interface], body.interface_rotation[interface]])
         return self.widened(part, own)
 
-    def every(self, name: str, modes: FloatArray) -> FloatArray:
-        """Operators of that name of all parts, by the modes of the whole."""
-        wide = np.concatenate([self.widened(p, getattr(part, name)) for p, part in enumerate(self.parts)])
-        return wide @ modes
+    def joined(self, entries: Sequence[Entry], holders: Sequence[tuple[int, Any]], modes: FloatArray) -> dict[str, Any]:
+        """Arrays of parts (number, holder) one after the other, by the body's modes and numbers of frames."""
+        result = {}
+        for entry in entries:
+            own = [(p, array) for p, one in holders if (array := getattr(one, entry.name)) is not None]
+            if own and entry.kind is int and "frame" in entry.name:
+                result[entry.name] = np.concatenate([self.on(p, array) for p, array in own])
+            elif own and entry.shape.endswith(" m"):
+                result[entry.name] = np.concatenate([self.widened(p, array) for p, array in own]) @ modes
+            elif own:
+                result[entry.name] = np.concatenate([array for _, array in own])
+        return result
+
+    def holding(self, name: str) -> list[tuple[int, Any]]:
+        """Parts that have something, by their numbers."""
+        return [(p, one) for p, part in enumerate(self.parts) if (one := getattr(part, name)) is not None]
 
 
 def join_parts(
@@ -123,7 +139,9 @@ def join_parts(
     ]
     moved = np.array([stack.motion(*place) for place in places])
     values, modes, pull, turn = _modes_of_whole(stack, welds, loose, moved)
-    motion = Motion(
+    body = made_body(
+        BodyUse(parts[0].name),
+        **stack.joined([entry for entry in BODY if entry.name in _LAID], list(enumerate(parts)), modes),
         angular_frequency=np.sqrt(values),
         interface_names=tuple(interfaces),
         interface_point=np.array([parts[p].interface_point[i] for p, i in places]),
@@ -131,22 +149,13 @@ def join_parts(
         interface_rotation=moved[:, 3:] @ modes,
         interface_frame=np.array([stack.on(p, parts[p].interface_frame)[i] for p, i in places]),
         frame_names=tuple(name for part in parts for name in part.frame_names),
-        frame_parent=np.concatenate([stack.on(p, part.frame_parent) for p, part in enumerate(parts)]),
-        joint_point=np.concatenate([part.joint_point for part in parts]),
-        joint_displacement=stack.every("joint_displacement", modes),
-        joint_rotation=stack.every("joint_rotation", modes),
-        frame_rotation=stack.every("frame_rotation", modes),
-    )
-    beside = Parts(
-        masses=_masses(stack, modes),
+        masses=Masses(**stack.joined(MASSES, held, modes)) if (held := stack.holding("masses")) else None,
         stress_sets=_stress_sets(stack, modes),
         surface=_surface(stack, modes, interfaces),
         ties=_ties(stack, welds, pull, turn, modes),
         second=_second_order(stack, welds, places, modes),
         membrane=_membrane(stack, modes),
-        damper=_dampers(stack, modes),
     )
-    body = made_body(motion, BodyUse(parts[0].name), replace(beside, **_watched(stack, modes)))
     return body, modes, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
 
 
@@ -177,50 +186,21 @@ def _modes_of_whole(
     return values, alike @ (modes * np.sign(modes[large, np.arange(len(values))])), pull, turn
 
 
-def _dampers(stack: _Stack, modes: FloatArray) -> FloatArray | None:
-    """Damping of all parts' dampers."""
-    found = [stack.widened(p, part.damper) for p, part in enumerate(stack.parts) if part.damper is not None]
-    return np.concatenate(found) @ modes if found else None
-
-
-def _watched(stack: _Stack, modes: FloatArray) -> dict[str, Any]:
-    """The elements that are watched; a shadow has none."""
-    if stack.parts[0].watched_frame is None:
-        return {}
-    frames = [stack.on(p, part.watched_frame) for p, part in enumerate(stack.parts) if part.watched_frame is not None]
-    operators = {name: stack.every(name, modes) for name in ("watched_rotation", "watched_strain")}
-    return {"watched_frame": np.concatenate(frames), **operators}
-
-
 def _ties(stack: _Stack, welds: Sequence[Weld], pull: float, turn: float, modes: FloatArray) -> Ties:
     """Springs of the parts to the ground, then those of the joints."""
-    ends = [
-        Ties(
-            stack.on(p, t.frame),
-            t.point,
-            stack.widened(p, t.displacement),
-            stack.widened(p, t.rotation),
-            t.stiffness,
-            t.lever,
-        )
-        for p, part in enumerate(stack.parts)
-        if (t := part.ties) is not None
-    ]
-    sections = np.array([[stack.motion(*weld.first), stack.motion(*weld.second)] for weld in welds])
-    parts = stack.parts
-    ends.append(
-        Ties(
-            np.array([[stack.on(p, parts[p].interface_frame)[i] for p, i in (w.first, w.second)] for w in welds]),
-            np.array([[parts[p].interface_point[i] for p, i in (w.first, w.second)] for w in welds]),
-            sections[:, :, :3],
-            sections[:, :, 3:],
-            np.full((len(welds), 3), pull),
-            # Springs of stiffness k at e_x s, e_y s, e_z s resist turning by 2 k s².
-            np.tile(np.sqrt(0.5 * turn / pull) * np.eye(3), (len(welds), 1, 1)),
-        )
-    )
-    ties = Ties(*(np.concatenate([getattr(end, name) for end in ends]) for name in Ties.__slots__))
-    return replace(ties, displacement=ties.displacement @ modes, rotation=ties.rotation @ modes)
+    parts, ends = stack.parts, [(weld.first, weld.second) for weld in welds]
+    sections = np.array([[stack.motion(*first), stack.motion(*second)] for first, second in ends])
+    found = {
+        "frame": np.array([[stack.on(p, parts[p].interface_frame)[i] for p, i in both] for both in ends]),
+        "point": np.array([[parts[p].interface_point[i] for p, i in both] for both in ends]),
+        "displacement": sections[:, :, :3] @ modes,
+        "rotation": sections[:, :, 3:] @ modes,
+        "stiffness": np.full((len(welds), 3), pull),
+        # Springs of stiffness k at e_x s, e_y s, e_z s resist turning by 2 k s².
+        "lever": np.tile(np.sqrt(0.5 * turn / pull) * np.eye(3), (len(welds), 1, 1)),
+    }
+    own = stack.joined(TIES, stack.holding("ties"), modes)
+    return Ties(**{name: np.concatenate([own[name], one]) if own else one for name, one in found.items()})
 
 
 def _null_space(rows: FloatArray, squares: FloatArray) -> FloatArray:
@@ -311,26 +291,13 @@ def _membrane(stack: _Stack, modes: FloatArray) -> Membrane | None:
     return Membrane(quadratic, np.zeros(quadratic.shape[:2]), sign)
 
 
-def _masses(stack: _Stack, modes: FloatArray) -> Masses | None:
-    found = [(p, part.masses) for p, part in enumerate(stack.parts) if part.masses is not None]
-    if not found:
-        return None
-    return Masses(
-        np.concatenate([m.mass for _, m in found]),
-        np.concatenate([m.point for _, m in found]),
-        np.concatenate([stack.widened(p, m.displacement) for p, m in found]) @ modes,
-        np.concatenate([stack.on(p, m.frame) for p, m in found]),
-    )
-
-
 def _stress_sets(stack: _Stack, modes: FloatArray) -> tuple[StressSet, ...]:
     """Stress sets, put together where several parts have a share."""
     names = dict.fromkeys(own.name for part in stack.parts for own in part.stress_sets)
     result = []
     for name in names:
         found = [(p, own) for p, part in enumerate(stack.parts) for own in part.stress_sets if own.name == name]
-        stress = np.concatenate([stack.widened(p, own.stress) for p, own in found]) @ modes
-        result.append(StressSet(name, np.concatenate([own.point for _, own in found]), stress))
+        result.append(StressSet(name, **stack.joined(STRESS, found, modes)))
     return tuple(result)
 
 
