@@ -5,11 +5,12 @@ with masses), K nodes of the tree (frames, interfaces, centres of mass, ends a o
 a number of the part's own, told by the first array that has it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import ModalFileError
 
@@ -192,6 +193,33 @@ def in_single(holder: Any) -> Any:
     """A data class of arrays, or None, with its numbers rounded to single precision."""
     rounded = {f.name: getattr(holder, f.name).astype(np.float32) for f in fields(holder)} if holder else {}
     return replace(holder, **rounded) if rounded else None
+
+
+def turned(holder: Any, entries: Iterable[Entry], turn: NDArray[Any]) -> dict[str, Any]:
+    """Arrays with modal axes, their last ones, in other coordinates.
+
+    Parameters
+    ----------
+    holder : object
+    entries : iterable of Entry
+    turn : (m, k) float
+        Their modes in those of the holder.
+
+    Returns
+    -------
+    dict of str to array
+        What the holder has of these, by name.
+    """
+    found = {}
+    for entry in entries:
+        array, axes = getattr(holder, entry.name), entry.shape.split().count("m")
+        if array is not None and axes == 1:
+            found[entry.name] = array @ turn
+        elif array is not None and axes == 2:
+            found[entry.name] = turn.T @ array @ turn
+        elif array is not None and axes == 3:
+            found[entry.name] = np.einsum("abc,ai,bj,ck->ijk", array, turn, turn, turn, optimize=True)
+    return found
 
 
 def settle(holder: object, entries: tuple[Entry, ...], sizes: Mapping[str, int], title: str = "") -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..files.array_types import FloatArray
-from .arrays import BODY
+from .arrays import BODY, MASSES, WHOLE, turned
 from .curvature import from_ground
 from .errors import OptionError
 from .inertia import without_frames
@@ -57,12 +57,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     # Each ratio by its share of the strain energy: one ratio for all modes stays what it is.
     share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
     gone = int(body.floating)
-    linear = [
-        entry.name
-        for entry in BODY
-        if entry.shape.endswith(("3 m", "6 m", "d m")) and getattr(body, entry.name) is not None
-    ]
-    shapes = {name: getattr(body, name) @ turn for name in linear}
+    shapes = turned(body, [entry for entry in BODY if entry.shape != "m"], turn)
     of_frames = {entry.name: getattr(body, entry.name) for entry in BODY if entry.shape.split()[0] == "S"}
     kept = {name: shapes.get(name, value)[gone:] for name, value in of_frames.items()}
     kept["frame_parent"] = np.maximum(kept["frame_parent"] - gone, GROUND)
@@ -119,15 +114,11 @@ def _parts_fixed(body: ReducedBody, turn: FloatArray, squares: FloatArray) -> di
     gone = int(body.floating)
     whole, masses, surface, inertia, second = body.whole, body.masses, body.surface, body.inertia, body.second
     if whole is not None:
-        operators = whole.joint_displacement, whole.joint_rotation, whole.frame_rotation
-        whole = WholeFrame(whole.joint_point, *(operator @ turn for operator in operators))
+        whole = replace(whole, **turned(whole, WHOLE, turn))
     if masses is not None:
-        masses = replace(masses, displacement=masses.displacement @ turn, frame=np.maximum(masses.frame - gone, GROUND))
+        masses = replace(masses, **turned(masses, MASSES, turn), frame=np.maximum(masses.frame - gone, GROUND))
     if surface is not None:
         surface = _surface_fixed(body, surface, turn, gone)
-    by_mode = body.stiffness_by_mode
-    if by_mode is not None:
-        by_mode = np.einsum("abc,ai,bj,ck->ijk", by_mode, turn, turn, turn, optimize=True)
     if inertia is not None:
         inertia = without_frames(inertia, turn, gone)
     if second is not None:
@@ -137,7 +128,6 @@ def _parts_fixed(body: ReducedBody, turn: FloatArray, squares: FloatArray) -> di
     return {
         "whole": whole,
         "masses": masses,
-        "stiffness_by_mode": by_mode,
         "surface": surface,
         "inertia": inertia,
         "second": second,
@@ -153,7 +143,7 @@ def _second_order_fixed(
     lumps = None if body.inertia is None else body.inertia.curvature
     points = [part for part in (body.masses, None if lumps is None else body.inertia) if part is not None]
     moved = [body.joint_displacement, body.interface_displacement, *(part.displacement for part in points)]
-    turned = [body.frame_rotation, body.interface_rotation, *(np.zeros_like(part.displacement) for part in points)]
+    angles = [body.frame_rotation, body.interface_rotation, *(np.zeros_like(part.displacement) for part in points)]
     places = np.concatenate([body.joint_point, body.interface_point, *(part.point for part in points)])
     arm = places - body.interface_point[body.root_interface]
     given = second.displacement, second.rotation
@@ -166,7 +156,7 @@ def _second_order_fixed(
         reference = body.frame_rotation[0] @ turn
         change = np.concatenate(moved) @ turn + skew(arm) @ reference
         displacement, rotation = from_ground(
-            displacement, rotation, reference, arm, change, np.concatenate(turned) @ turn
+            displacement, rotation, reference, arm, change, np.concatenate(angles) @ turn
         )
     nodes = len(second.displacement)
     return SecondOrder(displacement[gone:nodes], rotation[gone:nodes]), None if lumps is None else displacement[nodes:]

@@ -24,10 +24,10 @@ from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 from ..files.progress import Reporter
 from ..files.store import REUSED, Store
-from ..model.arrays import BODY, INERTIA, MASSES, POLYNOMIAL, SECOND, STRESS, TIES, WHOLE, Entry
+from ..model.arrays import BODY, STRESS, turned
 from ..model.errors import RuntimeBodyError
 from ..model.methods import Variant
-from ..model.reduced_body import ReducedBody
+from ..model.reduced_body import GROUPS, ReducedBody
 from ..model.variants import lean
 from .candidates import Reduction, reduction_config
 from .cost import StepCost, time_steps
@@ -197,31 +197,10 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     -------
     ReducedBody
     """
-
-    def changed(part: Any, entries: Sequence[Entry]) -> dict[str, Any]:
-        """Arrays of a part that have modal axes, which are their last ones."""
-        found = {}
-        for entry in entries:
-            array, axes = getattr(part, entry.name), entry.shape.split().count("m")
-            if array is not None and axes == 1:
-                found[entry.name] = array @ turn
-            elif array is not None and axes == 2:
-                found[entry.name] = turn.T @ array @ turn
-            elif array is not None and axes == 3:
-                found[entry.name] = np.einsum("abc,ai,bj,ck->ijk", array, turn, turn, turn, optimize=True)
-        return found
-
-    parts = {
-        "whole": WHOLE,
-        "masses": MASSES,
-        "ties": TIES,
-        "inertia": INERTIA,
-        "polynomial": POLYNOMIAL,
-        "second": SECOND,
-    }
-    known = {name: (getattr(body, name), entries) for name, entries in parts.items()}
-    changes = changed(body, [entry for entry in BODY if entry.shape != "m"])
-    changes |= {name: part and replace(part, **changed(part, entries)) for name, (part, entries) in known.items()}
+    parts = ("whole", "masses", "ties", "inertia", "polynomial", "second")
+    known = {one.attribute: (getattr(body, one.attribute), one.entries) for one in GROUPS if one.attribute in parts}
+    changes = turned(body, [entry for entry in BODY if entry.shape != "m"], turn)
+    changes |= {name: part and replace(part, **turned(part, entries, turn)) for name, (part, entries) in known.items()}
     return replace(
         body,
         angular_frequency=angular_frequency,
@@ -229,7 +208,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
         damping_ratio=np.full(len(angular_frequency), body.damping_ratio[0]),
         surface=body.surface and body.surface.in_coordinates(turn),
         membrane=body.membrane and body.membrane.turned(turn, angular_frequency**2),
-        stress_sets=tuple(replace(part, **changed(part, STRESS)) for part in body.stress_sets),
+        stress_sets=tuple(replace(part, **turned(part, STRESS, turn)) for part in body.stress_sets),
         shadow=body.shadow and replace(body.shadow, embedding=body.shadow.embedding @ turn),
         **changes,
     )
