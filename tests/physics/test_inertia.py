@@ -76,10 +76,11 @@ def whole(bodies):
         known = {}
         original = piece.lumped_mass
 
-        def watched(mesh, volumes, shapes, lumps, frames, carried):
+        def watched(mesh, shapes, lumps, frames, carried):
             # The first lumps are the body's own, those of the fine tree follow.
-            known.update({} if known else {"mesh": mesh, "volumes": volumes, "shapes": shapes, "lumps": lumps})
-            return original(mesh, volumes, shapes, lumps, frames, carried)
+            found = {"mesh": mesh, "volumes": mesh.volume_matrices, "shapes": shapes, "lumps": lumps}
+            known.update({} if known else found)
+            return original(mesh, shapes, lumps, frames, carried)
 
         config = bodies.config(L_FRAME)
         reduction = config.reduction.model_copy(update={"modes": 6, "inertia": True})

@@ -61,7 +61,7 @@ class Arrays:
         self._kept.append(np.ascontiguousarray(values, dtype=kind))
         return int(self._kept[-1].ctypes.data)
 
-    def filled(self, kind: Any, **values: Any) -> Any:
+    def filled(self, kind: Any, /, **values: Any) -> Any:
         """A structure of a kind; where a member points to numbers, its value is an array of them."""
         for name, element in kind.elements.items():
             if name in values:
