@@ -9,11 +9,11 @@ import subprocess
 import time
 from pathlib import Path
 
-import flexfmu.view.page
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import flexfmu.view.shown
 from chromium import Tab, browser
 from driven import Driven
 from flexfmu.build.reduce import reduce_body
@@ -27,7 +27,7 @@ from flexfmu.model.modal_file import write_modal_file
 from flexfmu.program.variable_table import variable_table
 from meshes import body_file, box
 
-MASTER = Path(flexfmu.view.page.__file__).with_name("fmu.js")
+MASTER = Path(flexfmu.view.shown.__file__).with_name("fmu.js")
 STEPS, STEP, CLOSE = 10_000, 1e-4, 1e-12
 MOST_BYTES = 600_000
 needs_zig = pytest.mark.skipif(zig_compiler() is None, reason='no compiler for pages: pip install ".[platforms]"')

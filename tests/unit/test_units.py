@@ -9,8 +9,7 @@ from typer.testing import CliRunner
 from flexfmu.api import Body, Interface
 from flexfmu.build.body_model import body_model
 from flexfmu.build.config import read_body_file
-from flexfmu.build.reduce import build_fmu
-from flexfmu.build.reduce import distant_points, reduce_body
+from flexfmu.build.reduce import build_fmu, distant_points, reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.errors import BodyFileError
 from flexfmu.files.progress import Reporter
