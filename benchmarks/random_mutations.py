@@ -56,7 +56,7 @@ ROWS: tuple[tuple[str, str], ...] = (
     ("core/doubts.c", "coupling"),
     ("core/*.c", "= statics motion followers cut inertia stability_watch compliance acceleration"),
     ("fe/shells.py", "shells"),
-    ("mesh/strains.py", "shells"),
+    ("mesh/shapes.py", "shells"),
     ("fe/*.py", "@fe @surface stress nonlinear stability_watch second_order membrane @modes thin_bodies"),
     ("reduction/cut/*.py", "cut loops inner_loops ties acceleration"),
     ("reduction/membrane.py", "membrane loops"),

@@ -17,7 +17,7 @@ from flexfmu.core.library import Core, library_path
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Method
 from flexfmu.program.compile import compile_program
-from flexfmu.program.draft import Draft
+from flexfmu.program.mechanics import Draft
 from flexfmu.program.programs import DESCRIPTION, programs, with_guid
 from program_fuzzer import places, resealed, small_programs
 

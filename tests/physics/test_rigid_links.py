@@ -13,7 +13,7 @@ from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
-from flexfmu.mesh.links import RigidLink, recognised
+from flexfmu.mesh.equations import RigidLink, recognised
 from flexfmu.mesh.model import PointMass
 from flexfmu.model.rotations import exponential, exponential_and_jacobian
 from flexfmu.reduction.model import assemble_model

@@ -14,9 +14,9 @@ from flexfmu.commands.cli import app
 from flexfmu.files.errors import BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.checks import implausible
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
-from flexfmu.mesh.plausibility import implausible
 from flexfmu.reduction.places import node_set
 from meshes import box, write_deck
 

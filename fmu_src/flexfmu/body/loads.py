@@ -8,7 +8,7 @@ import numpy as np
 from ..files.array_types import FloatArray
 from ..model.errors import LoadError
 from ..model.reduced_body import ReducedBody
-from ..program.variables import ACCELERATION
+from ..program.variable_table import ACCELERATION
 
 _QUANTITIES = ("force", "moment")
 

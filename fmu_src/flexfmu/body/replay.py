@@ -17,7 +17,7 @@ from ..files.array_types import FloatArray
 from ..files.progress import Reporter
 from ..model.errors import StepError
 from ..model.reduced_body import ReducedBody
-from ..program.variables import (
+from ..program.variable_table import (
     DAMPING_SCALE,
     DENSITY_SCALE,
     FIXED,

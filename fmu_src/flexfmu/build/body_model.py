@@ -6,8 +6,7 @@ from ..files.progress import Reporter
 from ..mesh.checks import checked
 from ..mesh.formats import read_mesh
 from ..mesh.model import Mesh
-from ..reduction.materials import needless
-from ..reduction.model import Model, assemble_model
+from ..reduction.model import Model, assemble_model, needless
 from ..reduction.options import BodyOptions
 from ..reduction.places import by_name, element_set, node_set
 from .config import BodyFile, BodySpec

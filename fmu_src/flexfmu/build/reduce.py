@@ -17,9 +17,9 @@ from ..files.units import UnitSystem
 from ..files.version import __version__
 from ..fmu.package import cores_for, package_fmu
 from ..fmu.runtime import Runtime
+from ..mesh.checks import implausible
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
-from ..mesh.plausibility import implausible
 from ..model.methods import Mass, Variant
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import Properties, ReducedBody, Surface

@@ -15,11 +15,10 @@ from ..files.array_types import FloatArray, IntArray
 from ..files.errors import DeckError, MeshError
 from ..files.toml_files import toml_value
 from ..files.units import UnitSystem
-from ..mesh.checks import connected_parts, nodes_of_elements
+from ..mesh.checks import connected_parts, is_likely, nodes_of_elements
 from ..mesh.formats import read_mesh
 from ..mesh.model import NO_MATERIAL, Mesh
-from ..mesh.plausibility import is_likely
-from ..reduction.materials import KEYS, missing
+from ..reduction.model import KEYS, missing
 from ..reduction.options import Nodes, Place
 from ..reduction.places import node_set
 from ..reduction.surface import surface_nodes

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import jacobians
-from ..mesh.links import Simplices
+from ..mesh.equations import Simplices
 from ..mesh.model import Mesh
 from .cells import Cells, cells, turning
 from .shells import shell_cells, shell_rule

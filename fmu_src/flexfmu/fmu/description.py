@@ -9,8 +9,7 @@ from ..core.building import sources
 from ..core.interface import lines
 from ..files.version import __version__
 from ..model.reduced_body import ReducedBody
-from ..program.variable_table import variable_table
-from ..program.variables import AXES, Variable
+from ..program.variable_table import AXES, Variable, variable_table
 from .runtime import Runtime
 
 LOG_CATEGORIES = {

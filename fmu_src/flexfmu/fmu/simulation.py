@@ -16,7 +16,7 @@ from ..files.names import nearest
 from ..files.progress import Reporter, ends_on_interrupt
 from ..files.tables import number, read_table, write_table
 from ..files.targets import check_target
-from ..program.variables import STEP_TOLERANCE
+from ..program.variable_table import STEP_TOLERANCE
 from .runtime import own_log
 
 # FMI 2.0 statuses from here on mean that a call was not honoured.

@@ -16,10 +16,9 @@ from ..files.errors import FlexfmuError
 from ..files.inputs import Kind, kind_of
 from ..files.targets import check_target, whole_file
 from ..files.units import UnitSystem
-from ..mesh.checks import checked
+from ..mesh.checks import DENSITY_RANGE, SIZE_RANGE, checked
 from ..mesh.listing import listed
 from ..mesh.model import NO_MATERIAL, Material, Mesh
-from ..mesh.plausibility import DENSITY_RANGE, SIZE_RANGE
 from ..mesh.shapes import LINEAR
 from ..reduction.model import rigid_basis
 

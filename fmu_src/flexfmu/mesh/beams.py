@@ -18,8 +18,7 @@ import scipy.sparse as sp
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import MeshError
 from .blocks import ElementBlock
-from .equations import matrix_of
-from .links import RigidLink, merged
+from .equations import RigidLink, matrix_of, merged
 from .listing import listed
 from .model import Mesh, hung
 from .shapes import BRICK

@@ -20,14 +20,15 @@ from flexfmu.mesh.shapes import (
     Quadrature,
     Shape,
     Sheet,
+    StrainRule,
     beam_rule,
     brick_rule,
     prism_rule,
     rectangle_rule,
+    shell_rule,
     tetrahedron_rule,
     wedge_rule,
 )
-from flexfmu.mesh.strains import StrainRule, shell_rule
 
 
 class ElementType(Enum):

@@ -1,16 +1,20 @@
-"""Mesh files of any kind: which reader takes which."""
+"""Mesh files of any kind: which reader takes which.
+
+What meshio's reader of MED files lacks is added: families without groups, and bricks with nodes in their faces.
+"""
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import meshio
+from meshio.med import _med
 
 from flexfmu.files.errors import MeshError
 from flexfmu.files.inputs import Kind, check_input
@@ -23,8 +27,25 @@ from flexfmu.mesh.nastran.bulk_data import read_nastran
 from flexfmu.mesh.other.ansys import read_ansys
 from flexfmu.mesh.other.exodus import read_exodus
 from flexfmu.mesh.other.extras import quiet
-from flexfmu.mesh.other.med import completed
 from flexfmu.mesh.other.universal import read_universal
+
+_KINDS = {"H27": "hexahedron27", "QU9": "quad9", "TR7": "triangle7"}
+
+
+@contextmanager
+def completed() -> Iterator[None]:
+    """Let meshio read what gmsh writes without physical groups, and 27-node bricks."""
+    families, kinds = _med._read_families, _med.med_to_meshio_type
+
+    def with_groups(given: Any) -> Any:
+        return families({name: one for name, one in given.items() if "GRO" in one})
+
+    _med._read_families, _med.med_to_meshio_type = with_groups, {**kinds, **_KINDS}
+    try:
+        yield
+    finally:
+        _med._read_families, _med.med_to_meshio_type = families, kinds
+
 
 # Suffixes of files that have a reader of their own; all others are meshio's.
 DECK_SUFFIX = ".inp"

@@ -15,8 +15,7 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.elements import ASSUMED, ElementType
-from flexfmu.mesh.equations import matrix_of
-from flexfmu.mesh.links import RigidLink
+from flexfmu.mesh.equations import RigidLink, matrix_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass
 from flexfmu.mesh.other.file_sets import Group, cell_groups, node_sets_of

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.blocks import ElementBlock, FaceBlock, by_block, faces_of, volume_matrices
-from flexfmu.mesh.links import RigidLink, Simplices
+from flexfmu.mesh.equations import RigidLink, Simplices
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.shapes import BRICK
 from flexfmu.mesh.springs import SpringDamper, moved_springs

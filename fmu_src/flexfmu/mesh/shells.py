@@ -14,8 +14,7 @@ from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import MeshError
 from .blocks import ElementBlock
 from .elements import ElementType
-from .equations import matrix_of
-from .links import RigidLink
+from .equations import RigidLink, matrix_of
 from .listing import listed
 from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES, RECTANGLE_8

@@ -12,8 +12,7 @@ from ..files.array_types import FloatArray
 from ..model.errors import ModalFileError, OptionError
 from ..model.methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
 from ..model.reduced_body import GROUND, ReducedBody
-from .draft import Draft
-from .mechanics import PLACEMENT, advice, mechanics
+from .mechanics import PLACEMENT, Draft, advice, mechanics
 
 # Times 1/n²: what n frames in a chain overestimate a cantilever's critical load by (section 4b: 0.223, 0.056, 0.016 for
 # 1, 2, 4).

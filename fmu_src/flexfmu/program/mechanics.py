@@ -1,19 +1,50 @@
 """Everything of a program but geometric stiffness: modes, nodes, loads, what is watched, inertia."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..core.image import packed
+from ..core.image import fields, packed, write_image
 from ..files.array_types import FloatArray, IntArray
 from ..model.errors import OptionError
 from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics, LoadPlacement, Mass, Recipe, Stiffness
 from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
-from .draft import Draft, texts
 from .tree import Tree, bends, build_tree
 from .variable_table import input_names
+
+
+@dataclass(slots=True)
+class Draft:
+    """What will be a program.
+
+    Attributes
+    ----------
+    sizes : dict of str to int
+        Those left out are the number of elements of an array that has as many.
+    arrays : dict of str to array or bytes
+    """
+
+    sizes: dict[str, int]
+    arrays: dict[str, NDArray[Any] | bytes]
+
+    def image(self, base: bytes = b"") -> bytes:
+        """All of it as bytes, but for arrays that another image holds."""
+        counted = {
+            field.count: len(array) if isinstance(array := self.arrays[field.name], bytes) else array.size
+            for field in fields()
+            if field.name in self.arrays and field.count.isidentifier()
+        }
+        return write_image(counted | self.sizes, self.arrays, base)
+
+
+def texts(*words: str) -> bytes:
+    """Texts as a program has them."""
+    return b"".join(text.encode() + b"\0" for text in words)
+
 
 PLACEMENT = {LoadPlacement.REFERENCE: 0, LoadPlacement.CORRECTIVE_MOMENT: 1, LoadPlacement.DEFORMED: 2}
 # Stiffness over that of the softest mode beyond which no load that the body bears makes a mode give way.

@@ -14,9 +14,8 @@ from ..model.methods import Mass, Method, has_frames, masses_of
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered
 from .compile import compile_draft, shadow_draft
-from .draft import Draft, texts
-from .variable_table import variable_table
-from .variables import Variable
+from .mechanics import Draft, texts
+from .variable_table import Variable, variable_table
 
 DESCRIPTION = "body.prog"
 """The program of the method that the FMU starts with; it describes the variables, too."""

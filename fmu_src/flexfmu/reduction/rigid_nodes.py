@@ -7,8 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.equations import matrix_of
-from ..mesh.links import RigidLink, Simplices, effects, followers, recognised, simplex
+from ..mesh.equations import RigidLink, Simplices, effects, followers, matrix_of, recognised, simplex
 from ..mesh.model import Mesh
 from .options import BodyOptions
 from .places import node_set

@@ -21,7 +21,7 @@ from ..files.errors import SimulationError
 from ..fmu.package import package_fmu
 from ..model.methods import Variant
 from ..model.reduced_body import ReducedBody
-from ..program.variables import ACCELERATION, METHOD, STEP_LIMIT, STEP_TOLERANCE
+from ..program.variable_table import ACCELERATION, METHOD, STEP_LIMIT, STEP_TOLERANCE
 from .fmu_worker import answer, load, timed
 from .scene.scene import AXES, Scene, load_names
 

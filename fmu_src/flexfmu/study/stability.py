@@ -34,8 +34,7 @@ from ..model.methods import Method, Variant, has_frames
 from ..model.reduced_body import ReducedBody
 from ..model.variants import lean
 from ..program.programs import programs, with_guid
-from ..program.variable_table import variable_table
-from ..program.variables import ERROR, STATUS_CODE
+from ..program.variable_table import ERROR, STATUS_CODE, variable_table
 from .candidates import Candidate, Reduction, has_meaning, linear_frames
 from .records import RUNS, RecordFile, Run, Verdict, verdict
 from .scene.config import BasisChoice, SceneError

@@ -11,7 +11,7 @@ from flexfmu.mesh.decks.cards import Card, fields, integer, number
 from flexfmu.mesh.decks.geometry import Elements
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.decks.surfaces import DeckSurface
-from flexfmu.mesh.links import RigidLink
+from flexfmu.mesh.equations import RigidLink
 
 # Cards that say how the coupling above them holds its nodes.
 _KINDS = ("KINEMATIC", "DISTRIBUTING")

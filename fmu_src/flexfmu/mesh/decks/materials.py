@@ -7,13 +7,13 @@ import numpy as np
 
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.checks import is_likely_density
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
 from flexfmu.mesh.decks.elasticity import elastic_constants
 from flexfmu.mesh.decks.orientation import Orientation, orientation
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material, isotropic_average, laminate
-from flexfmu.mesh.plausibility import is_likely_density
 
 # Hardly any solid lies outside, kg/m³; a deck whose units are not the declared ones misses by 1e6 and more.
 DENSITY_RANGE = (1e-4, 1e5)

@@ -12,7 +12,7 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.links import RigidLink
+from flexfmu.mesh.equations import RigidLink
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import PointMass, masses_note
 

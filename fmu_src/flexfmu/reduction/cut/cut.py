@@ -14,8 +14,7 @@ from ...fe.assembly import stiffness
 from ...files.array_types import BoolArray, FloatArray, IntArray
 from ...files.errors import BodyFileError
 from ...mesh.checks import connected_parts, nodes_of_elements
-from ...mesh.equations import coupled_nodes
-from ...mesh.links import renumbered
+from ...mesh.equations import coupled_nodes, renumbered
 from ...mesh.listing import listed
 from ...mesh.model import Mesh
 from ...mesh.springs import moved_springs

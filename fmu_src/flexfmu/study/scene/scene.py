@@ -12,7 +12,7 @@ from ...build.config import BodyFile, read_body_file
 from ...files.array_types import FloatArray
 from ...files.inputs import Kind, check_input
 from ...files.tables import read_table
-from ...program.variables import ACCELERATION
+from ...program.variable_table import ACCELERATION
 from .config import SceneError, SceneFile, TransientTable, check_steps, read_scene_file
 
 AXES = ("x", "y", "z")
