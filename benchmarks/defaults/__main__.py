@@ -1,6 +1,7 @@
 """Build every body with the shortest body file, run its FMU, and compare with the kept results of CalculiX.
 
-``python -m benchmarks.defaults [body ...]``; others keep their rows in ``defaults.csv``. CalculiX is not needed.
+``python -m benchmarks.defaults [body ...]``; others keep their rows in ``defaults.csv``. CalculiX is not needed. With
+``--kept FOLDER`` FMUs stay there, and a change of the core alone is measured in minutes.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     known = {make.__name__: make for make in EVERY}
     parser.add_argument("body", nargs="*", help=f"any of {', '.join(known)} (default: all)")
     parser.add_argument("--output", type=Path, default=RECORDS)
+    parser.add_argument("--kept", type=Path, help="folder of FMUs that are built once, and run with the core of now")
     chosen = parser.parse_args(arguments)
     rows: dict[str, list[dict[str, object]]] = {}
     for row in read_records(chosen.output) if chosen.output.exists() else []:
         rows.setdefault(row["body"], []).append(dict(row))
     for name in chosen.body or known:
-        rows[name] = measure(known[name]())
+        rows[name] = measure(known[name](), kept=chosen.kept)
         print(report([{k: str(v) for k, v in row.items()} for row in rows[name]]), flush=True)
         write_records(chosen.output, [row for key in known for row in rows.get(key, [])])
     print(report([{k: str(v) for k, v in row.items()} for key in known for row in rows.get(key, [])]))

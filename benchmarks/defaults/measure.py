@@ -43,15 +43,15 @@ def seen_from_the_first(motion: FloatArray, places: FloatArray) -> FloatArray:
     return np.hstack([to - (places - places[0]), (turned[0].inv() * turned).as_rotvec()])
 
 
-def measure(body: Body, options: Sequence[str] = ()) -> list[dict[str, object]]:
-    """Rows of a body, one a point.
+def measure(body: Body, options: Sequence[str] = (), kept: Path | None = None) -> list[dict[str, object]]:
+    """Rows of a body, one a point; FMUs stay in the folder `kept`.
 
     Errors are over the largest displacement of any interface, and over the largest rotation, or displacement over the
     body's size where that is larger. The estimate is that of the interface with the largest error.
     """
     rows: list[dict[str, object]] = []
     names, size = list(body.interfaces), float(np.ptp(body.mesh.points, axis=0).max())
-    with tempfile.TemporaryDirectory() as top, Built(body.write(Path(top)), options) as built:
+    with tempfile.TemporaryDirectory() as top, Built(body.write(Path(top)), options, kept) as built:
         for (case, share), expected in reference(body).items():
             loads = {name: tuple(float(share) * one for one in force) for name, force in body.cases[case].items()}
             point = built.point(loads, names, GROWN if body.free else 0.0)

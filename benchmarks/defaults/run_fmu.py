@@ -21,6 +21,7 @@ from fmpy.fmi2 import (
     fmi2CallbackLoggerTYPE,
 )
 
+import flexfmu.core
 from benchmarks.defaults.body import Loads
 from benchmarks.defaults.shapes import FloatArray
 
@@ -55,24 +56,40 @@ class Point:
 class Built:
     """An FMU built from a body file.
 
+    Parameters
+    ----------
+    body_file : Path
+    options : sequence of str
+        Of the build.
+    kept : Path, optional
+        Folder where FMUs stay: one that is there is taken, with this installation's core.
+
     Attributes
     ----------
     seconds : float
-        Time of the build.
+        Time of the build; zero where it was kept.
     said : str
         What the build printed.
     """
 
-    def __init__(self, body_file: Path, options: Sequence[str] = ()):
-        fmu, start = body_file.with_suffix(".fmu"), time.perf_counter()
+    def __init__(self, body_file: Path, options: Sequence[str] = (), kept: Path | None = None):
+        fmu, self.seconds, self.said = (kept or body_file.parent) / f"{body_file.stem}.fmu", 0.0, ""
+        if not fmu.exists():
+            self._build(body_file, fmu, options)
+        self._description = fmpy.read_model_description(str(fmu))
+        self._numbers = {v.name: v.valueReference for v in self._description.modelVariables}
+        self._folder = fmpy.extract(str(fmu))
+        if kept:
+            for core in Path(self._folder, "binaries").glob("*64/*"):
+                shutil.copy(Path(flexfmu.core.__file__).with_name("_flexcore.so"), core)
+
+    def _build(self, body_file: Path, fmu: Path, options: Sequence[str]) -> None:
+        start = time.perf_counter()
         command = [sys.executable, "-m", "flexfmu", "build", str(body_file), "-o", str(fmu), *options]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"COLUMNS": "200"})
         self.seconds, self.said = time.perf_counter() - start, done.stdout + done.stderr
         if done.returncode:
             raise RuntimeError(f"flexfmu build {body_file} failed:\n{self.said}")
-        self._description = fmpy.read_model_description(str(fmu))
-        self._numbers = {v.name: v.valueReference for v in self._description.modelVariables}
-        self._folder = fmpy.extract(str(fmu))
 
     def __enter__(self) -> Built:
         return self

@@ -109,12 +109,10 @@ def defaults_in_full() -> str:
 def defaults_certified() -> str:
     """What bodies say of their own error, beside the truth."""
     found, rows = read_records(RECORDS), []
-    blind = {make.__name__ for make in ALL["blind trial"]}
-    groups = {
-        "blind trial": [row for row in found if row["body"] in blind],
-        "others": [row for row in found if row["body"] not in blind],
-        "all": found,
-    }
+    blind = {kind: {make.__name__ for make in ALL[kind]} for kind in ALL if kind.endswith("blind trial")}
+    groups = {kind: [row for row in found if row["body"] in names] for kind, names in blind.items()}
+    groups["others"] = [row for row in found if row["body"] not in set().union(*blind.values())]
+    groups["all"] = found
     for name, some in groups.items():
         s = summary(some)
         wrong = s["told"] + s["silent"] + s["silent_beyond_3"]

@@ -74,6 +74,14 @@ def test_sections_that_warp_do_not_make_frames_turn_wrongly(name, case):
     assert max(error(row) for row in rows(name) if row["case"] == case) < 6e-3
 
 
+@pytest.mark.slow
+def test_leaves_that_bend_are_not_near_a_critical_load():
+    """Soft along what stretched them at rest, they had an eigenvalue of 0.08 in the bound, and warned at 0.02 %."""
+    found = [row for row in rows("parallelogram") if row["case"] == "aside and pressed"]
+    assert len(found) == 3
+    assert not any(map(told, found))
+
+
 def test_kept_results_are_those_of_the_scripts_bodies_and_loads():
     kept = {(row["body"], row["case"], row["deck"]) for row in read_records(RESULTS)}
     assert kept == {(name, case, body.digest(case)) for name, body in known().items() for case in body.cases}
