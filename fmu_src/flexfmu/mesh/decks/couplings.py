@@ -9,8 +9,7 @@ import numpy as np
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.decks.cards import Card, fields, integer, number
 from flexfmu.mesh.decks.geometry import Elements
-from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.decks.surfaces import DeckSurface
+from flexfmu.mesh.decks.sets import DeckSurface, SetTable
 from flexfmu.mesh.equations import RigidLink
 
 # Cards that say how the coupling above them holds its nodes.

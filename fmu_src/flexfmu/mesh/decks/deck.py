@@ -13,8 +13,6 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.assembly import Assembly
-from flexfmu.mesh.decks.beams import KEYS as BEAMS
-from flexfmu.mesh.decks.beams import take_beams
 from flexfmu.mesh.decks.boundary import hold, inclined
 from flexfmu.mesh.decks.cards import Card, read_cards
 from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
@@ -25,12 +23,12 @@ from flexfmu.mesh.decks.masses import CARDS as MASSES
 from flexfmu.mesh.decks.masses import Carriers, point_masses
 from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
 from flexfmu.mesh.decks.orientation import orientation
-from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.decks.shells import KEY as SHELLS
-from flexfmu.mesh.decks.shells import Faces, by_element, take_shells, thickness_by_node
+from flexfmu.mesh.decks.sets import DeckSurface, SetTable, surface
 from flexfmu.mesh.decks.springs import CARDS as SPRINGS
 from flexfmu.mesh.decks.springs import deck_springs
-from flexfmu.mesh.decks.surfaces import DeckSurface, surface
+from flexfmu.mesh.decks.structures import KEY as SHELLS
+from flexfmu.mesh.decks.structures import KEYS as BEAMS
+from flexfmu.mesh.decks.structures import Faces, by_element, take_beams, take_shells, thickness_by_node
 from flexfmu.mesh.decks.ties import TieTable
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed

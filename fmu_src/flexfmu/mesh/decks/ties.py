@@ -10,7 +10,7 @@ from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.mesh.blocks import face_corners
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
-from flexfmu.mesh.decks.surfaces import DeckSurface
+from flexfmu.mesh.decks.sets import DeckSurface
 from flexfmu.mesh.shapes import FACE_SHAPES
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
