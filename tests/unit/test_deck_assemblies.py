@@ -183,8 +183,9 @@ def test_a_rigid_body_whose_reference_node_is_held_is_a_support(tmp_path):
     )
     mesh = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 6\n")
     assert mesh.labels[mesh.fixed.all(axis=1)].tolist() == [2, 3, 6, 7, 100]
-    partly = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 3\n")
-    assert not partly.fixed[:8].any()
+    partly = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 3\nRP, 6, 6\n")
+    assert not partly.fixed.any()
+    assert partly.equations.shape[0] == 3
     assert any("is left out: hold the nodes with a [[support]]" in note for note in partly.notes)
 
 
@@ -228,6 +229,22 @@ def test_what_a_coupling_says_of_nodes_directions_and_weights_is_honoured_or_tol
 )
 def test_what_would_be_lost_of_couplings_sets_and_axes_is_refused_at_its_line(tmp_path, cards, culprit, words):
     refuse(tmp_path, BODY + POINT + cards + "\n", culprit, words)
+
+
+@pytest.mark.parametrize(
+    "cards", ["*BOUNDARY\n100, 1, 3\n", "*EQUATION\n1\n100, 1, 1.\n1\n100, 2, 1.\n1\n100, 3, 1.\n"]
+)
+def test_what_holds_the_reference_node_of_a_rigid_body_holds_the_body_there(tmp_path, cards):
+    """As at a node of it in the same place."""
+    rigid = POINT.replace("100, 2., 0.5, 0.5", "100, 2., 0., 0.") + "*RIGID BODY, NSET=Face, REF NODE=100\n"
+    held = [read(tmp_path, BODY + rigid + one) for one in (cards, "*BOUNDARY\n2, 1, 3\n")]
+    found, expected = (
+        Body(mesh, None, [{"plane": [0.0, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}], {"tip": "Face"})
+        .build("linear", modes=3, surface=False)
+        .model.angular_frequency[:3]
+        for mesh in held
+    )
+    np.testing.assert_allclose(found, expected, rtol=3e-4)
 
 
 def test_rotations_held_at_the_rotation_node_of_a_rigid_body_are_held(tmp_path):

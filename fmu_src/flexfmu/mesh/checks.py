@@ -179,9 +179,10 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
         used[block.connectivity] = True
     # Nodes of beams that are points beside the corners there.
     used |= np.isin(mesh.labels, mesh.labels[used])
-    # And of those that equations carry the ones on which something hangs.
+    # And of those in equations the ones on which something hangs, or that are rigid with others.
     if mesh.equations is not None:
         hanging = [*(end for one in mesh.springs for end in one.ends), *(one.nodes for one in mesh.masses)]
+        hanging += [one.nodes for one in mesh.links]
         used[np.intersect1d(mesh.equations.indices // 3, np.concatenate([mesh.equations.indices[:0], *hanging]))] = True
     if used.all():
         return mesh

@@ -187,7 +187,7 @@ def _axes(card: Card) -> set[int]:
 
 def offered(
     couplings: Sequence[Coupling], points: FloatArray, fixed: BoolArray, carried: Set[int]
-) -> tuple[dict[str, IntArray], dict[str, FloatArray], list[RigidLink], list[str]]:
+) -> tuple[dict[str, IntArray], dict[str, FloatArray], list[RigidLink], list[dict[int, float]], list[str]]:
     """Return what couplings mean to a body file, and hold the nodes of those whose reference node is held.
 
     Parameters
@@ -205,6 +205,8 @@ def offered(
     references : dict of str to (3,) float
     links : list of RigidLink
         Each with its reference node, which joins those that share it.
+    rows : list of dict of int to float
+        Equations for what is held of a reference node's translations alone.
     notes : list of str
 
     Raises
@@ -214,6 +216,7 @@ def offered(
     """
     sets, references, notes = {}, {}, []
     links: list[RigidLink] = []
+    rows: list[dict[int, float]] = []
     for coupling in couplings:
         for name in coupling.names:
             sets[name], references[name] = coupling.nodes, points[coupling.reference]
@@ -232,10 +235,14 @@ def offered(
         if held.all():
             fixed[coupling.nodes, :3] = True
             note = f"{where}: its reference node is held, and so are its nodes"
-        elif held.any():
+        elif coupling.rigid and held[:3].any():
+            rows += [{3 * coupling.reference + axis: 1.0} for axis in np.flatnonzero(held[:3]).tolist()]
+            fixed[coupling.reference, :3] = False
+            note += "; what *BOUNDARY holds of its translations are equations: boundary = false leaves them"
+        if fixed[coupling.reference].any() and not fixed[coupling.reference].all():
             note += "; what *BOUNDARY holds of that node is left out: hold the nodes with a [[support]]"
         if coupling.rigid:
             links.append(RigidLink(coupling.names[0], np.union1d(coupling.nodes, [coupling.reference])))
             note += "; its nodes are rigid"
         notes.append(note + coupling.told)
-    return sets, references, links, notes
+    return sets, references, links, rows, notes

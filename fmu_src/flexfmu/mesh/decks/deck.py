@@ -113,7 +113,8 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     oriented = content.materials.orientations
     springs = deck_springs(soft, element_sets, elements, carriers, fixed, oriented, axes.keys(), units, content.notes)
     used |= {key // 3 for row in rows for key in row}
-    coupled, references, links, told = offered(couplings, points * units.length, fixed, used)
+    coupled, references, links, pinned, told = offered(couplings, points * units.length, fixed, used)
+    rows += pinned
     content.notes.extend(told)
     labels = np.concatenate([block.labels for block in blocks])
     made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
