@@ -150,9 +150,9 @@ def _near(card: Card, nodes: IntArray, reference: int, elements: Elements) -> In
         return nodes
     points = elements.nodes.points()
     near = np.linalg.norm(points[nodes] - points[reference], axis=1) <= number(text, card.line, "INFLUENCE RADIUS")
-    if not near.any():
-        raise card.line.error(f"no node of the surface lies within the INFLUENCE RADIUS, {text}; correct it")
-    return nodes[near]
+    if near.any():
+        return nodes[near]
+    raise card.line.error(f"no node of the surface lies within the INFLUENCE RADIUS, {text}; correct it")
 
 
 def _told(card: Card, holding: Card, held: set[int], turning: set[int]) -> str:
@@ -214,15 +214,16 @@ def offered(
     DeckError
         The reference node of a coupling that is not rigid joins it to something.
     """
-    sets, references, notes = {}, {}, []
-    links: list[RigidLink] = []
+    sets = {name: one.nodes for one in couplings for name in one.names}
+    references = {name: points[one.reference] for one in couplings for name in one.names}
+    links = [RigidLink(one.names[0], np.union1d(one.nodes, [one.reference])) for one in couplings if one.rigid]
     rows: list[dict[int, float]] = []
+    notes = []
     for coupling in couplings:
-        for name in coupling.names:
-            sets[name], references[name] = coupling.nodes, points[coupling.reference]
-        words = " and ".join(repr(name) for name in coupling.names)
         where = f"{coupling.card.line.place}: *{coupling.card.keyword}"
+        words = " and ".join(repr(name) for name in coupling.names)
         note = f"{where} is offered as an interface: nodes = {words}, with its reference node as point"
+        held = fixed[coupling.reference]
         if coupling.reference in carried and not coupling.rigid:
             raise coupling.card.line.error(
                 "the reference node belongs to an element or an equation, or is held along axes of *TRANSFORM, and "
@@ -230,19 +231,15 @@ def offered(
                 "another reference node"
             )
         if coupling.turns >= 0:
-            fixed[coupling.reference, 3:] |= fixed[coupling.turns, :3]
-        held = fixed[coupling.reference]
+            held[3:] |= fixed[coupling.turns, :3]
         if held.all():
             fixed[coupling.nodes, :3] = True
             note = f"{where}: its reference node is held, and so are its nodes"
         elif coupling.rigid and held[:3].any():
             rows += [{3 * coupling.reference + axis: 1.0} for axis in np.flatnonzero(held[:3]).tolist()]
-            fixed[coupling.reference, :3] = False
+            held[:3] = False
             note += "; what *BOUNDARY holds of its translations are equations: boundary = false leaves them"
-        if fixed[coupling.reference].any() and not fixed[coupling.reference].all():
+        if held.any() and not held.all():
             note += "; what *BOUNDARY holds of that node is left out: hold the nodes with a [[support]]"
-        if coupling.rigid:
-            links.append(RigidLink(coupling.names[0], np.union1d(coupling.nodes, [coupling.reference])))
-            note += "; its nodes are rigid"
-        notes.append(note + coupling.told)
+        notes.append(note + "; its nodes are rigid" * coupling.rigid + coupling.told)
     return sets, references, links, rows, notes

@@ -89,8 +89,7 @@ def _term(
     node: str, direction: str, factor: str, line: Line, card: Card, node_sets: SetTable
 ) -> tuple[list[int], int, float]:
     """Nodes, direction from zero, and coefficient of a term."""
-    axis = integer(direction, line, "the direction of an equation's term")
-    if not 1 <= axis <= TRANSLATIONS:
+    if not 1 <= (axis := integer(direction, line, "the direction of an equation's term")) <= TRANSLATIONS:
         raise line.error(
             f"an equation between rotations (direction {axis}) is not supported: nodes of solids have the translations "
             "1 to 3; say it by translations of nodes"
@@ -153,8 +152,7 @@ def _constraint(line: Line, card: Card, node_sets: SetTable, points: FloatArray)
             )
         return [joined(node, {other: 1.0}, axis) for node, other in pairs for axis in range(TRANSLATIONS)]
     if kind in ("LINEAR", "QUADRATIC") and all(len(group) == 1 for group in groups):
-        nodes = [group[0] for group in groups]
-        wanted = {"LINEAR": 3, "QUADRATIC": 4}[kind]
+        nodes, wanted = [group[0] for group in groups], {"LINEAR": 3, "QUADRATIC": 4}[kind]
         if len(nodes) != wanted:
             raise line.error(f"MPC {kind} takes {wanted} nodes, found {len(nodes)}")
         weights = _along(points[nodes], line, kind)

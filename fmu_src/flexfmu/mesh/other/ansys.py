@@ -137,7 +137,8 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         elif (found := _solid(kind, nodes)) is None:
             name = f"{'pyramids of ' if kind in _BRICKS else ''}element type {kind}"
             name += f" with section {values[3]}" if kind in _SHELLS else ""
-            name += next((f" (line {k})" for k, line in enumerate(text, 1) if _type_of(line) == kind), "")
+            type_of = re.compile(rf"\s*ET\s*,\s*\w+\s*,\s*{kind}\b", re.IGNORECASE)
+            name += next((f" (line {k})" for k, line in enumerate(text, 1) if type_of.match(line)), "")
             refused.setdefault(name, []).append(number)
         else:
             kinds.setdefault(found[0], []).append(Member(number, found[1], values[0]))
@@ -168,12 +169,6 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
     )
     faces = {_NAME.format(number): sections[number][:2] for number in shells}
     return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), shells=faces)
-
-
-def _type_of(line: str) -> int:
-    """Number of the element that a command ET names; 0 for other lines."""
-    fields = [field.strip() for field in line.split(",")]
-    return int(fields[2]) if fields[0].upper() == "ET" and len(fields) > 2 and fields[2].isdigit() else 0
 
 
 def _sections(text: list[str]) -> dict[int, tuple[float, float, int]]:
