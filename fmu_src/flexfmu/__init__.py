@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )
     from .build.choices import Interface as Interface
     from .build.choices import Support as Support
+    from .calls.decay import decay as decay
     from .calls.functions import *  # noqa: F403
     from .files.errors import FlexfmuError as FlexfmuError
     from .files.errors import SimulationError as SimulationError
@@ -55,6 +56,7 @@ _MODULES = {
     ".api": ("Body",),
     ".body.flexible_body": ("FlexibleBody", "Response", "State", "StepLimits"),
     ".build.choices": ("Interface", "Support"),
+    ".calls.decay": ("decay",),
     ".calls.functions": ("chart", "check", "couple", "fit", "init", "show", "stability"),
     ".files.errors": ("FlexfmuError", "SimulationError"),
     ".files.units": ("UnitSystem",),

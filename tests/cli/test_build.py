@@ -356,7 +356,7 @@ def test_a_build_says_in_a_dozen_lines_what_a_user_wants_and_all_else_when_asked
         "size 1 ×",
         "first frequency",
         "(body file)",
-        "own error: up to ",
+        "own estimate of its error: up to ",
         "N on tip, which moves by",
     ):
         assert word in said

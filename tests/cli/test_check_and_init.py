@@ -313,6 +313,19 @@ def test_units_that_are_none_are_answered_with_those_that_are(bar):
     assert "expected one of 'm-kg-s'" in run("init", bar, "--units", "mm").output
 
 
+def test_init_takes_beams_with_a_corner_for_one_body(tmp_path):
+    """Beams of different directions share no points of their sections: a rigid link joins them."""
+    (tmp_path / "frame.inp").write_text(
+        "*NODE\n1, 0, 0, 0\n2, 0, 0, 1\n3, 1, 0, 1\n*ELEMENT, TYPE=B31, ELSET=ALL\n1, 1, 2\n2, 2, 3\n"
+        "*MATERIAL, NAME=STEEL\n*ELASTIC\n2e11, 0.3\n*DENSITY\n7850\n"
+        "*BEAM SECTION, ELSET=ALL, MATERIAL=STEEL, SECTION=RECT\n0.03, 0.04\n0, 1, 0\n",
+        encoding="utf-8",
+    )
+    mesh, units = likely_mesh(tmp_path / "frame.inp")
+    written = tomllib.loads(starting_body_file(checked(mesh), tmp_path / "frame.inp", units))
+    assert len(written["support"]) == len(written["interface"]) == 1
+
+
 def test_init_refuses_a_mesh_in_parts_and_says_how_many(tmp_path):
     """Build would hold one of them alone."""
     apart = twice(lug(ElementType.C3D10), np.array([0.2, 0.0, 0.0]))

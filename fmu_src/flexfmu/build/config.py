@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Literal, Self
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ..files.errors import BodyFileError
@@ -12,6 +13,7 @@ from ..files.toml_files import Name, Table, different, read_toml, validated
 from ..model.methods import ASKED_BY, Data, Mass, Method, Variant, conflict, has_frames, needs
 from ..reduction import options as plain
 from . import tables
+from .plain import plain_tables
 
 C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -160,7 +162,7 @@ class BodySpec(Table):
         """How the body will be used."""
         return plain.BodyUse(
             self.name,
-            self.damping.ratio,
+            np.array(self.damping.measured) if self.damping.measured else self.damping.ratio,
             self.variant,
             self.output.velocities,
             tuple(one.name for one in self.interface if one.compliance),
@@ -173,21 +175,21 @@ class BodySpec(Table):
         residual = self.residual
         return plain.BodyOptions(
             name=self.name,
-            interfaces=tables.plain_tables(plain.InterfaceNodes, self.interface, self.mesh.units.length),
-            supports=tables.plain_tables(plain.SupportNodes, self.support, self.mesh.units.length),
-            materials=tables.plain_tables(plain.MaterialConstants, self.materials),
+            interfaces=plain_tables(plain.InterfaceNodes, self.interface, self.mesh.units.length),
+            supports=plain_tables(plain.SupportNodes, self.support, self.mesh.units.length),
+            materials=plain_tables(plain.MaterialConstants, self.materials),
             units=self.mesh.units,
             boundary=self.mesh.boundary,
             free=self.free,
             root=self.root,
             levels=plain.DEFAULT_FRAMES if self.frames is None else self.frames,
             levels_asked=self.frames is not None,
-            frames=tables.plain_tables(plain.FrameNodes, self.frame, self.mesh.units.length),
-            branches=tables.plain_tables(plain.BranchJoints, self.branch, self.mesh.units.length),
+            frames=plain_tables(plain.FrameNodes, self.frame, self.mesh.units.length),
+            branches=plain_tables(plain.BranchJoints, self.branch, self.mesh.units.length),
             cuts=tuple(one.nodes for one in self.cuts),
             find_cuts=self.cut == "auto",
             may_cut=self.open_to_cuts,
-            stress=tables.plain_tables(plain.StressElements, self.stress),
+            stress=plain_tables(plain.StressElements, self.stress),
             basis=plain.BasisOptions(
                 self.reduction.basis,
                 self._modes.numbers,

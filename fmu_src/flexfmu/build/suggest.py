@@ -297,7 +297,12 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     MeshError
         The mesh is in parts that do not hang together.
     """
-    parts = np.sort(np.bincount(connected_parts(mesh)))[::-1]
+    part = connected_parts(mesh)
+    # Corners of shells and beams are rigid links.
+    joined = [(part[link.nodes[0]], part[node]) for link in mesh.links for node in link.nodes]
+    rows, columns = np.array(joined, dtype=np.int64).reshape(-1, 2).T
+    graph = sp.coo_array((np.ones(len(rows)), (rows, columns)), shape=2 * (int(part.max()) + 1,))
+    parts = np.sort(np.bincount(connected_components(graph, directed=False)[1][part]))[::-1]
     if len(parts) > 1:
         raise MeshError(
             f"the mesh is in {len(parts)} parts that share no nodes (of {', '.join(map(str, parts[:3]))}"

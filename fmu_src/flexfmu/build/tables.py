@@ -1,11 +1,9 @@
 """Tables of the body file (TOML), each with its keys, checked. The page of keys is made from what stands here."""
 
-from collections.abc import Sequence
-from dataclasses import fields
 from itertools import pairwise
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -15,7 +13,7 @@ from ..files.toml_files import Name, Table, Vector
 from ..files.units import UnitSystem
 from ..model.errors import OptionError
 from ..model.methods import DEFAULT, Mass, Method, Variant
-from ..reduction.options import Basis, Place
+from ..reduction.options import Basis
 
 OF_MESH = "length in the mesh's units"
 """Marks keys that are in m as plain data."""
@@ -147,29 +145,6 @@ class PlaceTable(Table):
         if self.cylinder is not None and self.cylinder[0] == self.cylinder[1]:
             raise ValueError("cylinder is given by two equal points of its axis, expected both its ends")
         return self
-
-
-def plain_tables(kind: type[Any], given: Sequence[Table], length: float = 1.0) -> tuple[Any, ...]:
-    """The same as plain data, whose fields have the keys' names; what is not given has their defaults.
-
-    Lengths in the mesh's units, `length` m each, come out in m.
-    """
-    found = []
-    for one in given:
-        values = {field.name: getattr(one, field.name) for field in fields(kind)}
-        units = {name: length if OF_MESH in type(one).model_fields[name].metadata else 1.0 for name in values}
-        found.append(
-            kind(**{name: _plain(value, length, units[name]) for name, value in values.items() if value is not None})
-        )
-    return tuple(found)
-
-
-def _plain(value: Any, length: float, unit: float) -> Any:
-    if isinstance(value, PlaceTable):
-        return plain_tables(Place, [value], length)[0]
-    if isinstance(value, list):
-        return tuple(_plain(one, length, unit) for one in value)
-    return value * unit if isinstance(value, float) else value
 
 
 Nodes = str | PlaceTable | list[str | PlaceTable]
@@ -401,9 +376,25 @@ class DampingTable(Table):
     ----------
     ratio
         Damping ratio, 0 to 1: a number, or one per mode.
+    measured
+        Ratios from test instead: `[frequency in Hz, ratio]`, ascending. Linear between them, and constant beyond.
     """
 
     ratio: float | list[float] = Field(default=0.0, examples=[0.01])
+    measured: list[Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+        default=[], examples=[[[54.6, 0.012], [210.0, 0.008]]]
+    )
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "DampingTable":
+        frequencies, ratios = [one[0] for one in self.measured], [one[1] for one in self.measured]
+        if self.measured and self.ratio != 0.0:
+            raise ValueError("gives ratio and measured, expected one of the two")
+        if any(b <= a for a, b in pairwise([0.0, *frequencies])) or any(not 0.0 <= one <= 1.0 for one in ratios):
+            raise ValueError(
+                f"measured is {self.measured}, expected [frequency in Hz, ratio from 0 to 1], frequencies ascending"
+            )
+        return self
 
     @field_validator("ratio")
     @classmethod

@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 
 from .common import LOUDNESS, Loudness, ends_in_words
 
-COMMANDS = ("build", "pack", "info", "check", "init", "simulate", "view", "couple", "chart", "fit")
+COMMANDS = ("build", "pack", "info", "check", "init", "simulate", "view", "couple", "chart", "fit", "damping")
 """In the order of the help: each is a function in the module of its name, which imports what it needs when it runs."""
 
 _FLAGS = {

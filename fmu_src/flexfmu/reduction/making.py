@@ -81,7 +81,7 @@ def used_body(body: ReducedBody, use: BodyUse) -> ReducedBody:
     return replace(
         body,
         name=use.name,
-        damping_ratio=_damping(use.damping, body.mode_count, body.rigid_count),
+        damping_ratio=_damping(use.damping, body.angular_frequency, body.rigid_count),
         method=use.variant.method,
         mass=use.variant.mass,
         velocity_outputs=use.velocities,
@@ -97,9 +97,11 @@ def linear_use(name: str, damping: float | FloatArray, provenance: Mapping[str, 
     return BodyUse(name, damping, Variant(Method.LINEAR), provenance=provenance)
 
 
-def _damping(ratio: float | Sequence[float] | FloatArray, count: int, rigid: int) -> FloatArray:
-    """Damping ratios (m,); a list for elastic modes alone leaves rigid motions without."""
-    values = np.asarray(ratio, dtype=np.float64)
+def _damping(ratio: float | Sequence[float] | FloatArray, angular_frequency: FloatArray, rigid: int) -> FloatArray:
+    """Damping ratios (m,), as of `BodyUse`; a list for elastic modes alone leaves rigid motions without."""
+    values, count = np.asarray(ratio, dtype=np.float64), angular_frequency.size
+    if values.ndim == 2:
+        values = np.interp(angular_frequency[rigid:] / (2.0 * np.pi), *values.T)
     if values.ndim and values.size == count - rigid:
         values = np.concatenate([np.zeros(rigid), values])
     if values.ndim and values.size != count:

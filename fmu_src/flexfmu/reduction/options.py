@@ -228,7 +228,8 @@ class BodyUse:
     ----------
     name : str
     damping : float or sequence of float
-        Modal damping ratio: of all modes, or one each, of all or of the elastic ones.
+        Modal damping ratio: of all modes, or one each, of all or of the elastic ones; or (k, 2): Hz and ratios, between
+        which it is linear.
     variant : Variant
         Method and mass to start with.
     velocities : bool

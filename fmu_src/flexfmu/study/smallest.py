@@ -32,6 +32,8 @@ _STIFF = 100.0
 _HALVES = 6
 # An error of its own that a build says what to do about.
 _MUCH = 0.01
+# Beyond this it tells no more than that the motion is wrong, as FMUs say, too.
+_WRONG = 0.1
 _FRAMES = (0, 1, 2, None, 8, 16)
 """Numbers of frames in the order of the search; None: the build decides, of cuts too."""
 
@@ -164,7 +166,8 @@ def own_error(body: ReducedBody) -> str:
             continue
         found = model.error(state, loads)
         moved = np.linalg.norm(model.response(state).displacement[body.interface_names.index(name)])
-        words = f"{100.0 * found.relative:.2g} % under {np.linalg.norm(force):.3g} N on {name}, which moves by "
+        size = f"{100.0 * found.relative:.2g} %" if found.relative < _WRONG else f"more than {100.0 * _WRONG:g} %"
+        words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by "
         worst = max(worst, (found.relative, f"{words}{moved:.3g} m"))
     hint = "; more frames or modes, or --tolerance, lower it" if worst[0] > _MUCH else ""
-    return f"own error: up to {worst[1]}{hint}" if worst[1] else ""
+    return f"own estimate of its error: up to {worst[1]}{hint}" if worst[1] else ""
