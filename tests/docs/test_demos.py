@@ -61,12 +61,14 @@ def table():
     return {(r["method"], r["case"]): float(r["relative_error"] or "nan") for r in records}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["clamped beam", "L-frame, out of plane", "L-frame, in plane"])
 def test_tree_is_right_where_bodies_hang_on_one_support(table, case):
     assert table["`frames`, 8 frames", case] < 0.001
     assert table["`linear`", case] > 0.08
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["beam clamped at both ends", "plate, twisted"])
 def test_second_order_alone_knows_membrane_stiffening(table, case):
     methods = {method for method, _ in table}
@@ -76,6 +78,7 @@ def test_second_order_alone_knows_membrane_stiffening(table, case):
     assert all(table[method, case] < 0.02 for method in methods - others)
 
 
+@pytest.mark.long
 def test_second_order_with_residual_flexibility_is_right_to_a_per_cent_on_every_body(table):
     cases = {case for _, case in table}
     assert len(cases) == 9
@@ -83,6 +86,7 @@ def test_second_order_with_residual_flexibility_is_right_to_a_per_cent_on_every_
         assert max(table[f"`second_order`, {frames}, and residual flexibility", case] for case in cases) < 0.01
 
 
+@pytest.mark.long
 def test_stiffness_by_load_helps_the_arch_but_not_enough(table):
     assert table["`stiffness_by_load`", "shallow arch"] < 0.75 * table["`linear`", "shallow arch"]
     assert table["`stiffness_by_load`", "shallow arch"] > 0.2

@@ -47,6 +47,7 @@ def test_large_deflections_are_those_of_calculix(folder, table, direction, colum
     assert found.iterations < 40
 
 
+@pytest.mark.long
 def test_beyond_a_limit_load_there_is_no_equilibrium_to_be_found():
     folder = DEMO / "shallow_arch"
     limit = abs(calculix(folder / "calculix" / "static_y.csv")["force_N"][-1]) / 0.9

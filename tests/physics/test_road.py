@@ -15,7 +15,7 @@ from flexfmu.files.progress import Reporter
 from references import body_without_error
 from road import built, python
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 RUN = """
 import json, sys
