@@ -8,6 +8,7 @@ from demo.mesh_tools import Material, box_mesh
 from benchmarks.defaults.bodies import GROUPS
 from benchmarks.defaults.body import Body, above, below, both, end, near
 from benchmarks.defaults.branched import BRANCHED
+from benchmarks.defaults.fresh import FRESH
 from benchmarks.defaults.shapes import FloatArray, bar, constant, cylindrical, moved
 from benchmarks.defaults.unseen import UNSEEN
 
@@ -57,5 +58,5 @@ def half_cylinder() -> Body:
 
 
 PUBLISHED = (twisted_cantilever, slit_annulus, half_cylinder)
-ALL = GROUPS | BRANCHED | {"published": PUBLISHED, "blind trial": UNSEEN}
+ALL = GROUPS | BRANCHED | {"published": PUBLISHED, "blind trial": UNSEEN, "second blind trial": FRESH}
 EVERY = tuple(make for group in ALL.values() for make in group)
