@@ -529,7 +529,7 @@ nodes = {{ plane = [0, 0, 0], normal = [1, 0, 0] }}
 fix = ["x", "y", "z"]
 [[interface]]
 name = "tip"
-nodes = {{ plane = [1, 0, 0], normal = [1, 0, 0] }}
+nodes = {{ plane = [1000, 0, 0], normal = [1, 0, 0] }}
 """
 
 
