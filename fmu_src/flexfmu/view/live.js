@@ -200,7 +200,8 @@ class Live {
   tell() {
     const hint = matchMedia("(pointer: coarse)").matches ? "Take an orange point and pull." : "Take an orange point and pull, or press the arrow keys.";
     const warning = this.told.findLast(line => line.name === "body" && line.status === 1);
-    if (warning) this.warned = warning.text;
+    // It is said once, while the motion goes on.
+    if (warning) this.warned = `at ${this.body.time.toPrecision(3)} s: ${warning.text}`;
     if (warning && /critical load/.test(warning.text)) this.critical = ` Before it: ${warning.text}.`;
     this.told.length = 0;
     const text = !this.moving ? hint : `${this.body.time.toPrecision(4)} s${this.paused ? ", paused" : ""}${this.warned && !this.refused ? ` — ${this.warned}` : ""}`;
