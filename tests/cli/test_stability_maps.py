@@ -174,5 +174,5 @@ def test_the_command_draws_records_and_refuses_files_that_hold_none(mapped, tmp_
     assert CliRunner().invoke(app, arguments).exit_code == 0
     assert (tmp_path / "again.svg").stat().st_size > 5000
     (tmp_path / "runs.csv").write_text("a,b\n1,2\n", encoding="utf-8")
-    with pytest.raises(SceneError, match="expected the columns"):
+    with pytest.raises(SceneError, match="not records of this version"):
         draw_map(tmp_path / "runs.csv", tmp_path / "again.svg")

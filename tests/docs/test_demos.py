@@ -92,18 +92,21 @@ def test_stiffness_by_load_helps_the_arch_but_not_enough(table):
     assert table["`stiffness_by_load`", "shallow arch"] > 0.2
 
 
+@pytest.mark.long
 def test_bent_plate_is_beam_like_to_two_percent(table):
     assert table["`frames`, 4 frames", "plate, bent"] < 0.02
     # Not for want of frames: twice as many gain little.
     assert table["`frames`, 8 frames", "plate, bent"] > 0.8 * table["`frames`, 4 frames", "plate, bent"]
 
 
+@pytest.mark.long
 def test_frames_that_do_not_carry_each_other_lose_what_the_tree_gains(table):
     separate, tree, one = "`modal_rotation`, 4 frames", "`frames`, 4 frames", "`floating_frame`"
     assert table[separate, "clamped beam"] > 10.0 * table[tree, "clamped beam"]
     assert table[tree, "clamped beam"] < 0.1 * table[one, "clamped beam"]
 
 
+@pytest.mark.long
 def test_every_method_finds_an_equilibrium_at_every_load_but_for_one(table):
     """The stress of the roof's modes takes their stiffness away."""
     assert {key for key, error in table.items() if math.isnan(error)} == {("`stiffness_by_mode`", "shallow roof")}

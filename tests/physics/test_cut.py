@@ -558,7 +558,7 @@ def test_the_axle_is_cut_without_being_told_where(found_cut, case, displacement)
     assert axle_errors(found_cut, case)[0] < displacement
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_without_membrane_energy_of_its_parts_the_axle_has_more_than_twice_the_error(found_cut):
     assert found_cut.membrane is not None
     body = replace(found_cut, membrane=None)

@@ -145,9 +145,9 @@ def test_a_large_load_is_given_frames_and_holds_where_it_was_not_looked_at(tmp_p
     found = fit(scene, target, report, store)
     stages = [title[:6] for title, *_ in report.counts]
     assert [stage for stage in stages if stage.endswith("of 3")] == ["1 of 3", "2 of 3"]
-    for _, total, _, told in report.counts:
+    for title, total, _, told in report.counts:
         assert told == sorted(told)
-        assert 0 < told[-1] <= total
+        assert 0 < told[-1] <= total, (title, told)
     assert found.met
     assert found.measured.share <= 1.0
     assert 1 <= found.frame_count <= 8

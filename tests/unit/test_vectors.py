@@ -55,6 +55,7 @@ def test_the_processors_vectors_change_no_bit_of_a_motion(narrow, monkeypatch, m
     assert swing(body) == expected
 
 
+@pytest.mark.long
 def test_curvature_costs_operations_with_the_square_of_the_modes(monkeypatch, tmp_path):
     counting = built_with("-DFLEX_COUNT", tmp_path)
     counter = ctypes.c_int64.in_dll(counting, "flex_operations")

@@ -179,7 +179,7 @@ class FourthOrder:
             for first in range(0, count, _COLUMNS):
                 part = slice(first, first + _COLUMNS)
                 result[:, part] = forces.T @ model.static(forces[:, part])
-                tell(first)
+                tell(min(first + _COLUMNS, count))
         return 0.5 * (result + result.T)
 
     def turns(self, forces: FloatArray) -> FloatArray:
