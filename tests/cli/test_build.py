@@ -166,6 +166,7 @@ def test_elements_without_material_are_refused_with_the_keys_to_give(tmp_path):
         assert key in str(caught.value)
 
 
+@pytest.mark.slow
 def test_material_of_the_body_file_serves_elements_without_one(tmp_path):
     mesh = bar()
     frequencies = []
@@ -217,6 +218,7 @@ def test_of_two_parts_the_one_that_nothing_holds_is_named_by_a_node(tmp_path):
     assert "share nodes" in text
 
 
+@pytest.mark.slow
 def test_what_deserves_a_look_is_warned_of(tmp_path):
     portal = bars(BRICK, [((0, 0, 0), (1, 9, 1)), ((10, 0, 0), (11, 9, 1)), ((0, 8, 0), (11, 9, 1))], 0.1)
     portal = with_sets(portal, ROOT=lambda p: p[:, 1], TOP=lambda p: p[:, 1] - 1.0)
@@ -241,6 +243,7 @@ def test_what_deserves_a_look_is_warned_of(tmp_path):
     assert len(report.stages) >= 5
 
 
+@pytest.mark.slow
 def test_building_twice_gives_the_same_bytes(folder):
     outputs = [folder / "one.fmu", folder / "two.fmu"]
     for output in outputs:

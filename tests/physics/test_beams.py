@@ -186,6 +186,7 @@ FRAMES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FRAMES)
 def test_frames_bend_far_as_the_whole_model(tmp_path, name):
     points, options, force = FRAMES[name]
