@@ -40,7 +40,6 @@ def reduced_parts(
     config : BodyOptions
         With cuts.
     model : Model
-        In one piece.
     report : Reporter
     store : Store
     spanned : (3n, k) float, optional
