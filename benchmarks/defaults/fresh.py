@@ -183,7 +183,7 @@ def wire() -> Body:
 def snap_ring() -> Body:
     """Free: an open ring between two forces along the line of its ends, in balance at any load.
 
-    Pushed (279 N) it turned round: forces that keep their direction are stable along that line only where they pull.
+    Pushed it turns round: the reference, held at its back, is no stable equilibrium of the free one.
     """
     angle = np.radians(300.0)
     grid = box_mesh(lines((0.03, 0.034, 2)), np.linspace(-0.5 * angle, 0.5 * angle, 37), lines((-0.002, 0.002, 2)))
@@ -192,7 +192,10 @@ def snap_ring() -> Body:
         "low": lambda p: np.isclose(np.arctan2(p[:, 1], p[:, 0]), -0.5 * angle),
         "high": lambda p: np.isclose(np.arctan2(p[:, 1], p[:, 0]), 0.5 * angle),
     }
-    cases = {"opened": {"low": (0.0, -580.0, 0.0), "high": (0.0, 580.0, 0.0)}}
+    cases = {
+        "opened": {"low": (0.0, -580.0, 0.0), "high": (0.0, 580.0, 0.0)},
+        "pushed": {"low": (0.0, 279.0, 0.0), "high": (0.0, -279.0, 0.0)},
+    }
     back = both(near(1, 0.0), lambda p: p[:, 0] > 0.0)
     return replace(_rounded(Body("snap_ring", mesh, back, lips, cases, SPRING_STEEL)), free=True)
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks.field import mechanisms, motion, others, short, statics
+from benchmarks.field import mechanisms, motion, others, rotor, short, statics
 from benchmarks.field.records import Record, tables
 from benchmarks.records import write_records
 
@@ -29,6 +29,7 @@ PROBLEMS: dict[str, Callable[[], list[Record]]] = {
     "flight": motion.flight_records,
     "tumbling": motion.tumbling_records,
     "mechanisms": mechanisms.mechanism_records,
+    "rotor": rotor.rotor_records,
     "sudden": others.sudden_records,
     "exudyn": others.exudyn_records,
 }

@@ -140,7 +140,6 @@ def test_spin_about_changing_axes_is_the_rate_of_the_turn_not_of_its_vector(tmp_
     assert abs(spins[-1] / spins[51] - 1.0) > 2e-3
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("moment", [[0.1, 0.0, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 2.0]])
 @pytest.mark.parametrize("step", [0.01, 0.1])
 def test_turns_about_one_principal_axis_are_right_and_nothing_is_said(tmp_path, block, moment, step):
@@ -148,6 +147,27 @@ def test_turns_about_one_principal_axis_are_right_and_nothing_is_said(tmp_path, 
     assert np.max(told) < 1e-9
     np.testing.assert_allclose(momenta[-1], 0.2 * np.array(moment), rtol=0.02, atol=1e-6)
     assert driven.log == []
+
+
+@pytest.mark.parametrize(("push", "kick", "told"), [(400.0, 1e-8, 1), (400.0, 1.0, 0), (-400.0, 1e-8, 0)])
+def test_a_free_body_that_dead_forces_push_together_turns_round_as_a_rigid_one_and_says_so(
+    tmp_path, block, push, kick, told
+):
+    """Closed form: a disturbance grows by sqrt(F L / I), up to half a turn; pulled, the body stays along the forces."""
+    driven = Driven(block, tmp_path)
+    driven.set(**{"tip.moment.z": kick})
+    assert driven.taken(1e-3)
+    driven.set(**{"tip.moment.z": 0.0, "root.force.x": push, "tip.force.x": -push})
+    angles = [driven.get("tip.rotation.z")[0] for _ in range(900) if driven.taken(1e-3)]
+    assert [text.startswith("loads in balance push the free body together") for _, text in driven.log] == [True] * told
+    if push < 0.0:
+        assert np.max(np.abs(angles)) < 1e-8
+        return
+    grown = np.log(np.abs(angles[60 : np.argmax(np.abs(angles) > 0.1)]))
+    assert np.polyfit(1e-3 * np.arange(len(grown)), grown, 1)[0] == pytest.approx(
+        np.sqrt(push * BLOCK[0] / INERTIA[2, 2]), rel=0.01
+    )
+    assert np.max(np.abs(angles)) > 0.9 * np.pi
 
 
 LENGTH, THICKNESS, WIDTH = 1.0, 0.01, 0.06

@@ -178,6 +178,34 @@ static void momentum(Body *body, const Watch *watch, const double *q, const doub
              100.0 * memory->course.momentum.drift, 100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_SPIN));
 }
 
+/* Loads that push a free body together turn it round where they keep their direction. Is their couple this large, over what it
+ * may be, and was it as small as e^-CHANCE before, the least disturbance has decided which way. */
+static const double TURNING = 0.3, CHANCE = 14.0, BALANCED = 0.01;
+
+static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
+    const Program *p = &monitor->body->p;
+    const Watch *watch = monitor->watch + WATCH_STABILITY;
+    double sum[3] = {0.0}, couple[3] = {0.0}, size = 0.0, most = 0.0, pulled = 0.0, *calm = &memory->course.calm;
+    for (int64_t k = 0; k < p->interfaces; k++) {
+        const double *force = end->inputs + 6 * k, *x = p->point + 3 * (p->frames + k), *x0 = p->point + 3 * p->frames;
+        double arm[3], moment[3];
+        for (int i = 0; i < 3; i++) arm[i] = x[i] - x0[i] + end->motion[6 * k + i] - end->motion[i];
+        cross(arm, force, moment);
+        for (int i = 0; i < 3; i++) {
+            sum[i] += force[i];
+            couple[i] += moment[i] + force[3 + i];
+        }
+        size += norm(force, 3);
+        most += norm(force, 3) * norm(arm, 3);
+        pulled += dot(force, arm, 3);
+    }
+    const double share = norm(couple, 3) / fmax(most, DBL_MIN);
+    *calm = pulled < 0.0 && norm(sum, 3) <= BALANCED * size ? fmax(*calm, -log(fmax(share, DBL_MIN))) : 0.0;
+    if (!(watch->limit > 0.0) || !(*calm > CHANCE) || !(share > TURNING)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_STABILITY]);
+    if (text) snprintf(text, FINDING_TEXT, SAY_TURNING_ROUND);
+}
+
 static void inertia(Body *body, const Watch *watch, const StepEnd *end, Memory *memory, Findings *found) {
     body_missed_inertia(body, end->q, end->v, end->step, &memory->course.inertia);
     if (!(watch->limit > 0.0) || !(memory->course.inertia.error > watch->limit)) return;
@@ -426,6 +454,7 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
     if (end->step > 0.0 && body->p.mass_forms && !body->p.inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
+    if (body->p.rigid == 6 && !body->p.followers) turning_round(monitor, end, memory, found);
     loads_due(monitor, inputs, memory, due);
     /* A step that may be refused, and the start, are looked at in full. */
     const Watch *of[WAITING] = {watch + WATCH_ERROR, watch + WATCH_STABILITY, watch + WATCH_MISSED};

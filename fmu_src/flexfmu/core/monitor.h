@@ -37,6 +37,7 @@ typedef struct {
     Momentum momentum;
     MissedInertia inertia;
     Truncation truncation;
+    double calm; /* of loads that push a free body together: -log of the least couple they made, over theirs at a right angle */
 } Course;
 
 /* What takes long is looked at in slices, one a step, at a state that is kept for it. In the meantime another may come to wait: the
@@ -72,8 +73,8 @@ typedef struct {
 enum { FINDING_TEXT = 640 };
 typedef struct {
     int count;
-    OnLimit action[WATCHES];
-    char text[WATCHES][FINDING_TEXT];
+    OnLimit action[WATCHES + 1]; /* stability has two */
+    char text[WATCHES + 1][FINDING_TEXT];
 } Findings;
 
 /* Whether a step's end is within the bounds; else why not, in `why` (size). */
