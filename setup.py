@@ -48,7 +48,7 @@ class BuildCore(build_ext):
         if zig is None:
             raise RuntimeError("FLEXFMU_PLATFORMS=all needs zig: pip install ziglang")
         shipped.mkdir(parents=True)
-        for name, platform in building.TARGETS.items():
+        for name, platform in building.PLATFORMS.items():
             building.compile_core(shipped / f"{name}{platform.ending}", zig, platform.targets)
 
 

@@ -124,11 +124,22 @@ def test_set_names_count_the_same_in_upper_and_lower_case(tmp_path):
     assert reduce_body(config, Reporter()).mode_count == 2
 
 
-@pytest.mark.parametrize(("name", "count"), [("EDGE", 5), ("CORNER", 1)])
-def test_an_interface_on_a_line_or_point_is_refused_with_advice(name, count, tmp_path):
-    text = refused(bar(), tmp_path, BodyFileError, interface=[name])
-    assert f"interface '{name.lower()}': the {count} nodes of '{name}' lie on a line or in one point" in text
-    assert "at least three nodes off a line" in text
+@pytest.mark.parametrize(("name", "count", "added"), [("EDGE", 5, 27), ("CORNER", 1, 19)])
+def test_an_interface_on_a_line_or_point_takes_moments_by_its_elements(name, count, added, tmp_path):
+    mesh, report = bar((12, 2, 2)), Recorder()
+    body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TIP", name]), report))
+    told = next(note for note in report.notes if f"interface '{name.lower()}'" in note)
+    assert f"{count + added} nodes ({added} of its elements added" in told
+    # Far from there a load is what it is about any other point: the tip moves as under the moved load.
+    places = [fit_interface(InterfaceNodes(name, name), mesh, ()).point for name in ("TIP", name)]
+    scale = np.repeat([1.0, 0.1], 3)
+    for load in np.eye(6):
+        moved = [*load[:3], *(load[3:] + np.cross(places[1] - places[0], load[:3]))]
+        there, here = (
+            body.motion(body.static({one: 1e-3 * np.array(row)}))[:6] * scale
+            for one, row in ((name.lower(), load), ("tip", moved))
+        )
+        assert relative(there, here) < 0.02
 
 
 def test_weights_by_area_are_refused_for_a_piece_of_the_body(tmp_path):
@@ -166,6 +177,7 @@ def test_elements_without_material_are_refused_with_the_keys_to_give(tmp_path):
         assert key in str(caught.value)
 
 
+@pytest.mark.slow
 def test_material_of_the_body_file_serves_elements_without_one(tmp_path):
     mesh = bar()
     frequencies = []
@@ -217,6 +229,7 @@ def test_of_two_parts_the_one_that_nothing_holds_is_named_by_a_node(tmp_path):
     assert "share nodes" in text
 
 
+@pytest.mark.slow
 def test_what_deserves_a_look_is_warned_of(tmp_path):
     portal = bars(BRICK, [((0, 0, 0), (1, 9, 1)), ((10, 0, 0), (11, 9, 1)), ((0, 8, 0), (11, 9, 1))], 0.1)
     portal = with_sets(portal, ROOT=lambda p: p[:, 1], TOP=lambda p: p[:, 1] - 1.0)
@@ -241,6 +254,7 @@ def test_what_deserves_a_look_is_warned_of(tmp_path):
     assert len(report.stages) >= 5
 
 
+@pytest.mark.slow
 def test_building_twice_gives_the_same_bytes(folder):
     outputs = [folder / "one.fmu", folder / "two.fmu"]
     for output in outputs:

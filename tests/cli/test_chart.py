@@ -89,6 +89,7 @@ def test_where_nothing_moves_over_time_one_internal_step_is_enough(tmp_path):
     assert {c.internal_step for c in found} == {EXACT, 1e-4}
 
 
+@pytest.mark.slow
 def test_one_frame_for_the_whole_body_is_the_tree_of_one(tmp_path, bodies):
     found = candidates(scene_of(tmp_path, BEND + '[sweep]\nframes = [4]\nmethods = ["floating_frame"]\n'))
     assert {(c.reduction.frames, c.variant.method) for c in found} == {(1, Method.FLOATING_FRAME)}
@@ -131,6 +132,7 @@ def test_frames_given_by_hand_are_tried_in_their_place(tmp_path):
 # --- sweeps and records
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_goes_on_where_it_stopped(bent_beam, tmp_path, store, monkeypatch):
     target, plain, done = tmp_path / "records.csv", sweeping.record, []
 
@@ -267,7 +269,7 @@ def test_models_that_share_a_reduction_are_as_exact_as_those_of_their_own(bent_b
     assert shared.body.mode_count < workshop.shared(replace(reduction, modes=9), [second]).body.mode_count
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_come_next(bent_beam, tmp_path, store, monkeypatch):
     """Of made-up timings, so that the front is known: cost grows with modes and frames."""
 
@@ -319,6 +321,7 @@ def test_half_of_the_models_find_the_front_of_all_of_them(demo):
 # --- what it costs
 
 
+@pytest.mark.slow
 def test_a_body_is_packaged_once_for_all_its_methods(bent_beam, tmp_path, store, monkeypatch):
     packaged, plain = [], fmu_cost.package_fmu
     monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, path: packaged.append(body) or plain(body, path))
@@ -336,6 +339,7 @@ def test_a_body_is_packaged_once_for_all_its_methods(bent_beam, tmp_path, store,
         assert timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())["fmu_us"] > 0.0
 
 
+@pytest.mark.slow
 def test_a_script_that_times_is_run_once_whether_or_not_it_guards_its_main_module(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
@@ -347,6 +351,7 @@ def test_a_script_that_times_is_run_once_whether_or_not_it_guards_its_main_modul
     assert (done.stdout.split(), done.stderr) == (["once", "8"], "")
 
 
+@pytest.mark.slow
 def test_memory_grows_with_the_model_and_not_with_its_steps(bodies):
     small, large = (bodies.beam(frames=frames) for frames in (2, 8))
     first, body = small.core.bytes, small.model
@@ -432,6 +437,7 @@ def data_of(page):
     return json.loads(page.read_text(encoding="utf-8").split('type="application/json">')[1].split("</script>")[0])
 
 
+@pytest.mark.slow
 def test_charts_are_made_of_records_alone(drawn):
     picture, page = drawn / "c.png", drawn / "c.html"
     front = chart(drawn / "r.csv", picture, page).named
@@ -456,6 +462,7 @@ def test_charts_are_made_of_records_alone(drawn):
         chart(drawn / "none.csv", picture)
 
 
+@pytest.mark.slow
 def test_records_of_several_bodies_share_a_chart(drawn):
     front = chart([drawn / "r.csv", drawn / "other.csv"], drawn / "c.svg", drawn / "c.html").named
     assert [row.body for row in front] == 5 * ["body"] + ["other"]
@@ -481,6 +488,7 @@ document.body.replaceChildren(JSON.stringify(told));
 """
 
 
+@pytest.mark.slow
 def test_the_page_filters_finds_the_front_of_what_is_shown_and_tells_each_point(drawn):
     page = drawn / "c.html"
     chart([drawn / "r.csv", drawn / "other.csv"], html=page)
@@ -505,6 +513,7 @@ def test_the_page_filters_finds_the_front_of_what_is_shown_and_tells_each_point(
     assert "static displacement: 0.05" in tip
 
 
+@pytest.mark.slow
 def test_what_cannot_be_timed_is_said_and_the_sweep_goes_on(bent_beam, tmp_path, store, monkeypatch):
     def fails(*_):
         raise SimulationError("the FMU does not run: no Python")

@@ -49,6 +49,7 @@ def test_init_writes_a_body_file_of_a_bare_mesh_that_is_held_and_loaded_at_its_e
     assert "is there already" in again.output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "units", "modulus"), [(120.0, "mm-t-s", 2.1e5), (0.5, "m-kg-s", 2.1e11)])
 def test_init_guesses_units_by_the_size_and_avoids_words_of_c(tmp_path, size, units, modulus):
     path = tmp_path / "double.inp"
@@ -183,6 +184,7 @@ def test_a_shaft_and_a_box_have_no_bore():
     assert all(place.radius < 0.0119 for place in found.values())
 
 
+@pytest.mark.slow
 def test_init_holds_a_body_without_plane_ends_where_its_longest_side_begins(tmp_path):
     mesh = box(ElementType.C3D10, (8, 2, 2), (0.4, 0.1, 0.1))
     turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
@@ -224,6 +226,7 @@ def same_eye(one, other):
     return one["radius"] == pytest.approx(other["radius"]) and np.allclose(*ends, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_init_offers_bores_as_interfaces(tmp_path):
     path = write_deck(lug(ElementType.C3D8), tmp_path / "lug.inp", materials=False)
     assert "bore_1: 48 nodes, radius 0.012 m" in run("check", path).output
@@ -245,6 +248,7 @@ def test_of_single_elements_of_reduced_integration_init_writes_what_build_accept
     np.testing.assert_allclose(first, 27.2, rtol=0.3 if count == 1 else 0.06)
 
 
+@pytest.mark.slow
 def test_more_modes_than_those_with_mass_are_refused(tmp_path):
     """Eight points of an element hold its mass, too few for so many modes."""
     mesh = box(ElementType.C3D20R, (3, 2, 2), (3.0, 0.3, 0.4))

@@ -61,6 +61,7 @@ HEAVY = {"felupe", "fmpy", "joblib", "matplotlib", "meshio", "pymetis", "pythonf
 ROOMS = {f"flexfmu.{room}" for room in ("build", "fe", "given", "master", "mesh", "reduction", "study")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "unused"),
     [

@@ -13,9 +13,9 @@ import pytest
 
 from chromium import Tab, browser
 from first_parts import FOLDER, LOADS, SHARES, edited, meshed, scene, write_mesh
-from flexfmu.core.building import zig_compiler
 from flexfmu.files.tables import read_table
 
+resource = pytest.importorskip("resource", reason="no limits of processor time")
 ROWS = list(csv.DictReader((FOLDER / "calculix.csv").read_text().splitlines()))
 PLAIN = """
 import sys, fmpy
@@ -27,11 +27,12 @@ print(*(result[name][row] for row in (0, -1) for name in names))
 
 
 def run(folder, deadline, *words):
-    """Standard output of a process that ends well within a deadline, s; its warnings are marked by an exclamation."""
+    """Standard output of a process that ends well within a deadline, s of processor; an exclamation marks warnings."""
     environment = {**os.environ, "MPLCONFIGDIR": str(folder), "COLUMNS": "200"}
     done = subprocess.run(
         [sys.executable, *map(str, words)], cwd=folder, env=environment, capture_output=True, text=True,
-        timeout=deadline, check=False, encoding="utf-8",
+        timeout=10 * deadline, check=False, encoding="utf-8",
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (deadline, deadline)),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     said = (done.stdout + done.stderr).splitlines()
@@ -70,11 +71,9 @@ def built(folder, mesh, part):
 
 
 def shown_alive(folder, deadline, widths=((1400, False), (400, True))):
-    """The live page, pulled at its first interface, at some widths; skipped where nothing compiles or opens it."""
-    browser()
-    if zig_compiler() is None:
-        pytest.skip('no compiler for pages: pip install ".[platforms]"')
+    """The live page, pulled at its first interface, at some widths; skipped where nothing opens it."""
     flexfmu(folder, deadline, "view", "part.fmu", "--live", "alive.html")
+    browser()
     for width, dark in widths:
         with Tab(folder / "alive.html", width, 800, dark) as tab:
             tab.until("document.body.dataset.live === 'yes'")

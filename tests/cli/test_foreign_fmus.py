@@ -70,6 +70,7 @@ def test_a_foreign_fmu_runs_in_a_process_of_its_own_that_ends_with_the_run(folde
     assert not Path(f"/proc/{process}/stat").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
@@ -94,6 +95,7 @@ def test_what_a_foreign_fmu_prints_is_not_taken_for_an_answer(folder):
     np.testing.assert_allclose(found["odd.x"], found.time, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_an_archive_that_unpacks_to_far_more_than_it_is_is_not_unpacked(folder):
     bomb = folder / "trouble.fmu"
     whole = bomb.read_bytes()

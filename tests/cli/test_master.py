@@ -249,6 +249,7 @@ def test_a_result_of_another_kind_or_over_an_input_is_refused_before_the_run(fol
 # Inputs.
 
 
+@pytest.mark.slow
 def test_connections_to_one_input_add_up_and_replace_its_start_value(folder):
     start = 'start = { "port_0.force.y" = 7.0, "port_1.force.y" = 9.0 }'
     first = link("leg.port_0.displacement.x", "arm.port_0.force.y", "factor = 2.0")

@@ -399,6 +399,7 @@ def answer(folder, mistake, monkeypatch):
     return done.exit_code, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", MISTAKES)
 def test_a_mistake_is_answered_with_what_was_found_and_what_would_do(case, sound, tmp_path, monkeypatch):
     mistake = MISTAKES[case]
@@ -416,6 +417,7 @@ def test_a_mistake_is_answered_with_what_was_found_and_what_would_do(case, sound
         assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 @pytest.mark.parametrize(
     ("name", "arguments"),

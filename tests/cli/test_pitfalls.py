@@ -49,11 +49,13 @@ def test_joint_away_from_the_section_is_refused(joint):
         build(frames=None, frame=halves(joint=joint))
 
 
+@pytest.mark.slow
 def test_joint_in_the_section_is_taken():
     body, _ = build(frames=None, frame=halves(joint=[0.125, 0.01, 0.0]))
     np.testing.assert_allclose(body.joint_point[1], [0.125, 0.01, 0.0])
 
 
+@pytest.mark.slow
 def test_frames_that_overlap_leave_out_or_hold_nothing_are_told():
     frames = [*halves(), FrameTable(name="again", nodes="SEG2", parent="inner")]
     _, said = build(frames=None, frame=frames)
@@ -63,6 +65,7 @@ def test_frames_that_overlap_leave_out_or_hold_nothing_are_told():
     assert any("holds no whole element" in text for text in said)
 
 
+@pytest.mark.slow
 def test_interface_that_reaches_beyond_its_frame_is_told():
     _, said = build(interface=[InterfaceTable(name="middle", nodes="SEG4")], frames=16)
     assert any("lie outside frame" in text for text in said)
@@ -70,6 +73,7 @@ def test_interface_that_reaches_beyond_its_frame_is_told():
     assert not said
 
 
+@pytest.mark.slow
 def test_interface_on_a_support_is_told_or_refused():
     support = [InterfaceTable(name="wall", nodes="ROOT")]
     _, said = build(interface=support)
@@ -81,6 +85,7 @@ def test_interface_on_a_support_is_told_or_refused():
         build(interface=support, reduction=reduction.model_copy(update={"basis": Basis.CRAIG_BAMPTON}))
 
 
+@pytest.mark.slow
 def test_two_interfaces_on_the_same_nodes_cannot_be_held_apart():
     twins = [InterfaceTable(name="one", nodes="TIP"), InterfaceTable(name="two", nodes="TIP")]
     reduction = read_body_file(BEAM / "body.toml").reduction.model_copy(update={"basis": Basis.CRAIG_BAMPTON})
@@ -150,6 +155,7 @@ def test_columns_of_the_same_name_are_refused_and_byte_order_marks_are_not(tmp_p
     assert read_table(tmp_path / "b.csv")[0] == ["f"]
 
 
+@pytest.mark.slow
 def test_load_that_jumps_at_the_start_acts_from_the_start(fmu, tmp_path):
     # In a process of its own: the FMU's code ends up in the process that runs it.
     (tmp_path / "jump.csv").write_text("time,tip.force.y\n0,0\n0,1000\n1,1000\n", encoding="utf-8")

@@ -123,6 +123,7 @@ def test_settings_become_numbers_where_they_are_numbers():
 # The command.
 
 
+@pytest.mark.slow
 def test_simulate_writes_the_motion_of_the_body_and_a_picture(tmp_path, fmu):
     loads = table(tmp_path / "loads.csv", "time,tip.force.y\n0,3000\n0.02,3000\n")
     done = flexfmu(
@@ -264,6 +265,7 @@ def test_what_came_out_before_a_refused_step_is_kept(tmp_path, fmu):
     np.testing.assert_allclose(values[:, 0], 0.002 * np.arange(6), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_simulate_says_why_the_fmu_refused_a_step_and_writes_nothing(tmp_path, fmu):
     loads = table(tmp_path / "loads.csv", "time,tip.force.y\n0,1e300\n0.01,1e300\n")
     done = flexfmu(tmp_path, "simulate", fmu, "-i", loads, "-o", "motion.csv")
@@ -273,6 +275,7 @@ def test_simulate_says_why_the_fmu_refused_a_step_and_writes_nothing(tmp_path, f
     assert not (tmp_path / "motion.csv").exists()
 
 
+@pytest.mark.slow
 def test_simulate_refuses_a_file_that_is_no_fmu_and_a_folder_that_is_not_there(tmp_path, fmu):
     loads = table(tmp_path / "loads.csv", "time,tip.force.y\n0,0\n0.01,10\n")
     done = flexfmu(tmp_path, "simulate", loads, "-i", loads, "-o", "motion.csv")

@@ -49,6 +49,7 @@ def folder(tmp_path_factory):
     return place
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODULES)
 def test_examples_give_what_they_say(name, folder, monkeypatch):
     monkeypatch.chdir(folder)

@@ -10,11 +10,9 @@ from demo.live import BODIES
 
 from chromium import Tab, browser
 from flexfmu.body.recovery import surface_von_mises
-from flexfmu.core.building import zig_compiler
 
 PAGE = Path(__file__).parents[2] / "docs/figures/coil_spring.html"
 WIDTHS = pytest.mark.parametrize(("width", "dark"), [(1400, False), (400, True)])
-needs_zig = pytest.mark.skipif(zig_compiler() is None, reason='no compiler for pages: pip install ".[platforms]"')
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -81,7 +79,6 @@ def test_the_page_of_the_docs_opens_and_answers(width, dark):
 
 
 @pytest.mark.slow
-@needs_zig
 @WIDTHS
 def test_a_leaf_of_shells_bends(tmp_path_factory, width, dark):
     browser()
@@ -94,7 +91,6 @@ def test_a_leaf_of_shells_bends(tmp_path_factory, width, dark):
 
 
 @pytest.mark.slow
-@needs_zig
 @WIDTHS
 def test_a_finger_pulls_and_colours_show_stress_and_error(tmp_path_factory, width, dark):
     browser()
@@ -126,7 +122,6 @@ def test_a_finger_pulls_and_colours_show_stress_and_error(tmp_path_factory, widt
 
 
 @pytest.mark.slow
-@needs_zig
 @WIDTHS
 def test_a_free_bar_tumbles_and_the_camera_goes_with_it(tmp_path_factory, width, dark):
     browser()
@@ -141,7 +136,6 @@ def test_a_free_bar_tumbles_and_the_camera_goes_with_it(tmp_path_factory, width,
 
 
 @pytest.mark.slow
-@needs_zig
 @WIDTHS
 def test_an_arch_refuses_to_snap_and_says_that_its_load_is_critical(tmp_path_factory, width, dark):
     browser()

@@ -55,6 +55,7 @@ def test_commands_build_describe_and_simulate(folder):
     assert (path / "result.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_python_example_runs(folder):
     path, _ = folder
     lines = run(path, [sys.executable, "-c", block("python")]).splitlines()

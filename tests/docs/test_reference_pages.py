@@ -42,6 +42,7 @@ def test_each_key_of_a_file_says_what_it_means(file):
         assert told == set(keys_of(table)), table.__name__
 
 
+@pytest.mark.slow
 def test_troubleshooting_quotes_messages_that_there_are():
     said = messages()
     tables = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8").split("## Nothing is said")[0]

@@ -250,6 +250,7 @@ def test_the_order_of_calls_is_that_of_the_standard(fmu, tmp_path):
     one.fmu.freeInstance()
 
 
+@pytest.mark.slow
 def test_a_refused_step_is_taken_as_far_as_it_goes_where_the_master_allows_early_return(fmu, tmp_path):
     one, strict, other = (Slave(fmu, tmp_path, earlyReturnAllowed=allowed) for allowed in (True, False, False))
     name = one.names("input")[0]

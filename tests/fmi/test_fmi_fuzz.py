@@ -426,6 +426,7 @@ def test_many_failed_calls_lose_their_log_lines_and_no_more(folder, runtime):
     assert found["sound"]
 
 
+@pytest.mark.slow
 def test_two_versions_of_two_bodies_in_one_process_do_not_mix(tmp_path, runtime):
     models = []
     for seed in (1, 2):

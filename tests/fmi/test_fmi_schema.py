@@ -178,6 +178,7 @@ def default(variable, name):
 # By the tools.
 
 
+@pytest.mark.slow
 def test_fmpys_validator_finds_no_problem(fmu):
     assert validate_fmu(str(fmu)) == []
 

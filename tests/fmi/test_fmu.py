@@ -269,6 +269,7 @@ def test_loads_set_before_the_start_give_a_static_start_when_asked_for(beam):
     np.testing.assert_array_equal(master("trajectory", beam[1], loads, STEP, 1)["rows"][0], 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "body"),
     [
@@ -355,6 +356,7 @@ def test_a_wrong_value_of_a_parameter_fails_the_call_and_says_what_is_offered(be
     assert "'frames'" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
@@ -459,6 +461,7 @@ def test_a_reset_instance_starts_anew(beam):
 # Both exports.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "start"),
     [({}, {}), ({"method": "linear"}, {}), ({"method": "modal_rotation"}, {}), ({}, {"initialization": "static"})],

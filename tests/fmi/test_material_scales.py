@@ -62,6 +62,7 @@ def motion(model, folder, loads, **start):
     return shown, np.array(rows), [text for _, text in one.log], one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [strip, slab, portal])
 @pytest.mark.parametrize("start", ["rest", "static"])
 def test_scales_of_the_material_are_as_if_the_body_were_built_of_it(make, start, tmp_path):
@@ -97,6 +98,7 @@ def test_scales_of_the_material_are_as_if_the_body_were_built_of_it(make, start,
         np.testing.assert_allclose(*slopes, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_scales_change_what_they_should(tmp_path):
     """The linear deflection goes with 1 over the stiffness, the first frequency with its root."""
     model = built(strip())
@@ -107,6 +109,7 @@ def test_scales_change_what_they_should(tmp_path):
     assert stiff == pytest.approx(0.5 * plain, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_picture_of_a_run_knows_the_scales(tmp_path):
     model = built(strip())
     loads = np.zeros((2, 10))
@@ -121,6 +124,7 @@ def test_a_picture_of_a_run_knows_the_scales(tmp_path):
     np.testing.assert_allclose(body.core.motion(found.q[-1]), one.motion("tip"), rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_body_with_springs_or_masses_of_their_own_offers_no_such_scale():
     free = {variable.name for variable in variable_table(built(strip()))}
     assert set(SCALES) <= free

@@ -116,6 +116,7 @@ def in_master(name, path, start):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "start", "runtime"), [(name, start, export) for name, start in MASTERS for export in EXPORTS[name]]
 )
@@ -177,6 +178,7 @@ def test_every_output_is_a_real_number_as_masters_take_it_for(beam):
     assert variables["status.code"][0].tag == "Integer"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("pathsim_fmi") is None, reason="PathSim is not installed")
 def test_pathsims_blocks_show_at_each_time_what_holds_a_step_later(beam):
     """Their first step begins at the time 0: the last value is a step ahead, not wrong."""

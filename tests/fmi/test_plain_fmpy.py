@@ -47,6 +47,7 @@ def simulated(path, stop, interval, times, values, along="y", more=None, **setti
     return *np.array(json.loads(line[len(MARK) :])), done.stdout + done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("times", "values", "last", "words"),
     [
@@ -80,6 +81,7 @@ def test_a_step_of_a_second_that_can_be_taken_is_taken_in_silence(beam):
     assert "DISCARD" not in read
 
 
+@pytest.mark.slow
 def test_flexfmu_simulate_says_it_once(beam, tmp_path):
     (tmp_path / "loads.csv").write_text("time,tip.force.y\n0,1e12\n1,1e12\n")
     words = ["simulate", str(beam), "--input", "loads.csv", "--output", "motion.csv"]
@@ -92,6 +94,7 @@ def test_flexfmu_simulate_says_it_once(beam, tmp_path):
 RAMP = [0.0, 1.0], [0.0, 1e7]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interval", [0.01, 0.001])
 def test_motion_beyond_all_meaning_ends_the_run_by_default(beam, interval):
     time, deflection, read = simulated(beam, 1.0, interval, *RAMP)
@@ -100,6 +103,7 @@ def test_motion_beyond_all_meaning_ends_the_run_by_default(beam, interval):
     assert read.count("where no method means anything (bound.rotation = 85.9 deg)") == 1
 
 
+@pytest.mark.slow
 def test_the_bounds_can_be_lifted(beam):
     time, _, read = simulated(beam, 0.3, 0.001, *RAMP, **{"bound.rotation": 0.0, "bound.displacement": 0.0})
     assert time[-1] == pytest.approx(0.3)

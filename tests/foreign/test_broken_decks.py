@@ -66,6 +66,7 @@ def outcome(path):
         return str(error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DECKS)
 def test_a_spoiled_deck_is_read_or_refused_with_what_is_wrong(name, tmp_path):
     path = tmp_path / "deck.inp"

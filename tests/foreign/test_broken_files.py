@@ -45,6 +45,7 @@ def outcome(path):
         return str(error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_a_spoiled_mesh_file_is_read_whole_or_refused_with_its_name(name, tmp_path):
     data = (FOREIGN / name).read_bytes()
@@ -68,6 +69,7 @@ def test_a_spoiled_mesh_file_is_read_whole_or_refused_with_its_name(name, tmp_pa
     assert refused >= CUTS // 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["deck_bricks.inp", "gmsh_bricks.bdf"])
 def test_a_deck_that_ends_among_its_elements_is_no_smaller_body(name, tmp_path):
     """Nodes come first in a file: those that no element has got yet tell."""

@@ -45,6 +45,7 @@ def test_linear_deflections_of_decks_are_those_of_calculix(name, tmp_path):
     assert np.linalg.norm(tip - expected) < 1e-5 * np.linalg.norm(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BARS)
 def test_large_deflections_of_decks_are_those_of_calculix(name, tmp_path):
     mesh, unknown, load = loaded(tmp_path, name)
@@ -56,6 +57,7 @@ def test_large_deflections_of_decks_are_those_of_calculix(name, tmp_path):
     assert np.linalg.norm(tip - expected) < 1e-5 * np.linalg.norm(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the mesh is too stiff")
 @pytest.mark.parametrize("name", BARS)
 def test_bars_of_every_element_and_material_bend_far_by_the_default_method_as_in_calculix(name, tmp_path):

@@ -61,6 +61,7 @@ def bar(request):
     return request.param, answer(read_mesh(FOREIGN / f"deck_{request.param}.inp"), "ROOT", "TIP", None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(SETS)[1:])
 def test_a_foreign_file_is_the_bar_of_the_deck_with_its_sets(bar, name):
     kind, expected = bar

@@ -48,6 +48,7 @@ def test_linear_deflections_of_glued_bars_are_those_of_calculix(name, tmp_path):
     np.testing.assert_allclose(mesh.equations @ u, 0.0, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HALVES)
 def test_large_deflections_of_glued_bars_are_those_of_calculix(name, tmp_path):
     mesh, unknown, load = glued(tmp_path, name)

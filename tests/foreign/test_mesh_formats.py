@@ -168,6 +168,7 @@ def test_millimetres_become_metres(tmp_path):
     np.testing.assert_allclose(mesh.points, POINTS, rtol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu", ".msh", ".xdmf", ".bdf"])
 def test_every_kind_of_element_keeps_its_node_order_through_a_file(tmp_path, suffix):
     for cells, kind, points in quadratic_and_linear_cells():

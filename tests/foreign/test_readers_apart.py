@@ -55,6 +55,7 @@ TROUBLE = {
 }
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize(("trouble", "words"), TROUBLE.values(), ids=TROUBLE)
 def test_a_reader_that_goes_wrong_costs_an_error_with_the_files_name(monkeypatch, trouble, words):
@@ -74,6 +75,7 @@ def test_what_a_reader_prints_is_no_answer(monkeypatch):
     np.testing.assert_array_equal(read_mesh(FILE).points, real(FILE).points)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("platform", "name"),
     [
@@ -102,6 +104,7 @@ read_mesh(sys.argv[1])
 """
 
 
+@pytest.mark.slow
 @linux
 def test_ctrl_c_ends_the_waiting_and_the_reader():
     one = subprocess.Popen([sys.executable, "-c", SCRIPT, FILE], stdout=subprocess.PIPE, stderr=subprocess.PIPE)

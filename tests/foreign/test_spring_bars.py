@@ -31,6 +31,7 @@ def body_of(folder, name, change=("", "")):
     return flexfmu.Body(read_deck(path, UnitSystem.SI), None, ["ROOT"], {"tip": tip})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SPRINGS)
 def test_bars_on_springs_deflect_as_in_calculix_little_and_far(name, tmp_path, calculix):
     body = body_of(tmp_path, name)

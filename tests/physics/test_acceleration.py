@@ -23,18 +23,21 @@ def sag(body, acceleration):
     return body.response(body.static(body.loads({}, acceleration))).displacement[0]
 
 
+@pytest.mark.slow
 def test_masses_of_the_sub_domains_add_up_to_the_body(bodies):
     masses = heavy_beam(bodies, frames=8).model.masses
     np.testing.assert_allclose(masses.mass, MASS / 8.0, rtol=1e-9)
     np.testing.assert_allclose(masses.point[:, 0], (np.arange(8) + 0.5) / 8.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_weight_bends_the_beam_as_beam_theory_says(bodies):
     # w = ρAgL⁴/8EI; slender enough for half a per cent of shear.
     found = sag(heavy_beam(bodies, modes=30), [0.0, 9.81, 0.0])
     assert -found[1] == pytest.approx(MASS * 9.81 / (8.0 * STIFFNESS), rel=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", Method)
 def test_small_acceleration_gives_the_same_sag_with_all_methods(bodies, method):
     wanted = {"second_order": True, "geometric_stiffness": ["by_load", "by_mode"]}
@@ -44,6 +47,7 @@ def test_small_acceleration_gives_the_same_sag_with_all_methods(bodies, method):
     np.testing.assert_allclose(sag(body, [0, 1e-2, 2e-2]), sag(linear, [0, 1e-2, 2e-2]), rtol=1e-5, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_large_acceleration_bends_the_beam_along_the_elastica(bodies):
     acceleration = 4.0 * STIFFNESS / MASS
     expected = heavy_elastica(acceleration)

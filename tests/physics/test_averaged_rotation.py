@@ -55,6 +55,7 @@ def beam(tmp_path_factory):
 WAYS = {"mean": None, "chord": ["TIP"], "tetrahedron": ["CORNER1", "CORNER2", "CORNER3"]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("units", "length"), [(UnitSystem.SI, 1.0), (UnitSystem.MM_T_S, 1e-3)])
 def test_chord_turns_by_the_tip_displacement_over_the_length(beam, units, length):
     model = beam(WAYS["chord"], units)
@@ -63,6 +64,7 @@ def test_chord_turns_by_the_tip_displacement_over_the_length(beam, units, length
     np.testing.assert_allclose(model.frame_rotation[0], expected, atol=1e-9 * np.abs(tip).max())
 
 
+@pytest.mark.slow
 def test_tetrahedron_sees_the_twist_that_the_chord_does_not(beam):
     # The seventh mode is torsion: the section at the tip turns by all of it.
     torsion = 6
@@ -72,6 +74,7 @@ def test_tetrahedron_sees_the_twist_that_the_chord_does_not(beam):
     assert abs(beam(WAYS["chord"]).frame_rotation[0, 0, torsion]) < 1e-6 * abs(twist)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_any_average_corrects_the_large_deflection(beam, way):
     row = calculix(BEAM / "calculix" / "static_y.csv")
@@ -81,6 +84,7 @@ def test_any_average_corrects_the_large_deflection(beam, way):
     assert relative(found, displacement(row)) < 0.04
 
 
+@pytest.mark.slow
 def test_mean_rotation_of_a_straight_beam_is_that_of_its_chord(beam):
     """The mean of the slope is the deflection over the length; shear, which turns sections back, is not in ½ curl u."""
     model = {way: beam(WAYS[way]) for way in ("mean", "chord")}
@@ -99,6 +103,7 @@ def test_mean_rotation_of_a_straight_beam_is_that_of_its_chord(beam):
         assert errors[0] == pytest.approx(errors[1], rel=0.02)
 
 
+@pytest.mark.slow
 def test_points_that_tell_no_rotation_are_refused(beam):
     with pytest.raises(BodyFileError, match="in a plane"):
         beam(["CORNER1", "CORNER2", "CORNER2"])
@@ -108,6 +113,7 @@ def test_points_that_tell_no_rotation_are_refused(beam):
         FrameTable(name="all", nodes="ALL", rotation_points=["TIP", "ROOT"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "expected"), [(Method.MODAL_ROTATION, 8.7), (Method.HALF_ROTATION, 2.6)])
 def test_the_chord_s_finite_angle_differs_from_its_linear_one_by_the_arctangent_alone(beam, method, expected):
     """By hand and with the angle that the chord really turns by: errors within half a per cent of the body's own."""

@@ -186,6 +186,7 @@ FRAMES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FRAMES)
 def test_frames_bend_far_as_the_whole_model(tmp_path, name):
     points, options, force = FRAMES[name]
@@ -256,16 +257,24 @@ def test_offsets_of_beams_put_their_faces_where_calculix_has_them(tmp_path):
     corners = mesh.points[mesh.blocks[0].connectivity[0]]
     np.testing.assert_allclose(corners.min(axis=0), (0.0, -0.1, -0.15), atol=1e-9)
     np.testing.assert_allclose(corners.max(axis=0), (1.0, 0.0, 0.05), atol=1e-9)
+    circle = read(tmp_path, text.replace("SECTION=RECT", "SECTION=CIRC, OFFSET1=0.5, OFFSET2=0.25"))
+    middle = circle.points[circle.blocks[0].connectivity[0]].mean(axis=0)
+    np.testing.assert_allclose(middle, corners.mean(axis=0), atol=1e-9)
+
+
+def test_one_width_is_that_of_a_square(tmp_path):
+    one, two = (read(tmp_path, clamped(along((0, 0, 0), (1, 0, 0)), sizes=text)) for text in ("0.1", "0.1, 0.1"))
+    np.testing.assert_array_equal(one.points, two.points)
 
 
 REFUSED = {
     "hexagon": (("RECT\n0.02", "HEX\n0.02"), "SECTION=HEX is not supported"),
-    "numbers": (("0.02, 0.02", "0.02"), "2 positive numbers"),
+    "numbers": (("RECT\n0.02, 0.02", "PIPE\n0.02"), "2 positive numbers"),
     "direction": (("0, 1, 0", "1, 0, 0"), "direction"),
     "two": (("0, 1, 0", "0, 1"), "three of the first axis"),
     "kind": (("TYPE=B31", "TYPE=T3D2"), "holds others"),
     "parameter": (("SECTION=RECT", "SECTION=RECT, DENSITY=1."), "DENSITY"),
-    "offset": (("RECT\n0.02, 0.02", "CIRC, OFFSET2=0.5\n0.02"), "offsets of a section CIRC"),
+    "offset": (("RECT\n0.02, 0.02", "L, OFFSET2=0.5\n1, 1, .1, .1"), "offsets of a section L"),
     "box": (("RECT\n0.02, 0.02", "BOX\n1, 1, .1, .1, .2, .1"), "opposite ones alike"),
 }
 

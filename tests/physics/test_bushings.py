@@ -143,6 +143,7 @@ def rigid_bar() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return weight, scipy.linalg.block_diag(*TENSORS), scipy.linalg.block_diag(*dampers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("factor", [1.0, 30.0])
 def test_a_rigid_body_on_spring_dampers_decays_as_its_closed_form(kind, factor):
@@ -179,6 +180,7 @@ def test_energy_falls_by_the_work_of_the_dampers_as_the_body_turns_far():
     assert first - left == pytest.approx(taken, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_body_on_bushings_at_both_ends_may_be_cut():
     """A bar on a bushing at each end: the cut one is as compliant as the one in one piece."""
     mesh = box(ElementType.C3D20R, (6, 1, 1), (LENGTH, 0.04, 0.04))
@@ -215,6 +217,7 @@ def test_an_interface_may_lie_on_a_bushing():
     np.testing.assert_allclose(found.rotation[0], np.linalg.solve(TENSORS[1], 1e-3 * LOAD[3:]), rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_the_whole_model_on_a_bushing_turns_far_as_a_rigid_body_does():
     """What scenes and `fit --verify` compare with: the bushing's own forces in turns of any size."""
     config = flexfmu.Body(bar(), supports=[BUSHING], interfaces={"tip": "TIP"}).spec

@@ -84,6 +84,7 @@ def test_what_a_basis_lacks_of_a_linear_displacement_is_told_as_it_is():
     assert poor.error(state, push).relative > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("frames", "factor"), [(1, 2.0), (2, 5.0)])
 def test_the_error_told_is_that_against_the_finite_element_model(frames, factor):
     body, loads = strip(), {"tip": (0.0, 0.0, 1200.0 * factor)}
@@ -118,6 +119,7 @@ def test_waves_in_which_a_bent_plate_buckles_are_told_although_its_basis_has_non
     assert model.error(model.static(above), above).relative == 1.0
 
 
+@pytest.mark.slow
 def test_joints_of_a_cut_body_do_not_lead_the_error_astray():
     body, loads = portal(cuts="auto"), {"corner": (6e5, 1e5, 0.0)}
     model = body.build(surface=False, modes=4)
@@ -140,6 +142,7 @@ def test_in_motion_inertia_is_no_error(built):
     assert 0.0 < 30.0 * worst < wrong
 
 
+@pytest.mark.slow
 def test_a_free_body_with_its_root_fixed_is_as_wrong_as_the_held_one():
     mesh, loads = strip().mesh, {"tip": (0.0, 0.0, 2000.0)}
     ends = {"root": "ROOT", "tip": "TIP"}
@@ -191,6 +194,7 @@ def test_the_fmu_tells_what_the_body_tells_and_reading_it_changes_nothing(one_fr
     assert driven.get(*names) == before
 
 
+@pytest.mark.slow
 def test_beyond_the_limit_of_the_error_a_step_is_refused_or_a_line_is_written_once(one_frame, tmp_path):
     """With names and numbers, while the deflection grows: not at the first step, where hardly anything has moved."""
     step = one_frame.model.suggested_step
@@ -238,6 +242,7 @@ def gutter():
     return Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="gutter").build(surface=False)
 
 
+@pytest.mark.slow
 def test_a_body_whose_section_opens_warns_of_more_than_its_shadow_sees(built, tmp_path):
     """The next order after the second, which more frames do not lessen as they do in a solid bar."""
     for model, loads, told in ((built, UP, False), (gutter(), {"tip": (0.0, 300.0, 0.0)}, True)):
@@ -259,6 +264,7 @@ def test_without_a_limit_nothing_is_written_and_steps_are_the_same(one_frame, tm
     assert ends[0] == ends[1]
 
 
+@pytest.mark.slow
 def test_an_interface_fixed_that_frames_do_not_hang_on_leaves_the_error_unknown(tmp_path):
     mesh, ends = strip().mesh, {"root": "ROOT", "tip": "TIP"}
     tables = {"free": True, "reduction": {"basis": "craig_bampton", "modes": 3}, "frames": 1}

@@ -111,6 +111,7 @@ def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):
     )
 
 
+@pytest.mark.slow
 def test_a_cut_body_tells_how_far_its_rough_modes_put_it_out_of_phase(tmp_path):
     """Against the same cut with more modes."""
     found, told = {}, {}
@@ -767,6 +768,7 @@ def gutter(folder, **tables):
     return reduce_body(read_body_file(folder / "body.toml").model_copy(update=tables), Reporter())
 
 
+@pytest.mark.slow
 def test_a_cut_goes_through_folded_shells(tmp_path):
     """Knots of the section stand on both of its sides."""
     whole, halves = gutter(tmp_path), gutter(tmp_path, cut=[CutTable(nodes="MID")])
@@ -774,6 +776,7 @@ def test_a_cut_goes_through_folded_shells(tmp_path):
     assert halves.angular_frequency[:3] == pytest.approx(whole.angular_frequency[:3], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_where_to_cut_is_found_in_folded_shells(tmp_path):
     """Its section goes through all three sheets, which share no node."""
     whole, halves = gutter(tmp_path), gutter(tmp_path, cut="auto")

@@ -34,6 +34,7 @@ def tip_error(body, factor, expected):
     return np.linalg.norm(found - expected) / np.linalg.norm(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "frames"), [("second_order", 1), ("second_order", 2), ("frames", 4)])
 def test_reduced_bodies_bend_across_a_tie_as_calculix(tmp_path, method, frames):
     body = flexfmu.Body(glued(tmp_path, "tied_bricks"), None, ["ROOT"], {"tip": "TIP"})
@@ -42,6 +43,7 @@ def test_reduced_bodies_bend_across_a_tie_as_calculix(tmp_path, method, frames):
     assert tip_error(reduced, LARGE, calculix()["tied_bricks", "large"]) < 1e-3
 
 
+@pytest.mark.slow
 def test_membrane_energy_sees_no_stretch_in_a_tie_that_turns(tmp_path):
     tables = {"reduction": {"membrane": True}}
     body = flexfmu.Body(glued(tmp_path, "tied_bricks"), None, ["ROOT"], {"tip": "TIP"}, tables=tables)
@@ -49,12 +51,14 @@ def test_membrane_energy_sees_no_stretch_in_a_tie_that_turns(tmp_path):
     assert tip_error(reduced, LARGE, calculix()["tied_bricks", "large"]) < 1e-3
 
 
+@pytest.mark.slow
 def test_frames_hang_on_each_other_across_a_tie(tmp_path):
     body = flexfmu.Body(glued(tmp_path, "tied_tetrahedra"), None, ["ROOT"], {"tip": "TIP"})
     model = body.build("frames", modes=6, frames=4).model
     assert model.frame_parent.tolist() == [-1, 0, 1, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in HALVES if name != "tied_linear"])
 def test_a_glued_body_without_supports_has_six_rigid_motions_and_no_seventh(tmp_path, name):
     mesh = glued(tmp_path, name)

@@ -78,6 +78,7 @@ def test_leaving_modes_out_of_a_body_makes_the_body_of_so_many_modes(bodies, bas
         np.testing.assert_allclose(*motions, rtol=1e-7, atol=1e-10)
 
 
+@pytest.mark.long
 def test_chosen_modes_come_from_the_store_whatever_is_chosen(tmp_path, bodies):
     config, store = bodies.config(BEAM), Store(tmp_path)
 

@@ -54,6 +54,7 @@ def elastica(load):
     return solved.y[2:4, -1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "frames", "error"), [(Method.SECOND_ORDER, 2, 5e-3), (Method.FRAMES, 8, 5e-3)])
 @pytest.mark.parametrize("load", [1.0, 2.0])
 def test_a_transverse_follower_force_bends_a_cantilever_as_the_elastica_says(cantilever, method, frames, error, load):
@@ -97,6 +98,7 @@ def test_a_column_under_a_follower_force_flutters_at_beck_s_load(cantilever, met
     assert largest_growth(body, 1.1 * low) == pytest.approx(139.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_flutter_is_told_by_the_watch_and_a_column_far_above_euler_s_load_is_not(tmp_path, cantilever):
     model = replace(cantilever(2), method=Method.SECOND_ORDER)
     for load, told in ((10.0, False), (21.0, True)):
@@ -174,6 +176,7 @@ def test_each_component_of_a_load_follows_whichever_interface_it_acts_on(method,
     assert differ == 6 * model.interface_count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [Mass.CONSTANT, Mass.CONFIGURATION])
 def test_a_rocket_that_pushes_itself_flies_a_circle(bodies, mass):
     """A force on the root across a stiff body, at its centre of mass by a moment: it turns at the rate that it gains.
@@ -202,6 +205,7 @@ def test_a_rocket_that_pushes_itself_flies_a_circle(bodies, mass):
     np.testing.assert_allclose(moved[:2], centre, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_a_load_that_follows_is_asked_for_in_the_body_file_and_kept_in_the_modal_file(tmp_path, bodies):
     config = bodies.config(BEAM)
     given = config.model_dump(exclude_unset=True) | {"frames": 1, "reduction": {"modes": 2}}

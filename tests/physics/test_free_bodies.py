@@ -50,6 +50,7 @@ def spinning(body, rate):
     return State(np.zeros_like(v), v)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("basis", Basis)
 def test_a_free_beam_has_six_rigid_motions_and_the_frequencies_of_beam_theory(floating, basis):
     model = floating(basis, 12).model
@@ -62,6 +63,7 @@ def test_a_free_beam_has_six_rigid_motions_and_the_frequencies_of_beam_theory(fl
     assert np.all(found < expected[:, None])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [0, 1, 4])
 def test_fixed_by_the_scene_the_free_body_is_the_supported_one(bodies, floating, frames):
     free = floating(frames=frames)
@@ -79,6 +81,7 @@ def test_fixed_by_the_scene_the_free_body_is_the_supported_one(bodies, floating,
     assert relative(found[0].displacement[1], found[1].displacement[0]) < 5e-3
 
 
+@pytest.mark.slow
 def test_ratios_of_damping_are_listed_for_elastic_modes_and_fixed_by_their_share_of_strain_energy(floating):
     ratios = np.linspace(0.01, 0.14, 14)
     model = floating(modes=8, damping=DampingTable(ratio=ratios.tolist())).model
@@ -97,6 +100,7 @@ def test_ratios_of_damping_are_listed_for_elastic_modes_and_fixed_by_their_share
     assert np.ptp(fixed.damping_ratio) > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
 def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies, method):
     reduction = {"basis": Basis.CRAIG_BAMPTON, "modes": 8, "inertia": True, "second_order": True}
@@ -115,6 +119,7 @@ def test_fixed_by_the_scene_it_has_the_deformed_body_s_mass_too(bodies, method):
     np.testing.assert_allclose(masses[0][-3:], masses[1][-3:], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_what_hung_on_the_floating_frame_keeps_its_mass_where_the_scene_fixes_the_root(bodies):
     """One frame at the root, the rest of the beam on none: undeformed, its modes have unit mass in any case."""
     wanted = {"basis": Basis.CRAIG_BAMPTON, "modes": 4, "inertia": True}
@@ -130,6 +135,7 @@ def test_what_hung_on_the_floating_frame_keeps_its_mass_where_the_scene_fixes_th
         assert sum(body.energies(State(np.zeros(count), v))) == pytest.approx(0.5 * float(v @ v), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_free_body_falls_as_one(floating):
     body = floating(input=InputTable(acceleration=True))
     loads = Loads(np.zeros((2, 3)), np.zeros((2, 3)), np.array([0.0, 9.81, 0.0]))
@@ -189,6 +195,7 @@ def test_a_free_body_keeps_its_energy_under_a_dead_force(floating):
     assert np.linalg.norm(body.response(state).rotation[1]) > 1.0
 
 
+@pytest.mark.slow
 def test_a_hinged_beam_swings_like_the_large_angle_pendulum(bodies):
     """Period 4 √(I/(m g l)) K(sin²(θ₀/2)) of a rigid pendulum that swings from 90°."""
     config = bodies.config(BEAM)
@@ -238,6 +245,7 @@ def test_no_equilibrium_is_promised_to_a_body_that_can_float_away(floating):
         floating().static({"tip": [0.0, 1.0, 0.0]})
 
 
+@pytest.mark.slow
 def test_what_cannot_be_fixed_is_refused_with_the_reason(floating, bodies):
     with pytest.raises(OptionError, match="frames hang on 'root'"):
         FlexibleBody(floating().model, fixed=["tip"])
@@ -257,6 +265,7 @@ def test_a_body_floats_only_when_its_file_says_so(bodies):
         bodies.beam(free=True)
 
 
+@pytest.mark.slow
 def test_a_support_on_springs_gives_by_force_over_stiffness(bodies):
     stiffness = np.array([2e7, 5e6, 1e7])
     reduction = bodies.config(BEAM).reduction.model_copy(update={"residual_flexibility": True})

@@ -146,6 +146,7 @@ def test_the_mass_comes_to_that_of_all_finite_element_nodes_with_the_square_of_t
     assert errors[8] / errors[32] > 8.0
 
 
+@pytest.mark.slow
 def test_every_lump_is_a_connected_share_of_one_frame_and_together_they_are_the_body(whole):
     model, finite = whole()
     every = np.concatenate([elements for _, elements in finite["lumps"]])
@@ -155,6 +156,7 @@ def test_every_lump_is_a_connected_share_of_one_frame_and_together_they_are_the_
     np.testing.assert_array_equal(np.unique(model.inertia.frame), np.arange(4))
 
 
+@pytest.mark.slow
 def test_the_undeformed_body_has_unit_modal_mass(whole, beam, floating):
     for model in (whole()[0], beam(8).model, floating().model):
         np.testing.assert_allclose(mass_at(model, np.zeros(model.mode_count)), np.eye(model.mode_count), atol=1e-9)
@@ -190,6 +192,7 @@ def test_lumps_in_another_basis_are_those_of_the_turned_modes(whole, random):
     np.testing.assert_allclose(mass_at(turned, z), turn.T @ mass_at(model, turn @ z) @ turn, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
 @pytest.mark.parametrize("push", [[0.0, 0.0, 0.0], [300.0, -200.0, 500.0]])
 def test_the_motion_is_that_of_an_independent_integrator(beam, push, method):
@@ -257,7 +260,8 @@ def momenta(body, state):
     return linear, exponential(angle) @ own + np.cross(displacement, linear)
 
 
-@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 15), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [range(3), range(3, 15)])
 @pytest.mark.parametrize("mass", [Mass.CONSTANT, HEAVY])
 def test_a_free_body_that_bends_while_it_spins_keeps_its_momenta_and_energy_to_round_off(floating, mass, seeds):
     """About all axes and for any turn: 0.5 s at 34 rad/s are 2.7 turns.
@@ -368,9 +372,8 @@ MOTIONS = {
 }
 
 
-@pytest.mark.parametrize(
-    "motion", ["quarter arc", *(pytest.param(name, marks=pytest.mark.slow) for name in ("beam", "L-frame"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", ["quarter arc", "beam", "L-frame"])
 def test_to_second_order_the_deformed_body_s_mass_follows_the_nonlinear_transient(bodies, motion):
     """CalculiX's, with one and two frames; the constant mass leaves what frames cannot mend."""
     folder, mesh, results, modes, residual, force, hertz, far, errors = MOTIONS[motion]
@@ -449,6 +452,7 @@ def test_lumps_of_another_body_are_refused(whole):
         beam_body(4, inertia=whole()[0].inertia)
 
 
+@pytest.mark.slow
 def test_the_body_file_stores_lumps_where_the_mass_asks_for_them(bodies):
     config = bodies.config(BEAM).model_dump(exclude_unset=True)
     config["formulation"] = {"method": "frames", "mass": "configuration"}

@@ -59,6 +59,7 @@ def test_many_cells_are_no_frame_of_slender_members():
     assert found(frame(*(((x, 0, 4), (x, 0, 13)) for x in range(1, 15, 2))), "TIP") == []
 
 
+@pytest.mark.slow
 def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
     """A rectangle on a stem, pressed and turned: in one piece it is 0.03 to 0.9 % wrong, and says so."""
     mesh = frame()
@@ -92,6 +93,7 @@ def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
     assert worst > 5e-3
 
 
+@pytest.mark.slow
 def test_cuts_that_are_looked_for_open_loops_within_a_body():
     opened = Body(mesh=frame(), supports=["ROOT"], interfaces={"tip": "TIP"}, cuts="auto").build()
     assert opened.reduced.ties is not None

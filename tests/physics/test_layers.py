@@ -221,6 +221,7 @@ def test_layers_that_say_too_little_or_too_much_are_refused_with_their_line(tmp_
 MAT8 = "MAT8,2,140.+9,10.+9,0.3,5.+9,5.+9,3.5+9,1600."
 
 
+@pytest.mark.slow
 def test_layers_of_bulk_data_are_those_of_the_deck(tmp_path):
     pytest.importorskip("pyNastran")
     middle = Middle("laminate")

@@ -80,7 +80,7 @@ def test_a_portal_frame_is_right_however_it_sways(portal, case):
     assert error(portal, case, -1, Method.LINEAR) > 0.09
 
 
-@pytest.mark.parametrize("membrane", ["auto", True])
+@pytest.mark.parametrize("membrane", [pytest.param("auto", marks=pytest.mark.long), True])
 def test_sections_of_a_portal_frame_stay_flat_whatever_modes_are_missing(membrane):
     """Stress that turns bends its members; taken for flattening, ten modes buckled at 45 % of the load."""
     body, _ = demo_body("portal", cut=[], frames=1, modes=10, membrane=membrane)

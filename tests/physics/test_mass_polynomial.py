@@ -43,6 +43,7 @@ def of(model, mass, limits=None):
     return FlexibleBody(model, Method.SECOND_ORDER, mass, limits=limits)
 
 
+@pytest.mark.slow
 def test_it_is_the_mass_of_lumps_on_eight_frames_to_second_order_whatever_the_body_s_own_frames(built, monkeypatch):
     """Of the size of the displacement the error is of third order; forms of low rank are left out for its own sake."""
     monkeypatch.setattr(mass_polynomial, "_SMALL", 1e-12)
@@ -76,6 +77,7 @@ def test_a_mode_that_stretches_and_turns_nothing_has_its_mass_too(tmp_path, monk
     assert np.linalg.norm(found - exact) < 0.05 * np.linalg.norm(exact)
 
 
+@pytest.mark.slow
 def test_few_forms_hold_it(built):
     """Weighed by what slow coordinates and rates move, each twice the less for half the frequency."""
     model = built(L_FRAME, 2)
@@ -92,6 +94,7 @@ def test_few_forms_hold_it(built):
     assert 0.0 < np.linalg.norm(off) < 0.01 * np.linalg.norm(change)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [2e-4, 1e-3, 5e-3])
 def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(built, step):
     body = of(built(BEAM, 2), Mass.POLYNOMIAL, ONE_STEP)
@@ -109,7 +112,8 @@ def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(built, step):
 TRANSIENTS = {"beam": (BEAM, (0.0, 5e3, 0.0), 1.2, 0.5), "L-frame": (L_FRAME, (0.0, 0.0, 1.7e3), 2.0, 0.8)}
 
 
-@pytest.mark.parametrize("body", ["beam", pytest.param("L-frame", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("body", ["beam", "L-frame"])
 def test_two_frames_follow_the_sudden_load_of_calculix(built, body):
     folder, force, constant, most = TRANSIENTS[body]
     table = calculix(folder / "calculix" / "sudden_load.csv")
@@ -126,6 +130,7 @@ def test_two_frames_follow_the_sudden_load_of_calculix(built, body):
     assert errors[Mass.POLYNOMIAL] < most
 
 
+@pytest.mark.slow
 def test_it_is_the_default_of_bodies_in_one_piece_that_are_held_or_turn_freely(bodies):
     quick = {"modes": 2, "residual_flexibility": False, "membrane": False}
     config, output = bodies.config(BEAM), OutputTable(surface=False, error=False)

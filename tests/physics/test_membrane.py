@@ -72,6 +72,7 @@ ROWS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("folder", "case", "forces", "column", "limit", "without"), ROWS)
 def test_bodies_that_stretch_when_they_bend(reduced, folder, case, forces, column, limit, without):
     body = reduced(folder)
@@ -107,6 +108,7 @@ def test_a_body_whose_only_shape_along_itself_bends_as_well_is_not_locked_by_it(
     assert errors(scene, references(scene, Reporter()), FlexibleBody(body, SECOND)).static_displacement < 5e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("frames", "limit", "without"), [(1, 5e-3, 0.015), pytest.param(2, 2e-3, 0.013, marks=SLOW)])
 def test_a_thin_tube_flattens_as_it_bends(reduced, frames, limit, without):
     """A quarter of the length at its tip; 10 mm across, wall 1 mm."""
@@ -130,12 +132,14 @@ def test_a_tube_in_bending_loses_the_stiffness_that_brazier_found(reduced):
     assert 0.65 * expected < found < 0.8 * expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", [CLAMPED, pytest.param(ARCH, marks=SLOW)])
 def test_more_frames_do_no_harm(reduced, folder):
     name, way = ("middle", Y) if folder == CLAMPED else ("crown", -Y)
     assert error(reduced(folder, 2), "static_y", {name: way}) < 6e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", [BEAM, pytest.param(L_FRAME, marks=SLOW)])
 def test_bodies_that_are_held_at_one_place_do_without(reduced, folder):
     assert reduced(folder).membrane is None
@@ -199,6 +203,7 @@ def test_a_body_that_snaps_is_borne_up_to_its_limit_load_and_refused_beyond(redu
             model.static({"crown": list(factor * limit * way)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("folder", "force"), [(CLAMPED, [0.0, 1e5, 3e4]), (ARCH, [1e3, -1e4, 1e3])])
 @pytest.mark.parametrize(("step", "mass"), [(2e-5, Mass.CONSTANT), (1e-3, Mass.CONSTANT), (2e-5, Mass.CONFIGURATION)])
 def test_energy_is_kept_whatever_the_step(reduced, folder, force, step, mass):
@@ -264,6 +269,7 @@ def test_a_body_that_stiffens_bears_what_would_move_it_far_linearly(reduced):
     assert 5.0 ** (1.0 / 3.0) < moved[1] / moved[0] < 2.2
 
 
+@pytest.mark.slow
 def test_the_surface_moves_as_the_interface_does(reduced):
     """Both are of second order, where shapes of w are coordinates."""
     model = FlexibleBody(reduced(ARCH, surface=True), SECOND)
@@ -283,6 +289,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_begun(bodies, mon
         reduce_body(config.model_copy(update={"reduction": table}), Reporter())
 
 
+@pytest.mark.slow
 def test_limits_lie_between_bodies_that_need_it_and_those_that_do_not(reduced):
     assert _NOTHING == 0.02
     assert _FLAT == 0.09

@@ -92,6 +92,7 @@ def test_ramp_is_the_response_to_a_force_that_grows_from_minus_to_plus_one_half(
     assert ramp == pytest.approx(expected[0, 3] - 0.5 * expected[0, 2], rel=series)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.0, 0.01, 1.0, 3.0])
 def test_one_step_of_a_thousand_periods_is_many_small_steps(damping):
     # There is no limit of stability or accuracy: the composition of the small steps is the large one.

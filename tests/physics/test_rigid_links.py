@@ -57,6 +57,7 @@ def test_a_rigid_bore_moves_and_turns_as_in_calculix(bore, load):
     assert max(errors(bore, load)) < 2e-3
 
 
+@pytest.mark.slow
 def test_linear_theory_is_off_under_the_same_loads():
     linear = plate(method="linear")
     assert all(errors(linear, load)[0] > 0.02 for load in ("force", "moment", "both", "all"))
@@ -93,6 +94,7 @@ def tip(mesh, load=LOAD, rigid=None, **options):
     return body.response(body.static({"tip": load})).displacement[0]
 
 
+@pytest.mark.slow
 def test_an_interface_that_the_body_file_makes_rigid_is_that_of_a_rigid_coupling():
     mesh = bar()
     linked = replace(mesh, links=(RigidLink("coupling", mesh.node_sets["TIP"]),))
@@ -192,6 +194,7 @@ def rigid_equations(
     return sp.csr_array(rows)
 
 
+@pytest.mark.slow
 def test_equations_of_a_linear_rigid_body_become_one_that_is_rigid_in_large_turns():
     mesh = bar()
     nodes = mesh.node_sets["TIP"]
@@ -202,6 +205,7 @@ def test_equations_of_a_linear_rigid_body_become_one_that_is_rigid_in_large_turn
     np.testing.assert_allclose(tip(tied), tip(mesh, rigid=True), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_equations_of_distances_that_make_no_rigid_body_are_warned_of_by_number(recwarn):
     mesh = bar()
     nodes = mesh.node_sets["TIP"]
@@ -224,6 +228,7 @@ def test_equations_that_follow_stretches_pass_without_a_word():
     assert (len(links), rest.shape[0]) == (0, 1)
 
 
+@pytest.mark.slow
 def test_a_mass_on_a_rigid_link_moves_with_all_of_it():
     mesh = bar()
     nodes = mesh.node_sets["TIP"]
@@ -245,6 +250,7 @@ def test_a_mass_on_a_rigid_link_moves_with_all_of_it():
     np.testing.assert_allclose(body.reduced.angular_frequency[:2], expected, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_nonlinear_equilibrium_of_the_finite_element_model_keeps_links_rigid():
     mesh = bar()
     nodes = mesh.node_sets["TIP"]

@@ -72,6 +72,7 @@ def test_bent_beam(reduced, frames, limit):
     assert tip_errors(body, Method.FRAMES, table, loads)[0] > 5.0 * found[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "axis"), [("static_z", 2), ("static_x", 0)])
 @pytest.mark.parametrize(
     ("frames", "limit"),
@@ -121,6 +122,7 @@ def test_energy_is_kept_whatever_the_step(reduced):
     assert np.max(np.abs(energies)) < 1e-9 * abs(work)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("folder", "force"), [(BEAM, [-2e3, 8e3, 3e3]), (L_FRAME, [2e3, 0.0, 0.0]), (L_FRAME, [0.0, 0.0, 2e3])]
 )

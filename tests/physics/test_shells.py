@@ -172,6 +172,7 @@ def test_single_shells_move_without_energy_as_rigid_bodies_alone(kind):
     assert found[6] > 1e-7 * found[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["strip", "channel", "tee", "laminate", "tube"])
 def test_quadratic_shells_are_as_stiff_and_as_heavy_as_calculixs(tmp_path, name):
     middle, file = Middle(name, "S8R"), tmp_path / "body.inp"
@@ -365,7 +366,8 @@ def test_shells_and_their_knots_turn_far_without_strain(tmp_path, name, kind):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [(name, kind) for name in ("strip", "channel", "tee", "laminate", "tube") for kind in ("S4", "S8R")]
+    [(name, kind) for name in ("strip", "channel", "tee", "laminate") for kind in ("S4", "S8R")]
+    + [pytest.param("tube", kind, marks=pytest.mark.long) for kind in ("S4", "S8R")]
     + [("strip", "S3"), ("laminate", "S3")],
 )
 def test_thin_bodies_bend_far_as_in_calculix_with_the_shortest_body_file(tmp_path, name, kind):

@@ -140,6 +140,7 @@ def test_spin_about_changing_axes_is_the_rate_of_the_turn_not_of_its_vector(tmp_
     assert abs(spins[-1] / spins[51] - 1.0) > 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", [[0.1, 0.0, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 2.0]])
 @pytest.mark.parametrize("step", [0.01, 0.1])
 def test_turns_about_one_principal_axis_are_right_and_nothing_is_said(tmp_path, block, moment, step):

@@ -95,6 +95,7 @@ def test_the_second_opinion_knows_eulers_load(frames, source):
         assert body.core.may_miss(share * load, 0.1) or body.stiffness_missed(share * load) <= 0.1
 
 
+@pytest.mark.slow
 def test_geometric_stiffness_aboard_is_the_second_opinion_of_the_demo_beam():
     config = body_without_error(DEMO / "clamped_beam" / "body.toml")
     reduction = config.reduction.model_copy(update={"geometric_stiffness": ["by_load"]})
@@ -185,6 +186,7 @@ def reduced_mesh(mesh, folder, interface, **tables):
     return reduce_body(body_file(mesh, folder, interface=interface, **tables), Reporter())
 
 
+@pytest.mark.slow
 def test_a_column_pressed_at_its_end_is_judged_so_however_many_interfaces_it_has(tmp_path):
     size = (BEAM.length, BEAM.width, BEAM.width)
     mesh = with_sets(box(ElementType.C3D20R, (16, 2, 2), size), MIDDLE=lambda points: points[:, 0] - 0.5 * BEAM.length)

@@ -33,9 +33,10 @@ def strip(folder, thickness, kind=ElementType.C3D20R, turn=(0.0, 0.0, 0.0), **re
     return reduce_body(body_file(mesh, folder, interface=["TIP"], **tables), Reporter()), axes[:, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reduction", [{}, {"residual_flexibility": True}, {"basis": "craig_bampton"}])
-@pytest.mark.parametrize("kind", [ElementType.C3D20R, pytest.param(ElementType.C3D10, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("thickness", [pytest.param(1e-3, marks=pytest.mark.slow), 0.6e-3])
+@pytest.mark.parametrize("kind", [ElementType.C3D20R, ElementType.C3D10])
+@pytest.mark.parametrize("thickness", [1e-3, 0.6e-3])
 def test_a_steel_strip_swings_and_bends_as_beam_theory_says(tmp_path, thickness, kind, reduction):
     body, across = strip(tmp_path, thickness, kind, **reduction)
     wave = np.sqrt(STEEL.youngs_modulus / 12.0 / STEEL.density) * thickness / LENGTH**2
@@ -78,6 +79,7 @@ def test_a_foil_whose_stiffness_double_precision_cannot_hold_is_refused_with_adv
         strip(tmp_path, 0.06e-3, basis=basis)
 
 
+@pytest.mark.slow
 def test_one_layer_of_elements_leaves_a_thin_strip_more_digits_than_two():
     """What the refusal advises helps: twice as many layers of half the thickness are an order of magnitude worse."""
     told = []
@@ -92,6 +94,7 @@ def test_one_layer_of_elements_leaves_a_thin_strip_more_digits_than_two():
     assert told[1] > 3.0 * told[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "counts"),
     [

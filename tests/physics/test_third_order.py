@@ -164,6 +164,7 @@ def slit_plate():
     return replace(mesh, node_sets={name: np.flatnonzero(along.points[:, 0] == at) for name, at in lips.items()})
 
 
+@pytest.mark.slow
 def test_a_basis_that_holds_nearly_all_of_a_thin_body_s_static_shapes_is_completed_by_the_rest(tmp_path):
     matrices, loads = matrices_and_loads(slit_plate(), tmp_path)
     model = matrices.supported
@@ -188,6 +189,7 @@ class Heard(Reporter):
         self.warnings.append(text)
 
 
+@pytest.mark.slow
 def test_a_bar_one_reduced_element_across_is_right_and_not_warned_of(tmp_path):
     """Under forces of third order, which would set off elements that move without energy."""
     heard, found = Heard(), []

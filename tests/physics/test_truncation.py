@@ -53,6 +53,7 @@ COURSES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("course", COURSES)
 @pytest.mark.parametrize("modes", [1, 2, 6])
 def test_what_is_told_is_how_far_the_motion_is_off_that_of_many_modes(tmp_path, frames, modes, course):
@@ -66,6 +67,7 @@ def test_what_is_told_is_how_far_the_motion_is_off_that_of_many_modes(tmp_path, 
         assert "vibrations that the modes hold only roughly" in text
 
 
+@pytest.mark.slow
 def test_one_of_these_motions_is_wrong_and_another_right(tmp_path, frames):
     assert told(tmp_path, frames(1), COURSES["a blow"], 400)[1] > 0.03
     assert told(tmp_path, frames(1), COURSES["slow"], 400)[1] < 0.002

@@ -46,6 +46,7 @@ def warned(driven, loads, asked=()):
     return STEPS, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "seed", "limit"),
     [("linear", 0, 0.01), ("linear", 1, 0.005), ("linear", 2, 0.02), ("second_order", 2, 6e-4)],
@@ -104,6 +105,7 @@ def test_what_is_still_looked_at_is_told_however_a_run_ends(bar, end, tmp_path):
     assert len(driven.log) == 1 + (end == "fail")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [0.05, 0.3])
 @pytest.mark.parametrize("seed", range(4))
 def test_stability_is_told_as_soon_as_loads_have_changed_by_a_twentieth(seed, limit, tmp_path):

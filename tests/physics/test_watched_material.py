@@ -67,6 +67,7 @@ def test_elements_that_turn_most_are_among_those_watched():
     assert square[1] == pytest.approx(0.1**2 / 3.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_strain_of_a_bar_that_is_pulled_is_told_at_its_limit(tmp_path):
     """ε = F/EA, with νε twice across: its norm is ε √(1 + 2ν²)."""
     model = bar(frames=3)
@@ -80,6 +81,7 @@ def test_strain_of_a_bar_that_is_pulled_is_told_at_its_limit(tmp_path):
     assert sum("strained by" in text for _, text in driven.log) == 1
 
 
+@pytest.mark.slow
 def test_strain_of_a_bar_that_bends_is_that_of_its_fibres(tmp_path):
     """Over the third of a bar at its clamp (1 - x/L)² is 19/27 in the mean, and over its height (2z/h)² is 1/3."""
     driven = Driven(bar(frames=3), tmp_path, initialization="static", **{"tip.force.y": 0.3})
@@ -88,6 +90,7 @@ def test_strain_of_a_bar_that_bends_is_that_of_its_fibres(tmp_path):
     assert driven.get("diagnostics.strain") == [pytest.approx(norm, rel=0.05)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [{"tip.force.y": 1.2}, {"tip.moment.x": 0.02, "tip.force.z": 0.5}])
 def test_a_turn_is_told_in_the_step_that_takes_it_beyond_the_limit(tmp_path, load):
     """Steps far below the limit are not looked at in full: none is missed."""

@@ -74,6 +74,7 @@ def test_error_falls_with_the_square_of_the_number_of_frames(bodies):
     assert np.all(orders < 2.2), orders
 
 
+@pytest.mark.slow
 def test_frames_given_by_hand_equal_the_same_frames_found_automatically(bodies):
     hand, automatic = by_hand(8).model, bodies.beam(frames=8).model
     np.testing.assert_allclose(hand.frame_rotation, automatic.frame_rotation, atol=1e-9)
@@ -100,6 +101,7 @@ def test_forces_in_all_directions_at_once_agree_with_calculix(bodies):
         assert relative(linear.response(linear.static(loads)).displacement[0], displacement(row)) > 0.05
 
 
+@pytest.mark.slow
 def test_linear_static_response_equals_the_finite_element_model_within_truncation(bodies):
     table = calculix(BEAM / "calculix" / "linear_y.csv")
     loads = {"tip": [0.0, 1e3, 0.0]}

@@ -37,6 +37,7 @@ def angle(turn):
     return np.arccos(np.clip(0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BODIES)
 @pytest.mark.parametrize("method", [Method.LINEAR, Method.FRAMES, Method.SECOND_ORDER, Method.MODAL_ROTATION])
 @settings(max_examples=2, deadline=None, derandomize=True)

@@ -43,6 +43,7 @@ def place(row):
     return row["body"], row["case"], row["share"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", names())
 def test_the_shortest_body_file_is_right_or_the_fmu_says_that_it_is_not(name):
     """Points that the record knows as silent are at least no worse than there."""
@@ -56,6 +57,7 @@ def test_simple_bodies_are_right_in_every_point(name):
     assert max(map(error, rows(name))) < RIGHT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "case", "shares"), [("strip", "aslant", ("0.1", "0.4")), ("cross", "on edge", ("0.1", "0.4", "1.0"))]
 )
@@ -82,6 +84,7 @@ def test_leaves_that_bend_are_not_near_a_critical_load():
     assert not any(map(told, found))
 
 
+@pytest.mark.slow
 def test_kept_results_are_those_of_the_scripts_bodies_and_loads():
     kept = {(row["body"], row["case"], row["deck"]) for row in read_records(RESULTS)}
     assert kept == {(name, case, body.digest(case)) for name, body in known().items() for case in body.cases}

@@ -20,12 +20,14 @@ def tip_error(body, case):
     return relative(response.displacement[0], displacement(row))
 
 
+@pytest.mark.slow
 def test_frequencies_agree_with_calculix(bodies):
     expected = calculix(L_FRAME / "calculix" / "frequencies.csv")["frequency_Hz"][:10]
     found = bodies.l_frame().model.angular_frequency[:10] / (2.0 * np.pi)
     assert np.max(np.abs(found / expected - 1.0)) < 2e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [3, 4, 5, 8])
 def test_bending_with_torsion_is_right_within_half_a_percent(bodies, frames):
     assert tip_error(bodies.l_frame(frames=frames), "static_z") <= 0.005
@@ -49,6 +51,7 @@ def test_error_falls_with_the_square_of_the_number_of_frames(bodies, case):
     assert 1.5 < np.log2(coarse / fine) / 3.0 < 2.5
 
 
+@pytest.mark.slow
 def test_frames_given_by_hand_follow_the_legs():
     config = body_without_error(L_FRAME / "body.toml")
     frames = [
@@ -62,6 +65,7 @@ def test_frames_given_by_hand_follow_the_legs():
     assert tip_error(body, "static_x") <= 0.0065
 
 
+@pytest.mark.slow
 def test_three_frames_and_the_stress_of_the_loads_are_enough_in_the_plane(bodies):
     # A force in the plane presses along a leg: geometric stiffness by load takes most of what three frames leave.
     reduction = bodies.config(L_FRAME).reduction.model_copy(update={"geometric_stiffness": ["by_load"]})

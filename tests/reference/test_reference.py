@@ -42,6 +42,7 @@ def same(found, expected, tolerance):
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BODIES)
 @pytest.mark.parametrize("method", Method)
 @settings(max_examples=4, deadline=None, derandomize=True)
@@ -69,6 +70,7 @@ def test_places_forces_tangents_and_energies_are_those_of_the_theory(kind, metho
     same(body.energies(state), [reference.strain(q).real, 0.5 * float(v @ v)], 1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["one frame", "tree", "large", "free"])
 @pytest.mark.parametrize("method", [Method.FRAMES, Method.SECOND_ORDER])
 @settings(max_examples=6, deadline=None, derandomize=True)

@@ -112,6 +112,7 @@ def test_calculix_prints_what_was_kept(tmp_path):
     assert sum("CalculiX" in note for note in listening.notes) == done.increments
 
 
+@pytest.mark.slow
 @needs_ccx
 @pytest.mark.parametrize("kind", [k for k in EVERY_TYPE if k is not ElementType.C3D8])
 def test_calculix_and_our_own_solve_agree_for_every_element(tmp_path, kind):
@@ -122,6 +123,7 @@ def test_calculix_and_our_own_solve_agree_for_every_element(tmp_path, kind):
     np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @needs_ccx
 def test_single_elements_of_reduced_integration_stop_calculix_and_do_not_as_those_that_they_are_taken_as(tmp_path):
     model, load, tip = bar_and_load(tmp_path, ElementType.C3D20R, layers=1)

@@ -37,12 +37,14 @@ def linear_error(body):
     return relative(found, displacement(calculix(BEAM / "calculix" / "linear_y.csv")))
 
 
-@pytest.mark.parametrize("modes", [2, *(pytest.param(count, marks=pytest.mark.slow) for count in (6, 10))])
+@pytest.mark.slow
+@pytest.mark.parametrize("modes", [2, 6, 10])
 def test_residual_flexibility_makes_few_modes_statically_exact(beam, modes):
     assert linear_error(beam(modes=modes)) > 5e-4
     assert linear_error(beam(modes=modes, residual=True)) < 1e-6
 
 
+@pytest.mark.slow
 def test_residual_flexibility_of_one_load_is_exact_for_that_load_alone(beam):
     one = beam(modes=2, residual=["tip.force.y"])
     assert one.model.mode_count == 3
@@ -50,6 +52,7 @@ def test_residual_flexibility_of_one_load_is_exact_for_that_load_alone(beam):
     assert linear_error(beam(modes=2, residual=["tip.force.z"])) > 5e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [2, 10])
 def test_craig_bampton_is_statically_exact(beam, modes):
     assert linear_error(beam(Basis.CRAIG_BAMPTON, modes)) < 1e-6
@@ -78,6 +81,7 @@ def test_craig_bampton_and_normal_modes_agree_when_the_beam_bends_far(beam):
     assert relative(found[1].rotation, found[0].rotation) < 5e-3
 
 
+@pytest.mark.slow
 def test_residual_flexibility_takes_truncation_out_of_large_deflections(beam):
     table = calculix(BEAM / "calculix" / "static_y.csv")
     expected = displacement(table[table["force_N"] == 10e3][0])
@@ -89,6 +93,7 @@ def test_residual_flexibility_takes_truncation_out_of_large_deflections(beam):
     assert errors[True] < 3e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("basis", list(Basis))
 def test_interface_modes_are_orthonormal_and_come_last(beam, basis):
     model = beam(basis, 6, residual=True).model
@@ -112,6 +117,7 @@ def test_modes_of_high_frequency_do_not_spoil_the_motion(beam):
     assert np.max(np.abs(energies)) < 1e-8 * 5e3 * 0.25
 
 
+@pytest.mark.slow
 def test_a_free_body_s_constraint_modes_hold_the_response_to_every_load_in_balance(bodies):
     """As normal modes with residual flexibility do: both are exact, forces and moments of any size together."""
     ends = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
@@ -136,6 +142,7 @@ def compliance(body):
     return ((motion[:, :, elastic] / body.angular_frequency[elastic]) ** 2).sum(axis=2)
 
 
+@pytest.mark.slow
 def test_by_default_every_load_misses_little_with_few_static_shapes(tmp_path):
     mesh = bars(
         ElementType.C3D20,
@@ -156,6 +163,7 @@ def test_by_default_every_load_misses_little_with_few_static_shapes(tmp_path):
     assert none.mode_count < few.mode_count < every.mode_count - 2
 
 
+@pytest.mark.slow
 def test_steel_between_blocks_that_are_ten_thousand_times_stiffer_has_orthonormal_modes(tmp_path):
     stiff = Material("BLOCK", 2.0e15, 0.3, 7850.0)
     steel = Material("STEEL", 2.0e11, 0.3, 7850.0)

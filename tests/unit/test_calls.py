@@ -39,6 +39,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_check_and_init_give_data_and_files(folder):
     found = flexfmu.check(folder / "body.toml")
     assert {len(rows) for rows in found.chosen.values()} == {21}
@@ -52,6 +53,7 @@ def test_check_and_init_give_data_and_files(folder):
         flexfmu.init(folder / "bar.inp", written)
 
 
+@pytest.mark.slow
 def test_a_chart_is_a_table_and_a_picture(folder):
     drawn = flexfmu.chart(folder / "body.toml", folder / "scene.toml", folder / "records.csv", bare=True, every=True)
     assert len(drawn.records) == len(drawn.to_dataframe()) >= 3
@@ -62,6 +64,7 @@ def test_a_chart_is_a_table_and_a_picture(folder):
     assert [one.key for one in again.records] == [one.key for one in drawn.records]
 
 
+@pytest.mark.slow
 def test_fit_gives_what_it_found(folder):
     found = flexfmu.fit(folder / "body.toml", folder / "scene.toml", folder / "lean.toml")
     assert found.met
@@ -72,6 +75,7 @@ def test_fit_gives_what_it_found(folder):
     assert table.loc["written", "modes"] == found.mode_count
 
 
+@pytest.mark.slow
 def test_a_map_of_stability_is_a_table_and_a_picture(folder):
     (folder / "scene.toml").write_text(SCENE + "[stability]\nfactors = [0.5, 1.0]\n")
     found = flexfmu.stability(folder / "body.toml", folder / "scene.toml", folder / "runs.csv")
@@ -79,6 +83,7 @@ def test_a_map_of_stability_is_a_table_and_a_picture(folder):
     assert "<svg" in found._repr_html_()
 
 
+@pytest.mark.slow
 def test_bodies_runs_and_couplings_show_themselves(folder):
     body = flexfmu.Body.read(folder / "body.toml")
     assert "interface tip" in body._repr_html_()
@@ -108,6 +113,7 @@ def data_of(shown):
     return json.loads(re.search(r"const DATA = (.*);\n", html.unescape(frame)).group(1))
 
 
+@pytest.mark.slow
 def test_bodies_are_seen_from_a_script(folder):
     body = flexfmu.Body.read(folder / "body.toml")
     seen = data_of(body.view())
@@ -129,6 +135,7 @@ def test_bodies_are_seen_from_a_script(folder):
         assert "data:image/png;base64," in shown._repr_html_()
 
 
+@pytest.mark.slow
 def test_pictures_leave_the_way_of_the_notebook_alone():
     """No choice of a backend for the figures of others, and no matplotlib before something is drawn."""
     code = "import flexfmu, sys; flexfmu.Body, flexfmu.chart; assert 'matplotlib' not in sys.modules; "

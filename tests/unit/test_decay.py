@@ -30,6 +30,22 @@ def test_a_decay_of_two_vibrations_in_noise_gives_back_their_frequencies_and_rat
     assert "[damping]" in found.words
 
 
+def test_a_slow_decay_in_many_rows_is_used_whole_and_a_fast_one_says_how_far(tmp_path):
+    """One vibration that loses a fifth of its size in a twentieth of the rows tells little of its ratio there."""
+    time, omega = np.arange(12_000) * 2.5e-3, 2.0 * np.pi * np.array([1.0, 3.0])
+    noise = 0.1 * np.random.default_rng(1).standard_normal(time.size)
+    slow = sum(np.exp(-0.01 * w * time) * np.cos(w * time) for w in omega) + noise
+    found = flexfmu.decay(written(tmp_path / "slow.csv", time, slow))
+    np.testing.assert_allclose(found.ratio, 0.01, rtol=0.03)
+    np.testing.assert_allclose(found.frequency, [1.0, 3.0], rtol=2e-3)
+    np.testing.assert_allclose(found.amplitude, 1e-3, rtol=0.03)
+    assert found.used == found.whole == pytest.approx(30.0)
+    fast = np.exp(-0.3 * time) * np.cos(2.0 * np.pi * 110.0 * time) + np.exp(-0.3 * time) * np.cos(omega[1] * time)
+    found = flexfmu.decay(written(tmp_path / "fast.csv", time, fast))
+    assert found.used == pytest.approx(2.5)
+    assert "of the first 2.5 s of 30" in "\n".join(found.words)
+
+
 def test_what_is_no_decay_is_refused(tmp_path):
     time = np.linspace(0.0, 1.0, 100)
     for columns, words in [

@@ -66,6 +66,26 @@ def test_a_keyword_line_that_ends_with_a_comma_goes_on(tmp_path):
     assert mesh.element_sets["Eall"].tolist() == [0]
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "word"),
+    [
+        ("6, 7, 8\n", "6, 7, 8, 1, 2,\n", "rows of C3D8 name more than 8 nodes: the rest is left out"),
+        ("*NODE, NSET", ">** a title\n*NODE, NSET", ""),
+        ("NSET=Nall\n", "NSET=Nall,\n", ""),
+        ("*MATERIAL", "*EQUATION\n2\n1, 11, 1., 2, 11, -1.\n*MATERIAL", ""),
+        ("*MATERIAL", "*ELEMENT, TYPE=GAPUNI, ELSET=G\n20, 1, 2\n*GAP, ELSET=G\n0.\n*MATERIAL", "*GAP is left unused"),
+        ("*DENSITY", "*MOHR COULOMB HARDENING\n0., 0.\n*DENSITY", "*MOHR COULOMB HARDENING is left unused"),
+    ],
+)
+def test_what_solvers_pass_over_changes_no_body(tmp_path, before, after, word):
+    assert BODY.count(before) == 1
+    plain, mesh = read(tmp_path, BODY), read(tmp_path, BODY.replace(before, after))
+    np.testing.assert_array_equal(mesh.points, plain.points)
+    np.testing.assert_array_equal(mesh.blocks[0].connectivity, plain.blocks[0].connectivity)
+    assert (mesh.materials, mesh.equations) == (plain.materials, None)
+    assert any(word in note for note in mesh.notes) if word else not mesh.notes
+
+
 def test_missing_coordinates_are_zero_and_fortran_exponents_are_read(tmp_path):
     mesh = read(tmp_path, BODY.replace("2, 2., 0., 0.", "2, 0.2D+1"))
     np.testing.assert_array_equal(mesh.points[1], [2.0, 0.0, 0.0])

@@ -157,6 +157,7 @@ def test_frames_of_node_sets_need_no_cells(clamped, reference):
     assert motion(packed)[1] == pytest.approx(motion(reference[4])[1], rel=0.02)
 
 
+@pytest.mark.slow
 def test_loads_that_follow_an_interface_do_so_on_given_modes(clamped, reference):
     """The same body built from its mesh: a following force bends it less than one that keeps its direction."""
     ends = {"tip": flexfmu.Interface("TIP", follows=True)}
@@ -207,6 +208,7 @@ def test_the_recipe_for_calculix_reads_its_modes(tmp_path, monkeypatch):
     np.testing.assert_allclose(motion(given), motion(own), rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_command_packs_modes_and_modal_files_alike(clamped, tmp_path):
     clamped.save(tmp_path / "bar.npz")
     run = CliRunner().invoke(

@@ -97,6 +97,7 @@ def _alive(group):
     return True
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_measures_by_its_address():
     distributed = pytest.importorskip("distributed")
     local = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
@@ -105,6 +106,7 @@ def test_a_dask_cluster_measures_by_its_address():
         assert [n for n, _ in crew.each([partial(slow_first, number) for number in range(3)])] == [0, 1, 2]
 
 
+@pytest.mark.slow
 def test_nobody_at_the_address_is_said():
     pytest.importorskip("distributed")
     with pytest.raises(JobsError, match="no Dask scheduler answers there"):

@@ -1,4 +1,4 @@
-"""The live page: its core beside the native one, a pull with a pointer in Chromium, what is said without a compiler."""
+"""The live page: its core beside the native one, a pull with a pointer in Chromium."""
 
 import base64
 import gzip
@@ -18,8 +18,6 @@ from chromium import Tab, browser
 from driven import Driven
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.core import binaries
-from flexfmu.core.building import zig_compiler
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.built_body import load
 from flexfmu.mesh.elements import ElementType
@@ -30,7 +28,6 @@ from meshes import body_file, box
 MASTER = Path(flexfmu.view.shown.__file__).with_name("fmu.js")
 STEPS, STEP, CLOSE = 10_000, 1e-4, 1e-12
 MOST_BYTES = 600_000
-needs_zig = pytest.mark.skipif(zig_compiler() is None, reason='no compiler for pages: pip install ".[platforms]"')
 pytestmark = pytest.mark.slow
 
 
@@ -62,7 +59,6 @@ def loads(step):
     return 4e3 * np.sin(0.003 * step), 2e3 * np.cos(0.0071 * step)
 
 
-@needs_zig
 def test_the_core_of_the_page_gives_the_outputs_of_the_native_one(bar, tmp_path):
     if shutil.which("node") is None:
         pytest.skip("no node to run WebAssembly with")
@@ -123,7 +119,6 @@ def pull(tab, right, up):
     return x + right, y - up
 
 
-@needs_zig
 @pytest.mark.parametrize(("width", "dark"), [(1400, False), (400, True)])
 def test_a_pull_with_the_pointer_bends_the_body(bar, tmp_path, width, dark):
     browser()
@@ -160,7 +155,6 @@ def test_a_pull_with_the_pointer_bends_the_body(bar, tmp_path, width, dark):
         assert tab.said == []
 
 
-@needs_zig
 def test_a_notebook_shows_the_body_alive(modal_file, tmp_path):
     browser()
     notebook = tmp_path / "notebook.html"
@@ -174,7 +168,6 @@ def test_a_notebook_shows_the_body_alive(modal_file, tmp_path):
         assert tab.said == []
 
 
-@needs_zig
 def test_a_body_that_refuses_says_so_and_goes_on(bar):
     browser()
     with Tab(bar[1]) as tab:
@@ -192,12 +185,3 @@ def test_a_body_that_refuses_says_so_and_goes_on(bar):
         pull(tab, 0, 150)
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.01")
         assert tab.said == []
-
-
-def test_without_a_compiler_the_page_says_what_brings_one(modal_file, tmp_path, monkeypatch):
-    monkeypatch.setenv("FLEXFMU_CACHE", str(tmp_path / "empty"))
-    monkeypatch.setattr(binaries, "zig_compiler", lambda: None)
-    result = CliRunner().invoke(app, ["view", str(modal_file[1]), "--live", str(tmp_path / "page.html")])
-    assert result.exit_code != 0
-    assert "flexfmu[platforms]" in " ".join(result.output.split())
-    assert not (tmp_path / "page.html").exists()

@@ -393,6 +393,7 @@ def test_numbers_that_are_not_finite_are_refused_in_every_part(part):
                 replace(body, **{part.attribute: replace(getattr(body, part.attribute), **{entry.name: value})})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "first", "count"),
     [

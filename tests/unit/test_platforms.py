@@ -21,11 +21,12 @@ from binary_files import ARM, X86, libraries
 from bodies import beam_body
 from flexfmu.commands.cli import app
 from flexfmu.core import binaries
-from flexfmu.core.binaries import core_binaries
+from flexfmu.core.binaries import core_binaries, web_core
 from flexfmu.core.building import (
     FOLDER,
     PLATFORMS,
-    TARGETS,
+    WEB,
+    WEB_CORE,
     compile_core,
     fat_file,
     source_hash,
@@ -44,6 +45,8 @@ ROOT = Path(__file__).parents[2]
 MASTER = ROOT / "tests" / "native_master" / "master.c"
 CLAMPED = ROOT / "demo" / "clamped_beam" / "body.toml"
 ZIG = zig_compiler()
+# What made web.wasm.
+PAGES_BY = "0.17.1"
 needs_zig = pytest.mark.skipif(ZIG is None, reason='no compiler for other platforms: pip install ".[platforms]"')
 needs_cc = pytest.mark.skipif(system_compiler() is None, reason="no C compiler")
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
@@ -412,7 +415,23 @@ def test_the_command_in_an_fmus_sources_makes_a_library_that_runs_the_same(nativ
 # Wheels.
 
 
+def test_the_core_of_pages_is_of_these_c_files_and_goes_with_them(monkeypatch):
+    """By `python fmu_src/flexfmu/core/building.py`, with ziglang: run it where C files have changed."""
+    assert source_hash().encode() in web_core()
+    monkeypatch.setattr(binaries, "source_hash", lambda: "0" * 64)
+    with pytest.raises(PackagingError, match=r"other C files than these; renew it: .*building\.py"):
+        web_core()
+
+
 @pytest.mark.slow
+@needs_zig
+@pytest.mark.skipif(ZIG is not None and version("ziglang") != PAGES_BY, reason=f"not ziglang {PAGES_BY}")
+def test_the_core_of_pages_compiled_again_has_the_same_bytes(tmp_path):
+    compile_core(tmp_path / "web.wasm", ZIG, WEB.targets)
+    assert (tmp_path / "web.wasm").read_bytes() == WEB_CORE.read_bytes()
+
+
+@pytest.mark.long
 @needs_zig
 @pytest.mark.skipif(int(version("setuptools").partition(".")[0]) < 77, reason="setuptools is older than 77")
 def test_a_wheel_has_the_same_bytes_twice_and_runs_without_a_compiler(tmp_path):
@@ -429,7 +448,7 @@ def test_a_wheel_has_the_same_bytes_twice_and_runs_without_a_compiler(tmp_path):
     with zipfile.ZipFile(wheels[0]) as archive:
         cores = [Path(name).name for name in archive.namelist() if "/core/binaries/" in name]
         archive.extractall(installed)
-    assert sorted(cores) == sorted(f"{name}{kind.ending}" for name, kind in TARGETS.items())
+    assert sorted(cores) == sorted(f"{name}{kind.ending}" for name, kind in PLATFORMS.items())
     words = (
         "import sys; sys.path[:0] = sys.argv[1:]; from pathlib import Path; import flexfmu.core.library as library\n"
         "from bodies import beam_body; from flexfmu.fmu.package import package_fmu; import fmpy\n"

@@ -59,6 +59,7 @@ def test_arrays_alone_make_a_cantilever_as_soft_as_beam_theory_has_it(built):
     assert tip(built) == pytest.approx(BENDING + SHEAR, rel=1.5e-2)
 
 
+@pytest.mark.slow
 def test_bodies_of_meshio_of_arrays_and_in_millimetres_are_the_same(built):
     points, cells = bricks()
     by_name = meshio.Mesh(
@@ -75,9 +76,8 @@ def test_bodies_of_meshio_of_arrays_and_in_millimetres_are_the_same(built):
     np.testing.assert_allclose(body.model.angular_frequency, built.model.angular_frequency, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("kind", "tolerance"), [("MeshHex", 0.15), pytest.param("MeshTet2", 0.02, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "tolerance"), [("MeshHex", 0.15), ("MeshTet2", 0.02)])
 def test_meshes_of_scikit_fem_bring_their_boundaries_and_subdomains(kind, tolerance):
     skfem = pytest.importorskip("skfem")
     grid = (np.linspace(0.0, LENGTH, 21), np.linspace(0.0, SIDE, 5), np.linspace(0.0, SIDE, 5))
@@ -99,6 +99,7 @@ def test_meshes_of_scikit_fem_bring_their_boundaries_and_subdomains(kind, tolera
     )
 
 
+@pytest.mark.slow
 def test_a_simulation_settles_where_statics_says_and_becomes_a_table(built, tmp_path):
     loads = {"tip": [0.0, 2.0e4, 0.0]}
     result = built.simulate(
@@ -119,6 +120,7 @@ def test_a_simulation_settles_where_statics_says_and_becomes_a_table(built, tmp_
     assert (tmp_path / "result.csv").read_text().startswith("time [s],tip.displacement.x [m]")
 
 
+@pytest.mark.slow
 def test_an_fmu_and_a_modal_file_of_a_script_are_read_back_as_the_same_body(built, tmp_path):
     for path in (built.fmu(tmp_path / "cantilever.fmu"), built.save(tmp_path / "cantilever.h5")):
         back = flexfmu.load(path)
@@ -126,6 +128,7 @@ def test_an_fmu_and_a_modal_file_of_a_script_are_read_back_as_the_same_body(buil
         assert back.fmu(tmp_path / "again.fmu").read_bytes() == (tmp_path / "cantilever.fmu").read_bytes()
 
 
+@pytest.mark.slow
 def test_the_method_that_a_body_is_read_with_is_the_one_its_fmu_starts_with(built, tmp_path):
     linear = flexfmu.load(built.save(tmp_path / "body.h5"), "linear")
     assert flexfmu.load(linear.fmu(tmp_path / "linear.fmu")).method is flexfmu.Method.LINEAR

@@ -16,6 +16,7 @@ def motion(model, method):
     return body.motion(body.static(LOADS))
 
 
+@pytest.mark.slow
 def test_the_floating_frame_of_any_body_is_the_tree_of_one_frame(bodies):
     built, chosen = bodies.beam(frames=1).model, bodies.beam(frames=8).model
     expected = motion(built, Method.FRAMES)
@@ -24,6 +25,7 @@ def test_the_floating_frame_of_any_body_is_the_tree_of_one_frame(bodies):
     assert relative(motion(chosen, Method.FRAMES), expected) > 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [1, 3])
 def test_a_free_body_moves_on_its_floating_frame_alone_whatever_frames_hang_on_it(bodies, frames, random):
     ends = [InterfaceTable(name="root", nodes="ROOT"), InterfaceTable(name="tip", nodes="TIP")]
@@ -36,6 +38,7 @@ def test_a_free_body_moves_on_its_floating_frame_alone_whatever_frames_hang_on_i
     assert relative(FlexibleBody(model, Method.FRAMES).response(State(q, q)).displacement, expected) > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [Method.MODAL_ROTATION, Method.HALF_ROTATION])
 def test_sub_domains_turn_about_the_linear_place_of_their_joint_as_the_source_has_it_or_in_a_tree(bodies, method):
     """x = X + u_a + R (u − u_a), with the joint's linear displacement, or with that of the tree."""
@@ -60,6 +63,7 @@ def test_sub_domains_turn_about_the_linear_place_of_their_joint_as_the_source_ha
     np.testing.assert_allclose(body.response(state).displacement[0], expected, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_only_the_tree_gets_better_with_more_frames(bodies):
     force = 10e3
     table = calculix(BEAM / "calculix" / "static_y.csv")

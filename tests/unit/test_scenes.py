@@ -165,6 +165,7 @@ frames = 4
 """
 
 
+@pytest.mark.slow
 def test_the_reference_over_time_is_closer_to_a_model_of_its_kind_than_to_a_linear_one(tmp_path, store):
     scene = scene_of(tmp_path, TRANSIENT)
     known = references(scene, Reporter(), store)

@@ -63,6 +63,7 @@ def store(tmp_path):
     return Store(tmp_path / "kept")
 
 
+@pytest.mark.slow
 def test_a_second_build_takes_the_modes_and_gives_the_same_body(store):
     first, reused = build(store)
     assert reused == []
@@ -71,6 +72,7 @@ def test_a_second_build_takes_the_modes_and_gives_the_same_body(store):
     assert same(first, second)
 
 
+@pytest.mark.slow
 def test_other_interfaces_frames_and_formulations_take_the_same_modes(store):
     build(store)
     middle = InterfaceTable(name="middle", nodes="SEG4")
@@ -81,6 +83,7 @@ def test_other_interfaces_frames_and_formulations_take_the_same_modes(store):
         assert same(body, fresh)
 
 
+@pytest.mark.slow
 def test_what_depends_on_the_interfaces_is_found_again_when_they_change(store):
     build(store, residual=True)
     assert build(store, residual=True)[1] == ["normal modes", "static response"]
@@ -88,7 +91,7 @@ def test_what_depends_on_the_interfaces_is_found_again_when_they_change(store):
     assert build(store, residual=True, interface=[tip])[1] == ["normal modes"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_another_support_material_or_number_of_modes_takes_nothing(store):
     build(store)
     hinge = SupportTable(nodes="ROOT", stiffness=[1e9, 1e9, 1e9])
@@ -101,6 +104,7 @@ def test_another_support_material_or_number_of_modes_takes_nothing(store):
     assert build(store, mesh=mesh.model_copy(update={"file": path}))[1] == []
 
 
+@pytest.mark.slow
 def test_geometric_stiffness_is_kept_with_its_modes_and_loads(store):
     wanted = {"reduction": {"geometric_stiffness": ["by_load", "by_mode"]}}
     first, _ = build(store, **wanted)
@@ -137,6 +141,7 @@ def of_another_body(store):
     kept_entry(other).replace(entry)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("harm", [cut_short, forged, of_another_body])
 def test_an_entry_that_is_damaged_or_of_something_else_is_made_anew_with_a_warning(store, harm):
     first, _ = build(store)

@@ -77,6 +77,7 @@ def fibre(points, start):
     return np.linalg.norm(np.diff(middles, axis=0), axis=1).sum()
 
 
+@pytest.mark.slow
 def test_a_bar_that_bends_far_keeps_its_length(tmp_path):
     mesh = box(BRICK, (40, 2, 2), (1.0, 0.03, 0.03))
     tables = {"frames": 1, "reduction": {"modes": 8, "residual_flexibility": True}}
@@ -179,6 +180,7 @@ def test_a_body_without_the_stress_of_its_surface_says_how_to_store_it(bent):
         surface_von_mises(body.model, body.rest().q)
 
 
+@pytest.mark.slow
 def test_all_of_the_surface_is_where_calculix_has_it(bodies):
     # 20 kN at the beam's tip, which moves by 42 % of the length: nodes on all edges, not the tip alone.
     reduction = bodies.config(BEAM).reduction.model_copy(update={"residual_flexibility": True, "second_order": True})

@@ -72,6 +72,7 @@ def bar_file(folder, units, *, modulus=None, density=None, interface="", materia
     return path
 
 
+@pytest.mark.slow
 def test_a_body_has_the_same_mass_size_and_frequencies_in_whatever_units_it_is_written(tmp_path):
     found = {}
     for units in STEEL:
@@ -135,6 +136,7 @@ def test_a_place_or_point_in_metres_of_a_mesh_in_millimetres_is_told(tmp_path):
     assert given('nodes = "TIP"\npoint = [300.0, 0.0, 0.0]') == []
 
 
+@pytest.mark.slow
 def test_mass_is_that_of_each_material_s_density_times_its_volume(tmp_path):
     made = (Material("STEEL", 2.1e11, 0.3, 7850.0), Material("ALUMINIUM", 7e10, 0.33, 2700.0))
     near = box(ElementType.C3D10, (4, 2, 2), (1.0, 0.1, 0.1), materials=made, material=lambda c: 1 * (c[:, 0] > 1.0))
@@ -154,6 +156,7 @@ def test_mass_is_that_of_each_material_s_density_times_its_volume(tmp_path):
     assert f"first frequency │ {body.angular_frequency[0] / (2.0 * np.pi):.4g} Hz" in shown
 
 
+@pytest.mark.slow
 def test_the_build_says_mass_volume_size_material_and_first_frequency_and_info_repeats_it(tmp_path):
     path = bar_file(tmp_path, "mm-t-s")
     runner = CliRunner(env={"COLUMNS": "200"})
@@ -230,6 +233,7 @@ def test_real_solids_are_not_warned_of_in_any_units(size, modulus, density, unit
     assert implausible(solid(*written, units), units) == ()
 
 
+@pytest.mark.slow
 def test_a_material_that_nothing_uses_and_a_point_in_millimetres_are_warned_of(tmp_path):
     path = bar_file(tmp_path, "mm-t-s", interface="point = [254e3, 0.0, 0.0]", materials=True)
     report = Recorder()

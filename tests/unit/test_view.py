@@ -126,6 +126,7 @@ def test_a_series_for_paraview_has_a_file_for_each_step(folder, bent):
     np.testing.assert_array_equal(last.point_data["displacement"], bent[0] - bent[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colour", ["displacement", "von_mises", "frames"])
 def test_a_picture_for_reports_shows_a_coloured_body(folder, colour):
     target = folder / f"{colour}.png"
@@ -284,6 +285,7 @@ TOUCH = """<script>
 </script></body>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["modes", "mesh"])
 def test_every_control_of_a_page_works(folder, name):
     view(*{"modes": (folder / "bar.h5", "-m", 2), "mesh": (folder / "bar.toml",)}[name], "-o", folder / "touched.html")

@@ -213,7 +213,7 @@ class InterfaceTable(Table):
     name
         Name in the FMU's variables.
     nodes
-        Node set or [place](#places).
+        Node set or [place](#places). To a line or point the nodes of its elements are added.
     point
         Reference point, in the mesh's units. Default: weighted centre
     weights

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..files.errors import PackagingError
 from ..files.progress import Reporter
 from ..files.store import default_folder
-from .building import PLATFORMS, TARGETS, WEB, compile_core, source_hash, this_platform, zig_compiler
+from .building import PLATFORMS, WEB_CORE, compile_core, source_hash, this_platform, zig_compiler
 from .library import SHIPPED, library_path
 
 
@@ -44,21 +44,27 @@ def core_binaries(platforms: Sequence[str] = (), report: Reporter | None = None)
     return {f"{name}{PLATFORMS[name].ending}": path.read_bytes() for name, path in cores.items()}
 
 
-def web_core(report: Reporter) -> bytes:
-    """The core as WebAssembly, for pages; PackagingError as of `core_binaries`."""
-    return _core_for(WEB, report).read_bytes()
+def web_core() -> bytes:
+    """The core as WebAssembly, for pages; PackagingError where C files have changed since."""
+    core = WEB_CORE.read_bytes()
+    if source_hash().encode() not in core:
+        raise PackagingError(
+            f"{WEB_CORE} was compiled from other C files than these; renew it: pip install ziglang (some 400 MB), "
+            f"python {WEB_CORE.with_name('building.py')}"
+        )
+    return core
 
 
 def _shipped(name: str) -> Path:
     """Where a wheel has the core of a platform."""
-    return SHIPPED / f"{name}{TARGETS[name].ending}"
+    return SHIPPED / f"{name}{PLATFORMS[name].ending}"
 
 
 def _core_for(name: str, report: Reporter) -> Path:
     """The core of a platform as any machine of the kind runs it: shipped, or compiled by pip's zig when first asked."""
     if _shipped(name).is_file():
         return _shipped(name)
-    platform = TARGETS[name]
+    platform = PLATFORMS[name]
     made = _cache() / source_hash()[:16] / f"{name}{platform.ending}"
     if made.is_file():
         return made

@@ -1,6 +1,7 @@
 """How the core is compiled: one command a platform, by the system's C compiler or by pip's `ziglang`.
 
-Nothing is imported from the package: setup.py runs this file before there is one.
+Nothing is imported from the package: setup.py runs this file before there is one. Run as a script, it renews the core
+of pages, `web.wasm`, which goes with the sources.
 """
 
 import hashlib
@@ -45,8 +46,8 @@ PLATFORMS = {
     "aarch64-linux": Platform(("aarch64-linux-gnu.2.17",), ".so"),
 }
 # The core in a page: no platform of FMUs.
-WEB = "web"
-TARGETS = PLATFORMS | {WEB: Platform(("wasm32-wasi",), ".wasm")}
+WEB = Platform(("wasm32-wasi",), ".wasm")
+WEB_CORE = FOLDER / "web.wasm"
 
 
 def folders_3(name: str) -> list[str]:
@@ -88,7 +89,8 @@ def source_hash() -> str:
     """Hash of all that is compiled, and how."""
     digest = hashlib.sha256()
     for path in (*source_files(), Path(__file__)):
-        digest.update(path.name.encode() + path.read_bytes())
+        # The same on Windows, where git may end lines otherwise.
+        digest.update(path.name.encode() + path.read_bytes().replace(b"\r\n", b"\n"))
     return digest.hexdigest()
 
 
@@ -221,3 +223,7 @@ def compile_for_this_machine(output: Path) -> None:
     if zig is None:
         raise RuntimeError("no C compiler: install one, or pip install ziglang")
     compile_core(output, zig, PLATFORMS[this_platform()].targets)
+
+
+if __name__ == "__main__":
+    compile_core(WEB_CORE, [sys.executable, "-m", "ziglang", "cc"], WEB.targets)

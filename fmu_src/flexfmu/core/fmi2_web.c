@@ -8,6 +8,9 @@
 __attribute__((import_module("page"), import_name("log")))
 void fmi2FlexfmuLog(fmi2ComponentEnvironment to, fmi2String instance, fmi2Status status, fmi2String category, fmi2String message, ...);
 
+/* Which C files this is of: whoever writes a page looks for it in the library. */
+FMI_EXPORT const char *fmi2FlexfmuSources(void) { return core_sources(); }
+
 FMI_EXPORT fmi2CallbackLogger fmi2FlexfmuLogger(void) { return fmi2FlexfmuLog; }
 
 /* body_surface of an instance where it is now. */

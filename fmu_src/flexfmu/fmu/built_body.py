@@ -93,9 +93,9 @@ class BuiltBody(FlexibleBody):
         >>> flexfmu.load("arm.fmu").view({"tip": [0.0, 5e3, 0.0]}).save("bent.html")
         PosixPath('bent.html')
         """
-        report = report or ScriptReporter()
         if live:
-            return Shown(live_view(self, report))
+            return Shown(live_view(self))
+        report = report or ScriptReporter()
         cases = []
         if loads:
             held = self.loads(loads)

@@ -14,6 +14,9 @@ from .places import node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
 from .subdomains import Subdomain, carrying_frame, elements_within
 
+# Weight of the nodes that are added to a line or a point, beside theirs.
+_AROUND = 1e-3
+
 
 @dataclass(frozen=True, slots=True)
 class InterfaceFit:
@@ -25,6 +28,9 @@ class InterfaceFit:
     point : (3,) float
         Reference point, m.
     nodes : (k,) int
+        Of the set; where these lie on a line or in one point, those of their elements too.
+    added : (j,) int
+        Those of them that are not of the set.
     operator : (6, 3k) float
         From displacements of the nodes to displacement and rotation; its transpose spreads loads.
     by_area : bool
@@ -36,6 +42,7 @@ class InterfaceFit:
     name: str
     point: FloatArray
     nodes: IntArray
+    added: IntArray
     operator: FloatArray
     by_area: bool
     frame: int
@@ -78,12 +85,26 @@ def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[Subdom
         point = weighted.centre(mesh.points)
     operator, rank = rigid_fit(mesh.points, weighted, point)
     if rank < 6:
+        # A line or a point tells no rotation about itself and takes no moment: its elements do, and hardly a force.
+        around = _of_elements(mesh, nodes)
+        weighted = by_node(around, np.where(np.isin(around, nodes), 1.0, _AROUND))
+        operator, rank = rigid_fit(mesh.points, weighted, point)
+    if rank < 6:
         raise BodyFileError(
-            f"{key}: the {nodes.size} nodes of {table.nodes!r} lie on a line or in one point, which tells no rotation "
-            "and takes no moment; give the interface at least three nodes off a line"
+            f"{key}: the {nodes.size} nodes of {table.nodes!r} and those of their elements lie on a line or in one "
+            "point, which tells no rotation and takes no moment; give the interface at least three nodes off a line"
         )
-    by_area = weighted.weight.nnz > nodes.size
-    return InterfaceFit(table.name, point, nodes, operator, by_area, carrying_frame(subdomains, nodes))
+    added, by_area = np.setdiff1d(weighted.nodes, nodes), weighted.weight.nnz > weighted.nodes.size
+    frame = carrying_frame(subdomains, nodes)
+    return InterfaceFit(table.name, point, weighted.nodes, added, operator, by_area, frame)
+
+
+def _of_elements(mesh: Mesh, nodes: IntArray) -> IntArray:
+    """These nodes and all others of the elements that hold one of them."""
+    member = np.zeros(len(mesh.points), dtype=bool)
+    member[nodes] = True
+    touched = [b.connectivity[member[b.connectivity].any(axis=1)].ravel() for b in mesh.blocks]
+    return np.unique(np.concatenate([nodes, *touched]))
 
 
 def _weighted(table: InterfaceNodes, mesh: Mesh, nodes: IntArray) -> Weighted:

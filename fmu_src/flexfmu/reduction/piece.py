@@ -272,9 +272,10 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
     """Say what an interface is, and warn of what is hardly meant."""
     carrier = f"frame {subdomains[interface.frame].name}" if interface.frame >= 0 else "no frame"
     spread = "by area" if interface.by_area else "by node"
-    report.note(
-        f"interface {interface.name!r}: {interface.nodes.size} nodes, loads spread {spread}, carried by {carrier}"
-    )
+    count = f"{interface.nodes.size} nodes"
+    if interface.added.size:
+        count += f" ({interface.added.size} of its elements added: a line or point takes no moment)"
+    report.note(f"interface {interface.name!r}: {count}, loads spread {spread}, carried by {carrier}")
     if model.fixed[interface.nodes].all():
         report.doubt(f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing")
     if interface.nodes.size > _MOST * len(model.mesh.points):
@@ -283,11 +284,12 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
             "its motion is an average over all of it; take the nodes where the body is joined to others"
         )
     if interface.frame >= 0 and not subdomains[interface.frame].floating:
-        beyond = np.setdiff1d(interface.nodes, subdomains[interface.frame].body.nodes).size
+        told = np.setdiff1d(interface.nodes, interface.added)
+        beyond = np.setdiff1d(told, subdomains[interface.frame].body.nodes).size
         rigid = any(np.isin(interface.nodes, link.nodes).all() for link in model.mesh.links)
-        if beyond > _SPREAD * interface.nodes.size and not rigid:
+        if beyond > _SPREAD * told.size and not rigid:
             report.warning(
-                f"interface {interface.name!r}: {beyond} of its {interface.nodes.size} nodes lie outside frame "
+                f"interface {interface.name!r}: {beyond} of its {told.size} nodes lie outside frame "
                 f"{subdomains[interface.frame].name}, which carries all of it; take a smaller set"
             )
     if interface.frame < 0 and subdomains:

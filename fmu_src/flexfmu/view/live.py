@@ -10,7 +10,6 @@ from ..body.flexible_body import FlexibleBody
 from ..body.recovery import surface_data, surface_of
 from ..core.binaries import web_core
 from ..files.array_types import FloatArray
-from ..files.progress import Reporter
 from ..program.programs import DESCRIPTION, programs, with_guid
 from ..program.variable_table import variable_table
 from .model import DISPLACEMENT, View
@@ -23,13 +22,12 @@ _GUID = "live"
 _PULL, _FREE = 2.0, 0.1
 
 
-def live_view(body: FlexibleBody, report: Reporter) -> View:
+def live_view(body: FlexibleBody) -> View:
     """View of a body that answers to the pointer, with its interfaces.
 
     Parameters
     ----------
     body : FlexibleBody
-    report : Reporter
 
     Returns
     -------
@@ -39,7 +37,7 @@ def live_view(body: FlexibleBody, report: Reporter) -> View:
     model = replace(body.model, method=body.method, mass=body.variant.mass)
     made = {name: draft for name, draft in programs(model).items() if name in _PROGRAMS}
     sizes, on, numbers = surface_data(model, body.method)
-    parts = with_guid(made, _GUID) | {"core": web_core(report), "numbers": numbers.astype("<f4").tobytes()}
+    parts = with_guid(made, _GUID) | {"core": web_core(), "numbers": numbers.astype("<f4").tobytes()}
     if (stress := surface_of(model).stress) is not None:
         parts["stress"] = stress.astype("<f4").tobytes()
     live = {

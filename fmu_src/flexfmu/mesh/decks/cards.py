@@ -14,6 +14,8 @@ from flexfmu.mesh.listing import listed
 Found = TypeVar("Found")
 # Files that are included within each other; no deck of a user has as many.
 _DEEPEST = 50
+# Of data; other text before the first keyword is a title.
+_BEGINS_ROW = re.compile(r"[-+.\d]|\w+\s*,")
 
 
 class Line(NamedTuple):
@@ -210,10 +212,10 @@ def read_cards(path: Path) -> Iterator[Card]:
             if card is not None:
                 yield card
             card = _card(line)
-        elif card is None:
-            raise line.error("data before the first keyword; a deck begins with a line such as *NODE")
-        else:
+        elif card is not None:
             card.data.append(line)
+        elif _BEGINS_ROW.match(line.text):
+            raise line.error("data before the first keyword; a deck begins with a line such as *NODE")
     if card is not None:
         yield card
 
@@ -332,7 +334,7 @@ def _logical_lines(path: Path) -> Iterator[Line]:
             continue
         if begun is None:
             line = Line(text, file, index + 1)
-        elif text.startswith("*"):
+        elif text.startswith("*") or text[0].isdigit():
             # The comma was the last character of a finished keyword line.
             yield begun
             line = Line(text, file, index + 1)

@@ -10,6 +10,8 @@ from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
 
 TRANSLATIONS = 3
+# Directions of CalculiX and Abaqus that are none of motion.
+_TEMPERATURE = {"0", "11"}
 # Nodes this close, over the body's size, are in one place.
 _SAME_PLACE = 1e-9
 
@@ -80,6 +82,8 @@ def _equations(card: Card, node_sets: SetTable, axes: Mapping[int, FloatArray]) 
             texts += fields(last)
         if len(texts) > 3 * count:
             raise last.error(f"an equation of {count} terms has {len(texts)} entries, expected {3 * count}")
+        if {*texts[1::3]} <= _TEMPERATURE:
+            continue
         parts = zip(texts[::3], texts[1::3], texts[2::3], strict=True)
         found += _expanded([_term(*part, last, card, node_sets) for part in parts], line, axes)
     return found

@@ -215,7 +215,10 @@ class ElementTable:
                 "serve sets); mesh what it stands for with solid elements"
             )
         labels = []
-        for line, row in _element_rows(card, name, kind.node_count):
+        rows, cut = _element_rows(card, name, kind.node_count)
+        if cut:
+            self.notes.setdefault(f"{cut} rows of {name} name more than {kind.node_count} nodes: the rest is left out")
+        for line, row in rows:
             self._store(Element(row[0], name, kind.solid, row[1:], kind.dimension, line))
             labels.append(row[0])
         if kind.solid is not None and kind.note and labels:
@@ -299,10 +302,13 @@ def _irregular_node(line: Line) -> tuple[int, tuple[float, float, float]]:
     return label, (x, y, z)
 
 
-def _element_rows(card: Card, name: str, node_count: int) -> list[tuple[Line, list[int]]]:
-    """Return label and node labels of each element with its first line; rows go on until they are full."""
+def _element_rows(card: Card, name: str, node_count: int) -> tuple[list[tuple[Line, list[int]]], int]:
+    """Return label and node labels of each element with its first line; rows go on until they are full.
+
+    Beside them how many say more, and a comma at the end would have them go on: the solvers leave that out.
+    """
     rows: list[tuple[Line, list[int]]] = []
-    length = node_count + 1
+    length, cut = node_count + 1, 0
     offset = card.scope.offset
     row: list[int] = []
     first = card.line
@@ -310,15 +316,17 @@ def _element_rows(card: Card, name: str, node_count: int) -> list[tuple[Line, li
         if not row:
             first = line
         row += _integers(line)
-        may_go_on = line.text.endswith(",") or length > FIELDS_PER_LINE
+        goes_on = line.text.endswith(",")
+        if len(row) > length and goes_on:
+            row, cut = row[:length], cut + 1
         if len(row) == length:
             rows.append((first, [label + offset for label in row] if offset else row))
             row = []
-        elif len(row) > length or not may_go_on:
+        elif len(row) > length or not (goes_on or length > FIELDS_PER_LINE):
             raise _miscounted(first, row, name, node_count)
     if row:
         raise _miscounted(first, row, name, node_count)
-    return rows
+    return rows, cut
 
 
 def _integers(line: Line) -> list[int]:

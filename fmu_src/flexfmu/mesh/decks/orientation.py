@@ -78,6 +78,7 @@ def orientation(card: Card) -> Orientation:
         Another system than rectangular or cylindrical, or points that give no axes.
     """
     system = card.parameters.get("SYSTEM", "RECTANGULAR").upper()
+    system = next((one for one in ("RECTANGULAR", "CYLINDRICAL") if system and one.startswith(system)), system)
     if system not in ("RECTANGULAR", "CYLINDRICAL") or not 1 <= len(card.data) <= 2:
         raise card.line.error(
             f"*ORIENTATION with SYSTEM={system} and {len(card.data)} rows is not supported; give RECTANGULAR or "

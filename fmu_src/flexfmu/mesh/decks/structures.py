@@ -214,7 +214,11 @@ def _eye(n: list[float]) -> CrossSection | None:
 
 # Numbers of a section, in words, and what they make.
 _SHAPES: dict[str, tuple[int, str, Callable[[list[float]], CrossSection | None]]] = {
-    "RECT": (2, "widths along the first and the second axis", lambda n: CrossSection(rectangle(*n[:2]))),
+    "RECT": (
+        1,
+        "widths along the first and the second axis, or one for both",
+        lambda n: CrossSection(rectangle(*(n * 2)[:2])),
+    ),
     "CIRC": (
         1,
         "radius (two are CalculiX's thicknesses)",
@@ -286,12 +290,14 @@ def _bar(card: Card, units: UnitSystem) -> Beam:
     return Beam(CrossSection((area, 0.0, 0.0, 0.0, inf, inf)).scaled(units.length), (0.0, 0.0, 0.0))
 
 
-def _place(card: Card, shape: str, numbers: Sequence[float], units: UnitSystem) -> tuple[float, float]:
+def _place(card: Card, shape: str, numbers: list[float], units: UnitSystem) -> tuple[float, float]:
     """Where the nodes are in the section's coordinates, m; CalculiX's offsets are over the section's widths."""
     offsets = [number(card.parameters.get(f"OFFSET{k}", "0"), card.line, f"OFFSET{k}") for k in (1, 2)]
-    widths = {"RECT": numbers[:2], "BOX": numbers[:2], "PIPE": [2.0 * numbers[0]] * 2}.get(shape, [0.0, 0.0])
+    both = [2.0 * numbers[0]] * 2
+    circle = numbers[:2] if numbers[1:] else both
+    widths = {"RECT": (numbers * 2)[:2], "BOX": numbers[:2], "PIPE": both, "CIRC": circle}.get(shape, [0.0, 0.0])
     if any(offsets) and not all(widths):
-        raise card.line.error(f"offsets of a section {shape} are not supported (supported: RECT, BOX, PIPE)")
+        raise card.line.error(f"offsets of a section {shape} are not supported (supported: RECT, CIRC, BOX, PIPE)")
     one, two = (units.length * part * size for part, size in zip(offsets, widths, strict=True))
     return one, two + (numbers[0] * units.length if shape == "I" else 0.0)
 
@@ -300,6 +306,7 @@ def _beam(card: Card, materials: DeckMaterials, units: UnitSystem) -> Beam:
     """The beam of a section; its material is noted."""
     shape = card.parameters.get("SECTION", "GENERAL" if card.key == KEYS[1] else "").upper()
     card.allow((*_OF_BEAMS, "DENSITY") if card.key == KEYS[1] else _OF_BEAMS)
+    shape = shape[:4] if shape[:4] in ("RECT", "CIRC") else shape
     if shape not in _SHAPES:
         words = f"SECTION={shape or 'nothing'} is not supported (supported: {', '.join(_SHAPES)})"
         raise card.line.error(f"{words}; give A, I11, I12, I22, J with *BEAM GENERAL SECTION, SECTION=GENERAL")

@@ -82,7 +82,7 @@ def reading(name: str) -> Reading | None:
     if name in READ_AS:
         kind, note = READ_AS[name]
         return Reading(kind, kind.node_count, 3, note)
-    if re.fullmatch("(SPRING|DASHPOT)[A12]", name):
+    if re.fullmatch("(SPRING|DASHPOT)[A12]|GAPUNI", name):
         return Reading(None, 1 if name[-1] == "1" else 2, 0)
     if name in ("MASS", "ROTARYI", "DCOUP3D"):
         return Reading(None, 1, 0)
