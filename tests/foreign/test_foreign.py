@@ -124,7 +124,11 @@ def nastran(folder, *bulk):
 @pytest.mark.parametrize(
     ("bulk", "message"),
     [
-        (("CQUAD4,5,2,1,2,3,4", "PSHELL,2,1,.001"), r"PSHELL 2 \(line \d+\) should have a thickness, one material"),
+        (("CQUAD4,5,2,1,2,3,4", "PSHELL,2,,.001,1"), r"PSHELL 2 \(line \d+\) should have a thickness, MID1"),
+        (
+            ("CMASS2,5,1.,1,1",),
+            r"CMASS2 5 \(line \d+\) at GRID 1: supported are masses that are the same in 1, 2 and 3",
+        ),
         (("CGAP,6,2,1,2,0.,0.,1.",), "no solid: CGAP 6"),
         (("MPC,1,1,1,1.,2,4,-1.",), r"MPC 1 \(line \d+\) has the term 2, 4: supported are translations"),
         (

@@ -11,7 +11,7 @@ import flexfmu
 from decks import read
 from flexfmu.fe.assembly import stiffness
 from flexfmu.files.errors import DeckError, MeshError
-from flexfmu.mesh.beams import CrossSection, channel, i_section, l_section, walls
+from flexfmu.mesh.beams import CrossSection, channel, hat, i_section, l_section, walls, z_section
 from flexfmu.mesh.checks import checked
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions
@@ -32,6 +32,9 @@ DIMENSIONS = {
     "T2": (0.06, 0.1, 0.006, 0.005),
     "L": (0.05, 0.1, 0.005, 0.006),
     "CHAN": (0.05, 0.1, 0.005, 0.006),
+    "T1": (0.1, 0.06, 0.005, 0.006),
+    "Z": (0.04, 0.005, 0.088, 0.1),
+    "HAT": (0.05, 0.001, 0.06, 0.03),
     "CHAN1": (0.045, 0.005, 0.088, 0.1),
 }
 
@@ -227,6 +230,24 @@ def test_mass_beside_the_section_and_a_modulus_of_shear_count(tmp_path):
     assert stiff.element_sets["PBAR 1"].tolist() == [0, 1, 2, 3]
 
 
+def test_shear_flow_of_a_hat_turns_about_its_shear_centre():
+    """Shear flow of a force along the top, integrated along the middle line, has no moment there."""
+    width, height, foot, wall = 0.06, 0.05, 0.03, 0.001
+    side, end, low = 0.5 * (width - wall), 0.5 * width + foot, wall - height
+    line = np.array([(-end, low), (-side, low), (-side, 0.0), (side, 0.0), (side, low), (end, low)])
+    steps = np.repeat(np.diff(line, axis=0) / 1000, 1000, axis=0)
+    places = line[0] + np.cumsum(steps, axis=0) - 0.5 * steps
+    flow = -np.cumsum(places[:, 0] * np.linalg.norm(steps, axis=1))
+    moment = flow @ (places[:, 0] * steps[:, 1] - places[:, 1] * steps[:, 0])
+    section = hat(width, height, foot, wall)
+    assert section.shear_centre[1] == pytest.approx(-moment / (flow @ steps[:, 0]), rel=1e-4)
+
+
+def test_a_zed_falls_from_its_web_to_the_side_of_the_first_axis():
+    found = z_section(0.04, 0.005, 0.006, 0.1)
+    assert found.mixed == pytest.approx(-2.0 * 0.04 * 0.006 * 0.0225 * 0.047)
+
+
 def test_a_torsion_constant_is_that_of_thin_walls():
     found = walls([(0.0, 0.0, 1.0, 0.1), (0.0, 1.0, 0.2, 2.0)], (0.0, 0.0))
     assert found.constants[3] == pytest.approx((0.001 + 2.0 * 0.008) / 3.0)
@@ -295,7 +316,7 @@ REFUSED = {
         chain("PBEAML,1,1,,BAR\n,0.01,0.02,0.,YES,1.,0.02,0.02\n", "CBEAM"),
         "changes along the beam",
     ),
-    "shape": (chain("PBARL,1,1,,Z\n,0.01,0.02,.05,.06\n"), "is a Z"),
+    "shape": (chain("PBARL,1,1,,HEXA\n,0.01,0.02,.05\n"), "is a HEXA"),
     "gap": (chain("PBAR,1,1,1.,1.,1.,1.\nCGAP,90,2,1,5,0.,0.,1.\n"), "CGAP 90"),
     "spring from one direction to another": (chain("PBAR,1,1,1.,1.,1.,1.\nCELAS2,90,1.e5,5,1,1,2\n"), "CELAS2 90"),
     "spring to nothing": (chain("PBAR,1,1,1.,1.,1.,1.\nGRID,9,,9.,0.,0.\nCELAS2,90,1.e5,5,1,9,1\n"), "GRID 9"),
@@ -348,3 +369,48 @@ def test_an_rbe2_of_translations_between_points_in_one_place_is_a_joint(tmp_path
     assert across[1] == pytest.approx(1.0 / (6.0 * E * 2e-6), rel=1e-5)
     pulled, _ = moved(mesh, (1.0, 0.0, 0.0))
     assert pulled[0] == pytest.approx(along / (E * 1e-3), rel=1e-5)
+
+
+PANEL = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 2.0], [0.0, 0.0, 2.0]])
+
+
+def test_shear_panels_between_rods_carry_shear_alone(tmp_path):
+    """Shear flow P/w over the panel; each node has half of what an edge gets, so rods beside it carry half of P L/w."""
+    area, thick, long, wide = 1e-4, 2e-3, 2.0, 1.0
+    rods = "".join(f"CONROD,{10 + k},{k},{k % 4 + 1},1,{area}\n" for k in range(1, 5))
+    mesh = bulk(tmp_path, f"{rods}CSHEAR,1,7,1,2,3,4\nPSHEAR,7,1,{thick}\nSPC1,1,123456,1,2\nSET1,1,3,4\n", PANEL)
+    found, _ = moved(mesh, (1.0, 0.0, 0.0))
+    assert found[0] == pytest.approx(long / (G * thick * wide) + long**3 / (2.0 * wide**2 * E * area), rel=2e-5)
+    assert mesh.volumes[:1] == pytest.approx(long * wide * thick)
+    assert any("PSHEAR 7 only stretch or are sheared" in note for note in mesh.notes)
+    skew = PANEL + 0.2 * PANEL[:, [2, 0, 0]] * [1.0, 0.0, 0.0]
+    with pytest.raises(MeshError, match=r"CSHEAR 1 \(line \d+\) is no rectangle"):
+        bulk(tmp_path, "CSHEAR,1,7,1,2,3,4\nPSHEAR,7,1,1e-3\n", skew)
+
+
+STRIP = np.array([[0.1 * i, y, 0.0] for i in range(11) for y in (0.0, 0.1)])
+
+
+def strip(tmp_path, shell, force):
+    """Motion of the end of a clamped strip, 1 m by 0.1 m, and its mesh."""
+    cards = "".join(f"CQUAD4,{k},1,{2 * k - 1},{2 * k + 1},{2 * k + 2},{2 * k}\n" for k in range(1, 11))
+    mesh = bulk(
+        tmp_path, f"{cards}{shell}\nMAT1,2,{E},,0.,{RHO}\nMAT1,3,1.+7,,0.\nSPC1,1,123456,1,2\nSET1,1,21,22\n", STRIP
+    )
+    return moved(mesh, force)[0], mesh
+
+
+def test_shells_bend_shear_and_stretch_by_what_a_pshell_says_of_each(tmp_path):
+    """Two faces of 0.2 mm on a core of 10 mm whose shear is soft: each part of PSHELL has its own closed form."""
+    thick, core, wide = 4e-4, 1e-2, 0.1
+    inertia = 12.0 * (thick * core**2 / 4.0) / thick**3
+    shell = f"PSHELL,1,2,{thick},2,{inertia:.8e},3,{core / thick:.8e}"
+    bending, shear = E * thick * core**2 / 4.0 * wide, 0.5e7 * core * wide
+    tip, mesh = strip(tmp_path, shell, (0.0, 0.0, 1.0))
+    assert tip[2] == pytest.approx(1.0 / (3.0 * bending) + 1.0 / shear, rel=3e-3)
+    assert strip(tmp_path, shell, (1.0, 0.0, 0.0))[0][0] == pytest.approx(1.0 / (E * thick * wide), rel=1e-6)
+    assert mesh.mass_matrices[0].sum() == pytest.approx(RHO * thick * wide)
+    limp, mesh = strip(tmp_path, f"PSHELL,1,2,{thick}", (0.0, 0.0, 1.0))
+    plate = strip(tmp_path, f"PSHELL,1,2,{thick},2", (0.0, 0.0, 1.0))[0]
+    assert limp[2] == pytest.approx(1e3 * plate[2], rel=1e-3)
+    assert any("PSHELL 1 only stretch" in note for note in mesh.notes)

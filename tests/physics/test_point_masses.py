@@ -164,5 +164,8 @@ def test_masses_of_nastran_hang_on_grid_points_and_on_rigid_elements(tmp_path):
     )
     assert mesh.labels[beside.nodes].tolist() == [2, 3, 4]
     assert mesh.labels[single.nodes].tolist() == [1]
+    scalar = ("GRID,9,,2.,2.,2.", "RBE2,4,9,123456,2,3,4", "PMASS,3,7.", *(f"CMASS1,{k},3,9,{k}" for k in (1, 2, 3)))
+    (one,) = nastran(tmp_path, *scalar, "CMASS2,5,.4,9,5").masses
+    assert (one.mass, np.diag(one.inertia).tolist()) == (7.0, [0.0, 0.4, 0.0])
     with pytest.raises(MeshError, match=r"CONM2 7 \(line \d+\) at GRID 9: supported are"):
         nastran(tmp_path, "GRID,9,,2.,2.,2.", "CONM2,7,9,,10.")

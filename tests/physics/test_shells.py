@@ -632,7 +632,8 @@ def test_quadratic_shells_of_bulk_data_have_all_of_their_nodes_or_corners_alone(
 @pytest.mark.parametrize(
     ("shell", "own", "message"),
     [
-        ("PSHELL,1,1,0.005", "", r"PSHELL 1 \(line \d+\) should have a thickness, one material"),
+        ("PSHELL,1,,0.005,1", "", r"PSHELL 1 \(line \d+\) should have a thickness, MID1"),
+        ("PSHELL,1,1,0.005,-1", "", r"PSHELL 1 \(line \d+\) names a material that is not there"),
         ("PSHELL,1,1,0.005,1,,1,,2.", "\n,,,0.004", r"CQUAD4 1 \(line \d+\) has a thickness of its own beside NSM"),
         ("PLPLANE,1,1", "", "expected PSHELL, PCOMP"),
         ("", "\n,,,0.", r"CQUAD4 1 \(line \d+\) has a thickness of 0 at a corner"),

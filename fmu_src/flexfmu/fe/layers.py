@@ -38,12 +38,15 @@ class Laminate:
         The material's, as columns; None where it has no direction.
     fixed : bool
         Whether the third of them is that of the angles, and not the shells' normal.
+    bending : float
+        As of `Material`.
     """
 
     heights: FloatArray
     elastic: FloatArray
     axes: FloatArray | None
     fixed: bool
+    bending: float
 
     def rule(self, whole: Quadrature) -> tuple[Quadrature, IntArray]:
         """A rule with two points across each layer for one with two across all, and the layer of each point."""
@@ -77,7 +80,15 @@ def laminates(mesh: Mesh, block: ElementBlock) -> Iterator[tuple[IntArray, Lamin
         chosen, material = np.flatnonzero(block.material == row), mesh.materials[row]
         axes = np.tile(np.eye(3), (len(chosen), 1, 1)) if block.axes is None else block.axes[chosen]
         directed = material.layers or material.constants is not None
-        yield chosen, Laminate(*stack(material), axes if directed else None, not material.by_normal)
+        yield chosen, Laminate(*stack(material), axes if directed else None, not material.by_normal, material.bending)
+
+
+def bent(strains: FloatArray, points: FloatArray, factor: float) -> FloatArray:
+    """Strains (q, …, 6, r) at points in pairs across the middle: those in the plane that are odd there by a factor."""
+    other = (np.abs(points[:, None] - points * [1.0, 1.0, -1.0]).max(axis=2) < _EVEN).argmax(axis=1)
+    changed = strains.copy()
+    changed[..., _PLANE, :] += 0.5 * (factor - 1.0) * (strains - strains[other])[..., _PLANE, :]
+    return changed
 
 
 @cache

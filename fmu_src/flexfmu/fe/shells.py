@@ -8,7 +8,7 @@ Numer. Methods Eng. 11 (1995) 899), and four strains of its own in the plane (J.
 Meth. Engng. 29 (1990) 1595).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -23,7 +23,7 @@ from ..mesh.shapes import Quadrature, brick_rule, wedge_rule
 from .beams import ROWS as BEAM_ROWS
 from .beams import beam_law
 from .cells import Cells, turning
-from .layers import Laminate, laminates, stack
+from .layers import Laminate, bent, laminates, stack
 
 # By how much shear of triangles that are wide against their thickness is softened (M. Lyly, R. Stenberg, T. Vihinen,
 # 1993).
@@ -226,6 +226,9 @@ def local_stress(
             strain[:, q] += at.own(q, point) @ own
         for chosen, laminate in made:
             elastic[chosen, q] = laminate.at(at.axes[chosen, q], layers[q])
+    for chosen, laminate in made:
+        if laminate.bending < 1.0:
+            strain[chosen] = bent(strain[chosen].swapaxes(0, 1), rule.points, laminate.bending).swapaxes(0, 1)
     return at, elastic @ strain, elastic
 
 
@@ -258,10 +261,16 @@ def _law(
         [Places(kind, corners, strains, one) for one in (kind.mass, brick_rule(2))] if kind is ElementType.S8 else []
     )
     mean = _patched(*exact) if exact else {}
-    for q, (point, weight) in enumerate(zip(rule.points, rule.weights, strict=True)):
-        local = at.strains(q)
-        for side, more in mean.items():
-            local = local + 0.5 * (1.0 + 3.0**0.5 * side * point[2]) * at.turned(q, more, back=False)
+
+    def patched(q: int) -> FloatArray:
+        across = 3.0**0.5 * rule.points[q, 2]
+        parts = (0.5 * (1.0 + side * across) * at.turned(q, more, back=False) for side, more in mean.items())
+        return sum(parts, at.strains(q))
+
+    every: Iterable[FloatArray] = map(patched, range(len(rule.points)))
+    if laminate.bending != 1.0:
+        every = bent(np.array([*every]), rule.points, laminate.bending**0.5)
+    for q, (point, weight, local) in enumerate(zip(rule.points, rule.weights, every, strict=True)):
         stiff = (weight * at.determinant[:, q])[:, None, None] * laminate.at(at.axes[:, q], layers[q])
         stiff[:, 4:, 4:] *= softened[:, None, None]
         law += local.swapaxes(1, 2) @ (stiff @ local)

@@ -148,6 +148,23 @@ def channel(width: float, height: float, web: float, flange: float) -> CrossSect
     return walls([(0.0, 0.0, web, height), *parts], (centre, 0.0))
 
 
+def z_section(foot: float, web: float, flange: float, height: float) -> CrossSection:
+    """A web along the second axis, flanges along the first: back at its top, forth at its bottom."""
+    parts = [(-0.5 * s * (web + foot), 0.5 * s * (height - flange), foot, flange) for s in (-1.0, 1.0)]
+    return walls([(0.0, 0.0, web, height), *parts], (0.0, 0.0))
+
+
+def hat(width: float, height: float, foot: float, wall: float) -> CrossSection:
+    """A top along the first axis, two webs down along the second, and feet outward, from the middle of the top on."""
+    parts = [(s * 0.5 * (width - wall), 0.5 * (wall - height), wall, height - 2.0 * wall) for s in (-1.0, 1.0)]
+    parts += [(s * 0.5 * (width + foot - wall), wall - height, foot + wall, wall) for s in (-1.0, 1.0)]
+    h, b, c = width - wall, height - wall, foot + 0.5 * wall
+    # R. J. Roark, Formulas for Stress and Strain, shear centres of thin walls.
+    above = b * (3.0 * h**2 * b + 6.0 * h**2 * c - 8.0 * c**3)
+    centre = above / (h**3 + 6.0 * h**2 * b + 6.0 * h**2 * c + 8.0 * c**3 + 12.0 * h * c**2)
+    return walls([(0.0, 0.0, width, wall), *parts], (0.0, centre))
+
+
 # Lengths below this part of the section are none; cosine of the angle up to which beams go on straight: 20 degrees.
 _SAME, _SMOOTH = 1e-6, np.cos(np.radians(20.0))
 _CORNERS = BRICK.corners[:4, :2]

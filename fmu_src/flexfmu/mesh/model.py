@@ -59,6 +59,8 @@ class Material:
         Of shells that have several, from the side against their normal; the others are averages then.
     by_normal : bool
         Whether the layers' angles turn about the shells' normal, and not the material's third axis.
+    bending : float
+        Of shells of one layer, bending stiffness over that of a plate.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Material:
     constants: tuple[float, ...] | None = None
     layers: tuple[Layer, ...] = ()
     by_normal: bool = False
+    bending: float = 1.0
 
     @property
     def elasticity(self) -> FloatArray:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import meshio
@@ -33,7 +34,16 @@ from flexfmu.mesh.nastran.node_cards import (
     spiders,
     unit_of_mass,
 )
-from flexfmu.mesh.nastran.shell_cards import LAYERED, SHELLS, directions, faces_of_shells, layers, material
+from flexfmu.mesh.nastran.shell_cards import (
+    LAYERED,
+    OF_SHELLS,
+    SHELLS,
+    directions,
+    faces_of_shells,
+    layers,
+    material,
+    plate,
+)
 from flexfmu.mesh.nastran.spring_cards import CARDS as SPRINGS
 from flexfmu.mesh.nastran.spring_cards import springs
 from flexfmu.mesh.other.extras import imported, quiet
@@ -41,9 +51,14 @@ from flexfmu.mesh.shapes import FACE_SHAPES
 
 # Solids and faces by card and number of nodes. Faces that belong to no property have no stiffness: mesh generators
 # mark groups by them.
-_SOLIDS = {(kind.shape.polytope.nastran, kind.node_count): kind.shape for kind in ASSUMED.values()}
+_SOLIDS: dict[tuple[str, int], Any] = {
+    (kind.shape.polytope.nastran, kind.node_count): kind.shape for kind in ASSUMED.values()
+}
 _FACES = {(f"{shape.polytope.nastran}{count}", count): shape for count, shape in FACE_SHAPES.items()}
 _CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SOLIDS.values()}
+# Cells that are made of others.
+_SOLIDS |= {("CPYRAM", 5): SimpleNamespace(name="pyramid", layered=range(5))}
+_CORNERS |= {"CPYRAM": 5}
 # They hold or load nothing.
 _IDLE = ("PLOTEL", "PLOTEL3", "PLOTEL4", "CHBDYE", "CHBDYG", "CHBDYP")
 # Cards with stiffness, mass or constraints by their names, whether pyNastran knows them or not.
@@ -57,6 +72,7 @@ _UNREAD = re.compile(
     r"LINK|EQATN|AREA|PHASE|ELAY)|([QABC]SET|OMIT|USET|SUPORT)1?|NLP\w+|TSTEP\w*|FREQ\d?|[TR]LOAD\d|TIC|"
     r"R(OTOR\w|GYRO|SPIN\w|AND\w+)|ACMODL|TAB\w+|MONPNT\d"
 )
+_ORDER = re.compile(r"\$\s*pynastran\s*:", re.IGNORECASE)
 # Those that count where the case control chooses them.
 _CHOSEN = {"DMIG": {"K2GG", "M2GG", "K2PP", "M2PP"}, "NSM": {"NSM"}}
 
@@ -110,15 +126,18 @@ def _source(path: Path) -> tuple[str | io.StringIO, bool, bool]:
     """What pyNastran shall read, whether it is bulk data alone, and whether it says where it ends."""
     lines = path.read_text(encoding="latin-1").splitlines(keepends=True)
     words = [line.upper().split("$")[0].split() for line in lines]
-    begin = next((k for k, found in enumerate(words) if found[:2] == ["BEGIN", "BULK"]), None)
+    begins = [k for k, found in enumerate(words) if found[:2] == ["BEGIN", "BULK"]]
     ended = any(found[:1] == ["ENDDATA"] for found in words)
-    if begin is None:
-        return str(path), True, ended
-    if any(found[:1] == ["CEND"] for found in words[:begin]):
-        return str(path), False, ended
+    control = any(found[:1] == ["CEND"] for found in words[: max(begins, default=0)])
     if any(found[:1] == ["INCLUDE"] for found in words):
-        raise MeshError(f"{path} includes files and has BEGIN BULK without CEND: take out the line BEGIN BULK")
-    return io.StringIO("".join(lines[begin + 1 :])), True, ended
+        if begins and not control:
+            raise MeshError(f"{path} includes files and has BEGIN BULK without CEND: take out the line BEGIN BULK")
+        return str(path), not control, ended
+    start = begins[0] + 1 if begins and not control else 0
+    # Neither a BEGIN BULK that comes again, nor comments that pyNastran takes as orders.
+    idle = {k for k in begins[1:] if len(words[k]) == 2}
+    kept = [line for k, line in enumerate(lines) if k >= start and k not in idle and not _ORDER.match(line)]
+    return io.StringIO("".join(kept)), not control, ended
 
 
 # What pyNastran writes into the current folder where an included file is not there.
@@ -172,7 +191,7 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     equations, links = pinned + multi_point_rows(model, row, path, notes), rigid_links(model, row)
     soft = springs(model, points, row, used, path, units, notes)
     masses = point_masses(model, points, row, turning, used, path, units, notes)
-    (shells, faces), bars = faces_of_shells(model, path), lines(model, path, units, unit_of_mass(model))
+    (shells, faces), bars = faces_of_shells(model, path, notes), lines(model, path, units, unit_of_mass(model))
     materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
     for element in model.elements.values():
@@ -193,7 +212,7 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     for name, kept in (("PSOLID", _SOLIDS), ("Faces", _FACES)):
         inside = [*(key in kept for key in kinds), *([False] if bars else [])]
         for number in np.unique(np.concatenate([np.zeros(0, dtype=int), *properties])).tolist():
-            shell = next((one for one in ("PSHELL", *LAYERED) if f"{one} {number}" in shells and kept is _FACES), name)
+            shell = next((one for one in OF_SHELLS if f"{one} {number}" in shells and kept is _FACES), name)
             known = f"{shell} {number}"
             sets[known] = [np.flatnonzero((pids == number) & use) for pids, use in zip(properties, inside, strict=True)]
     for number in {one.property for one in bars if one.property > 0}:
@@ -223,10 +242,13 @@ def _nodes_of(model: Any, kinds: Sequence[str]) -> set[int]:
 def _refuse_others(model: Any, path: Path) -> None:
     """Refuse what has stiffness or mass and is no solid."""
     found: dict[str, list[int]] = {}
-    masses = [(number, one) for number, one in model.masses.items() if one.type != "CONM2"]
+    masses = [(number, one) for number, one in model.masses.items() if one.type not in ("CONM2", "CMASS1", "CMASS2")]
     for number, element in [*model.elements.items(), *masses]:
         shell = element.type in SHELLS and element.pid in model.properties
-        if element.type not in (*_IDLE, *_CORNERS, *CARDS, *SPRINGS) and not shell and not _is_face(element, model):
+        idle = element.type in (*_IDLE, *_CORNERS, *CARDS, *SPRINGS) and (
+            element.type != "CPYRAM" or len(element.nodes) == _CORNERS["CPYRAM"]
+        )
+        if not idle and not shell and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():
         if element.type not in SPIDERS:
@@ -313,13 +335,16 @@ def _materials(
     wanted = {one.property: (one.material, one.more) for one in bars}
     for number in {element.pid for element in model.elements.values() if element.type in (*_CORNERS, *SHELLS)}:
         given = model.properties.get(number)
-        if given is not None and given.type not in ("PSOLID", "PSHELL", *LAYERED):
+        if given is not None and given.type not in ("PSOLID", *OF_SHELLS):
             raise MeshError(
                 f"{path}: {given.type} {number} is no property of solids or shells (PSOLID, PSHELL, PCOMP, PCOMPG)"
             )
         if given is not None and given.type in LAYERED and set(given.mids) <= set(model.materials):
             of_property[number] = len(materials)
             materials.append(_weighed(layers(model, given, units, weight, path)))
+        elif given is not None and given.type in OF_SHELLS[:2] and (own := plate(model, given, units, weight, path)):
+            of_property[number] = len(materials)
+            materials.append(_weighed(own))
         elif given is None or given.type not in LAYERED:
             more = given.nsm * weight / given.t if given is not None and given.type == "PSHELL" else 0.0
             wanted[number] = (0 if given is None else given.mid if given.type == "PSOLID" else given.mid1), more

@@ -10,7 +10,19 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.beams import Beam, CrossSection, box, channel, ellipse, i_section, l_section, pipe, rectangle
+from flexfmu.mesh.beams import (
+    Beam,
+    CrossSection,
+    box,
+    channel,
+    ellipse,
+    hat,
+    i_section,
+    l_section,
+    pipe,
+    rectangle,
+    z_section,
+)
 
 PROPERTIES = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
 CARDS = (*PROPERTIES, "CONROD")
@@ -28,6 +40,9 @@ _SHAPES: dict[str, Callable[..., CrossSection]] = {
     "H": lambda inside, both, height, web: i_section(inside + both, (height,) * 2, (0.5 * both,) * 2, web),
     "T": lambda width, height, flange, web: i_section(height, (0.0, width), (0.0, flange), web).transposed,
     "T2": lambda width, height, flange, web: i_section(height, (width, 0.0), (flange, 0.0), web).transposed,
+    "T1": lambda height, foot, web, flange: i_section(foot + web, (0.0, height), (0.0, web), flange),
+    "Z": lambda foot, web, inside, height: z_section(foot, web, 0.5 * (height - inside), height).transposed,
+    "HAT": lambda height, wall, width, foot: hat(width, height, foot, wall).transposed,
     "L": lambda width, height, foot, leg: l_section(width, height, foot, leg).transposed,
     "CHAN": lambda width, height, web, flange: channel(width, height, web, flange).transposed,
     "CHAN1": lambda over, web, inside, height: channel(over + web, height, web, 0.5 * (height - inside)).transposed,

@@ -2,9 +2,10 @@
 
 import contextlib
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -280,6 +281,31 @@ def unit_of_mass(model: Any) -> float:
     return float(model.params["WTMASS"].values[0]) if "WTMASS" in model.params else 1.0
 
 
+def _heavy(model: Any, path: Path) -> dict[int, Any]:
+    """CONM2 by number, and what CMASS1 and CMASS2 at one grid point are together, in their likeness."""
+    found, at = {}, defaultdict[int, dict[int, Any]](dict)
+    for number, one in sorted(model.masses.items()):
+        if one.type == "CONM2":
+            found[number] = one
+            continue
+        ends = [(node, axis) for node, axis in zip(one.nodes, (one.c1, one.c2), strict=False) if node]
+        if len(ends) != 1 or not 1 <= (ends[0][1] or 0) <= 6 or ends[0][1] in at[ends[0][0]]:
+            raise MeshError(f"{path}: {one.type} {number} is no mass at one direction of one grid point: take a CONM2")
+        at[ends[0][0]][ends[0][1]] = one
+    for grid, parts in at.items():
+        own = {axis: (model.properties_mass[k.pid] if k.type == "CMASS1" else k).mass for axis, k in parts.items()}
+        first = next(iter(parts.values()))
+        mass, alike = own.get(1, 0.0), {own.get(axis, 0.0) for axis in (1, 2, 3)}
+        if len(alike) > 1 or min(own.values()) < 0.0 or model.nodes[grid].cd:
+            raise MeshError(
+                f"{path}: {first.type} {first.eid} at GRID {grid}: supported are masses that are the same in 1, 2 and "
+                "3, and not negative, along the basic axes: take a CONM2"
+            )
+        inertia = [own.get(4, 0.0), 0.0, own.get(5, 0.0), 0.0, 0.0, own.get(6, 0.0)]
+        found[first.eid] = SimpleNamespace(type=first.type, nid=grid, cid=0, mass=mass, X=np.zeros(3), I=inertia)
+    return found
+
+
 def point_masses(
     model: Any,
     points: FloatArray,
@@ -290,7 +316,7 @@ def point_masses(
     units: UnitSystem,
     notes: list[str],
 ) -> tuple[PointMass, ...]:
-    """Return the masses of CONM2.
+    """Return the masses of CONM2, and of CMASS1 and CMASS2 that are alike in all directions.
 
     Parameters
     ----------
@@ -318,25 +344,25 @@ def point_masses(
     weight = unit_of_mass(model) * units.density * units.length**3
     carried = carriers(model)
     found = []
-    for number, one in sorted(model.masses.items()):
-        if one.type != "CONM2":
-            continue
+    for number, one in sorted(_heavy(model, path).items()):
         nodes = [one.nid] if one.nid in used else carried.get(one.nid, [])
         if one.cid != 0 or not nodes or one.nid not in row or any(node not in row for node in nodes):
             raise MeshError(
-                f"{path}: CONM2 {number} at GRID {one.nid}: supported are masses in the basic system, on grid points "
-                "of solids and on reference points of RBE2 and RBE3"
+                f"{path}: {one.type} {number} at GRID {one.nid}: supported are masses in the basic system, on grid "
+                "points of solids and on reference points of RBE2 and RBE3"
             )
         offset = np.asarray(one.X, dtype=float)
         i11, i21, i22, i31, i32, i33 = (float(value) for value in one.I)
         inertia = np.array([[i11, -i21, -i31], [-i21, i22, -i32], [-i31, -i32, i33]])
         if nodes == [one.nid] and one.nid not in turning and (offset.any() or inertia.any()):
-            notes.append(f"CONM2 {number}: GRID {one.nid} of a solid does not turn: its offset and inertia do nothing")
+            notes.append(
+                f"{one.type} {number}: GRID {one.nid} of a solid does not turn: its offset and inertia do nothing"
+            )
             offset, inertia = np.zeros(3), np.zeros((3, 3))
         rows = np.array(sorted({row[node] for node in nodes}), dtype=np.int64)
         at = (points[row[one.nid]] + offset) * units.length
         found.append(
-            PointMass(f"CONM2 {number}", at, rows, float(one.mass) * weight, inertia * weight * units.length**2)
+            PointMass(f"{one.type} {number}", at, rows, float(one.mass) * weight, inertia * weight * units.length**2)
         )
     notes.extend(masses_note(found, "points"))
     return tuple(found)
