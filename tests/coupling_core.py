@@ -13,7 +13,6 @@ import pytest
 
 from flexfmu.core.building import FLAGS, FOLDER, system_compiler
 from flexfmu.core.structures import Arrays
-from flexfmu.master.foreign import ForeignProcess
 from flexfmu.master.loop import joined, participating, wired
 from flexfmu.master.participants import Participant
 
@@ -174,9 +173,10 @@ class Driven:
 
     def __init__(self, wiring):
         self._size = wiring.matrix.shape[1]
-        self._one, self._arrays = Participant(wiring.roles[0], ForeignProcess(60.0)), Arrays()
+        self._one, self._arrays = Participant(wiring.roles[0], 60.0), Arrays()
         self._one.initialize(1.0)
         self._place = participating(self._one, [], self._arrays)
+        self._one.join(self._place)
         self._call("begin")
 
     def _call(self, name, *arguments):

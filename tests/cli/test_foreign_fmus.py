@@ -1,6 +1,7 @@
 """FMUs of other programs in a coupling: what one does to its process ends its own run, with results so far."""
 
 import os
+import signal
 import subprocess
 import sys
 import zipfile
@@ -9,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bodies import beam_body
 from flexfmu.files.errors import SimulationError
-from flexfmu.master import couple, read_coupling_file
+from flexfmu.fmu.package import package_fmu
+from flexfmu.master import couple, parse_coupling, read_coupling_file
 from flexfmu.master.coupling import CouplingStoppedError
 
 # Counts its steps; at the time told it does what it is told to do to its process.
@@ -21,25 +24,42 @@ from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real
 class Trouble(Fmi2Slave):
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
+        self.u = 0.0
+        self.register_variable(Real("u", causality=Fmi2Causality.input, start=0.0, setter=self.take))
         self.kind, self.at, self.x, self.process = 0, 1e9, 0.0, float(os.getpid())
         self.register_variable(Integer("kind", causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
         self.register_variable(Real("at", causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
         self.register_variable(Real("x", causality=Fmi2Causality.output))
         self.register_variable(Real("process", causality=Fmi2Causality.output))
 
+    def take(self, value):
+        if self.kind == 6 and value > self.at:
+            raise ValueError("too much")
+        self.u = value
+
+    def meet(self, now):
+        place = os.environ["MEETING"]
+        open(f"{place}/{self.instance_name} {now}", "w").close()
+        while sum(name.endswith(f" {now}") for name in os.listdir(place)) < 2:
+            time.sleep(1e-3)
+
     def do_step(self, now, size):
+        if self.kind == 5:
+            self.meet(now)
         if now > self.at:
             if self.kind == 1:
                 os._exit(3)
             if self.kind == 2:
                 os.kill(os.getpid(), signal.SIGSEGV)
             if self.kind == 3:
+                print("asleep", flush=True)
                 time.sleep(1e6)
             if self.kind == 4:
                 print("x" * 10**6)
         self.x += size
         return True
 """
+LOADS = {"a": 2000.0, "b": 0.0}
 BUILD = "import sys; from pythonfmu.builder import FmuBuilder; FmuBuilder.build_FMU(sys.argv[1], dest=sys.argv[2])"
 
 
@@ -53,12 +73,12 @@ def folder(tmp_path_factory):
     return path
 
 
-def coupled(folder, kind, timeout=60.0, at=0.0245):
+def coupled(folder, kind, timeout=60.0, at=0.0245, calm=0, more=""):
     text = f"[experiment]\nstop = 0.05\nstep = 0.005\ntimeout = {timeout}\n"
     text += '[output]\nvariables = ["odd.x", "odd.process"]\n'
-    for name, number in (("calm", 0), ("odd", kind)):
+    for name, number in (("calm", calm), ("odd", kind)):
         text += f'[[fmu]]\nname = "{name}"\nfile = "trouble.fmu"\nstart = {{ kind = {number}, at = {at} }}\n'
-    (folder / "coupling.toml").write_text(text, encoding="utf-8")
+    (folder / "coupling.toml").write_text(text + more, encoding="utf-8")
     return couple(read_coupling_file(folder / "coupling.toml"))
 
 
@@ -88,6 +108,56 @@ def test_an_fmu_that_exits_crashes_or_never_returns_ends_its_run_with_its_name_a
     result = stopped.value.result
     np.testing.assert_allclose(result.time, 0.005 * np.arange(6), atol=1e-12)
     np.testing.assert_allclose(result["odd.x"], result.time, atol=1e-15)
+
+
+def test_foreign_fmus_of_a_jacobi_step_step_at_the_same_time(folder, tmp_path, monkeypatch):
+    """Each waits in its step for the other's: one after the other they would wait for ever."""
+    monkeypatch.setenv("MEETING", str(tmp_path))
+    found = coupled(folder, 5, calm=5)
+    assert len(found.time) == 11
+    assert len(list(tmp_path.iterdir())) == 20
+
+
+def test_inputs_that_a_foreign_fmu_refuses_end_the_run_with_its_name(folder):
+    with pytest.raises(
+        CouplingStoppedError, match=r"(?s)at 0\.025 s: fmu 'odd' failed to take its inputs: .*too much"
+    ) as stopped:
+        coupled(folder, 6, more='[[connection]]\nfrom = "calm.x"\nto = "odd.u"\n')
+    np.testing.assert_allclose(stopped.value.result.time[-1], 0.025, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_ctrl_c_twice_ends_a_run_whose_foreign_fmu_never_returns(folder):
+    coupled(folder, 0)
+    text = (folder / "coupling.toml").read_text(encoding="utf-8").replace("kind = 0", "kind = 3")
+    (folder / "asleep.toml").write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "flexfmu.commands.cli", "couple", "asleep.toml", "--output", "motion.csv"]
+    with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as job:
+        for word in ("asleep", "press it again"):
+            assert any(word in line for line in job.stderr)
+            job.send_signal(signal.SIGINT)
+        assert job.wait(30.0) != 0
+
+
+@pytest.mark.parametrize("scheme", ["jacobi", "iterated"])
+def test_an_fmu_in_another_process_gives_the_same_bits(tmp_path, scheme):
+    package_fmu(beam_body(3, modes=3, damping=0.02), tmp_path / "own.fmu")
+    with (
+        zipfile.ZipFile(tmp_path / "own.fmu") as own,
+        zipfile.ZipFile(tmp_path / "foreign.fmu", "w") as other,
+    ):
+        for entry in own.namelist():
+            other.writestr(entry, own.read(entry).replace(b'generationTool="flexfmu', b'generationTool="other'))
+    found = {}
+    for kind in ("own", "foreign"):
+        fmus = [{"name": name, "file": f"{kind}.fmu", "start": {"tip.force.y": load}} for name, load in LOADS.items()]
+        spring = {"a": "a.tip", "b": "b.tip", "stiffness": [2e5] * 3 + [1e3] * 3, "damping": [10.0] * 6}
+        experiment = {"stop": 0.02, "step": 2e-4, "scheme": scheme}
+        content = {"experiment": experiment, "fmu": fmus, "spring": [spring], "output": {"every": 3}}
+        found[kind] = couple(parse_coupling(content, tmp_path))
+    assert found["own"].names == found["foreign"].names
+    assert np.max(np.abs(found["own"]["b.tip.displacement.y"])) > 1e-3
+    np.testing.assert_array_equal(found["foreign"].values, found["own"].values)
 
 
 def test_what_a_foreign_fmu_prints_is_not_taken_for_an_answer(folder):

@@ -108,15 +108,37 @@ static int ended_by(Outcome *outcome, int64_t who, const Answer *answer) {
     return 0;
 }
 
-/* Let an FMU step with its share of base and held inputs; its share of signals is renewed. */
-static int step_participant(Coupling *c, int64_t k, double *signals, Outcome *outcome) {
+/* Begin an FMU's step with its share of base and held inputs. */
+static int begin_participant(Coupling *c, int64_t k, Outcome *outcome) {
     Participant *one = &c->s.participants[k];
+    const double step = c->s.wiring.step;
     Answer answer;
     for (int64_t i = one->first_input; i < one->first_input + one->inputs; i++) c->inputs[i] = c->base[i] + c->held[i];
-    if (participant_take(one, c->inputs, &answer) && participant_step(one, (double)c->number * c->s.wiring.step, c->s.wiring.step, &answer) &&
-        participant_give(one, signals, &answer))
-        return 1;
+    if (participant_take(one, c->inputs, &answer) && participant_begin_step(one, (double)c->number * step, step, &answer)) return 1;
     return ended_by(outcome, k, &answer);
+}
+
+/* Take it; the FMU's share of fresh signals is renewed. */
+static int end_participant(Coupling *c, int64_t k, Outcome *outcome) {
+    Participant *one = &c->s.participants[k];
+    const double step = c->s.wiring.step;
+    Answer answer;
+    if (participant_step(one, (double)c->number * step, step, &answer) && participant_give(one, c->fresh, &answer)) return 1;
+    return ended_by(outcome, k, &answer);
+}
+
+/* Let all FMUs step that are coupled or that are not, or both; those of other processes at the same time. */
+static int step_all(Coupling *c, int coupled, int others, Outcome *outcome) {
+    Outcome unheard;
+    int ok = 1;
+    for (int64_t k = 0; k < c->s.wiring.participants && ok; k++)
+        if (c->is_coupled[k] ? coupled : others) ok = begin_participant(c, k, outcome);
+    for (int64_t k = 0; k < c->s.wiring.participants; k++) {
+        if (ok && (c->is_coupled[k] ? coupled : others)) ok = end_participant(c, k, outcome);
+        /* What has begun has to end. */
+        if (c->s.participants[k].begun) end_participant(c, k, &unheard);
+    }
+    return ok;
 }
 
 /* What tables give over the step: at its beginning, or the mean of its ends. */
@@ -131,11 +153,8 @@ static void find_base(Coupling *c) {
 
 /* All FMUs step with the inputs of the last communication point. */
 static int jacobi(Coupling *c, Outcome *outcome) {
-    const Wiring *w = &c->s.wiring;
-    coupled_inputs(w, &c->exchange, c->signals, c->before, DAMPERS_NOW, c->held);
-    for (int64_t k = 0; k < w->participants; k++)
-        if (!step_participant(c, k, c->fresh, outcome)) return 0;
-    return 1;
+    coupled_inputs(&c->s.wiring, &c->exchange, c->signals, c->before, DAMPERS_NOW, c->held);
+    return step_all(c, 1, 1, outcome);
 }
 
 /* One FMU steps after the other; the later ones get the fresh outputs of the earlier. */
@@ -146,7 +165,7 @@ static int gauss_seidel(Coupling *c, Outcome *outcome) {
         const Participant *one = &c->s.participants[k];
         coupled_inputs(w, &c->exchange, c->fresh, c->mixed, DAMPERS_NOW, c->guess);
         memcpy(c->held + one->first_input, c->guess + one->first_input, (size_t)one->inputs * sizeof *c->held);
-        if (!step_participant(c, k, c->fresh, outcome)) return 0;
+        if (!begin_participant(c, k, outcome) || !end_participant(c, k, outcome)) return 0;
         memcpy(c->mixed + one->first_signal, c->signals + one->first_signal, (size_t)one->signals * sizeof *c->mixed);
     }
     return 1;
@@ -175,16 +194,14 @@ static int evaluate(Coupling *c, int again, int near, Outcome *outcome) {
     Answer answer;
     memcpy(c->safe, c->held, size);
     for (int halving = 0;; halving++) {
-        int done = 1, same = 1;
+        int same = 1;
         for (int64_t k = 0; (again || halving) && k < w->participants; k++)
             if (c->is_coupled[k] && !participant_restore(&c->s.participants[k], near, &answer)) return ended_by(outcome, k, &answer);
         for (int64_t i = 0; i < w->inputs; i++) {
             same &= c->guess[i] == c->safe[i];
             c->held[i] = c->safe[i] + ldexp(c->guess[i] - c->safe[i], -halving);
         }
-        for (int64_t k = 0; done && k < w->participants; k++)
-            if (c->is_coupled[k]) done = step_participant(c, k, c->fresh, outcome);
-        if (done) return 1;
+        if (step_all(c, 1, 0, outcome)) return 1;
         /* Nearer to inputs that equal the guess there is nothing to try. */
         if (outcome->ending != STEP_REFUSED || halving == HALVINGS || same) return 0;
         outcome->ending = DONE;
@@ -296,8 +313,7 @@ static int begin_iterations(Coupling *c, Outcome *outcome) {
     memset(c->held, 0, size);
     for (int64_t k = 0; k < w->participants; k++)
         if (c->is_coupled[k] && !participant_save(&c->s.participants[k], &answer)) return ended_by(outcome, k, &answer);
-    for (int64_t k = 0; k < w->participants; k++)
-        if (!c->is_coupled[k] && !step_participant(c, k, c->fresh, outcome)) return 0;
+    if (!step_all(c, 0, 1, outcome)) return 0;
     memcpy(c->held, c->remembered ? c->last : c->first, size);
     memcpy(c->guess, c->held, size);
     for (int64_t i = 0; i < w->inputs && c->remembered == 2; i++) c->guess[i] = 2.0 * c->last[i] - c->earlier[i];

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "body.h"
+#include "channel.h"
 #include "coupling.h"
 #include "fmi2_types.h"
 
@@ -44,6 +45,9 @@ static const struct {
     CALL(coupling_record)
     CALL(coupling_slope)
     CALL(coupling_close)
+    CALL(channel_join)
+    CALL(channel_serve)
+    CALL(channel_leave)
 #undef CALL
 };
 

@@ -132,6 +132,9 @@ _SIGNATURES |= {
     "coupling_record": (None, (_PLACE, _PLACE)),
     "coupling_slope": (_ANSWER, (_PLACE, _PLACE, _PLACE)),
     "coupling_close": (None, (_PLACE, _WHOLE)),
+    "channel_join": (None, (_PLACE, _PLACE)),
+    "channel_serve": (None, (_PLACE, _PLACE)),
+    "channel_leave": (None, (_PLACE,)),
 }
 _SIGNATURES |= {
     "body_open": (_PLACE, (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))),

@@ -37,8 +37,16 @@ static int whole_number(Participant *one, int64_t reference, int *value, Answer 
     return answered(one->get_integer(one->instance, references, 1, value), GIVE_VALUES, answer);
 }
 
-int participant_step(Participant *one, double time, double step, Answer *answer) {
+int participant_begin_step(Participant *one, double time, double step, Answer *answer) {
+    if (!one->begin_step) return 1;
     one->marks[0]++;
+    one->begun = answered(one->begin_step(one->instance, time, step, !one->saved), TAKE_STEP, answer);
+    return (int)one->begun;
+}
+
+int participant_step(Participant *one, double time, double step, Answer *answer) {
+    one->marks[0] += !one->begun;
+    one->begun = 0;
     /* A step that may be repeated must leave what lies before it within reach. */
     const int status = one->do_step(one->instance, time, step, !one->saved);
     if (!answered(status, TAKE_STEP, answer)) {

@@ -13,6 +13,7 @@ typedef struct {
     int (*get_integer)(void *, const unsigned *, size_t, int *);
     int (*get_boolean)(void *, const unsigned *, size_t, int *);
     int (*end_initialization)(void *);
+    int (*begin_step)(void *, double, double, int); /* or null: what do_step then only waits for */
     int (*do_step)(void *, double, double, int);
     int (*get_state)(void *, void **);
     int (*set_state)(void *, void *);
@@ -30,7 +31,7 @@ typedef struct {
     int64_t *marks; /* (2): tries of steps so far; whether it logged since its state was kept */
     /* Of the loop. */
     void *state;
-    int64_t saved, tried; /* whether a state is kept; internal steps that the last try of a step took */
+    int64_t saved, tried, begun; /* whether a state is kept; internal steps of the last try of a step; whether one is under way */
 } Participant;
 
 /* What was asked of an FMU. */
@@ -47,7 +48,9 @@ typedef struct {
 int participant_take(Participant *one, const double *inputs, Answer *answer);
 int participant_give(Participant *one, double *signals, Answer *answer);
 int participant_reals(Participant *one, const unsigned *references, int64_t count, double *values, Answer *answer);
-/* From a time (s) by a step (s). */
+/* Begin a step from a time (s) by a step (s), where the FMU can go on beside others. */
+int participant_begin_step(Participant *one, double time, double step, Answer *answer);
+/* Take it, or wait for its end. */
 int participant_step(Participant *one, double time, double step, Answer *answer);
 /* What its status.code tells; 0 where it has none. */
 int participant_status(Participant *one, int *status, Answer *answer);

@@ -1,6 +1,7 @@
 """Work in a process of its own: what crashes, never returns or takes all memory there ends nothing here."""
 
 import faulthandler
+import functools
 import importlib
 import os
 import pickle
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import threading
 import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,6 +19,14 @@ from typing import Any, BinaryIO
 PLATFORM = sys.platform
 # s, to end by itself.
 _LAST = 2.0
+# By which number another process knows the end of a pipe, and that process's end.
+if sys.platform == "win32":
+    from msvcrt import get_osfhandle as _number
+    from msvcrt import open_osfhandle
+
+    _end = functools.partial(open_osfhandle, flags=os.O_BINARY)
+else:
+    _number = _end = int
 
 
 class WorkerError(Exception):
@@ -46,10 +56,16 @@ class Worker:
         Begin as a copy of this process, where that is safe (Linux): within some ms, with all that is imported here.
     memory : int
         Bytes that it may take beside what it begins with, where the system can hold it to that (Linux); 0: any.
+
+    Attributes
+    ----------
+    ends : tuple of int
+        Once it has started, not forked: of two more pipes, to read and to write; the maker's arguments are the others.
     """
 
     def __init__(self, maker: str, fork: bool = False, memory: int = 0):
         self._maker, self._fork, self._memory = maker, fork and PLATFORM == "linux", memory
+        self.ends: tuple[int, ...] = ()
         self._process: _Spawned | _Forked | None = None
         self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
@@ -72,11 +88,26 @@ class Worker:
         WorkerError
             The process ended, or gave no answer in time and was ended.
         """
+        self.send(request)
+        return self.answer(timeout)
+
+    def send(self, request: Any) -> None:
+        """Have the process begin with a request.
+
+        Parameters
+        ----------
+        request : object
+        """
         process = self._process = self._process or self._started()
         # A process that died is found out when it does not answer.
         with suppress(OSError):
             process.stdin.write(pickle.dumps(request))
             process.stdin.flush()
+
+    def answer(self, timeout: float) -> Any:
+        """Wait for the answer to what was sent; as of `ask`."""
+        process = self._process
+        assert process is not None
         try:
             answer = self._answers.get(timeout=timeout)
         except queue.Empty:
@@ -86,8 +117,24 @@ class Worker:
             process.kill()
             raise
         if answer is None:
-            raise WorkerError(_ending(process.wait()))
+            raise WorkerError(self.ending())
         return answer[0]
+
+    def ending(self) -> str:
+        """How the process ended; it is given some s to do so."""
+        process = self._process
+        if process is None:
+            return ""
+        try:
+            return _ending(process.wait(_LAST))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return _ending(process.wait())
+
+    def kill(self) -> None:
+        """End the process at once."""
+        if self._process is not None:
+            self._process.kill()
 
     def close(self) -> None:
         """End the process, by force where it does not end by itself within some s."""
@@ -96,14 +143,14 @@ class Worker:
             return
         with suppress(OSError):
             process.stdin.close()
-        try:
-            process.wait(_LAST)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        self.ending()
+        for end in self.ends:
+            os.close(end)
+        self.ends = ()
 
     def _started(self) -> "_Spawned | _Forked":
         process = (_Forked if self._fork else _Spawned)(self._maker, self._memory)
+        self.ends = process.ends
         threading.Thread(target=self._listen, args=(process.stdout,), daemon=True).start()
         return process
 
@@ -118,12 +165,19 @@ class _Spawned:
     """A new Python that serves."""
 
     def __init__(self, maker: str, memory: int):
+        theirs, ours = zip(os.pipe(), reversed(os.pipe()), strict=True)
+        self.ends: tuple[int, ...] = ours[::-1]
+        for end in theirs:
+            os.set_inheritable(end, True)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", __name__, maker, str(memory)],
+            [sys.executable, "-P", "-m", __name__, maker, str(memory), *(str(_number(end)) for end in theirs)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            close_fds=False,
         )
+        for end in theirs:
+            os.close(end)
         self.stdin: Any = self._process.stdin
         self.stdout: Any = self._process.stdout
         self.kill, self.wait = self._process.kill, self._process.wait
@@ -131,6 +185,8 @@ class _Spawned:
 
 class _Forked:
     """A copy of this process that serves."""
+
+    ends = ()
 
     def __init__(self, maker: str, memory: int):
         asked, answered = os.pipe(), os.pipe()
@@ -163,7 +219,7 @@ class _Forked:
         return self._code
 
 
-def _serve(maker: str, memory: int, requests: BinaryIO, answers: BinaryIO) -> None:
+def _serve(maker: str, memory: int, requests: BinaryIO, answers: BinaryIO, ends: Sequence[int] = ()) -> None:
     """Answer until the requests end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     faulthandler.disable()
@@ -174,7 +230,7 @@ def _serve(maker: str, memory: int, requests: BinaryIO, answers: BinaryIO) -> No
     waiting: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(requests, waiting), daemon=True).start()
     module, _, function = maker.partition(":")
-    answer = getattr(importlib.import_module(module), function)()
+    answer = getattr(importlib.import_module(module), function)(*ends)
     while True:
         pickle.dump(answer(waiting.get()), answers)
         answers.flush()
@@ -210,4 +266,8 @@ def _ending(code: int) -> str:
 
 if __name__ == "__main__":
     # The pipe of the answers goes on under another number.
-    _serve(sys.argv[1], int(sys.argv[2]), sys.stdin.buffer, os.fdopen(os.dup(1), "wb"))
+    own = [_end(int(number)) for number in sys.argv[3:]]
+    for end in own:
+        # No process that begins here keeps them open.
+        os.set_inheritable(end, False)
+    _serve(sys.argv[1], int(sys.argv[2]), sys.stdin.buffer, os.fdopen(os.dup(1), "wb"), own)

@@ -1,9 +1,12 @@
-"""FMUs of other programs, carried out in the process of a `files.workers.Worker`: what they do to it ends nothing else.
+"""An FMU of another program in the process of a `files.workers.Worker`: what it does to it ends nothing else.
 
-It takes several calls at once, and answers with what came of them and the lines that the FMU logged meanwhile.
+Calls come one by one as fmpy's, until the core serves those of the loop through memory that both sides share.
 """
 
-from ctypes import byref
+import ctypes
+import mmap
+import pickle
+from pathlib import Path
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
@@ -18,52 +21,159 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
-DONE, REFUSED, FAILED = "done", "refused", "failed"
-# Lines of a log that one call may hand on, and their length.
-_LINES, _LENGTH = 200, 2000
+from ..core.library import library
+from ..core.structures import structures
+from ..files.workers import PLATFORM
+
+DONE, REFUSED, FAILED, SERVE = "done", "refused", "failed", "serve"
+_KINDS = structures("participant", "channel")
+# Lines of a log that one call may hand on, their length, and bytes that they may take.
+_LINES, _LENGTH, _ROOM = 200, 2000, 2**20
+# `Place` of core/channel.h.
+_LINES_PLACE = 6
+# FMI 2.0; lesser lines serve nobody.
+_WARNING = 1
+
+FUNCTIONS = {
+    "set_real": "SetReal",
+    "get_real": "GetReal",
+    "get_integer": "GetInteger",
+    "get_boolean": "GetBoolean",
+    "end_initialization": "ExitInitializationMode",
+    "do_step": "DoStep",
+    "get_state": "GetFMUstate",
+    "set_state": "SetFMUstate",
+    "free_state": "FreeFMUstate",
+}
+"""Those of FMI that the core's loop calls, by the names of core/participant.h, in the order of core/channel.h."""
+
+
+def functions_of(slave: Any) -> dict[str, Any]:
+    """Functions of an FMU's library by the names of core/participant.h; null where it has none.
+
+    Parameters
+    ----------
+    slave : FMU2Slave
+
+    Returns
+    -------
+    dict of str to ctypes function
+    """
+    return {name: getattr(slave.dll, f"fmi2{call}", ctypes.CFUNCTYPE(None)(0)) for name, call in FUNCTIONS.items()}
+
+
+def callbacks(logger: Any) -> Any:
+    """What an FMU may call.
+
+    Parameters
+    ----------
+    logger : fmi2CallbackLoggerTYPE
+
+    Returns
+    -------
+    Structure
+    """
+    found = fmi2CallbackFunctions(logger, fmi2CallbackAllocateMemoryTYPE(calloc), fmi2CallbackFreeMemoryTYPE(free))
+    addLoggerProxy(ctypes.byref(found))
+    return found
+
+
+class Memory:
+    """What both sides share: words of the core's channel, then lines of a log.
+
+    Parameters
+    ----------
+    path : Path
+        A file of it.
+    words : int
+        Of 64 bits; the file is made. 0: it is there.
+    """
+
+    def __init__(self, path: Path, words: int = 0):
+        if words:
+            path.write_bytes(b"")
+            with path.open("r+b") as file:
+                file.truncate(8 * words + _ROOM)
+        with path.open("r+b") as file:
+            self._bytes = mmap.mmap(file.fileno(), 0)
+        self._lines = 8 * ((len(self._bytes) - _ROOM) // 8)
+        self.words = (ctypes.c_int64 * (self._lines // 8)).from_buffer(self._bytes)
+
+    def write(self, line: tuple[Any, ...]) -> None:
+        """Add a line, of so many that a call may log."""
+        if self.words[_LINES_PLACE] == 0:
+            self._bytes.seek(self._lines)
+        if self.words[_LINES_PLACE] < _LINES:
+            self._bytes.write(pickle.dumps(line))
+            self.words[_LINES_PLACE] += 1
+
+    def read(self) -> list[tuple[Any, ...]]:
+        """Lines since the last call."""
+        self._bytes.seek(self._lines)
+        count, self.words[_LINES_PLACE] = self.words[_LINES_PLACE], 0
+        return [pickle.load(self._bytes) for _ in range(count)]
+
+
+def channel(memory: Memory, ends: tuple[int, ...], **more: Any) -> Any:
+    """One side of a channel, as of core/channel.h.
+
+    Parameters
+    ----------
+    memory : Memory
+    ends : tuple of int
+        Of pipes, to read and to write.
+    **more
+        Further members.
+
+    Returns
+    -------
+    Structure
+    """
+    library, names = ("ucrtbase", ("_read", "_write")) if PLATFORM == "win32" else (None, ("read", "write"))
+    calls = (ctypes.cast(getattr(ctypes.CDLL(library), name), ctypes.c_void_p).value for name in names)
+    place = {"shared": ctypes.addressof(memory.words), "words": len(memory.words)}
+    return _KINDS["Channel"](*calls, **more, **dict(zip(("from", "to"), ends, strict=True)), **place)
 
 
 class Host:
-    """FMUs by name, their saved states, and what they logged since the last answer."""
+    """The FMU, and what it logs.
 
-    def __init__(self) -> None:
-        self._slaves: dict[str, Any] = {}
-        self._states: dict[str, Any] = {}
-        self.lines: list[tuple[bytes | None, int, bytes | None, bytes | None]] = []
-        self._callbacks = fmi2CallbackFunctions()
-        self._callbacks.logger = fmi2CallbackLoggerTYPE(self._log)
-        self._callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
-        self._callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-        addLoggerProxy(byref(self._callbacks))
+    Parameters
+    ----------
+    *ends : int
+        Of pipes.
+    """
 
-    def __call__(self, request: tuple[str, list[tuple[str, tuple[Any, ...], dict[str, Any]]]]) -> tuple[Any, ...]:
-        """Carry out calls one after the other, as far as they are honoured."""
-        name, calls = request
-        values: list[Any] = []
-        self.lines = []
+    def __init__(self, *ends: int):
+        self._ends = ends
+        self._memory: Any = None
+        self._slave: Any = None
+        self._callbacks = callbacks(fmi2CallbackLoggerTYPE(self._log))
+
+    def __call__(self, request: tuple[str, tuple[Any, ...], dict[str, Any]]) -> tuple[Any, ...]:
+        """Have the FMU carry out a call of fmpy's `FMU2Slave`."""
+        call, arguments, named = request
         try:
-            # One after the other, so that those before an error stay.
-            values.extend(self._carried_out(name, *call) for call in calls)
+            if call == "instantiate":
+                self._memory, self._slave = Memory(*arguments), FMU2Slave(**named)
+                self._slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+            elif call == SERVE:
+                self._serve()
+            else:
+                getattr(self._slave, call)(*arguments, **named)
         except FMICallException as error:
-            return REFUSED, values, (error.function, error.status), self.lines
+            return REFUSED, (error.function, error.status)
         except Exception as error:  # whatever a library raises is for the one who asked
-            return FAILED, values, f"{type(error).__name__}: {error}", self.lines
-        return DONE, values, None, self.lines
+            return FAILED, f"{type(error).__name__}: {error}"
+        return DONE, None
 
-    def _carried_out(self, name: str, call: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        """Have an FMU carry out a call."""
-        if call == "instantiate":
-            self._slaves[name] = FMU2Slave(**named)
-            return self._slaves[name].instantiate(callbacks=self._callbacks, loggingOn=True)
-        slave = self._slaves[name]
-        # Of each FMU one state is kept, here.
-        if call == "getFMUstate":
-            self._states[name] = slave.getFMUstate()
-            return None
-        if call in ("setFMUstate", "freeFMUstate"):
-            return getattr(slave, call)(self._states[name])
-        return getattr(slave, call)(*arguments, **named)
+    def _serve(self) -> None:
+        """Let the core answer."""
+        functions = {n: ctypes.cast(f, ctypes.c_void_p).value for n, f in functions_of(self._slave).items()}
+        one = _KINDS["Participant"](instance=self._slave.component, **functions)
+        library().channel_serve(ctypes.byref(channel(self._memory, self._ends)), ctypes.byref(one))
 
     def _log(self, _: object, instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
-        if len(self.lines) < _LINES:
-            self.lines.append((instance, status, category, text and text[:_LENGTH]))
+        if status >= _WARNING and instance and text:
+            # Here a line without a category says more than nothing.
+            self._memory.write((instance[:_LENGTH], status, (category or b"log")[:_LENGTH], text[:_LENGTH]))

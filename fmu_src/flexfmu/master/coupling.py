@@ -20,7 +20,6 @@ from ..files.targets import check_target, whole_file
 from ..fmu.runtime import own_log
 from ..fmu.simulation import MOST_VALUES
 from .config import CouplingFile, ExperimentTable, Scheme, read_coupling_file
-from .foreign import ForeignProcess
 from .layout import Wiring
 from .loop import GROWS, Loop
 from .participants import Participant
@@ -236,11 +235,9 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
     title = f"Couple {names} to {settings.stop:g} s in steps of {settings.step:g} s, {settings.scheme.value}"
     with report.counted(title, settings.stop, "s") as tell, ends_on_interrupt(report) as pressed, ExitStack() as stack:
         stack.enter_context(own_log())
-        foreign = ForeignProcess(settings.timeout)
-        stack.callback(foreign.close)
         participants = []
         for role in wiring.roles:
-            participants.append(Participant(role, foreign))
+            participants.append(Participant(role, settings.timeout))
             stack.callback(participants[-1].close)
         for participant in participants:
             participant.initialize(settings.stop)

@@ -264,16 +264,6 @@ class Role:
     first_input: int
     first_signal: int
 
-    @property
-    def input_share(self) -> slice:
-        """Its share of the driven inputs."""
-        return slice(self.first_input, self.first_input + len(self.inputs))
-
-    @property
-    def signal_share(self) -> slice:
-        """Its share of the signals."""
-        return slice(self.first_signal, self.first_signal + len(self.signals))
-
 
 @dataclass(frozen=True, slots=True)
 class Ends:

@@ -64,11 +64,14 @@ class Loop:
             participating(one, [pair for pair in recorded if pair[1].role == k], arrays)
             for k, one in enumerate(participants)
         ]
+        placed = (_KINDS["Participant"] * len(participants))(*ours)
+        for one, place in zip(participants, placed, strict=True):
+            one.join(place)
         mean = settings.scheme is Scheme.ITERATED and settings.held is Held.MEAN
         self._setup = arrays.filled(
             _KINDS["Setup"],
             wiring=wired(wiring, settings.step, arrays),
-            participants=arrays.place((_KINDS["Participant"] * len(participants))(*ours)),
+            participants=arrays.place(placed),
             response_references=[r.references for r in wiring.responses],
             scheme=list(Scheme).index(settings.scheme),
             every=every,

@@ -4,23 +4,17 @@ import ctypes
 import shutil
 import tempfile
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import fmpy
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import (
-    FMU2Slave,
-    calloc,
-    fmi2CallbackAllocateMemoryTYPE,
-    fmi2CallbackFreeMemoryTYPE,
-    fmi2CallbackFunctions,
-    free,
-)
-from fmpy.logging import addLoggerProxy
+from fmpy.fmi2 import FMU2Slave
 
 from ..files.errors import SimulationError
 from ..files.inputs import check_unpacked
-from .foreign import LOGGER, ForeignProcess, ForeignSlave, open_log, quoted, take_back_warnings, warnings_of
+from ..fmu.foreign_host import callbacks, functions_of
+from .foreign import LOGGER, ForeignSlave, Log
 from .layout import Role
 
 # Of flexfmu's bodies: what tells masters that overlook a discarded step; how many internal steps a step took; and the
@@ -29,33 +23,11 @@ STATUS_CODE, _SUBSTEPS, _FEWEST = "status.code", "diagnostics.substeps", "intern
 # FMI 2.0: after this status nothing may be called.
 _FATAL = 4
 
-# Those of FMI that the loop calls, by the names of core/participant.h.
-_OF_LIBRARY = {
-    "set_real": "SetReal",
-    "get_real": "GetReal",
-    "get_integer": "GetInteger",
-    "get_boolean": "GetBoolean",
-    "end_initialization": "ExitInitializationMode",
-    "do_step": "DoStep",
-    "get_state": "GetFMUstate",
-    "set_state": "SetFMUstate",
-    "free_state": "FreeFMUstate",
-}
 _TAKE_BACK = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
 class StepRefusedError(SimulationError):
     """An FMU discarded a step; its state is as it was before."""
-
-
-def _callbacks() -> fmi2CallbackFunctions:
-    """What an FMU in this process may call."""
-    callbacks = fmi2CallbackFunctions()
-    callbacks.logger = LOGGER
-    callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
-    callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-    addLoggerProxy(ctypes.byref(callbacks))
-    return callbacks
 
 
 def _needed(name: str) -> bool:
@@ -69,8 +41,8 @@ class Participant:
     Parameters
     ----------
     role : Role
-    foreign : ForeignProcess
-        Where FMUs of other programs run.
+    timeout : float
+        s that a call to an FMU of another program may take.
 
     Attributes
     ----------
@@ -91,12 +63,13 @@ class Participant:
         The archive cannot be unpacked, or its library not loaded here.
     """
 
-    def __init__(self, role: Role, foreign: ForeignProcess):
+    def __init__(self, role: Role, timeout: float):
         self.role = role
         self.name = role.description.name
         self.usable = True
         self._slave: Any = None
-        self.marks = open_log(self.name)
+        self._log = Log(self.name)
+        self.marks = self._log.marks
         self._folder = tempfile.mkdtemp(prefix="flexfmu-")
         try:
             check_unpacked(role.description.file)
@@ -107,23 +80,22 @@ class Participant:
                 "modelIdentifier": role.description.model_identifier,
                 "instanceName": self.name,
             }
+            self.functions = {}
             if role.description.own:
                 slave = FMU2Slave(**construction)
-                self._callbacks = _callbacks()
+                self._callbacks = callbacks(LOGGER)
                 slave.instantiate(callbacks=self._callbacks, loggingOn=True)
-                self._slave = slave
-                self.functions = {
-                    name: getattr(slave.dll, f"fmi2{call}", _TAKE_BACK(0)) for name, call in _OF_LIBRARY.items()
-                }
+                self._slave, self.functions = slave, functions_of(slave)
             else:
-                self._slave = ForeignSlave(foreign, self.name, **construction)
-                self.functions = self._slave.functions()
+                self._slave = ForeignSlave(self.name, timeout)
+                path = Path(self._folder, "flexfmu.shared")
+                self._slave.instantiate(path, len(role.description.variables), **construction)
         except Exception as error:  # fmpy raises bare exceptions
             self.close()
             raise SimulationError(
-                f"fmu {self.name!r} ({role.description.file}) cannot be loaded: {quoted(self.name) or error}"
+                f"fmu {self.name!r} ({role.description.file}) cannot be loaded: {self._log.quoted or error}"
             ) from error
-        self.functions["take_back"] = _TAKE_BACK(lambda _: take_back_warnings(self.name))
+        self.functions["take_back"] = _TAKE_BACK(lambda _: self._log.take_back())
         self.instance = self._slave.component if role.description.own else None
         self.bookkeeping = self._bookkeeping()
 
@@ -162,10 +134,15 @@ class Participant:
         except FMICallException as error:
             raise self.failed("its start", error.status) from error
 
+    def join(self, place: Any) -> None:
+        """Let the core's loop call it by a structure of core/participant.h, where it runs in another process."""
+        if isinstance(self._slave, ForeignSlave):
+            self._slave.join(place)
+
     @property
     def said(self) -> str:
         """Why it refused its last call, in its own words; empty where it said nothing."""
-        return quoted(self.name)
+        return self._log.quoted
 
     @property
     def raised(self) -> BaseException | None:
@@ -199,7 +176,7 @@ class Participant:
         if self.usable:
             with suppress(SimulationError, FMICallException):
                 self._slave.terminate()
-        return list(warnings_of(self.name))
+        return list(self._log.warnings)
 
     def close(self) -> None:
         """Free the instance and remove what was unpacked."""
@@ -207,5 +184,7 @@ class Participant:
             # A process that has ended has nothing left to free.
             with suppress(SimulationError):
                 self._slave.freeInstance()
+        if isinstance(self._slave, ForeignSlave):
+            self._slave.worker.close()
         self._slave = None
         shutil.rmtree(self._folder, ignore_errors=True)

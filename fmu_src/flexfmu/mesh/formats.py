@@ -178,7 +178,7 @@ def _most_memory() -> int:
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 0
 
 
-def _reader() -> Callable[[tuple[Path, str, UnitSystem]], Contents | Exception]:
+def _reader(*_ends: int) -> Callable[[tuple[Path, str, UnitSystem]], Contents | Exception]:
     """What reads a file there: its contents, or why there are none."""
 
     def answer(request: tuple[Path, str, UnitSystem]) -> Contents | Exception:
