@@ -257,6 +257,49 @@ def test_shells_of_ansys_have_the_thickness_of_their_section(tmp_path, kind, num
     assert (flexfmu.mesh.checks.checked(mesh).volumes > 0.0).all()
 
 
+BEAMS = """*NODE
+1, 0, 0, 0
+2, {}
+*ELEMENT, TYPE=B31, ELSET=ALL
+1, 1, 2
+*MATERIAL, NAME=M
+*ELASTIC
+2e11, .3
+*DENSITY
+7850
+*BEAM SECTION, ELSET=ALL, MATERIAL=M, SECTION={}
+{}
+{}
+"""
+
+
+@pytest.mark.parametrize(
+    ("theirs", "numbers", "section", "row"),
+    [
+        ("RECT", ".02,.05", "RECT", ".02, .05"),
+        ("CSOLID", ".02", "CIRC", ".02"),
+        ("CTUBE", ".018,.02", "PIPE", ".02, .002"),
+        ("HREC", ".04,.06,.003,.003,.002,.002", "BOX", ".04, .06, .003, .002, .003, .002"),
+        ("I", ".04,.04,.08,.004,.004,.003", "I", ".04, .08, .04, .04, .004, .004, .003"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("end", "towards", "first"),
+    [((1.0, 0.0, 0.0), None, "0, 1, 0"), ((0.0, 0.0, 1.0), None, "0, 1, 0"), ((1, 0, 0), (0, 1, 0), "0, 0, -1")],
+)
+def test_beams_of_ansys_are_those_of_the_deck(tmp_path, theirs, numbers, section, row, end, towards, first):
+    """Their y is level unless a third node says where z is."""
+    tail = f"SECTYPE,1,BEAM,{theirs},,0\nSECOFFSET,CENT\nSECDATA,{numbers}\nMP,EX,1,2e11\nMP,PRXY,1,.3\nMP,DENS,1,7850"
+    places = [(0.0, 0.0, 0.0), end, *([towards] if towards else [])]
+    mesh = ansys(tmp_path, 188, [tuple(range(1, len(places) + 1))], tail, places)
+    deck = tmp_path / "beam.inp"
+    deck.write_text(BEAMS.format(", ".join(map(str, end)), section, row, first))
+    same = read_mesh(deck)
+    used = np.unique(mesh.blocks[0].connectivity)
+    np.testing.assert_allclose(mesh.points[used], same.points[np.unique(same.blocks[0].connectivity)], atol=1e-15)
+    np.testing.assert_allclose(mesh.blocks[0].section, same.blocks[0].section, rtol=1e-12)
+
+
 # Values at the first three temperatures, and at the fourth.
 TEMPERATURES = ("MPDATA,R5.0, 1,EX  ,  1, 1, 2.1E+11, 2.0E+11, 1.9E+11,", "MPDATA,R5.0, 1,EX  ,  1, 4, 1.8E+11,")
 
@@ -276,6 +319,9 @@ def test_materials_of_ansys_are_those_at_their_first_temperature(tmp_path, lines
         (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECDATA,.1,1\nSECDATA,.1,2", "181 with section 1"),
         (181, [(1, 2, 3, 4)], "SECTYPE,1,SHELL\nSECOFFSET,USER,.1\nSECDATA,.1,1", "181 with section 1"),
         (181, [(1, 2, 3, 4)], "KEYOPT,1,1,1\nSECTYPE,1,SHELL\nSECDATA,.1,1", "181 with section 1"),
+        (188, [(1, 2)], "SECTYPE,1,BEAM,CHAN\nSECDATA,1,1,1,1,1,1", "188 with section 1"),
+        (188, [(1, 2)], "KEYOPT,1,1,1\nSECTYPE,1,BEAM,RECT\nSECDATA,1,1", "188 with section 1"),
+        (188, [(1, 2)], "SECTYPE,1,BEAM,RECT\nSECOFFSET,ORIG\nSECDATA,1,1", "188 with section 1"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CE,R5.0,DEFI, 1, 1,  0.0", "by CE \\(line"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "CPCYC,ALL,,1,0.1", "by CPCYC \\(line"),
         (185, [(1, 2, 3, 4, 5, 6, 7, 8)], "ET,9,21\nTYPE,9\nEN,998,1", "by EN \\(line"),

@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,11 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
+from flexfmu.mesh.beams import Beam
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Material
+from flexfmu.mesh.other.ansys_sections import beam_of, sections, shell_section
 from flexfmu.mesh.other.extras import imported, quiet
 
 # Solids by their numbers: corners and mid-side nodes stand as meshio has them.
@@ -22,8 +24,8 @@ _BRICKS = {45: 8, 185: 8, 95: 20, 186: 20}
 _TETRAHEDRA = {285: 4, 92: 10, 187: 10}
 # Shells likewise.
 _SHELLS = (181, 281)
-# Heights of both faces over the nodes, over the thickness.
-_OFFSETS = {"MID": (-0.5, 0.5), "TOP": (-1.0, 0.0), "BOT": (0.0, 1.0)}
+# And beams.
+_BEAMS = (188,)
 # Surface effects, contact and its targets, meshes alone, follower loads: no stiffness and no mass by themselves.
 _PASSED = {*range(151, 157), *range(169, 179), 200, 201}
 _CONTACT = {*range(169, 179)}
@@ -118,8 +120,13 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
     labels, places = _nodes(text, path)
     _refuse_what_is_missing(archive, len(labels), text, path)
     kind_of_type = {int(number): int(kind) for number, kind in archive.ekey}
-    sections, shells = _sections(text), defaultdict(list)
+    known, shells, faces = sections(text), defaultdict(list), dict[str, tuple[float, float]]()
+    beams: dict[int, Beam] = {}
     row = {label: place for place, label in enumerate(labels.tolist())}
+
+    def at(numbers: list[int]) -> FloatArray:
+        return places[[row[one] for one in numbers if one]]
+
     kinds: dict[str, list[Member]] = {}
     refused: dict[str, list[int]] = {}
     notes = []
@@ -128,15 +135,21 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         values = np.asarray(element).tolist()
         kind = kind_of_type.get(values[1], 0)
         nodes = values[_ATTRIBUTES:]
+        # Of shells and beams: that bend, and whose warping is no unknown.
+        plain = all(value == 0 for key, value, *_ in archive.key_option.get(values[1], []) if key == 1)
         if kind in _PASSED:
             passed[kind] = passed.get(kind, 0) + 1
-        elif kind in _SHELLS and (own := _of_section(sections, values[3], archive.key_option.get(values[1], []))):
+        elif kind in _SHELLS and plain and (own := shell_section(known.get(values[3]))):
             name, chosen = _shell(kind, nodes)
             kinds.setdefault(name, []).append(Member(number, chosen, own[2] or values[0]))
             shells[values[3]].append(number)
+            faces[_NAME.format(values[3])] = own[:2]
+        elif kind in _BEAMS and plain and (beam := beam_of(known.get(values[3]), at(nodes[:3]), units.length)):
+            kinds.setdefault("line", []).append(Member(number, nodes[:2], values[0]))
+            beams[number] = beam
         elif (found := _solid(kind, nodes)) is None:
             name = f"{'pyramids of ' if kind in _BRICKS else ''}element type {kind}"
-            name += f" with section {values[3]}" if kind in _SHELLS else ""
+            name += f" with section {values[3]}" if kind in (*_SHELLS, *_BEAMS) else ""
             type_of = re.compile(rf"\s*ET\s*,\s*\w+\s*,\s*{kind}\b", re.IGNORECASE)
             name += next((f" (line {k})" for k, line in enumerate(text, 1) if type_of.match(line)), "")
             refused.setdefault(name, []).append(number)
@@ -147,7 +160,8 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         raise MeshError(
             f"{path} holds what cannot be read as a solid: {parts}; supported are SOLID45, 92, 95, 185, 186, 187 and "
             "285 as bricks, wedges and tetrahedra, SHELL181 and 281 that bend, with a section of one layer "
-            "and SECOFFSET MID, TOP or BOT; model these parts by them"
+            "and SECOFFSET MID, TOP or BOT, BEAM188 without warping, of RECT, CSOLID, CTUBE, HREC (walls alike on both "
+            "sides), I or L and SECOFFSET CENT; model these parts by them"
         )
     for kind, count in passed.items():
         joins = "; parts that only contact joins come apart" if kind in _CONTACT else ""
@@ -167,39 +181,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
             ]
         },
     )
-    faces = {_NAME.format(number): sections[number][:2] for number in shells}
-    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), shells=faces)
-
-
-def _sections(text: list[str]) -> dict[int, tuple[float, float, int]]:
-    """Heights of both faces over the nodes and the material, 0 for that of the element, of sections of one layer."""
-    found: dict[int, tuple[float, float, int]] = {}
-    number, sides, left = 0, _OFFSETS["MID"], 0
-    for line in text:
-        command, *fields = [field.strip().upper() for field in line.split(",")]
-        if command == "SECTYPE":
-            number, sides = (int(fields[0]) if fields[1].startswith("SHEL") else 0), _OFFSETS["MID"]
-        elif command == "SECOFFSET" and number:
-            # Others are no offset that is known.
-            sides = _OFFSETS.get(fields[0], (np.nan, np.nan))
-        elif command == "SECBLOCK" and number:
-            left = int(fields[0])
-        elif (left or command == "SECDATA") and number:
-            layer = fields if command == "SECDATA" else [command, *fields]
-            thick, material = float(layer[0]), int(float(layer[1] or 0)) if len(layer) > 1 else 0
-            once = number not in found
-            found[number] = (sides[0] * thick, sides[1] * thick, material) if once else (np.nan, np.nan, 0)
-            left -= left > 0
-    return found
-
-
-def _of_section(
-    sections: dict[int, tuple[float, float, int]], number: int, options: Iterable[Sequence[int]]
-) -> tuple[float, float, int] | None:
-    """Section of a shell; None where it has several layers, or its element type membrane stiffness alone."""
-    own = sections.get(number)
-    bends = all(value == 0 for key, value, *_ in options if key == 1)
-    return own if own is not None and bends and np.isfinite(own[0]) else None
+    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), shells=faces, beams=beams)
 
 
 def _shell(kind: int, nodes: list[int]) -> tuple[str, list[int]]:
