@@ -155,14 +155,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
             refused.setdefault(name, []).append(number)
         else:
             kinds.setdefault(found[0], []).append(Member(number, found[1], values[0]))
-    if refused:
-        parts = "; ".join(f"{name}: elements {listed(numbers)}" for name, numbers in refused.items())
-        raise MeshError(
-            f"{path} holds what cannot be read as a solid: {parts}; supported are SOLID45, 92, 95, 185, 186, 187 and "
-            "285 as bricks, wedges and tetrahedra, SHELL181 and 281 that bend, with a section of one layer "
-            "and SECOFFSET MID, TOP or BOT, BEAM188 without warping, of RECT, CSOLID, CTUBE, HREC (walls alike on both "
-            "sides), I or L and SECOFFSET CENT; model these parts by them"
-        )
+    _refuse_others(refused, path)
     for kind, count in passed.items():
         joins = "; parts that only contact joins come apart" if kind in _CONTACT else ""
         notes.append(f"{count} elements of type {kind} are left unused: they have no stiffness of their own{joins}")
@@ -182,6 +175,18 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         },
     )
     return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), shells=faces, beams=beams)
+
+
+def _refuse_others(refused: dict[str, list[int]], path: Path) -> None:
+    """Refuse elements by what they are."""
+    if refused:
+        parts = "; ".join(f"{name}: elements {listed(numbers)}" for name, numbers in refused.items())
+        raise MeshError(
+            f"{path} holds what cannot be read as a solid: {parts}; supported are SOLID45, 92, 95, 185, 186, 187 and "
+            "285 as bricks, wedges and tetrahedra, SHELL181 and 281 that bend, with a section of one layer "
+            "and SECOFFSET MID, TOP or BOT, BEAM188 without warping, of RECT, CSOLID, CTUBE, HREC (walls alike on both "
+            "sides), I or L and SECOFFSET CENT; model these parts by them"
+        )
 
 
 def _shell(kind: int, nodes: list[int]) -> tuple[str, list[int]]:
