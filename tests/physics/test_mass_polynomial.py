@@ -175,7 +175,8 @@ def test_a_body_bent_beyond_its_range_is_refused_and_stays_where_it_was(built, t
     assert "beyond the range of its mass polynomial" in driven.log[-1][1]
     assert driven.get("tip.displacement.z") == before
     driven.set(**{"tip.force.z": 0.0})
-    assert driven.taken(1e-5)
+    # Hardly farther: it may be at its range and on its way.
+    assert driven.taken(1e-8)
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ _SHAPES: dict[str, tuple[int, Callable[[list[float]], CrossSection | None]]] = {
 _UPRIGHT = 1e-4
 
 
-class Section(NamedTuple):
+class ArchiveSection(NamedTuple):
     """A section: kind (four letters), shape of a beam's, offset, and its rows of numbers."""
 
     kind: str
@@ -32,15 +32,15 @@ class Section(NamedTuple):
     rows: list[list[float]]
 
 
-def sections(text: Iterable[str]) -> dict[int, Section]:
+def sections(text: Iterable[str]) -> dict[int, ArchiveSection]:
     """Sections of an archive by their numbers."""
-    found: dict[int, Section] = {}
+    found: dict[int, ArchiveSection] = {}
     number, left = 0, 0
     for line in text:
         command, *fields = [field.strip().upper() for field in line.partition("!")[0].split(",")]
         if command == "SECTYPE" and len(fields) > 1 and fields[0].isdigit():
             number = int(fields[0])
-            found[number] = Section(fields[1][:4], fields[2] if len(fields) > 2 else "", "", [])
+            found[number] = ArchiveSection(fields[1][:4], fields[2] if len(fields) > 2 else "", "", [])
         elif command == "SECOFFSET" and number:
             found[number] = found[number]._replace(offset=fields[0])
         elif command == "SECBLOCK" and number:
@@ -52,7 +52,7 @@ def sections(text: Iterable[str]) -> dict[int, Section]:
     return found
 
 
-def shell_section(known: Section | None) -> tuple[float, float, int] | None:
+def shell_section(known: ArchiveSection | None) -> tuple[float, float, int] | None:
     """Heights of a shell's faces over its nodes and the material's number, 0 for that of the element.
 
     None where it has several layers or an offset that is not known.
@@ -63,12 +63,12 @@ def shell_section(known: Section | None) -> tuple[float, float, int] | None:
     return below * thickness, above * thickness, int(more[0]) if more else 0
 
 
-def beam_of(known: Section | None, nodes: FloatArray, length: float) -> Beam | None:
+def beam_of(known: ArchiveSection | None, nodes: FloatArray, length: float) -> Beam | None:
     """A beam with the nodes at its centroid; None where the section is none that is known.
 
     Parameters
     ----------
-    known : Section, optional
+    known : ArchiveSection, optional
     nodes : (2, 3) or (3, 3) float
         Its ends, and its orientation node in the plane of its x and z.
     length : float
