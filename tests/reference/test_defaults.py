@@ -8,6 +8,7 @@ from benchmarks.defaults.measure import measure
 from benchmarks.defaults.published import EVERY
 from benchmarks.defaults.run_calculix import RESULTS, motion
 from benchmarks.defaults.table import RECORDS, RIGHT, answered, error, summary, told
+from benchmarks.defaults.transients import FORCES, spun_up, sudden
 from benchmarks.records import read_records
 from scipy.spatial.transform import Rotation
 
@@ -85,6 +86,11 @@ def test_leaves_that_bend_are_not_near_a_critical_load():
 
 
 @pytest.mark.slow
+@pytest.mark.long
+def test_motion_after_sudden_loads_and_of_a_beam_spun_up_is_right_to_a_per_cent():
+    assert max(spun_up(), *map(sudden, FORCES)) < 0.01
+
+
 def test_kept_results_are_those_of_the_scripts_bodies_and_loads():
     kept = {(row["body"], row["case"], row["deck"]) for row in read_records(RESULTS)}
     assert kept == {(name, case, body.digest(case)) for name, body in known().items() for case in body.cases}
