@@ -7,7 +7,8 @@ minute and 4 GB.
 
 Classes are solids, shells, beams, mixed and mesh file (of formats that have no names of elements). Files that are
 refused and hold elements of another physics or dimension count as "other": fluids, acoustics, networks, heat, axial
-symmetry, plane strain or stress, membranes. Surfaces alone are read as shells of some thickness.
+symmetry, plane strain or stress, membranes; so do mesh files of lines alone, and bulk data whose only materials conduct
+heat. Surfaces alone are read as shells of some thickness.
 """
 
 from __future__ import annotations
@@ -84,6 +85,11 @@ def kind_of(path: Path) -> str:
     found = [kind for kind, known in (("solids", _SOLIDS), ("shells", _SHELLS), ("beams", _BEAMS))
              if any(known.match(name) for name in names)]  # fmt: skip
     return found[0] if len(found) == 1 else "mixed" if found else ""
+
+
+def _conducts(text: str) -> bool:
+    """Whether all materials of bulk data are of heat."""
+    return {int(number) for number in re.findall(r"^MAT(\d+)\b", text, re.M | re.I)} in ({4}, {5}, {4, 5})
 
 
 def _text(path: Path, depth: int) -> str:
@@ -193,7 +199,9 @@ def row_of(path: Path, folder: Path) -> dict[str, str] | None:
     if not (kind := kind_of(path)):
         return None
     outcome, message, seconds = outcome_of(path)
-    if outcome == "refused" and _OTHER.search(_text(path, 0)):
+    text = _text(path, 0)
+    lines_alone = kind == "mesh file" and "one of the cell sets ," in message
+    if outcome == "refused" and (_OTHER.search(text) or lines_alone or _conducts(text)):
         kind = "other"
     source, *rest = path.relative_to(folder).parts
     message = " ".join(message.replace(f"{path.parent}/", "").replace(f"{folder}/", "").split())[:_LONGEST]

@@ -402,3 +402,17 @@ def test_names_in_an_older_encoding_are_read(tmp_path):
     path = tmp_path / "body.inp"
     path.write_bytes((BODY + "*NSET, NSET=Träger\n1\n").encode("latin-1"))
     assert "Träger" in read_deck(path, UnitSystem.SI).node_sets
+
+
+def test_elements_that_a_distribution_names_have_its_directions(tmp_path):
+    """The others have those of its first row."""
+    text = BODY.replace("2.1e11, 0.3", "1e11, 1e10, 1e10, .3, .3, .3, 4e9, 4e9\n4e9").replace(
+        "*ELASTIC", "*ELASTIC, TYPE=ENGINEERING CONSTANTS"
+    )
+    text = text.replace("MATERIAL=Steel", "MATERIAL=Steel, ORIENTATION=O") + "*NODE\n9, 2, 0, 2\n10, 2, 1, 2\n"
+    text = "*DISTRIBUTION, NAME=D\n, 1, 0, 0, 0, 1, 0\n11, 0, 0, 1, 1, 0, 0\n*ORIENTATION, NAME=O\nD\n" + text
+    text += "*NODE\n21, 0, 0, 2\n22, 0, 1, 2\n*ELEMENT, TYPE=C3D8, ELSET=Eall\n12, 5, 6, 7, 8, 21, 9, 10, 22\n"
+    axes = read(tmp_path, text).blocks[0].axes
+    np.testing.assert_allclose(axes[0], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(axes[1], np.eye(3), atol=1e-12)
+    refuse(tmp_path, text.replace("\nD\n", "\nDX7\n"), "DX7", "distribution 'DX7' is not defined")

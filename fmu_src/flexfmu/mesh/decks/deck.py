@@ -188,6 +188,7 @@ class _Content:
             "DENSITY": self.materials.density,
             "SOLIDSECTION": self.materials.section,
             "ORIENTATION": self.materials.oriented,
+            "DISTRIBUTION": self.materials.distributed,
         }
         if card.key in ("NODE", "ELEMENT"):
             self.sets.append((card, (self.nodes if card.key == "NODE" else self.elements).add(card)))

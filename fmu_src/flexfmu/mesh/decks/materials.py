@@ -1,6 +1,6 @@
 """Materials of a deck, their elastic constants, and the sections of solids and shells that name them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -125,6 +125,11 @@ _UNTOLD = float("nan")
 _SAME = 1e-6
 
 
+def _vectors(line: Line) -> Line:
+    """A row of a distribution without the element or set."""
+    return line._replace(text=line.text.partition(",")[2])
+
+
 @dataclass(slots=True)
 class MaterialCard:
     """What the deck says of one material, SI units.
@@ -215,6 +220,9 @@ class DeckMaterials:
         By name in capitals.
     sections : list of Section
     orientations : dict of str to Orientation
+    distributions : dict of str to Card
+    exceptions : list of (Orientation, Line, Orientation)
+        Where elements that a line of a distribution names have another orientation than the rest.
         By qualified name in capitals.
     notes : list of str
     """
@@ -223,6 +231,8 @@ class DeckMaterials:
     cards: dict[str, MaterialCard] = field(default_factory=dict)
     sections: list[Section] = field(default_factory=list)
     orientations: dict[str, Orientation] = field(default_factory=dict)
+    distributions: dict[str, Card] = field(default_factory=dict)
+    exceptions: list[tuple[Orientation, Line, Orientation]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def begin(self, card: Card) -> None:
@@ -321,7 +331,25 @@ class DeckMaterials:
         DeckError
             As of `orientation`.
         """
-        self.orientations[card.scope.qualified(card.required("NAME")).upper()] = orientation(card)
+        name = fields(card.data[0])[0] if card.data else ""
+        rest = Card("", {}, card.line)
+        if name and not name.lstrip("+-.")[:1].isdigit():
+            rest = card.scope.find(name, self.distributions, "distribution", card.data[0])
+            card = replace(card, data=[_vectors(line) for line in rest.data[:1]] + card.data[1:])
+        own = orientation(card)
+        self.orientations[card.scope.qualified(card.required("NAME")).upper()] = own
+        for line in rest.data[1:]:
+            self.exceptions.append((own, line, orientation(replace(card, data=[_vectors(line), *card.data[1:]]))))
+
+    def distributed(self, card: Card) -> None:
+        """Take a *DISTRIBUTION of orientations.
+
+        Parameters
+        ----------
+        card : Card
+            Before the *ORIENTATION that names it; its first row is that of all other elements.
+        """
+        self.distributions[card.scope.qualified(card.required("NAME")).upper()] = card
 
     def assigned(self, element_sets: SetTable, labels: IntArray, centres: FloatArray) -> Assigned:
         """Return the materials that sections name, and which one each element has.
@@ -355,6 +383,10 @@ class DeckMaterials:
             )
             members = found[found < len(labels)]
             base = self._axes(section, centres[members])
+            for whole, line, own in self.exceptions:
+                if section.orientation and self._found(section, section.orientation) is whole:
+                    inside = np.isin(members, [*element_sets.find(fields(line)[0], line, section.scope)])
+                    base[inside] = own.at(centres[members[inside]], shell=section.shell)
             name = section.material.upper()
             if name not in used:
                 used[name] = len(materials)
@@ -386,8 +418,10 @@ class DeckMaterials:
         name, scope = name or section.orientation, section.scope
         if not name:
             return np.tile(np.eye(3) if scope.rotation is None else scope.rotation, (len(places), 1, 1))
-        found = scope.find(name, self.orientations, "orientation", section.line)
-        return found.axes(places)[:, :, found.on_shells] if section.shell else found.axes(places)
+        return self._found(section, name).at(places, shell=section.shell)
+
+    def _found(self, section: Section, name: str) -> Orientation:
+        return section.scope.find(name, self.orientations, "orientation", section.line)
 
     def _laminate(self, section: Section, places: FloatArray, base: FloatArray) -> Material:
         """What a section with layers is made of, whose axes are `base` at places; they become that of a layer."""

@@ -35,6 +35,20 @@ class Orientation:
     turn: FloatArray
     on_shells: tuple[int, ...]
 
+    def at(self, places: FloatArray, *, shell: bool) -> FloatArray:
+        """Return the axes of the material, of shells in the order of theirs.
+
+        Parameters
+        ----------
+        places : (n, 3) float
+        shell : bool
+
+        Returns
+        -------
+        (n, 3, 3) float
+        """
+        return self.axes(places)[:, :, self.on_shells] if shell else self.axes(places)
+
     def axes(self, places: FloatArray) -> FloatArray:
         """Return the axes as columns (n, 3, 3) at places (n, 3).
 
