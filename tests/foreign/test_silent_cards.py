@@ -57,6 +57,21 @@ def test_cards_without_meaning_to_a_body_at_rest_are_passed_over(tmp_path, card)
     assert read_mesh(_file(tmp_path, card)).element_count == 1
 
 
+@pytest.mark.parametrize(
+    ("card", "words"),
+    [
+        ("PARAM,K6ROT,100.", "PARAM K6ROT = 100.0 is left out: shells have no stiffness"),
+        ("PARAM,AUTOSPC,YES", "PARAM AUTOSPC = YES is left out"),
+        ("PARAM,AUTOSPC,NO", ""),
+        ("PARAM,G,.02", "PARAM G = 0.02 is left out: give [damping]"),
+        ("MATT1,1,7", "MATT1 1 are left out"),
+    ],
+)
+def test_parameters_and_tables_that_change_results_elsewhere_are_said(tmp_path, card, words):
+    notes = " ".join(read_mesh(_file(tmp_path, card)).notes)
+    assert words in notes if words else "PARAM" not in notes
+
+
 def test_matrices_and_masses_that_the_case_control_does_not_choose_are_not_part_of_the_body(tmp_path):
     card = "DMIG,STIF,0,6,1\nDMIG,STIF,1,1,,1,1,3.+5"
     assert read_mesh(_file(tmp_path, card, "SPC = 1")).element_count == 1

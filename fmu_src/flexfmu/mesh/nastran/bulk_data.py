@@ -72,6 +72,11 @@ _UNREAD = re.compile(
     r"LINK|EQATN|AREA|PHASE|ELAY)|([QABC]SET|OMIT|USET|SUPORT)1?|NLP\w+|TSTEP\w*|FREQ\d?|[TR]LOAD\d|TIC|"
     r"R(OTOR\w|GYRO|SPIN\w|AND\w+)|ACMODL|TAB\w+|MONPNT\d"
 )
+# What changes results elsewhere, and has no place here.
+_PARAMETERS = {
+    "AUTOSPC": "what has no stiffness is not held by itself, but by supports",
+    "K6ROT": "shells have no stiffness against turns about their normals",
+} | dict.fromkeys(("G", "ALPHA1", "ALPHA2"), "give [damping]")
 _ORDER = re.compile(r"\$\s*pynastran\s*:", re.IGNORECASE)
 # Those that count where the case control chooses them.
 _CHOSEN = {"DMIG": {"K2GG", "M2GG", "K2PP", "M2PP"}, "NSM": {"NSM"}}
@@ -380,4 +385,12 @@ def _bars_left_out(model: Any) -> list[str]:
         )
     if lossy := [number for number, one in model.materials.items() if getattr(one, "ge", 0.0)]:
         notes.append(f"structural damping GE of materials {listed(lossy)} is left out: give [damping]")
+    for name, why in _PARAMETERS.items():
+        given = model.params[name].values[0] if name in model.params else 0
+        notes += [f"PARAM {name} = {given} is left out: {why}"] if given not in (0, 0.0, "NO", "N") else []
+    for name in ("MATT1", "MATT2", "MATT8", "MATT9", "MATS1"):
+        if found := getattr(model, name, None):
+            notes.append(
+                f"{name} {listed(found)} are left out: constants are those of the MAT, and the body is elastic"
+            )
     return notes
