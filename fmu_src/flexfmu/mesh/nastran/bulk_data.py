@@ -59,6 +59,7 @@ _CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SO
 # Cells that are made of others.
 _SOLIDS |= {("CPYRAM", 5): SimpleNamespace(name="pyramid", layered=range(5))}
 _CORNERS |= {"CPYRAM": 5}
+_OF_SUPER = r"\s+(?:BULK\s+)?"
 # They hold or load nothing.
 _IDLE = ("PLOTEL", "PLOTEL3", "PLOTEL4", "CHBDYE", "CHBDYG", "CHBDYP")
 # Cards with stiffness, mass or constraints by their names, whether pyNastran knows them or not.
@@ -271,7 +272,7 @@ def _refuse_others(model: Any, path: Path) -> None:
         found["BEGIN SUPER"] = list(model.superelement_models)
     if found:
         parts = "; ".join(
-            f"{name} {listed(numbers) if numbers else ''}{lines_of(path, name, *numbers[:1])}"
+            f"{name} {listed(numbers) if numbers else ''}{lines_of(path, name.replace(' ', _OF_SUPER), *numbers[:1])}"
             for name, numbers in found.items()
         )
         raise MeshError(

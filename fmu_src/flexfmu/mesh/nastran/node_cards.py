@@ -119,7 +119,7 @@ def rigid_links(model: Any, row: Mapping[int, int]) -> tuple[RigidLink, ...]:
 
 def lines_of(path: Path, card: str, number: str | int = "") -> str:
     """Where in the file, or one it includes, the cards of a name, or one by its number, are; empty elsewhere."""
-    start = re.compile(rf"\s*{card}\*?[\s,=]+{number}\b", re.IGNORECASE)
+    start = re.compile(rf"\s*{card}[*\s,=]\s*[,=]?\s*{number}\b", re.IGNORECASE)
     text = path.read_text(encoding="latin-1")
     rows = [k for k, line in enumerate(text.splitlines(), start=1) if start.match(line)]
     if rows:
