@@ -11,7 +11,10 @@ Poisson's ratio 0 there. Where rotations are held, CalculiX keeps the thickness,
 is in plane strain; a plate of one row of S8R clamped with Poisson's ratio 0.3 is 8.3, 4.5, 2.1, 1.0 % too stiff with 2,
 4, 8, 16 elements over its length (with 0: 1e-5), and comes to what flexfmu gives from 2 elements on. Loads at a corner
 beside clamped edges leave 29 % (shell6rot2): refined, both come to the same; with 2, 4, 8, 16 elements across CalculiX
-is 27, 8, 2, 0.3 % too stiff, flexfmu 2, 1.6, 0.6, 0 %. Below 3e-4 of the length (leifer1) CalculiX loses the digits.
+is 27, 8, 2, 0.3 % too stiff, flexfmu 2, 1.6, 0.6, 0 %. A plate of 10 by 10 elements that is held and loaded at some
+mid-sides half an element from its edges (leifer1, square) leaves 5.6 %: with 10, 20, 40 elements, ten times as thick,
+CalculiX's mean deflection is 0.5627, 0.5813, 0.5835, flexfmu's 0.5696, 0.5830, 0.5843. At its own thickness, times
+1000, CalculiX has 0.5545 with 10, flexfmu 0.5692.
 
 Frequencies of C3D8I are not compared. CalculiX's incompatible modes have mass: the third axial frequency of a bar whose
 sections stay plane is 8.9, 2.5, 0.63 % too low with 1, 2, 4 elements across, however many are along (here 0.16 %).
