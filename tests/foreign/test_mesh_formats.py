@@ -213,8 +213,8 @@ def test_blocks_of_one_kind_are_joined_and_elements_numbered_in_the_files_order(
 
 
 def test_other_volume_cells_are_refused_by_name():
-    with pytest.raises(MeshError, match="kind pyramid13, supported are tetra"):
-        from_meshio(meshio.Mesh(np.zeros((13, 3)), [("pyramid13", np.arange(13)[None])]), "body", UnitSystem.SI)
+    with pytest.raises(MeshError, match="kind tetra20, supported are tetra"):
+        from_meshio(meshio.Mesh(np.zeros((20, 3)), [("tetra20", np.arange(20)[None])]), "body", UnitSystem.SI)
 
 
 def test_bricks_with_nodes_in_their_faces_are_those_of_20_nodes(tmp_path):
@@ -258,6 +258,34 @@ def test_pyramids_pass_the_patch_test_and_keep_their_sets():
     across = forces.reshape(-1, 3)[np.isclose(mesh.points[:, 0], 1.0), 0]
     np.testing.assert_allclose(across, 0.0, atol=1e-6 * np.abs(forces).max())
     assert np.abs(forces.reshape(-1, 3)[-2:]).max() < 1e-9 * np.abs(forces).max()
+
+
+def test_quadratic_pyramids_bend_as_a_beam_does():
+    """A cube of six: its middle nodes feel no force in pure bending, and its bases are those of quadratic bricks."""
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
+    points, known = [*corners, np.array([0.45, 0.55, 0.5])], {}
+    cells = []
+    for face in ((3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)):
+        row = [*face, 8]
+        for one, other in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)]:
+            edge = tuple(sorted((row[one], row[other])))
+            if edge not in known:
+                known[edge] = len(points)
+                points.append(0.5 * (points[edge[0]] + points[edge[1]]))
+            row.append(known[edge])
+        cells.append(row)
+    mesh = checked(from_meshio(meshio.Mesh(np.array(points), [("pyramid13", np.array(cells))]), "cube", UnitSystem.SI))
+    assert mesh.volumes.sum() == pytest.approx(1.0)
+    assert mesh.blocks[0].type is ElementType.C3D10
+    blocks = tuple(replace(b, material=np.zeros(len(b.labels), dtype=np.int64)) for b in mesh.blocks)
+    steel = replace(mesh, materials=(Material("steel", 2e11, 0.3, 7850.0),), blocks=blocks)
+    x, y, z = mesh.points.T
+    bent = np.column_stack([x * y, -0.5 * (x**2 + 0.3 * (y**2 - z**2)), -0.3 * y * z])
+    forces = np.linalg.norm((stiffness(steel) @ bent.ravel()).reshape(-1, 3), axis=1)
+    inside = [8, *(row for edge, row in known.items() if 8 in edge)]
+    assert forces[inside].max() < 1e-9 * forces.max()
+    np.testing.assert_allclose(mesh.equations @ bent.ravel(), 0.0, atol=1e-12)
+    assert mesh.equations.shape[0] == 18
 
 
 def test_elements_between_the_same_corners_count_once():

@@ -33,7 +33,10 @@ _WHOLE = {
     "wedge18": "wedge15",
     "pyramid14": "pyramid13",
 }
-_PYRAMID = "pyramid"
+# Kinds of pyramids, and the tetrahedra of which each is two.
+_PYRAMIDS = {"pyramid": "tetra", "pyramid13": "tetra10"}
+# Value of quadratic faces in their middle, of their corners and of the nodes between these.
+_MIDDLE = np.repeat([-0.25, 0.5], 4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,14 +207,28 @@ def _in_known_kinds(contents: Contents) -> Contents:
     """Contents without nodes in the middle of faces and bricks, and with two tetrahedra for each pyramid; notes."""
     found, notes = copy(contents.mesh), list(contents.notes)
     kinds = [block.type for block in found.cells]
-    if not set(kinds) & {*_WHOLE, _PYRAMID}:
+    if not set(kinds) & {*_WHOLE, *_PYRAMIDS}:
         return contents
     middles = "without the nodes in the middle of faces and elements"
     notes += [f"{kind} are taken as {_WHOLE[kind]}, {middles}" for kind in sorted(set(kinds) & set(_WHOLE))]
-    copies = [2 if kind == _PYRAMID else 1 for kind in kinds]
-    if pyramids := sum(len(block.data) for block in found.cells if block.type == _PYRAMID):
-        notes.append(f"{pyramids} pyramids are taken as two linear tetrahedra each, which are stiff in bending")
-    found.cells = [_in_known_kind(block) for block in found.cells]
+    found.cells = [_without_middles(block) for block in found.cells]
+    count = {kind: sum(len(b.data) for b in found.cells if b.type == kind) for kind in _PYRAMIDS}
+    if count["pyramid"]:
+        notes.append(f"{count['pyramid']} pyramids are taken as two linear tetrahedra each, which are stiff in bending")
+    if count["pyramid13"]:
+        notes.append(f"{count['pyramid13']} quadratic pyramids are taken as two tetrahedra each")
+    copies = [2 if block.type in _PYRAMIDS else 1 for block in found.cells]
+    bases = [np.zeros((0, 8), dtype=np.int64)]
+    first = len(found.points)
+    for place, block in enumerate(found.cells):
+        if block.type in _PYRAMIDS:
+            data = np.asarray(block.data, dtype=np.int64)
+            found.cells[place] = meshio.CellBlock(_PYRAMIDS[block.type], _halves(data, first))
+            if block.type == "pyramid13":
+                bases.append(data[:, [0, 1, 2, 3, 5, 6, 7, 8]])
+                first += len(data)
+    base = np.concatenate(bases)
+    found.points = np.concatenate([found.points, _MIDDLE @ np.asarray(found.points, dtype=float)[base]])
 
     def each(columns: Any) -> list[Any]:
         return [None if one is None else np.repeat(one, n, axis=0) for one, n in zip(columns, copies, strict=True)]
@@ -225,21 +242,53 @@ def _in_known_kinds(contents: Contents) -> Contents:
         for name, parts in found.cell_sets.items()
     }
     labels, material = (None if own is None else each(own) for own in (contents.cell_labels, contents.material))
-    return replace(contents, mesh=found, notes=tuple(notes), cell_labels=labels, material=material)
+    nodes = contents.node_labels
+    if nodes is not None:
+        nodes = np.concatenate([nodes, nodes.max(initial=0) + 1 + np.arange(len(base))])
+    return replace(
+        contents,
+        mesh=found,
+        notes=tuple(notes),
+        node_labels=nodes,
+        cell_labels=labels,
+        material=material,
+        equations=(*contents.equations, *_middles(base, first - len(base))),
+    )
 
 
-def _in_known_kind(block: Any) -> Any:
-    data = np.asarray(block.data)
-    if block.type == _PYRAMID:
-        # The diagonal through the node of the lowest number, so that two pyramids on one base fit.
-        first = data[:, :4].argmin(axis=1)[:, None]
-        a, b, c, d = (np.take_along_axis(data, (first + k) % 4, axis=1)[:, 0] for k in range(4))
-        halves = np.array([(a, b, c, data[:, 4]), (a, c, d, data[:, 4])])
-        return meshio.CellBlock("tetra", halves.transpose(2, 0, 1).reshape(-1, 4))
-    if block.type in _WHOLE:
-        kind = _WHOLE[block.type]
-        return meshio.CellBlock(kind, data[:, : ASSUMED[kind].node_count if kind in ASSUMED else 13])
-    return block
+def _middles(base: IntArray, first: int) -> list[dict[int, float]]:
+    """Equations of nodes, from the first on, in the middle of quadratic faces (k, 8)."""
+    share = (-_MIDDLE).tolist()
+    return [
+        {3 * (first + k) + i: 1.0} | dict(zip((3 * row + i).tolist(), share, strict=True))
+        for k, row in enumerate(base)
+        for i in range(3)
+    ]
+
+
+def _without_middles(block: Any) -> Any:
+    """A block without nodes in the middle of faces and elements."""
+    if block.type not in _WHOLE:
+        return block
+    kind = _WHOLE[block.type]
+    return meshio.CellBlock(kind, np.asarray(block.data)[:, : ASSUMED[kind].node_count if kind in ASSUMED else 13])
+
+
+def _halves(data: IntArray, first: int) -> IntArray:
+    """Two tetrahedra (2k, 4 or 10) for each pyramid (k, 5 or 13); nodes in the middle of bases are `first` and on."""
+    # The diagonal through the node of the lowest number, so that two pyramids on one base fit.
+    turn = (data[:, :4].argmin(axis=1)[:, None] + np.arange(4)) % 4
+    a, b, c, d = np.take_along_axis(data, turn, axis=1).T
+    top = data[:, 4]
+    halves = [[a, b, c, top], [a, c, d, top]]
+    if data.shape[1] > 5:
+        ab, bc, cd, da = np.take_along_axis(data, 5 + turn, axis=1).T
+        up = np.take_along_axis(data, 9 + turn, axis=1).T
+        ac = first + np.arange(len(data))
+        halves[0] += [ab, bc, ac, up[0], up[1], up[2]]
+        halves[1] += [ac, cd, da, up[0], up[2], up[3]]
+    found: IntArray = np.array(halves).transpose(2, 0, 1).reshape(2 * len(data), -1)
+    return found
 
 
 def _filled(mesh: Mesh, contents: Contents, heights: FloatArray, solids: int) -> Mesh:

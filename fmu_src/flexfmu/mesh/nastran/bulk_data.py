@@ -58,6 +58,7 @@ _FACES = {(f"{shape.polytope.nastran}{count}", count): shape for count, shape in
 _CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SOLIDS.values()}
 # Cells that are made of others.
 _SOLIDS |= {("CPYRAM", 5): SimpleNamespace(name="pyramid", layered=range(5))}
+_SOLIDS |= {("CPYRAM", 13): SimpleNamespace(name="pyramid13", layered=range(13))}
 _CORNERS |= {"CPYRAM": 5}
 _OF_SUPER = r"\s+(?:BULK\s+)?"
 # They hold or load nothing.
@@ -252,9 +253,7 @@ def _refuse_others(model: Any, path: Path) -> None:
     masses = [(number, one) for number, one in model.masses.items() if one.type not in ("CONM2", "CMASS1", "CMASS2")]
     for number, element in [*model.elements.items(), *masses]:
         shell = element.type in SHELLS and element.pid in model.properties
-        idle = element.type in (*_IDLE, *_CORNERS, *CARDS, *SPRINGS) and (
-            element.type != "CPYRAM" or len(element.nodes) == _CORNERS["CPYRAM"]
-        )
+        idle = element.type in (*_IDLE, *_CORNERS, *CARDS, *SPRINGS)
         if not idle and not shell and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():

@@ -33,6 +33,7 @@ _CONTACT = {*range(169, 179)}
 _WEDGE = ([(2, 3), (6, 7)], [0, 1, 2, 4, 5, 6], [8, 9, 11, 12, 13, 15, 16, 17, 18])
 _TETRA = ([(2, 3), (4, 5), (4, 6), (4, 7)], [0, 1, 2, 4], [8, 9, 11, 16, 17, 18])
 _PYRAMID = [(4, 5), (4, 6), (4, 7)]
+_QUADRATIC = [*range(5), *range(8, 12), *range(16, 20)]
 # Of nodes: how many whole numbers, and their width; then the others.
 _FORM = re.compile(r"\((\d+)I(\d+),\d+E\d+", re.IGNORECASE)
 _REAL = re.compile(r"[-+]?[\d.]+(?:E[-+]?\d+)?", re.IGNORECASE)
@@ -148,7 +149,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
             kinds.setdefault("line", []).append(Member(number, nodes[:2], values[0]))
             beams[number] = beam
         elif (found := _solid(kind, nodes)) is None:
-            name = f"{'pyramids of ' if kind in _BRICKS else ''}element type {kind}"
+            name = f"element type {kind}"
             name += f" with section {values[3]}" if kind in (*_SHELLS, *_BEAMS) else ""
             type_of = re.compile(rf"\s*ET\s*,\s*\w+\s*,\s*{kind}\b", re.IGNORECASE)
             name += next((f" (line {k})" for k, line in enumerate(text, 1) if type_of.match(line)), "")
@@ -212,7 +213,7 @@ def _solid(kind: int, nodes: list[int]) -> tuple[str, list[int]] | None:
             chosen = [*corners, *middle] if quadratic else corners
             return f"{name}{len(chosen)}" if quadratic else name, [nodes[k] for k in chosen]
     if all(nodes[a] == nodes[b] for a, b in _PYRAMID):
-        return None if quadratic else ("pyramid", nodes[:5])
+        return ("pyramid13", [nodes[k] for k in _QUADRATIC]) if quadratic else ("pyramid", nodes[:5])
     return ("hexahedron20", nodes[:20]) if quadratic else ("hexahedron", nodes[:8])
 
 
