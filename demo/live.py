@@ -1,6 +1,6 @@
 """Eight bodies alive in the browser: one page each, in which the pointer takes an interface and pulls.
 
-Run from the repository's root, with flexfmu[platforms]: python -m demo.live [NAME ...] [--output FOLDER]
+Run from the repository's root: python -m demo.live [NAME ...] [--output FOLDER]
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import build_fmu, reduce_body
 from flexfmu.build.tables import FrameTable, InterfaceTable
@@ -16,6 +17,7 @@ from flexfmu.files.tables import read_table
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu, read_packaged_body
 from flexfmu.fmu.simulation import simulate, simulate_csv
+from flexfmu.model.methods import Method
 from flexfmu.reduction.options import Basis
 from references import BEAM, body_without_error
 
@@ -67,10 +69,24 @@ def test_frames_that_overlap_leave_out_or_hold_nothing_are_told():
 
 @pytest.mark.slow
 def test_interface_that_reaches_beyond_its_frame_is_told():
-    _, said = build(interface=[InterfaceTable(name="middle", nodes="SEG4")], frames=16)
+    half = {"box": [[0.3, -1.0, -1.0], [0.8, 1.0, 1.0]]}
+    _, said = build(interface=[InterfaceTable(name="middle", nodes=half)], frames=16)
     assert any("lie outside frame" in text for text in said)
-    _, said = build()
-    assert not said
+
+
+@pytest.mark.slow
+def test_interface_over_a_short_stretch_of_several_frames_moves_as_in_one_and_no_alarm_is_given():
+    """An eighth of the length: 8 frames hold it in one, of 16 and 32 most of its nodes are outside its own."""
+    file, moved = read_body_file(BEAM / "body.toml"), []
+    formulation = file.formulation.model_copy(update={"method": Method.SECOND_ORDER})
+    reduction = file.reduction.model_copy(update={"residual_flexibility": True})
+    middle = {"interface": [InterfaceTable(name="middle", nodes="SEG4")], "formulation": formulation}
+    for frames in (8, 32):
+        body, said = build(**middle, reduction=reduction, frames=frames)
+        assert not said
+        one = FlexibleBody(body)
+        moved.append(one.response(one.static({"middle": [0.0, 60e3, 0.0]})).displacement[0])
+    assert np.linalg.norm(moved[1] - moved[0]) < 1e-4 * np.linalg.norm(moved[0])
 
 
 @pytest.mark.slow

@@ -36,6 +36,8 @@ from .watched import watched_material
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
 _SPREAD = 0.1
+# Share of the body's size below which it does not matter.
+_SHORT = 0.25
 # Share of the body's nodes that no interface is likely to have.
 _MOST = 0.9
 # Share of deflections that a coarse mesh may lack in silence.
@@ -276,18 +278,21 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
     if interface.added.size:
         count += f" ({interface.added.size} of its elements added: a line or point takes no moment)"
     report.note(f"interface {interface.name!r}: {count}, loads spread {spread}, carried by {carrier}")
+    points = model.mesh.points
     if model.fixed[interface.nodes].all():
         report.doubt(f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing")
-    if interface.nodes.size > _MOST * len(model.mesh.points):
+    if interface.nodes.size > _MOST * len(points):
         report.doubt(
-            f"interface {interface.name!r} has {interface.nodes.size} of the body's {len(model.mesh.points)} nodes: "
+            f"interface {interface.name!r} has {interface.nodes.size} of the body's {len(points)} nodes: "
             "its motion is an average over all of it; take the nodes where the body is joined to others"
         )
     if interface.frame >= 0 and not subdomains[interface.frame].floating:
         told = np.setdiff1d(interface.nodes, interface.added)
         beyond = np.setdiff1d(told, subdomains[interface.frame].body.nodes).size
         rigid = any(np.isin(interface.nodes, link.nodes).all() for link in model.mesh.links)
-        if beyond > _SPREAD * told.size and not rigid:
+        # Over a short stretch frames turn so little against each other that nothing is lost.
+        reach, size = (np.linalg.norm(np.ptp(points, axis=0)) for points in (points[told], points))
+        if beyond > _SPREAD * told.size and reach > _SHORT * size and not rigid:
             report.warning(
                 f"interface {interface.name!r}: {beyond} of its {told.size} nodes lie outside frame "
                 f"{subdomains[interface.frame].name}, which carries all of it; take a smaller set"
