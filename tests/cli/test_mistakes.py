@@ -357,6 +357,12 @@ MISTAKES = {
     "time that goes back": loads("time,tip.force.y\n0,1\n1,2\n0.5,3\n", "line 4: time goes back from 1.0 to 0.5"),
     "results over the loads": files("simulate bar.fmu -i loads.csv -o loads.csv", "what the job reads", "another name"),
     "picture of another kind": files("simulate bar.fmu -i loads.csv -o out.csv --plot p.jpg", "ends in .png or .pdf"),
+    "live under a load": files(
+        "view bar.fmu --live out.html --load tip.force.y=1kN", "a live page begins at rest, without loads"
+    ),
+    "live and another page": Mistake(
+        ["view", "bar.fmu", "--live", "live.html", "-o", "out.html"], {}, ["give one of them"], 2
+    ),
     "load in mm": files("view bar.fmu --load tip.force.y=10mm -o p.html", "the unit is 'mm', expected one of N, mN"),
     "nothing happens": scene(SCENE, "", "nothing happens in the scene: give a [[static]] or a [[transient]] table"),
     "no step": scene(SCENE, '[[transient]]\nname = "a"\nloads = {}\n', "step: missing", "such as step = 0.001"),

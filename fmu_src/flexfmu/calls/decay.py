@@ -86,8 +86,8 @@ def decay(file: str | Path, column: str = "") -> Decay:
     step = float(np.ptp(time)) / max(time.size - 1, 1)
     if time.size < _FEWEST or np.abs(np.diff(time) - step).max() > _UNEVEN * step:
         raise SimulationError(
-            f"{file}: {time.size} rows, from {np.diff(time).min(initial=0.0):g} s apart, expected {_FEWEST} or more at "
-            "equal steps"
+            f"{file}: {time.size} rows, {np.diff(time).min(initial=np.inf):g} s apart or more, expected "
+            f"{_FEWEST} or more at equal steps"
         )
     found = _parts(motion - motion[-motion.size // 4 :].mean(), step)
     if not found.frequency.size:

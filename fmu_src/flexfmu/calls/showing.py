@@ -148,7 +148,7 @@ def view_of_model(model: ReducedBody, request: Request, report: Reporter) -> Vie
     settings = dict(request.settings or {})
     body = body_with(model, settings, request.method)
     if request.live:
-        return live_view(body)
+        return live_view(body, not (request.loads or request.table or request.modes))
     cases: list[Case] = []
     if request.loads:
         loads, words = loads_of(body, request.loads)

@@ -35,6 +35,8 @@ def view(
     from ..calls.showing import Request, show
     from ..fmu.simulation import parse_parameters
 
+    if live and output:
+        raise typer.BadParameter("it is a page, and --output another: give one of them", param_hint="--live")
     target = live or output or Path(f"{file.stem}.html")
     settings = parse_parameters(parameter or [])
     request = Request(

@@ -75,7 +75,7 @@ class BuiltBody(FlexibleBody):
         modes : int
             How many mode shapes; without loads some are shown.
         live : bool
-            Whether the body answers to the pointer, loads or not.
+            Whether the body answers to the pointer; then without loads and modes.
         report : Reporter, optional
 
         Returns
@@ -94,7 +94,7 @@ class BuiltBody(FlexibleBody):
         PosixPath('bent.html')
         """
         if live:
-            return Shown(live_view(self))
+            return Shown(live_view(self, not (loads or modes)))
         report = report or ScriptReporter()
         cases = []
         if loads:

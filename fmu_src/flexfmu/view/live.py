@@ -10,6 +10,7 @@ from ..body.flexible_body import FlexibleBody
 from ..body.recovery import surface_data, surface_of
 from ..core.binaries import web_core
 from ..files.array_types import FloatArray
+from ..model.errors import OptionError
 from ..program.programs import DESCRIPTION, programs, with_guid
 from ..program.variable_table import variable_table
 from .model import DISPLACEMENT, View
@@ -22,17 +23,28 @@ _GUID = "live"
 _PULL, _FREE = 2.0, 0.1
 
 
-def live_view(body: FlexibleBody) -> View:
+def live_view(body: FlexibleBody, alone: bool = True) -> View:
     """View of a body that answers to the pointer, with its interfaces.
 
     Parameters
     ----------
     body : FlexibleBody
+    alone : bool
+        Whether nothing else is asked of the page.
 
     Returns
     -------
     View
+
+    Raises
+    ------
+    OptionError
+        Something else is.
     """
+    if not alone:
+        raise OptionError(
+            "a live page begins at rest, without loads, motion or modes: ask for these in a page without it"
+        )
     view = body_view(body)
     model = replace(body.model, method=body.method, mass=body.variant.mass)
     made = {name: draft for name, draft in programs(model).items() if name in _PROGRAMS}
