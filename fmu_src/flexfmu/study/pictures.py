@@ -172,7 +172,8 @@ class Picture:
         points = [(self._cost(row), 100.0 * getattr(row, quantity)) for row in marked]
         steps = points[: len(members)]
         axes.step([x for x, _ in steps], [y for _, y in steps], where="post", color="k", linewidth=0.8, zorder=1.5)
-        # Scales follow the data only now.
+        # Scales follow the data only now, with room for names below the last point.
+        axes.margins(y=0.1)
         axes.autoscale_view()
         place = axes.transAxes.inverted().transform(axes.transData.transform(np.array(points))).tolist()
         taken = [(x - _DOT, y - _DOT, x + _DOT, y + _DOT) for x, y in place]

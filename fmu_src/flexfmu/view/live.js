@@ -226,7 +226,9 @@ class Live {
         g.strokeStyle = g.fillStyle = ink("accent"); g.lineWidth = 3; g.beginPath(); g.moveTo(...from); g.lineTo(to[0] - 8 * x, to[1] - 8 * y); g.stroke();
         g.beginPath(); g.moveTo(...to); g.lineTo(to[0] - 12 * x - 5 * y, to[1] - 12 * y + 5 * x); g.lineTo(to[0] - 12 * x + 5 * y, to[1] - 12 * y - 5 * x); g.fill();
         const force = Math.hypot(...this.load), [f, unit] = force >= 1e6 ? [1e-6, "MN"] : force >= 1e3 ? [1e-3, "kN"] : [1, "N"];
-        halo(`${(f * force).toPrecision(3)} ${unit}`, Math.max(10, Math.min(to[0] + 10, w - 70)), Math.max(12, Math.min(to[1] + 14, h - 12)), ink("ink"));
+        // Beyond the arrow, where the interface's name is not.
+        const far = Math.max(long, 18) + 14, place = [from[0] + far * x + (x < 0 ? -50 : 4), from[1] + far * y + (Math.abs(y) < 0.5 ? 14 : 0)];
+        halo(`${(f * force).toPrecision(3)} ${unit}`, Math.max(10, Math.min(place[0], w - 70)), Math.max(12, Math.min(place[1], h - 12)), ink("ink"));
       }
     }
     if (this.error !== null) {
