@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from decks import BODY, NODES, STEEL, read, refuse
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.mesh.checks import checked
-from flexfmu.mesh.decks.ties import nearest_places
+from flexfmu.mesh.decks.ties import nearest_faces, weighted
 from flexfmu.mesh.equations import matrix_of, solved, without
 
 # A second brick beside the first, 0.02 away and a third as high, whose lower face lies on that of the first.
@@ -169,5 +169,6 @@ def test_a_node_near_two_faces_is_tied_to_the_nearer_one(place, weights, order):
     # A floor and a wall that meet in the edge from node 0 to node 3.
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), place])
     faces = np.array([(0, 1, 2, 3), (0, 3, 4, 5)])[order]
-    assert nearest_places(points, np.array([6]), [faces], 0.1) == {6: pytest.approx(weights)}
-    assert nearest_places(points, np.array([6]), [faces[:1], faces[1:]], 0.1) == {6: pytest.approx(weights)}
+    for blocks in ([faces], [faces[:1], faces[1:]]):
+        found = nearest_faces(points, np.array([6]), blocks, 0.1)
+        assert {node: weighted(*one) for node, one in found.items()} == {6: pytest.approx(weights)}

@@ -4,7 +4,7 @@ A node has one line through the thickness for each group of elements around it t
 the same faces. Where it has several, at folds, joints and steps of the thickness, they are one rigid body: a knot.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from .equations import RigidLink, matrix_of
 from .listing import listed
 from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES, RECTANGLE_8
+from .shell_ties import ShellTie, tie_rows
 
 SHELLS = {
     "triangle": ElementType.S3,
@@ -111,7 +112,7 @@ def shell_mesh(
     return expanded(mesh, np.stack([-half, half], axis=1), np.zeros_like(mesh.fixed))
 
 
-def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
+def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[ShellTie] = ()) -> Mesh:
     """Give shells their thickness.
 
     Parameters
@@ -122,6 +123,7 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
         Of both faces over that surface along the element's normal, m, the lower first, at each node; of solids any.
     turning : (n, 3) bool
         Rotations of nodes that are held at zero.
+    ties : sequence of ShellTie
 
     Returns
     -------
@@ -150,7 +152,16 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
     knots = [RigidLink(f"knot {mesh.labels[one]}", moved(np.array([one]))) for one in node[count > 1].tolist()]
     origin = np.concatenate([kept, np.repeat(lines.node, 2)])
     fixed, held = _supports(mesh, turning, lines, row, len(origin))
-    rows = _joined(lines, row)
+    points = np.concatenate([mesh.points[kept], ends.reshape(-1, 3)])
+
+    def through(node: int) -> IntArray:
+        return lines.ends[slice(*np.searchsorted(lines.node, [node, node + 1]))]
+
+    def carried(node: int) -> IntArray:
+        # Of a knot one line: it is rigid.
+        return through(node)[:1].ravel() if shell[node] else row[[node]]
+
+    rows = _joined(lines, row) + tie_rows(ties, points, carried, through)
     parts, own = (
         [] if part is None else [_on_lines(part, row, lines, len(origin))] for part in (mesh.equations, mesh.supports)
     )
@@ -158,7 +169,7 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray) -> Mesh:
     parts += [matrix_of(rows, 3 * len(origin))] if rows else []
     return replace(
         mesh,
-        points=np.concatenate([mesh.points[kept], ends.reshape(-1, 3)]),
+        points=points,
         labels=mesh.labels[origin],
         blocks=tuple(b if b.type.shell else replace(b, connectivity=row[b.connectivity]) for b in blocks),
         node_sets={name: moved(nodes) for name, nodes in mesh.node_sets.items()},

@@ -33,6 +33,7 @@ from flexfmu.mesh.decks.ties import TieTable
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Mesh
+from flexfmu.mesh.shell_ties import ShellTie
 from flexfmu.mesh.shells import expanded
 
 
@@ -77,12 +78,16 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
         raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
     _refuse_early_end(content, elements)
+    content.beams = bool(beams)
+    content.reach = max((abs(side) for one in heights.values() for side in one[:2]), default=0.0)
+    content.reach *= max(thickness.values(), default=1.0)
     mesh, turning = _mesh(content, elements, units)
     if beams:
         mesh, turning = with_beams(mesh, beams, turning)
     if not heights:
         return mesh
-    return expanded(mesh, units.length * by_element(heights, mesh.blocks, mesh.labels, thickness), turning)
+    thick = units.length * by_element(heights, mesh.blocks, mesh.labels, thickness)
+    return expanded(mesh, thick, turning, content.ties)
 
 
 def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[Mesh, BoolArray]:
@@ -156,6 +161,9 @@ class _Content:
     couplings: CouplingTable = field(default_factory=CouplingTable)
     structures: list[Card] = field(default_factory=list)
     cards: dict[str, list[Card]] = field(default_factory=lambda: defaultdict(list))
+    reach: float = 0.0
+    beams: bool = False
+    ties: list[ShellTie] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     last: Card | None = None
 
@@ -317,15 +325,17 @@ def _equations(
 ) -> list[dict[int, float]]:
     """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
     found: list[dict[int, float]] = []
-    table = TieTable(points)
+    table = TieTable(points, content.reach)
+    shells = elements.shell_nodes_of(range(elements.solid_count)) if content.cards["TIE"] else set()
     for card in content.cards["TIE"]:
         tied = table.rows(card, surfaces)
-        shells = elements.shell_nodes_of(range(elements.solid_count))
-        if any(key // 3 in shells for row in tied for key in row):
+        if any(key // 3 in shells for row in tied for key in row) or (table.shells and content.beams):
             raise card.line.error(
-                "*TIE joins shells, or beams, which would turn freely there: let parts share nodes, or use *RIGID BODY"
+                "*TIE joins shells to solids, or beams, which would turn freely there: let the shells be the second "
+                "surface, let parts share nodes, or use *RIGID BODY"
             )
         found += tied
+    content.ties = table.shells
     content.notes.extend(table.notes)
     cards = [*content.cards["EQUATION"], *content.cards["MPC"]]
     return found + equations(cards, node_sets, points, axes, busy, content.notes)

@@ -207,10 +207,13 @@ class DeckSurface(NamedTuple):
         Ascending.
     faces : tuple of (f, a) int
         Nodes of solid elements' faces, corners in order around them, then mid-sides; none of a surface of nodes.
+    shells : tuple of (f, a) int
+        Nodes of shells likewise.
     """
 
     nodes: IntArray
     faces: tuple[IntArray, ...]
+    shells: tuple[IntArray, ...]
 
 
 def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: Elements) -> DeckSurface:
@@ -237,6 +240,7 @@ def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: E
         raise card.line.error(f"*SURFACE, TYPE={kind} is not supported (supported: NODE, ELEMENT); name its nodes")
     rows: set[int] = set()
     faces: dict[int, list[IntArray]] = {}
+    shells: list[IntArray] = []
     for line in card.data:
         entry, *rest = fields(line)
         if kind == "NODE":
@@ -250,7 +254,9 @@ def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: E
         if face in _SIDES:
             rows.update(*(elements.nodes.rows_of(other) for other in elements.others_of(members)))
             rows |= elements.shell_nodes_of(members)
-    return DeckSurface(np.array(sorted(rows), dtype=np.int64), tuple(np.concatenate(found) for found in faces.values()))
+            shells += [block.connectivity[inside] for block, inside in elements.solids_of(members) if block.type.shell]
+    joined = tuple(np.concatenate(found) for found in faces.values())
+    return DeckSurface(np.array(sorted(rows), dtype=np.int64), joined, tuple(shells))
 
 
 def _faces(members: set[int], name: str, elements: Elements, line: Line) -> list[IntArray]:

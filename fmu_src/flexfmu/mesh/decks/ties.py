@@ -1,4 +1,4 @@
-"""*TIE of a deck: nodes of one surface move as the places of another surface's faces that they lie on."""
+"""*TIE of a deck: nodes of one surface move as the places of another surface's faces, or shells, that they lie on."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +12,7 @@ from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
 from flexfmu.mesh.decks.sets import DeckSurface
 from flexfmu.mesh.shapes import FACE_SHAPES
+from flexfmu.mesh.shell_ties import ShellTie
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
 _NEAR = 0.05
@@ -30,11 +31,16 @@ class TieTable:
     points : (n, 3) float
         In the deck's units; changed where a tie moves nodes onto their face.
     tied : set of int
+    reach : float
+        How far faces of shells are from their nodes, in the deck's units.
+    shells : list of ShellTie
     notes : list of str
     """
 
     points: FloatArray
+    reach: float
     tied: set[int] = field(default_factory=set)
+    shells: list[ShellTie] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def rows(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> list[dict[int, float]]:
@@ -62,20 +68,34 @@ class TieTable:
             if len(names) != 2:
                 raise line.error(f"*TIE takes 'dependent surface, main surface', found {len(names)} names")
             dependent, main = (card.scope.find(name, surfaces, "surface", card.line) for name in names)
-            if not main.faces:
-                raise line.error(f"surface '{names[1]}' has no element faces to tie to; exchange both, or name faces")
+            faces = (*main.faces, *main.shells)
+            if not faces or (main.faces and main.shells):
+                words = "faces of solids and shells" if faces else "no element faces"
+                raise line.error(
+                    f"surface '{names[1]}' has {words} to tie to; exchange both, or name faces of one kind"
+                )
             nodes = np.array([node for node in dependent.nodes.tolist() if node not in self.tied], dtype=np.int64)
-            nodes = np.setdiff1d(nodes, np.concatenate([faces.ravel() for faces in main.faces]))
-            near = given if given is not None else _NEAR * _edge(self.points, main.faces)
-            place = nearest_places(self.points, nodes, main.faces, near)
-            if not place:
+            nodes = np.setdiff1d(nodes, np.concatenate([block.ravel() for block in faces]))
+            near = given if given is not None else _NEAR * _edge(self.points, faces)
+            near += 2.0 * self.reach if main.shells else 0.0
+            nearest = nearest_faces(self.points, nodes, faces, near)
+            if not nearest:
                 raise line.error(
                     f"none of the {len(nodes)} nodes of '{names[0]}' lies within {near:.4g} of the faces of "
                     f"'{names[1]}': the parts stay apart; give a larger POSITION TOLERANCE, or correct the surfaces"
                 )
+            self.tied.update(nearest)
+            if main.shells:
+                self.shells += [ShellTie(node, face) for node, (face, _) in nearest.items()]
+                left = f"; {len(nodes) - len(nearest)} lie too far from them and stay free"
+                self.notes.append(
+                    f"{card.line.place}: {len(nearest)} nodes of '{names[0]}' are tied to shells of '{names[1]}', with "
+                    f"their turns{left if len(nearest) < len(nodes) else ''}"
+                )
+                continue
+            place = {node: weighted(*one) for node, one in nearest.items()}
             for node, weights in place.items():
                 found += [joined(node, weights, axis) for axis in range(TRANSLATIONS)]
-            self.tied.update(place)
             self._tell(card, names, len(nodes), place)
         return found
 
@@ -104,9 +124,14 @@ def _edge(points: FloatArray, faces: Sequence[IntArray]) -> float:
     return float(np.concatenate(lengths).mean())
 
 
-def nearest_places(
+def weighted(face: Sequence[int], value: FloatArray) -> dict[int, float]:
+    """Shape functions at a place of a face by its nodes, without round-off."""
+    return {int(node): float(w) for node, w in zip(face, value, strict=True) if abs(w) > _NO_WEIGHT}
+
+
+def nearest_faces(
     points: FloatArray, nodes: IntArray, faces: Sequence[IntArray], near: float
-) -> dict[int, dict[int, float]]:
+) -> dict[int, tuple[tuple[int, ...], FloatArray]]:
     """Return where on faces nodes lie.
 
     Parameters
@@ -119,10 +144,10 @@ def nearest_places(
 
     Returns
     -------
-    dict of int to dict of int to float
-        Shape functions of the face's nodes at the nearest place, by node; those farther away are left out.
+    dict of int to (tuple of int, (a,) float)
+        Nodes of the face and their shape functions at the nearest place, by node; those farther away are left out.
     """
-    best: dict[int, tuple[float, dict[int, float]]] = {}
+    best: dict[int, tuple[float, tuple[int, ...], FloatArray]] = {}
     for block in faces if len(nodes) else ():
         centre = points[block].mean(axis=1)
         reach = float(np.linalg.norm(points[block] - centre[:, None], axis=2).max()) + near
@@ -134,13 +159,8 @@ def nearest_places(
         value, distance = _projected(points[node], points[block[face]], face_corners(block))
         for k in np.flatnonzero(distance <= near).tolist():
             if node[k] not in best or distance[k] < best[node[k]][0]:
-                weights = {
-                    int(other): float(w)
-                    for other, w in zip(block[face[k]], value[k], strict=True)
-                    if abs(w) > _NO_WEIGHT
-                }
-                best[int(node[k])] = (float(distance[k]), weights)
-    return {node: best[node][1] for node in sorted(best)}
+                best[int(node[k])] = (float(distance[k]), tuple(block[face[k]].tolist()), value[k])
+    return {node: best[node][1:] for node in sorted(best)}
 
 
 def _projected(targets: FloatArray, nodes: FloatArray, corners: int) -> tuple[FloatArray, FloatArray]:

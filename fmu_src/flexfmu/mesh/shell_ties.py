@@ -1,0 +1,111 @@
+"""Ties to shells: points move as the places of a shell's body, or of what goes on from it, that they are in."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..files.array_types import FloatArray, IntArray
+from ..files.errors import MeshError
+from .blocks import face_corners
+from .shapes import FACE_SHAPES
+
+# Rounds and step with which a place is found, and how far outside of the element it may be, in its own coordinates.
+_ROUNDS, _SETTLED, _OUTSIDE = 30, 1e-12, 4.0
+
+
+class ShellTie(NamedTuple):
+    """A node, and the nodes of the shell that it is tied to."""
+
+    node: int
+    face: tuple[int, ...]
+
+
+def tie_rows(
+    ties: Sequence[ShellTie], points: FloatArray, own: Callable[[int], IntArray], lines: Callable[[int], IntArray]
+) -> list[dict[int, float]]:
+    """Equations by which points are carried.
+
+    Beside the node's own place a point follows the turn of the shell's lines there, not the slope of its middle: of a
+    plate that stands on another the joint bends as one.
+
+    Parameters
+    ----------
+    ties : sequence of ShellTie
+    points : (n, 3) float
+        Ends of lines among them.
+    own : callable
+        Points (k,) that a node is.
+    lines : callable
+        Lower and upper end (l, 2) of the lines of a shell's node.
+
+    Returns
+    -------
+    list of dict of int to float
+        By unknowns.
+    """
+    found: list[dict[int, float]] = []
+    for node, face in ties:
+        ends, corners = _ends(face, points, lines), face_corners(np.array([face]))
+        middle = points[own(node)].mean(axis=0)
+        for row in own(node).tolist():
+            found += _carried(row, ends, points, middle, corners)
+    return found
+
+
+def _carried(
+    row: int, ends: IntArray, points: FloatArray, middle: FloatArray, corners: int
+) -> Iterator[dict[int, float]]:
+    """Three equations of a point by the ends (a, 2) of a shell's lines; `middle` is where its node is."""
+    there = points[ends]
+    here, _ = _place(middle, there, corners)
+    value, share = _place(points[row], there, corners)
+    sides = np.array([1.0 - share, share])
+    thick = np.linalg.norm(there[:, 1] - there[:, 0], axis=1)
+    normal = here @ (there[:, 1] - there[:, 0])
+    normal /= np.linalg.norm(normal)
+    across = np.outer(normal, normal)
+    aside = (value - here) @ np.einsum("s,asi->ai", sides, there)
+    turn = np.outer(normal, aside) / thick[:, None, None]
+    # By node, end, and directions of the point and of the end.
+    weight = (value[:, None, None] * (np.eye(3) - across) + here[:, None, None] * across)[:, None] * sides[
+        :, None, None
+    ]
+    weight = weight + (here[:, None, None] * turn)[:, None] * np.array([1.0, -1.0])[:, None, None]
+    for axis in range(3):
+        keys = (3 * ends[:, :, None] + np.arange(3)).ravel().tolist()
+        yield {3 * row + axis: -1.0} | dict(zip(keys, weight[:, :, axis].ravel().tolist(), strict=True))
+
+
+def _ends(face: Sequence[int], points: FloatArray, lines: Callable[[int], IntArray]) -> IntArray:
+    """Ends (a, 2) of the lines of a shell's nodes that run through it, on the same sides."""
+    every = [lines(node) for node in face]
+    middle = points[np.array([one[0] for one in every])].mean(axis=1)
+    normal = np.cross(middle[1] - middle[0], middle[2] - middle[0])
+    found = []
+    for one in every:
+        along = (points[one[:, 1]] - points[one[:, 0]]) @ normal
+        best = int(np.abs(along).argmax())
+        found.append(one[best] if along[best] > 0.0 else one[best, ::-1])
+    return np.array(found)
+
+
+def _place(target: FloatArray, ends: FloatArray, corners: int) -> tuple[FloatArray, float]:
+    """Shape functions (a,) and share of the upper ends at the place of a shell (a, 2, 3) that is a point."""
+    shape = FACE_SHAPES[len(ends)]
+    low, thick = ends[:, 0], ends[:, 1] - ends[:, 0]
+    place, share = np.full((1, 2), 0.0 if corners == 4 else 1.0 / 3.0), 0.5
+    for _ in range(_ROUNDS):
+        value, slope = shape.value(place)[0], shape.gradient(place)[0]
+        at = low + share * thick
+        jacobian = np.column_stack([at.T @ slope, value @ thick])
+        step = np.linalg.solve(jacobian, target - value @ at)
+        place, share = place + step[:2], share + float(step[2])
+        if np.abs(step).max() < _SETTLED:
+            break
+    if not np.abs(place).max() < _OUTSIDE:
+        raise MeshError(
+            f"*TIE: a point at {np.array2string(target, precision=4)} m is none that the shell beside it can carry: it "
+            "is bent too much there; mesh it finer, or let both share nodes"
+        )
+    return shape.value(place)[0], share

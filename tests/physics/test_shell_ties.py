@@ -1,0 +1,127 @@
+"""*TIE of shells whose meshes do not fit: plates that go on, stand on each other, or overlap."""
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spla
+
+from flexfmu import read_mesh
+from flexfmu.fe.assembly import stiffness
+from flexfmu.files.errors import DeckError
+from flexfmu.mesh.checks import checked
+from flexfmu.reduction.model import assemble_model
+from flexfmu.reduction.options import BodyOptions
+
+THICK, LONG, WIDE = 0.002, 0.2, 0.1
+MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n2.1e11, 0.3\n*DENSITY\n7850\n"
+
+
+class Deck:
+    """Plates of S4, and sets of their nodes."""
+
+    def __init__(self):
+        self.text, self.at, self.elements = "*NODE\n", {}, ""
+
+    def plate(self, name, origin, along, counts):
+        """Add a plate that reaches 0.1 along y; the rows of its nodes, by position."""
+        first, grid = len(self.at) + 1, np.indices((counts[0] + 1, counts[1] + 1)).reshape(2, -1).T / counts
+        for label, (u, v) in enumerate(grid, first):
+            self.at[label] = np.array(origin) + u * np.array(along) + [0.0, v * WIDE, 0.0]
+            self.text += f"{label}, {', '.join(f'{x:.12g}' for x in self.at[label])}\n"
+        rows = np.arange(first, first + len(grid)).reshape(counts[0] + 1, counts[1] + 1)
+        corners = np.stack([rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:], rows[:-1, 1:]], axis=2).reshape(-1, 4)
+        self.elements += f"*ELEMENT, TYPE=S4, ELSET={name}\n"
+        self.elements += "".join(f"{first + k}, {', '.join(map(str, row))}\n" for k, row in enumerate(corners))
+        self.elements += f"*SHELL SECTION, ELSET={name}, MATERIAL=M\n{THICK}\n*SURFACE, NAME={name}\n{name}, SPOS\n"
+        return rows
+
+    def written(self, path, tail="", **sets):
+        """The deck in a file."""
+        named = "".join(f"*NSET, NSET={name}\n" + "".join(f"{k},\n" for k in rows) for name, rows in sets.items())
+        path.write_text(self.text + self.elements + named + tail + MATERIAL)
+        return path
+
+
+def tied(path, joint):
+    """Two plates whose meshes do not fit, the second one on the first."""
+    deck = Deck()
+    reach = 0.24 if joint == "overlap" else 2.0 * LONG if joint == "upright" else LONG
+    first = deck.plate("A", (0.0, 0.0, 0.0), (reach, 0.0, 0.0), (round(reach / 0.02), 5))
+    lift = THICK if joint == "overlap" else 0.0
+    along = (0.0, 0.0, LONG) if joint == "upright" else (LONG, 0.0, 0.0)
+    second = deck.plate("B", (LONG, 0.0, lift), along, (10, 7))
+    on = second[:3] if joint == "overlap" else second[:1]
+    tail = "*SURFACE, NAME=ON, TYPE=NODE\nON\n*TIE, NAME=T\nON, A\n"
+    return deck.written(path, tail, ROOT=first[0], TIP=second[-1], ON=on.ravel())
+
+
+def shared(path, joint):
+    """The same in one mesh."""
+    deck = Deck()
+    first = deck.plate("A", (0.0, 0.0, 0.0), (2.0 * LONG, 0.0, 0.0), (20, 5))
+    if joint == "on":
+        return deck.written(path, ROOT=first[0], TIP=first[-1])
+    second = deck.plate("B", (LONG, 0.0, 0.0), (0.0, 0.0, LONG), (10, 5))
+    words = deck.elements.splitlines()
+    same = {str(one): str(other) for one, other in zip(second[0], first[10], strict=True)}
+    start = words.index("*ELEMENT, TYPE=S4, ELSET=B")
+    for k in range(start + 1, len(words)):
+        if words[k].startswith("*"):
+            break
+        label, *nodes = words[k].split(", ")
+        words[k] = ", ".join([label, *(same.get(node, node) for node in nodes)])
+    deck.elements = "\n".join(words) + "\n"
+    return deck.written(path, ROOT=first[0], TIP=second[-1])
+
+
+def flexibility(path):
+    """Mean displacement of the tip under its unit forces, (3, 3)."""
+    mesh = checked(read_mesh(path))
+    mesh.fixed[mesh.node_sets["ROOT"]] = True
+    model = assemble_model(mesh, BodyOptions("plates", ()))
+    matrix = model.unknowns.matrix(stiffness(model.mesh)).tocsc()
+    tip = mesh.node_sets["TIP"]
+    forces = np.zeros((len(mesh.points), 3, 3))
+    forces[tip] = np.eye(3) / tip.size
+    moved = model.unknowns.whole(spla.splu(matrix).solve(model.unknowns.forces(forces.reshape(-1, 3))))
+    return moved.reshape(-1, 3, 3)[tip].mean(axis=0)
+
+
+@pytest.mark.parametrize("joint", ["on", "upright"])
+def test_plates_that_are_tied_bend_as_one_mesh(tmp_path, joint):
+    ours, one = flexibility(tied(tmp_path / "two.inp", joint)), flexibility(shared(tmp_path / "one.inp", joint))
+    size = np.sqrt(np.outer(one.diagonal(), one.diagonal()))
+    assert np.abs((ours - one) / size).max() < 5e-3
+
+
+@pytest.mark.parametrize("joint", ["on", "upright", "overlap"])
+def test_ties_of_shells_let_both_turn_together(tmp_path, joint):
+    mesh = read_mesh(tied(tmp_path / "two.inp", joint))
+    turn = np.cross(np.eye(3), [0.3, -0.5, 0.7])
+    np.testing.assert_allclose(mesh.equations @ (mesh.points @ turn + [1.0, 2.0, 3.0]).ravel(), 0.0, atol=1e-12)
+    count = 24 if joint == "overlap" else 8
+    assert mesh.equations.shape[0] == 6 * count
+    assert any(f"{count} nodes of 'ON' are tied to shells of 'A', with their turns" in note for note in mesh.notes)
+
+
+def test_plates_that_overlap_are_twice_as_thick_there(tmp_path):
+    """By beam theory, of eight times the stiffness between 0.2 and 0.24 m."""
+    bent = flexibility(tied(tmp_path / "two.inp", "overlap"))[2, 2]
+    stiff = 2.1e11 * WIDE * THICK**3 / 12.0
+    expected = ((0.4**3 - LONG**3) + (LONG**3 - 0.16**3) / 8.0 + 0.16**3) / (3.0 * stiff)
+    # A plate that cannot narrow where it is held is stiffer by up to ν².
+    assert 0.90 * expected < bent < expected
+
+
+def test_ties_of_shells_to_solids_and_of_both_are_refused(tmp_path):
+    deck = Deck()
+    plate = deck.plate("A", (0.0, 0.0, 0.0), (LONG, 0.0, 0.0), (4, 2))
+    deck.text += "".join(
+        f"{100 + k}, {x}, {y}, {z}\n" for k, (z, y, x) in enumerate(np.ndindex(2, 2, 2)) for x, y, z in [(x - 1, y, z)]
+    )
+    brick = (
+        "*ELEMENT, TYPE=C3D8, ELSET=C\n900, 100, 101, 103, 102, 104, 105, 107, 106\n"
+        "*SOLID SECTION, ELSET=C, MATERIAL=M\n"
+        "*SURFACE, NAME=C\nC, S4\n*SURFACE, NAME=ON, TYPE=NODE\nON\n*TIE, NAME=T, POSITION TOLERANCE=0.5\nON, C\n"
+    )
+    with pytest.raises(DeckError, match="turn freely there: let the shells be the second surface"):
+        read_mesh(deck.written(tmp_path / "both.inp", brick, ON=plate[0]))
