@@ -153,15 +153,7 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[
     origin = np.concatenate([kept, np.repeat(lines.node, 2)])
     fixed, held = _supports(mesh, turning, lines, row, len(origin))
     points = np.concatenate([mesh.points[kept], ends.reshape(-1, 3)])
-
-    def through(node: int) -> IntArray:
-        return lines.ends[slice(*np.searchsorted(lines.node, [node, node + 1]))]
-
-    def carried(node: int) -> IntArray:
-        # Of a knot one line: it is rigid.
-        return through(node)[:1].ravel() if shell[node] else row[[node]]
-
-    rows = _joined(lines, row) + tie_rows(ties, points, carried, through)
+    rows = _joined(lines, row) + _tied(ties, points, lines, row)
     parts, own = (
         [] if part is None else [_on_lines(part, row, lines, len(origin))] for part in (mesh.equations, mesh.supports)
     )
@@ -375,6 +367,20 @@ def _joined(lines: _Lines, row: IntArray) -> list[dict[int, float]]:
         )
         for axis in range(3)
     ]
+
+
+def _tied(ties: Sequence[ShellTie], points: FloatArray, lines: _Lines, row: IntArray) -> list[dict[int, float]]:
+    """Equations of ties to shells."""
+
+    def through(node: int) -> IntArray:
+        return lines.ends[slice(*np.searchsorted(lines.node, [node, node + 1]))]
+
+    def carried(node: int) -> IntArray:
+        # Of a knot one line: it is rigid.
+        ends = through(node)[:1].ravel()
+        return ends if ends.size else row[[node]]
+
+    return tie_rows(ties, points, carried, through)
 
 
 def _on_lines(equations: sp.csr_array, row: IntArray, lines: _Lines, count: int) -> sp.csr_array:
