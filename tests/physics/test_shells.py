@@ -825,3 +825,21 @@ def test_plates_bend_with_the_solids_whose_nodes_they_share_with_their_offset():
         second = 0.1**4 / 12.0 + 0.1 * 0.02**3 / 12.0 + area @ (place - axis) ** 2
         moved = solved(replace(mesh, fixed=held), forces)[tip, 2].mean()
         assert moved == pytest.approx(1.0 / (3.0 * 2e11 * second), rel=0.01)
+
+
+def test_the_middle_of_a_skin_moves_with_the_face_that_it_lies_on():
+    """Not by itself, as slow as a skin of a thousandth of a millimetre is: CalculiX's S8R has no node there."""
+    solid = box(ElementType.C3D20, (1, 1, 1), (1.0, 1.0, 1.0))
+    solid = replace(solid, materials=(Material("m", 2e11, 0.0, 1.0),))
+    (block,) = solid.blocks
+    cells = block.connectivity[:, [0, 1, 2, 3, 8, 9, 10, 11]]
+    skin = ElementBlock(ElementType.S8, np.array([1000]), cells, np.array([0]))
+    mesh = replace(solid, blocks=(block, skin))
+    mesh = expanded(mesh, 1e-6 * np.tile([-0.5, 0.5], (2, 1)), np.zeros_like(solid.fixed))
+    top = mesh.points[:, 2] > solid.points[:, 2].max() - 1e-9
+    ends = mesh.blocks[1].connectivity[0][ElementType.S8.sheet.halves]
+    forces = np.zeros_like(mesh.points)
+    forces[ends[:, 8], 2] = 0.5
+    moved = solved(replace(mesh, fixed=np.repeat(top[:, None], 3, axis=1)), forces)
+    eight = moved[ends[:, :8], 2].mean(axis=0)
+    assert moved[ends[:, 8], 2].mean() == pytest.approx(0.5 * eight[4:].sum() - 0.25 * eight[:4].sum(), rel=1e-6)

@@ -26,6 +26,20 @@ _ROUND_OFF = 1e-12
 _DIGITS = 6
 
 
+MIDDLE = np.repeat([-0.25, 0.5], 4)
+"""Shares of corners and mid-sides of a quadratic face in its middle."""
+
+
+def middles(faces: IntArray, nodes: IntArray) -> list[dict[int, float]]:
+    """Equations of nodes (k,) in the middle of quadratic faces (k, 8), as of `matrix_of`."""
+    share = (-MIDDLE).tolist()
+    return [
+        {3 * node + i: 1.0} | dict(zip((3 * face + i).tolist(), share, strict=True))
+        for face, node in zip(faces, nodes.tolist(), strict=True)
+        for i in range(3)
+    ]
+
+
 def matrix_of(rows: Sequence[Mapping[int, float]], size: int) -> sp.csr_array:
     """Matrix (r, size) of equations.
 

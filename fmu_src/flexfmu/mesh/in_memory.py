@@ -15,7 +15,7 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.elements import ASSUMED, ElementType
-from flexfmu.mesh.equations import RigidLink, matrix_of
+from flexfmu.mesh.equations import MIDDLE, RigidLink, matrix_of, middles
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass
 from flexfmu.mesh.other.file_sets import Group, cell_groups, node_sets_of
@@ -35,8 +35,6 @@ _WHOLE = {
 }
 # Kinds of pyramids, and the tetrahedra of which each is two.
 _PYRAMIDS = {"pyramid": "tetra", "pyramid13": "tetra10"}
-# Value of quadratic faces in their middle, of their corners and of the nodes between these.
-_MIDDLE = np.repeat([-0.25, 0.5], 4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,8 +207,8 @@ def _in_known_kinds(contents: Contents) -> Contents:
     kinds = [block.type for block in found.cells]
     if not set(kinds) & {*_WHOLE, *_PYRAMIDS}:
         return contents
-    middles = "without the nodes in the middle of faces and elements"
-    notes += [f"{kind} are taken as {_WHOLE[kind]}, {middles}" for kind in sorted(set(kinds) & set(_WHOLE))]
+    lacking = "without the nodes in the middle of faces and elements"
+    notes += [f"{kind} are taken as {_WHOLE[kind]}, {lacking}" for kind in sorted(set(kinds) & set(_WHOLE))]
     found.cells = [_without_middles(block) for block in found.cells]
     count = {kind: sum(len(b.data) for b in found.cells if b.type == kind) for kind in _PYRAMIDS}
     if count["pyramid"]:
@@ -228,7 +226,7 @@ def _in_known_kinds(contents: Contents) -> Contents:
                 bases.append(data[:, [0, 1, 2, 3, 5, 6, 7, 8]])
                 first += len(data)
     base = np.concatenate(bases)
-    found.points = np.concatenate([found.points, _MIDDLE @ np.asarray(found.points, dtype=float)[base]])
+    found.points = np.concatenate([found.points, MIDDLE @ np.asarray(found.points, dtype=float)[base]])
 
     def each(columns: Any) -> list[Any]:
         return [None if one is None else np.repeat(one, n, axis=0) for one, n in zip(columns, copies, strict=True)]
@@ -252,18 +250,8 @@ def _in_known_kinds(contents: Contents) -> Contents:
         node_labels=nodes,
         cell_labels=labels,
         material=material,
-        equations=(*contents.equations, *_middles(base, first - len(base))),
+        equations=(*contents.equations, *middles(base, first - len(base) + np.arange(len(base)))),
     )
-
-
-def _middles(base: IntArray, first: int) -> list[dict[int, float]]:
-    """Equations of nodes, from the first on, in the middle of quadratic faces (k, 8)."""
-    share = (-_MIDDLE).tolist()
-    return [
-        {3 * (first + k) + i: 1.0} | dict(zip((3 * row + i).tolist(), share, strict=True))
-        for k, row in enumerate(base)
-        for i in range(3)
-    ]
 
 
 def _without_middles(block: Any) -> Any:

@@ -14,10 +14,10 @@ from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import MeshError
 from .blocks import ElementBlock
 from .elements import ElementType
-from .equations import RigidLink, matrix_of
+from .equations import MIDDLE, RigidLink, matrix_of, middles
 from .listing import listed
 from .model import NO_MATERIAL, Mesh, hung
-from .shapes import FACE_SHAPES, RECTANGLE_8
+from .shapes import FACE_SHAPES
 from .shell_ties import ShellTie, tie_rows
 
 SHELLS = {
@@ -192,7 +192,7 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
         return mesh, turning
     every, count = np.concatenate(around), len(mesh.points)
     own = np.split(np.arange(count, count + len(every)), np.cumsum([len(rows) for rows in around])[:-1])
-    points = np.einsum("a,eai->ei", RECTANGLE_8.value(np.zeros((1, 2)))[0], mesh.points[every])
+    points = np.einsum("a,eai->ei", MIDDLE, mesh.points[every])
     found = iter(own)
 
     def held(nodes: IntArray) -> IntArray:
@@ -204,6 +204,12 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
         )
 
     total = count + len(every)
+    # A skin on solids has no motion of its own in its middle.
+    solid = [b.connectivity.ravel() for b in mesh.blocks if not b.type.natural]
+    skin = np.flatnonzero(np.isin(every, np.concatenate([every[:0, 0], *solid])).all(axis=1))
+    skin = skin[~mesh.fixed[every[skin]].all(axis=(1, 2))]
+    tied = [matrix_of(middles(every[skin], count + skin), 3 * total)] if skin.size else []
+    tied += [] if mesh.equations is None else [wider(mesh.equations)]
     result = replace(
         mesh,
         points=np.concatenate([mesh.points, points]),
@@ -214,7 +220,7 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
         ),
         node_sets={name: held(nodes) for name, nodes in mesh.node_sets.items()},
         fixed=np.concatenate([mesh.fixed, mesh.fixed[every].all(axis=1)]),
-        equations=wider(mesh.equations),
+        equations=sp.csr_array(sp.vstack(tied)) if tied else None,
         supports=wider(mesh.supports),
     )
     return result, np.concatenate([turning, turning[every].all(axis=1)])
