@@ -258,7 +258,11 @@ void body_missed_inertia(Body *body, const double *q, const double *v, double st
     polynomial_momentum(body, q, v, &room.polynomial, room.momentum);
     const double missed = dot(v, room.momentum, p->inertial_modes), moved = dot(v, v, p->modes);
     double energy = moved;
-    for (int64_t j = 0; j < p->modes; j++) energy += body->stiffness[j] * q[j] * q[j];
+    for (int64_t j = 0; j < p->modes; j++) {
+        energy += body->stiffness[j] * q[j] * q[j];
+        /* Turned frames stretch the joints' linear springs without any cause. */
+        if (p->tied) energy -= q[j] * dot(p->tie_initial + j * p->modes, q, p->modes);
+    }
     so_far->time += step;
     so_far->missed += step * missed;
     so_far->moved += step * moved;
