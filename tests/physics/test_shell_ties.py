@@ -112,16 +112,40 @@ def test_plates_that_overlap_are_twice_as_thick_there(tmp_path):
     assert 0.90 * expected < bent < expected
 
 
-def test_ties_of_shells_to_solids_and_of_both_are_refused(tmp_path):
+def brick(deck, thick, card):
+    """A brick of 2 × 7 × 3 elements before the plate's beginning, and what joins both."""
+    first, counts = len(deck.at) + 1, (2, 7, 3)
+    places = np.indices((3, 8, 4)).reshape(3, -1).T / counts * [0.05, WIDE, thick] - [0.05, 0.0, 0.5 * thick]
+    deck.text += "".join(f"{k}, {', '.join(f'{x:.12g}' for x in p)}\n" for k, p in enumerate(places, first))
+    rows = np.arange(first, first + len(places)).reshape(3, 8, 4)
+    deck.elements += "*ELEMENT, TYPE=C3D8I, ELSET=C\n"
+    for k, (x, y, z) in enumerate(np.ndindex(*counts), 5000):
+        corners = [rows[x + i, y + j, z + h] for h in (0, 1) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        deck.elements += f"{k}, {', '.join(map(str, corners))}\n"
+    deck.elements += "*SOLID SECTION, ELSET=C, MATERIAL=M\n*SURFACE, NAME=C\nC, S4\n"
+    return rows[0].ravel(), f"*SURFACE, NAME=ON, TYPE=NODE\nON\n{card}\nON, C\n"
+
+
+def test_an_edge_of_shells_coupled_to_solids_is_held_as_if_it_were_clamped(tmp_path):
+    """A stiff block on supports; its end turns by what its own beam theory says, a hundredth of the plate's."""
+    one = Deck()
+    plate = one.plate("A", (0.0, 0.0, 0.0), (LONG, 0.0, 0.0), (10, 5))
+    clamped = flexibility(one.written(tmp_path / "one.inp", ROOT=plate[0], TIP=plate[-1]))
+    deck = Deck()
+    plate = deck.plate("A", (0.0, 0.0, 0.0), (LONG, 0.0, 0.0), (10, 5))
+    root, tail = brick(deck, 0.02, "*SHELL TO SOLID COUPLING, CONSTRAINT NAME=J")
+    coupled = flexibility(deck.written(tmp_path / "two.inp", tail, ROOT=root, TIP=plate[-1], ON=plate[0]))
+    more = coupled[2, 2] / clamped[2, 2] - 1.0
+    # Bending of the block, and what the plate's end digs into it.
+    assert 1e-3 < more < 0.03
+    mesh = read_mesh(tmp_path / "two.inp")
+    turn = np.cross(np.eye(3), [0.3, -0.5, 0.7])
+    np.testing.assert_allclose(mesh.equations @ (mesh.points @ turn + [1.0, 2.0, 3.0]).ravel(), 0.0, atol=1e-12)
+
+
+def test_ties_of_shells_to_solids_are_refused(tmp_path):
     deck = Deck()
     plate = deck.plate("A", (0.0, 0.0, 0.0), (LONG, 0.0, 0.0), (4, 2))
-    deck.text += "".join(
-        f"{100 + k}, {x}, {y}, {z}\n" for k, (z, y, x) in enumerate(np.ndindex(2, 2, 2)) for x, y, z in [(x - 1, y, z)]
-    )
-    brick = (
-        "*ELEMENT, TYPE=C3D8, ELSET=C\n900, 100, 101, 103, 102, 104, 105, 107, 106\n"
-        "*SOLID SECTION, ELSET=C, MATERIAL=M\n"
-        "*SURFACE, NAME=C\nC, S4\n*SURFACE, NAME=ON, TYPE=NODE\nON\n*TIE, NAME=T, POSITION TOLERANCE=0.5\nON, C\n"
-    )
+    root, tail = brick(deck, 0.02, "*TIE, NAME=T")
     with pytest.raises(DeckError, match="turn freely there: let the shells be the second surface"):
-        read_mesh(deck.written(tmp_path / "both.inp", brick, ON=plate[0]))
+        read_mesh(deck.written(tmp_path / "both.inp", tail, ROOT=root, ON=plate[0]))

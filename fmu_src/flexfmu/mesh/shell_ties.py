@@ -8,6 +8,7 @@ import numpy as np
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import MeshError
 from .blocks import face_corners
+from .nearest import nearest_faces, weighted
 from .shapes import FACE_SHAPES
 
 # Rounds and step with which a place is found, and how far outside of the element it may be, in its own coordinates.
@@ -21,8 +22,18 @@ class ShellTie(NamedTuple):
     face: tuple[int, ...]
 
 
+class EdgeTie(NamedTuple):
+    """A node at a shell's edge, and faces of solids (f, a) that its line lies on."""
+
+    node: int
+    faces: tuple[IntArray, ...]
+
+
 def tie_rows(
-    ties: Sequence[ShellTie], points: FloatArray, own: Callable[[int], IntArray], lines: Callable[[int], IntArray]
+    ties: Sequence[ShellTie | EdgeTie],
+    points: FloatArray,
+    own: Callable[[int], IntArray],
+    lines: Callable[[int], IntArray],
 ) -> list[dict[int, float]]:
     """Equations by which points are carried.
 
@@ -31,7 +42,8 @@ def tie_rows(
 
     Parameters
     ----------
-    ties : sequence of ShellTie
+    ties : sequence of ShellTie or EdgeTie
+        Nodes of faces are points already.
     points : (n, 3) float
         Ends of lines among them.
     own : callable
@@ -45,7 +57,16 @@ def tie_rows(
         By unknowns.
     """
     found: list[dict[int, float]] = []
-    for node, face in ties:
+    for tie in ties:
+        if isinstance(tie, EdgeTie):
+            nearest = nearest_faces(points, own(tie.node), tie.faces, np.inf)
+            found += [
+                {3 * row + axis: -1.0} | {3 * node + axis: part for node, part in weighted(*one).items()}
+                for row, one in nearest.items()
+                for axis in range(3)
+            ]
+            continue
+        node, face = tie
         ends, corners = _ends(face, points, lines), face_corners(np.array([face]))
         middle = points[own(node)].mean(axis=0)
         for row in own(node).tolist():

@@ -18,7 +18,7 @@ from .equations import MIDDLE, RigidLink, matrix_of, middles
 from .listing import listed
 from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES
-from .shell_ties import ShellTie, tie_rows
+from .shell_ties import EdgeTie, ShellTie, tie_rows
 
 SHELLS = {
     "triangle": ElementType.S3,
@@ -112,7 +112,7 @@ def shell_mesh(
     return expanded(mesh, np.stack([-half, half], axis=1), np.zeros_like(mesh.fixed))
 
 
-def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[ShellTie] = ()) -> Mesh:
+def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[ShellTie | EdgeTie] = ()) -> Mesh:
     """Give shells their thickness.
 
     Parameters
@@ -123,7 +123,7 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[
         Of both faces over that surface along the element's normal, m, the lower first, at each node; of solids any.
     turning : (n, 3) bool
         Rotations of nodes that are held at zero.
-    ties : sequence of ShellTie
+    ties : sequence of ShellTie or EdgeTie
 
     Returns
     -------
@@ -375,7 +375,9 @@ def _joined(lines: _Lines, row: IntArray) -> list[dict[int, float]]:
     ]
 
 
-def _tied(ties: Sequence[ShellTie], points: FloatArray, lines: _Lines, row: IntArray) -> list[dict[int, float]]:
+def _tied(
+    ties: Sequence[ShellTie | EdgeTie], points: FloatArray, lines: _Lines, row: IntArray
+) -> list[dict[int, float]]:
     """Equations of ties to shells."""
 
     def through(node: int) -> IntArray:
@@ -386,7 +388,8 @@ def _tied(ties: Sequence[ShellTie], points: FloatArray, lines: _Lines, row: IntA
         ends = through(node)[:1].ravel()
         return ends if ends.size else row[[node]]
 
-    return tie_rows(ties, points, carried, through)
+    moved = [one if isinstance(one, ShellTie) else EdgeTie(one.node, tuple(row[f] for f in one.faces)) for one in ties]
+    return tie_rows(moved, points, carried, through)
 
 
 def _on_lines(equations: sp.csr_array, row: IntArray, lines: _Lines, count: int) -> sp.csr_array:

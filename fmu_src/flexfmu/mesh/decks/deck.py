@@ -33,7 +33,7 @@ from flexfmu.mesh.decks.ties import TieTable
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Mesh
-from flexfmu.mesh.shell_ties import ShellTie
+from flexfmu.mesh.shell_ties import EdgeTie, ShellTie
 from flexfmu.mesh.shells import expanded
 
 
@@ -163,7 +163,7 @@ class _Content:
     cards: dict[str, list[Card]] = field(default_factory=lambda: defaultdict(list))
     reach: float = 0.0
     beams: bool = False
-    ties: list[ShellTie] = field(default_factory=list)
+    ties: list[ShellTie | EdgeTie] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     last: Card | None = None
 
@@ -332,9 +332,11 @@ def _equations(
         if any(key // 3 in shells for row in tied for key in row) or (table.shells and content.beams):
             raise card.line.error(
                 "*TIE joins shells to solids, or beams, which would turn freely there: let the shells be the second "
-                "surface, let parts share nodes, or use *RIGID BODY"
+                "surface, use *SHELL TO SOLID COUPLING at their edges, or let parts share nodes"
             )
         found += tied
+    for card in content.cards["SHELLTOSOLIDCOUPLING"]:
+        table.edges(card, surfaces)
     content.ties = table.shells
     content.notes.extend(table.notes)
     cards = [*content.cards["EQUATION"], *content.cards["MPC"]]

@@ -4,22 +4,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.mesh.blocks import face_corners
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
 from flexfmu.mesh.decks.sets import DeckSurface
-from flexfmu.mesh.shapes import FACE_SHAPES
-from flexfmu.mesh.shell_ties import ShellTie
+from flexfmu.mesh.nearest import nearest_faces, weighted
+from flexfmu.mesh.shell_ties import EdgeTie, ShellTie
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
 _NEAR = 0.05
-# Rounds and step, in a face's own coordinates, with which the nearest place on it is found.
-_ROUNDS, _SETTLED = 20, 1e-12
-# Weights below this are round-off: the node lies on an edge or on a node of the face.
-_NO_WEIGHT = 1e-9
 
 
 @dataclass(slots=True)
@@ -33,14 +28,14 @@ class TieTable:
     tied : set of int
     reach : float
         How far faces of shells are from their nodes, in the deck's units.
-    shells : list of ShellTie
+    shells : list of ShellTie or EdgeTie
     notes : list of str
     """
 
     points: FloatArray
     reach: float
     tied: set[int] = field(default_factory=set)
-    shells: list[ShellTie] = field(default_factory=list)
+    shells: list[ShellTie | EdgeTie] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def rows(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> list[dict[int, float]]:
@@ -99,6 +94,29 @@ class TieTable:
             self._tell(card, names, len(nodes), place)
         return found
 
+    def edges(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> None:
+        """Take a *SHELL TO SOLID COUPLING, as `rows`: what goes through the thickness lies on faces of solids."""
+        tolerance = card.parameters.get("POSITIONTOLERANCE", "")
+        for line in card.data:
+            names = fields(line)
+            if len(names) != 2:
+                raise line.error(f"*{card.keyword} takes 'edge of shells, surface of solids', found {len(names)} names")
+            edge, main = (card.scope.find(name, surfaces, "surface", card.line) for name in names)
+            given = number(tolerance, card.line, "POSITION TOLERANCE") if tolerance else None
+            near = given if given is not None or not main.faces else _NEAR * _edge(self.points, main.faces)
+            nearest = nearest_faces(self.points, edge.nodes, main.faces, near or 0.0)
+            if not nearest or main.shells:
+                raise line.error(
+                    f"no node of '{names[0]}' lies within {near or 0.0:.4g} of faces of solids of '{names[1]}': give a larger "
+                    "POSITION TOLERANCE, or correct the surfaces"
+                )
+            self.shells += [EdgeTie(node, main.faces) for node in nearest]
+            left = f"; {len(edge.nodes) - len(nearest)} lie too far" if len(nearest) < len(edge.nodes) else ""
+            self.notes.append(
+                f"{card.line.place}: {len(nearest)} nodes of '{names[0]}' are held by '{names[1]}' through the thickness"
+                f"{left}"
+            )
+
     def _tell(self, card: Card, names: Sequence[str], count: int, place: Mapping[int, Mapping[int, float]]) -> None:
         """Move nodes onto their faces where the deck does not forbid it, and say what was done."""
         target = {node: sum(w * self.points[other] for other, w in weights.items()) for node, weights in place.items()}
@@ -122,68 +140,3 @@ def _edge(points: FloatArray, faces: Sequence[IntArray]) -> float:
         corners = points[block[:, : face_corners(block)]]
         lengths.append(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).ravel())
     return float(np.concatenate(lengths).mean())
-
-
-def weighted(face: Sequence[int], value: FloatArray) -> dict[int, float]:
-    """Shape functions at a place of a face by its nodes, without round-off."""
-    return {int(node): float(w) for node, w in zip(face, value, strict=True) if abs(w) > _NO_WEIGHT}
-
-
-def nearest_faces(
-    points: FloatArray, nodes: IntArray, faces: Sequence[IntArray], near: float
-) -> dict[int, tuple[tuple[int, ...], FloatArray]]:
-    """Return where on faces nodes lie.
-
-    Parameters
-    ----------
-    points : (n, 3) float
-    nodes : (k,) int
-    faces : sequence of (f, a) int
-    near : float
-        Greatest distance.
-
-    Returns
-    -------
-    dict of int to (tuple of int, (a,) float)
-        Nodes of the face and their shape functions at the nearest place, by node; those farther away are left out.
-    """
-    best: dict[int, tuple[float, tuple[int, ...], FloatArray]] = {}
-    for block in faces if len(nodes) else ():
-        centre = points[block].mean(axis=1)
-        reach = float(np.linalg.norm(points[block] - centre[:, None], axis=2).max()) + near
-        inside = cKDTree(centre).query_ball_point(points[nodes], reach * (1.0 + _NO_WEIGHT))
-        pairs = [(node, face) for node, found in zip(nodes.tolist(), inside, strict=True) for face in found]
-        if not pairs:
-            continue
-        node, face = np.array(pairs).T
-        value, distance = _projected(points[node], points[block[face]], face_corners(block))
-        for k in np.flatnonzero(distance <= near).tolist():
-            if node[k] not in best or distance[k] < best[node[k]][0]:
-                best[int(node[k])] = (float(distance[k]), tuple(block[face[k]].tolist()), value[k])
-    return {node: best[node][1:] for node in sorted(best)}
-
-
-def _projected(targets: FloatArray, nodes: FloatArray, corners: int) -> tuple[FloatArray, FloatArray]:
-    """Shape functions (p, a) at the places of faces (p, a, 3) nearest to targets (p, 3), and the distances (p,)."""
-    shape = FACE_SHAPES[nodes.shape[1]]
-    place = np.full((len(nodes), 2), 0.0 if corners == 4 else 1.0 / 3.0)
-    for _ in range(_ROUNDS):
-        value, slope = shape.value(place), shape.gradient(place)
-        gap = targets - np.einsum("pa,pai->pi", value, nodes)
-        tangent = np.einsum("pab,pai->pib", slope, nodes)
-        normal = np.einsum("pib,pic->pbc", tangent, tangent)
-        step = np.linalg.solve(normal, np.einsum("pib,pi->pb", tangent, gap)[..., None])[..., 0]
-        before, place = place, _inside(place + step, corners)
-        if np.abs(place - before).max() < _SETTLED:
-            break
-    value = shape.value(place)
-    return value, np.linalg.norm(targets - np.einsum("pa,pai->pi", value, nodes), axis=1)
-
-
-def _inside(place: FloatArray, corners: int) -> FloatArray:
-    """Places moved into the face where they lie beside it."""
-    if corners == 4:
-        return np.clip(place, -1.0, 1.0)
-    area = np.column_stack([1.0 - place.sum(axis=1), place])
-    area = np.maximum(area, 0.0)
-    return (area / area.sum(axis=1, keepdims=True))[:, 1:]
