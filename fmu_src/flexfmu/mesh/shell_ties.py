@@ -29,8 +29,12 @@ class EdgeTie(NamedTuple):
     faces: tuple[IntArray, ...]
 
 
+OfShell = ShellTie | EdgeTie
+"""A tie of either kind."""
+
+
 def tie_rows(
-    ties: Sequence[ShellTie | EdgeTie],
+    ties: Sequence[OfShell],
     points: FloatArray,
     own: Callable[[int], IntArray],
     lines: Callable[[int], IntArray],

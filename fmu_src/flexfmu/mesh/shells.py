@@ -18,7 +18,7 @@ from .equations import MIDDLE, RigidLink, matrix_of, middles
 from .listing import listed
 from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES
-from .shell_ties import EdgeTie, ShellTie, tie_rows
+from .shell_ties import EdgeTie, OfShell, ShellTie, tie_rows
 
 SHELLS = {
     "triangle": ElementType.S3,
@@ -112,7 +112,7 @@ def shell_mesh(
     return expanded(mesh, np.stack([-half, half], axis=1), np.zeros_like(mesh.fixed))
 
 
-def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[ShellTie | EdgeTie] = ()) -> Mesh:
+def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[OfShell] = ()) -> Mesh:
     """Give shells their thickness.
 
     Parameters
@@ -375,9 +375,7 @@ def _joined(lines: _Lines, row: IntArray) -> list[dict[int, float]]:
     ]
 
 
-def _tied(
-    ties: Sequence[ShellTie | EdgeTie], points: FloatArray, lines: _Lines, row: IntArray
-) -> list[dict[int, float]]:
+def _tied(ties: Sequence[OfShell], points: FloatArray, lines: _Lines, row: IntArray) -> list[dict[int, float]]:
     """Equations of ties to shells."""
 
     def through(node: int) -> IntArray:

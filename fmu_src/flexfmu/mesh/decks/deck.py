@@ -33,7 +33,7 @@ from flexfmu.mesh.decks.ties import TieTable
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Mesh
-from flexfmu.mesh.shell_ties import EdgeTie, ShellTie
+from flexfmu.mesh.shell_ties import OfShell
 from flexfmu.mesh.shells import expanded
 
 
@@ -163,7 +163,7 @@ class _Content:
     cards: dict[str, list[Card]] = field(default_factory=lambda: defaultdict(list))
     reach: float = 0.0
     beams: bool = False
-    ties: list[ShellTie | EdgeTie] = field(default_factory=list)
+    ties: list[OfShell] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     last: Card | None = None
 

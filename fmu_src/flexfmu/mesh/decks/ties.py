@@ -11,7 +11,7 @@ from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.equations import TRANSLATIONS, joined
 from flexfmu.mesh.decks.sets import DeckSurface
 from flexfmu.mesh.nearest import nearest_faces, weighted
-from flexfmu.mesh.shell_ties import EdgeTie, ShellTie
+from flexfmu.mesh.shell_ties import EdgeTie, OfShell, ShellTie
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
 _NEAR = 0.05
@@ -35,7 +35,7 @@ class TieTable:
     points: FloatArray
     reach: float
     tied: set[int] = field(default_factory=set)
-    shells: list[ShellTie | EdgeTie] = field(default_factory=list)
+    shells: list[OfShell] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def rows(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> list[dict[int, float]]:
@@ -107,14 +107,14 @@ class TieTable:
             nearest = nearest_faces(self.points, edge.nodes, main.faces, near or 0.0)
             if not nearest or main.shells:
                 raise line.error(
-                    f"no node of '{names[0]}' lies within {near or 0.0:.4g} of faces of solids of '{names[1]}': give a larger "
-                    "POSITION TOLERANCE, or correct the surfaces"
+                    f"no node of '{names[0]}' lies within {near or 0.0:.4g} of faces of solids of '{names[1]}': give a "
+                    "larger POSITION TOLERANCE, or correct the surfaces"
                 )
             self.shells += [EdgeTie(node, main.faces) for node in nearest]
             left = f"; {len(edge.nodes) - len(nearest)} lie too far" if len(nearest) < len(edge.nodes) else ""
             self.notes.append(
-                f"{card.line.place}: {len(nearest)} nodes of '{names[0]}' are held by '{names[1]}' through the thickness"
-                f"{left}"
+                f"{card.line.place}: {len(nearest)} nodes of '{names[0]}' are held by '{names[1]}' through their "
+                f"thickness{left}"
             )
 
     def _tell(self, card: Card, names: Sequence[str], count: int, place: Mapping[int, Mapping[int, float]]) -> None:
