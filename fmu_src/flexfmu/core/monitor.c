@@ -179,8 +179,8 @@ static void momentum(Body *body, const Watch *watch, const double *q, const doub
 }
 
 /* Loads that push a free body together turn it round where they keep their direction. Is their couple this large, over what it
- * may be, and was it as small as e^-CHANCE before, the least disturbance has decided which way. */
-static const double TURNING = 0.3, CHANCE = 14.0, BALANCED = 0.01;
+ * may be, and was it as small as 1 / CHANCE before, the least disturbance has decided which way. */
+static const double TURNING = 0.3, CHANCE = 1.2e6, BALANCED = 0.01;
 
 static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
     const Program *p = &monitor->body->p;
@@ -200,7 +200,7 @@ static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *me
         pulled += dot(force, arm, 3);
     }
     const double share = norm(couple, 3) / fmax(most, DBL_MIN);
-    *calm = pulled < 0.0 && norm(sum, 3) <= BALANCED * size ? fmax(*calm, -log(fmax(share, DBL_MIN))) : 0.0;
+    *calm = pulled < 0.0 && norm(sum, 3) <= BALANCED * size ? fmax(*calm, 1.0 / fmax(share, DBL_MIN)) : 0.0;
     if (!(watch->limit > 0.0) || !(*calm > CHANCE) || !(share > TURNING)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_STABILITY]);
     if (text) snprintf(text, FINDING_TEXT, SAY_TURNING_ROUND);

@@ -37,7 +37,7 @@ typedef struct {
     Momentum momentum;
     MissedInertia inertia;
     Truncation truncation;
-    double calm; /* of loads that push a free body together: -log of the least couple they made, over theirs at a right angle */
+    double calm; /* of loads that push a free body together: theirs at a right angle over the least couple they made */
 } Course;
 
 /* What takes long is looked at in slices, one a step, at a state that is kept for it. In the meantime another may come to wait: the
