@@ -121,7 +121,7 @@ def test_a_finger_pulls_and_colours_show_stress_and_error(tmp_path_factory, widt
         assert tab.said == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @WIDTHS
 def test_a_free_bar_tumbles_and_the_camera_goes_with_it(tmp_path_factory, width, dark):
     browser()
@@ -135,7 +135,7 @@ def test_a_free_bar_tumbles_and_the_camera_goes_with_it(tmp_path_factory, width,
         assert tab.said == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @WIDTHS
 def test_an_arch_refuses_to_snap_and_says_that_its_load_is_critical(tmp_path_factory, width, dark):
     browser()
