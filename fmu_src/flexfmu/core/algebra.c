@@ -3,14 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Newer versions of the C library have others of these functions, with the same digits: by the old ones the library loads
- * with glibc 2.17, too. */
-#if defined(__GLIBC__) && defined(__x86_64__)
-__asm__(".symver hypot, hypot@GLIBC_2.2.5");
-#elif defined(__GLIBC__) && defined(__aarch64__)
-__asm__(".symver hypot, hypot@GLIBC_2.17");
-#endif
-
 #define EPSILON 2.220446049250313e-16
 
 double norm(const double *x, int64_t n) { return sqrt(dot(x, x, n)); }
@@ -24,48 +16,52 @@ void product(const double *a, const double *b, double *out, int64_t n, int64_t m
     add_product(a, m, b, out, n, m, k);
 }
 
+/* Row i finds its pivot, and takes itself off each row k after it. */
 int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice) {
     COUNT(2 * n * n * n / 3);
-    int doing = 1;
-    for (int64_t i = 0; i < n; i++) {
-        int64_t best = i;
-        if (!row_due(slice, i, (double)((n - i) * (n - i)), &doing)) continue;
-        for (int64_t k = i + 1; k < n; k++)
-            if (fabs(a[k * n + i]) > fabs(a[best * n + i])) best = k;
-        pivot[i] = best;
-        if (!(fabs(a[best * n + i]) > 0.0) || !isfinite(a[best * n + i])) return fails(slice);
-        for (int64_t j = 0; best != i && j < n; j++) {
-            const double kept = a[i * n + j];
-            a[i * n + j] = a[best * n + j];
-            a[best * n + j] = kept;
-        }
-        for (int64_t k = i + 1; k < n; k++) {
+    Rows rows = rows_due(slice, pairs_of(n), (double)n);
+    int64_t i, k;
+    pair_of(pairs_of(n) - 1 - rows.at, &i, &k);
+    i = n - 1 - i;
+    k = n - 1 - k;
+    for (; rows.at < rows.end; rows.at++) {
+        if (k == i) {
+            int64_t best = i;
+            for (int64_t row = i + 1; row < n; row++)
+                if (fabs(a[row * n + i]) > fabs(a[best * n + i])) best = row;
+            pivot[i] = best;
+            if (!(fabs(a[best * n + i]) > 0.0) || !isfinite(a[best * n + i])) return fails(slice);
+            for (int64_t j = 0; best != i && j < n; j++) {
+                const double kept = a[i * n + j];
+                a[i * n + j] = a[best * n + j];
+                a[best * n + j] = kept;
+            }
+        } else {
             const double factor = a[k * n + i] /= a[i * n + i];
-            if (factor == 0.0) continue;
-            for (int64_t j = i + 1; j < n; j++) a[k * n + j] -= factor * a[i * n + j];
+            for (int64_t j = i + 1; factor != 0.0 && j < n; j++) a[k * n + j] -= factor * a[i * n + j];
         }
+        if (++k == n) k = ++i;
     }
     return !failed(slice);
 }
 
 void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns, Slice *slice) {
     COUNT(2 * n * n * columns);
-    int doing = 1;
-    for (int64_t i = 0, all = due(slice, (double)(n * columns)); all && i < n; i++)
+    Rows rows = rows_due(slice, n, (double)columns);
+    for (int64_t i = rows.at; i < rows.end; i++)
         for (int64_t j = 0; pivot[i] != i && j < columns; j++) {
             const double kept = b[i * columns + j];
             b[i * columns + j] = b[pivot[i] * columns + j];
             b[pivot[i] * columns + j] = kept;
         }
-    for (int64_t i = 0; i < n; i++) {
-        if (!row_due(slice, i, (double)(i * columns), &doing)) continue;
+    rows = rows_due(slice, n, (double)(n * columns));
+    for (int64_t i = rows.at; i < rows.end; i++)
         for (int64_t k = 0; k < i; k++) {
             const double factor = a[i * n + k];
             for (int64_t j = 0; j < columns; j++) b[i * columns + j] -= factor * b[k * columns + j];
         }
-    }
-    for (int64_t i = n - 1; i >= 0; i--) {
-        if (!row_due(slice, n - 1 - i, (double)((n - i) * columns), &doing)) continue;
+    rows = rows_due(slice, n, (double)(n * columns));
+    for (int64_t i = n - 1 - rows.at; i > n - 1 - rows.end; i--) {
         for (int64_t k = i + 1; k < n; k++) {
             const double factor = a[i * n + k];
             for (int64_t j = 0; j < columns; j++) b[i * columns + j] -= factor * b[k * columns + j];
@@ -74,30 +70,34 @@ void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64
     }
 }
 
-void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n) {
-    for (int64_t i = 0; i < n; i++) {
+void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n, Slice *slice) {
+    for (int64_t i = 0, all = due(slice, (double)n); all && i < n; i++) {
         const double kept = b[i];
         b[i] = b[pivot[i]];
         b[pivot[i]] = kept;
     }
-    for (int64_t i = 1; i < n; i++) b[i] -= dot(a + i * n, b, i);
-    for (int64_t i = n - 1; i >= 0; i--) b[i] = (b[i] - dot(a + i * n + i + 1, b + i + 1, n - 1 - i)) / a[i * n + i];
+    Rows rows = rows_due(slice, n, (double)n);
+    for (int64_t i = rows.at; i < rows.end; i++) b[i] -= dot(a + i * n, b, i);
+    rows = rows_due(slice, n, (double)n);
+    for (int64_t i = n - 1 - rows.at; i > n - 1 - rows.end; i--) b[i] = (b[i] - dot(a + i * n + i + 1, b + i + 1, n - 1 - i)) / a[i * n + i];
 }
 
 int cholesky(double *a, int64_t n, Slice *slice) {
-    int doing = 1;
-    for (int64_t i = 0; i < n; i++)
-        for (int64_t j = 0; j <= i && (j > 0 || row_due(slice, i, (double)(i * i + 8 * i), &doing)); j++) {
-            const double rest = a[i * n + j] - dot(a + i * n, a + j * n, j);
-            if (j < i) {
-                a[i * n + j] = rest / a[j * n + j];
-            } else {
-                const int positive = rest > 0.0 && isfinite(rest);
-                if (!positive && !slice) return 0;
-                /* In pieces the last row tells. */
-                a[i * n + i] = positive ? sqrt(rest) : NAN;
-            }
+    Rows rows = rows_due(slice, pairs_of(n), (double)(n / 2 + 16));
+    int64_t i, j;
+    pair_of(rows.at, &i, &j);
+    for (; rows.at < rows.end; rows.at++) {
+        const double rest = a[i * n + j] - dot(a + i * n, a + j * n, j);
+        if (j < i) {
+            a[i * n + j] = rest / a[j * n + j];
+        } else {
+            const int positive = rest > 0.0 && isfinite(rest);
+            if (!positive && !slice) return 0;
+            /* In pieces the last row tells. */
+            a[i * n + i] = positive ? sqrt(rest) : NAN;
         }
+        if (++j > i) i++, j = 0;
+    }
     return !slice || !caught_up(slice) || isfinite(a[n * n - 1]);
 }
 
@@ -112,16 +112,17 @@ void cholesky_solve(const double *lower, double *b, int64_t n) {
 void congruent(const double *lower, double *a, int64_t n, Slice *slice) {
     COUNT(2 * n * n * n);
     for (int turn = 0; turn < 2; turn++) {
-        for (int64_t i = 0; i < n; i++) {
-            if (!due(slice, (double)((i + 4) * n))) continue;
-            for (int64_t k = 0; k < i; k++) {
-                const double factor = lower[i * n + k];
-                for (int64_t j = 0; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
-            }
-            for (int64_t j = 0; j < n; j++) a[i * n + j] /= lower[i * n + i];
+        Rows rows = rows_due(slice, pairs_of(n), (double)n);
+        int64_t i, k;
+        pair_of(rows.at, &i, &k);
+        for (; rows.at < rows.end; rows.at++) {
+            const double factor = lower[i * n + k];
+            for (int64_t j = 0; k < i && j < n; j++) a[i * n + j] -= factor * a[k * n + j];
+            for (int64_t j = 0; k == i && j < n; j++) a[i * n + j] /= factor;
+            if (++k > i) i++, k = 0;
         }
-        if (!due(slice, (double)(n * n))) continue;
-        for (int64_t i = 0; i < n; i++)
+        rows = rows_due(slice, n, (double)n);
+        for (i = rows.at; i < rows.end; i++)
             for (int64_t j = 0; j < i; j++) {
                 const double kept = a[i * n + j];
                 a[i * n + j] = a[j * n + i];
@@ -142,12 +143,13 @@ void symmetric_eigen(double *a, double *values, double *v, int64_t n) {
                 if (i != j) off += a[i * n + j] * a[i * n + j];
             }
         if (!(off > EPSILON * EPSILON * whole)) break;
+        const double negligible = EPSILON * EPSILON * sqrt(whole);
         for (int64_t p = 0; p < n; p++)
             for (int64_t q = p + 1; q < n; q++) {
                 const double apq = a[p * n + q];
-                if (fabs(apq) <= EPSILON * EPSILON * sqrt(whole)) continue;
+                if (fabs(apq) <= negligible) continue;
                 const double theta = (a[q * n + q] - a[p * n + p]) / (2.0 * apq);
-                const double t = (theta < 0.0 ? -1.0 : 1.0) / (fabs(theta) + hypot(theta, 1.0));
+                const double t = (theta < 0.0 ? -1.0 : 1.0) / (fabs(theta) + sqrt(theta * theta + 1.0));
                 const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
                 for (int64_t k = 0; k < n; k++) {
                     const double x = a[k * n + p], y = a[k * n + q];
@@ -189,19 +191,24 @@ static void reduce_to_tridiagonal(double *a, double *off, double *scale, double 
     COUNT(4 * n * n * n / 3);
     for (int64_t k = 0; k + 1 < n; k++) {
         const int64_t left = n - k - 1;
+        if (over(slice)) return;
+        if (passed(slice, 2 * left + 2)) continue;
         double *v = a + k * n + k + 1, *rest = a + (k + 1) * (n + 1);
-        if (due(slice, (double)(left * left))) {
+        if (due(slice, (double)(3 * left))) {
             const double size = norm(v, left), sign = v[0] < 0.0 ? -1.0 : 1.0;
             off[k] = -sign * size;
             v[0] += sign * size;
             const double square = dot(v, v, left);
             scale[k] = square > 0.0 ? 2.0 / square : 0.0;
-            for (int64_t i = 0; i < left; i++) work[i] = scale[k] * dot(rest + i * n, v, left);
+        }
+        Rows rows = rows_due(slice, left, (double)left);
+        for (int64_t i = rows.at; i < rows.end; i++) work[i] = scale[k] * dot(rest + i * n, v, left);
+        if (due(slice, (double)(3 * left))) {
             const double half = 0.5 * scale[k] * dot(work, v, left);
             for (int64_t i = 0; i < left; i++) work[i] -= half * v[i];
         }
-        if (!due(slice, (double)(left * left))) continue;
-        for (int64_t i = 0; i < left; i++)
+        rows = rows_due(slice, left, (double)(2 * left));
+        for (int64_t i = rows.at; i < rows.end; i++)
             for (int64_t j = 0; j < left; j++) rest[i * n + j] -= v[i] * work[j] + work[i] * v[j];
     }
 }
@@ -229,31 +236,34 @@ void smallest_eigen(double *a, double *work, double *value, double *vector, int6
         bounds[0] = -size;
         bounds[1] = size;
     }
-    for (int round = 0; round < BISECTIONS; round++) {
-        if (!due(slice, (double)(8 * n))) continue;
+    Rows rows = rows_due(slice, BISECTIONS, (double)(20 * n));
+    for (; rows.at < rows.end; rows.at++) {
         const double middle = 0.5 * (bounds[0] + bounds[1]);
         bounds[!pivots(a, off, middle, 1, down, n)] = middle;
     }
-    if (!due(slice, (double)(n * n + 16 * n))) return;
-    int64_t best = 0;
-    *value = 0.5 * (bounds[0] + bounds[1]);
-    pivots(a, off, *value, 1, down, n);
-    pivots(a, off, *value, -1, up, n);
-    double least = HUGE_VAL;
-    for (int64_t i = 0; i < n; i++) {
-        const double both = fabs(down[i] + up[i] - a[i * (n + 1)] + *value);
-        if (both < least) {
-            least = both;
-            best = i;
+    if (due(slice, (double)(50 * n))) {
+        int64_t best = 0;
+        *value = 0.5 * (bounds[0] + bounds[1]);
+        pivots(a, off, *value, 1, down, n);
+        pivots(a, off, *value, -1, up, n);
+        double least = HUGE_VAL;
+        for (int64_t i = 0; i < n; i++) {
+            const double both = fabs(down[i] + up[i] - a[i * (n + 1)] + *value);
+            if (both < least) {
+                least = both;
+                best = i;
+            }
         }
+        vector[best] = 1.0;
+        for (int64_t i = best; i > 0; i--) vector[i - 1] = -off[i - 1] * vector[i] / down[i - 1];
+        for (int64_t i = best; i + 1 < n; i++) vector[i + 1] = -off[i] * vector[i] / up[i + 1];
     }
-    vector[best] = 1.0;
-    for (int64_t i = best; i > 0; i--) vector[i - 1] = -off[i - 1] * vector[i] / down[i - 1];
-    for (int64_t i = best; i + 1 < n; i++) vector[i + 1] = -off[i] * vector[i] / up[i + 1];
-    for (int64_t k = n - 2; k >= 0; k--) {
+    rows = rows_due(slice, n - 1, (double)(2 * n));
+    for (int64_t k = n - 2 - rows.at; k > n - 2 - rows.end; k--) {
         const double *v = a + k * n + k + 1, by = -scale[k] * dot(v, vector + k + 1, n - k - 1);
         for (int64_t i = 0; i < n - k - 1; i++) vector[k + 1 + i] += by * v[i];
     }
+    if (!due(slice, (double)(8 * n))) return;
     const double size = norm(vector, n);
     for (int64_t i = 0; i < n; i++) vector[i] /= size;
 }

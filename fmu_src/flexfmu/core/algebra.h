@@ -19,7 +19,7 @@ int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice);
 /* b (n, columns) becomes the solution. */
 void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64_t columns, Slice *slice);
 /* The same of one column, several times as fast, with sums in another order. */
-void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n);
+void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n, Slice *slice);
 /* Lower Cholesky factor in place; 0 where a (its lower half) is not positive definite. */
 int cholesky(double *a, int64_t n, Slice *slice);
 /* b (n) becomes the solution for such a factor. */

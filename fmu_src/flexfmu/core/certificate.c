@@ -118,14 +118,14 @@ static void forces_of(Body *shadow, Room *room, const double *inputs) {
     const Program *p = &shadow->p;
     const int64_t m = p->modes;
     configure(shadow, room->q, &room->at);
-    if (due(shadow->slice, (double)(12 * p->nodes * m + p->tied * m * m))) {
-        spread(shadow, inputs, &room->loads);
-        modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
-        for (int64_t j = 0; p->tied && j < m; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
-    }
+    if (over(shadow->slice)) return;
+    if (due(shadow->slice, (double)(3 * p->loads * m))) spread(shadow, inputs, &room->loads);
+    modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
+    const Rows now = rows_due(shadow->slice, p->tied * m, (double)m);
+    for (int64_t j = now.at; j < now.end; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
     stretch_at(shadow, room->q, &room->stretch);
     if (due(shadow->slice, (double)(3 * p->stretches * m))) subtract_stretch_force(shadow, &room->stretch, &room->stretch, room->left);
-    tangent_stiffness(shadow, &room->loads, 1, &room->at, room->tense, &room->tangents, room->tangent);
+    if (!over(shadow->slice)) tangent_stiffness(shadow, &room->loads, 1, &room->at, room->tense, &room->tangents, room->tangent);
 }
 
 /* Steps of inverse iteration. */
@@ -148,17 +148,17 @@ static double own_stiffness(const Body *shadow, const Room *room, const double *
  * has a part in; 1 at the most: at rest and in what stiffens. */
 static void find_softest(Room *room, const Body *shadow, int64_t e) {
     const Program *p = &shadow->p;
-    const double cost = (double)(e * e + 6 * p->stretches * p->modes);
+    const double cost = (double)(6 * p->stretches * p->modes + 10 * e);
     double *shape = room->factor, *work = room->work, *size = room->found + SOFT;
     if (due(shadow->slice, cost)) {
         for (int64_t i = 0; i < e; i++) shape[i] = p->omega[p->rigid + i] * room->q[p->rigid + i];
         *size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
     }
-    for (int k = 0; k < ITERATIONS; k++) {
-        if (!due(shadow->slice, cost) || !(*size > 0.0)) continue;
-        for (int64_t i = 0; i < e; i++) shape[i] = work[i] / *size;
-        lu_solve_one(room->scaled, room->pivot, shape, e);
-        *size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
+    for (int k = 0; k < ITERATIONS && !over(shadow->slice); k++) {
+        if (due(shadow->slice, (double)e))
+            for (int64_t i = 0; i < e; i++) shape[i] = *size > 0.0 ? work[i] / *size : 0.0;
+        lu_solve_one(room->scaled, room->pivot, shape, e, shadow->slice);
+        if (due(shadow->slice, cost)) *size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
     }
     if (due(shadow->slice, 1.0)) *size = 1.0 / fmax(*size, 1.0);
 }
@@ -170,19 +170,19 @@ static int newton_step(Body *shadow, Room *room, const double *inputs) {
     const Program *p = &shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
     Slice *slice = shadow->slice;
-    int doing = 1;
     forces_of(shadow, room, inputs);
-    for (int64_t i = 0; i < e; i++) {
+    if (over(slice)) return 1;
+    const Rows now = rows_due(slice, e, (double)(13 * e));
+    for (int64_t i = now.at; i < now.end; i++) {
         const int64_t a = first + i;
-        if (!row_due(slice, i, (double)(5 * e), &doing)) continue;
         const double held = shadow->stiffness[a] * room->q[a] + dot(p->embedding + a * p->embedded, room->rest, p->embedded);
         room->left[a] = (room->left[a] - held) / p->omega[a];
         for (int64_t j = 0; j < e; j++) room->scaled[i * e + j] = room->tangent[a * m + first + j] / (p->omega[a] * p->omega[first + j]);
     }
     if (!stable_tangent(room->scaled, room->factor, e, slice) || !lu_factor(room->scaled, room->pivot, e, slice)) return 0;
     find_softest(room, shadow, e);
-    if (!due(slice, (double)(e * e))) return 1;
-    lu_solve_one(room->scaled, room->pivot, room->left + first, e);
+    lu_solve_one(room->scaled, room->pivot, room->left + first, e, slice);
+    if (!due(slice, (double)(4 * e))) return 1;
     for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
     for (int64_t i = 0; i < m; i++)
         if (!isfinite(room->q[i])) return fails(slice);
@@ -242,11 +242,14 @@ static double bound_of(double share, double soft, double within, double flat, do
     return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat) + 4.0 * strain * strain;
 }
 
+/* Cost of placing the body: of many calls, and of products that go by vectors. */
+static const double CALLS = 2500.0, OF_VECTORS = 0.3;
+
 /* What the body itself tells at q: what is left of its forces, its places, how far they are from where it began. */
 static int body_at(Body *body, const Body *shadow, const double *inputs, const double *q, Room *room) {
     const Program *p = &body->p;
     const int64_t n = p->modes;
-    const double cost = configuration_cost(body);
+    const double cost = CALLS + OF_VECTORS * configuration_cost(body);
     Slice *slice = shadow->slice;
     Arena arena = work_arena(body);
     Configuration at;
@@ -254,7 +257,8 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
         if (body_forces(body, inputs, q, room->rest, 0) != FLEX_OK) return fails(slice);
         for (int64_t j = 0; j < n; j++) room->rest[j] -= body->stiffness[j] * q[j];
     }
-    if (due(slice, (double)(shadow->p.modes * n))) rows_times(shadow->p.embedding, q, room->q, shadow->p.modes, n);
+    const Rows now = rows_due(slice, shadow->p.modes, (double)(2 * n));
+    rows_times(shadow->p.embedding + now.at * n, q, room->q + now.at, now.end - now.at, n);
     take_configuration(body, &arena, &at);
     if (arena.refused) return fails(slice);
     if (due(slice, cost)) {
@@ -286,19 +290,23 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
         memset(room->found, 0, FOUND * sizeof(double));
         memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
     }
-    if (body_at(body, shadow, inputs, q, room) && newton_step(shadow, room, inputs) && (!opened || newton_step(shadow, room, inputs))) {
+    if (body_at(body, shadow, inputs, q, room) && (over(slice) || (newton_step(shadow, room, inputs) && (!opened || newton_step(shadow, room, inputs))))) {
+        if (over(slice)) {
+            shadow->slice = 0;
+            return;
+        }
         configure(shadow, room->q, &room->at);
-        if (due(slice, (double)(100 * interfaces))) {
+        if (due(slice, (double)(400 * interfaces))) {
             places_in(&shadow->p, &room->at, room->other);
             apart(room->moved, room->other, interfaces, room->error);
         }
         places_by_frames(shadow, &room->at, room->plain);
-        if (due(slice, (double)(100 * interfaces + body->p.stretches * body->p.modes * body->p.modes))) {
+        if (due(slice, (double)(400 * interfaces))) {
             const double own = room->found[OWN], finer = apart(room->other, room->plain, interfaces, room->bent);
             room->found[WITHIN] = fmax(own - fabs(own - finer), 0.0);
-            room->found[FLAT] = moved_by_flattening(body, room, q);
-            room->found[STRAIN] = body_strain(body, q);
         }
+        if (due(slice, (double)(body->p.stretches * body->p.modes * body->p.modes))) room->found[FLAT] = moved_by_flattening(body, room, q);
+        if (due(slice, (double)(6 * body->p.strains * body->p.modes))) room->found[STRAIN] = body_strain(body, q);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;
     }

@@ -147,17 +147,19 @@ void modal_force(const Body *body, const Loads *loads, int with_moments, const C
     const Program *p = &body->p;
     const int64_t m = p->modes, n = p->nodes;
     const double *constant = with_moments ? loads->constant : loads->f_constant;
-    memset(out, 0, (size_t)m * sizeof(double));
-    if (p->placement == PLACE_DEFORMED || p->ties) {
-        double *own = room->tense, *force = room->loads, *moment = force + 3 * n;
+    const int moving = p->placement == PLACE_DEFORMED || p->ties;
+    double *own = room->tense, *force = room->loads, *moment = force + 3 * n;
+    if (due(body->slice, (double)(m + 20 * n + TIE * p->ties))) {
+        memset(out, 0, (size_t)m * sizeof(double));
         memset(force, 0, (size_t)(6 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));
         if (with_moments) add_followers(body, loads, at, force, moment);
-        if (!tense) tie_tension(body, at, own);
+        if (moving && !tense) tie_tension(body, at, own);
         add_tie_loads(body, at, tense ? tense : own, force, moment);
-        pass_back(body, at, force, moment, &room->back, out);
     }
+    if (moving) pass_back(body, at, force, moment, &room->back, out);
+    if (!due(body->slice, (double)(3 * p->interfaces * m + p->by_load_given * m * m + p->by_mode_given * m * m * m))) return;
     if (p->placement != PLACE_DEFORMED) {
         for (int64_t j = 0; j < m; j++) out[j] += constant[j];
         if (p->placement == PLACE_CORRECTIVE_MOMENT)
@@ -356,7 +358,8 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
                        const double *tense, TangentRoom *room, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
-    if (due(body->slice, (double)(m * m))) memset(out, 0, (size_t)(m * m) * sizeof(double));
+    Rows now = rows_due(body->slice, m, (double)(4 * m));
+    memset(out + now.at * m, 0, (size_t)((now.end - now.at) * m) * sizeof(double));
     if (!loads->active && !body->slice) {
         for (int64_t j = 0; j < m; j++) out[j * m + j] = body->stiffness[j];
         return;
@@ -364,6 +367,7 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
     if (!tense && due(body->slice, (double)(TIE * p->ties))) tie_tension(body, at, room->tense);
     const double *pull = tense ? tense : room->tense;
     jacobians_at(body, at, &room->of);
+    if (over(body->slice)) return;
     /* First dQ/dq, with its sign reversed below. */
     if (p->placement == PLACE_DEFORMED || p->ties) add_moving_stiffness(body, loads, with_moments, at, pull, room, out);
     if (p->placement == PLACE_CORRECTIVE_MOMENT)
@@ -376,18 +380,19 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
             apply_rows(hat, room->of.translation + 3 * k * m, room->row, m);
             add_transposed_product(p->load_operator + 3 * (p->interfaces + i) * m, room->row, out, 3, m, m);
         }
-    if (due(body->slice, (double)(m * m))) {
-        for (int64_t j = 0; j < m * m; j++) out[j] = -out[j];
-        for (int64_t j = 0; j < m; j++) out[j * m + j] += body->stiffness[j];
-    }
+    if (over(body->slice)) return;
+    now = rows_due(body->slice, m, (double)m);
+    for (int64_t j = now.at * m; j < now.end * m; j++) out[j] = -out[j];
+    for (int64_t j = now.at; j < now.end; j++) out[j * m + j] += body->stiffness[j];
     if (p->ties) add_tie_stiffness(body, at, pull, room, out);
     if (p->stretches) {
         stretch_at(body, at->q, &room->stretch);
         add_stretch_stiffness(body, &room->stretch, out);
     }
-    if (p->by_load_given && due(body->slice, (double)(m * m))) {
+    if (p->by_load_given) {
         const double *geometric = with_moments ? loads->geometric : loads->f_geometric;
-        for (int64_t j = 0; j < m * m; j++) out[j] += geometric[j];
+        now = rows_due(body->slice, m, (double)m);
+        for (int64_t j = now.at * m; j < now.end * m; j++) out[j] += geometric[j];
     }
     if (p->by_mode_given && due(body->slice, (double)(2 * m * m * m))) add_mode_stiffness(body, at, room->square, out);
 }

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "algebra.h"
+#include "tree.h"
 
 void take_stretch(const Body *body, Arena *arena, Stretch *at) {
     const int64_t count = body->p.stretches;
@@ -17,9 +18,7 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
     for (int64_t r = 0; r < p->stretches; r += LANES) {
-        if (!due(body->slice, (double)(LANES * m * m))) continue;
-        packed_times(p->stretch + r / LANES * packed_size(m), q, body->four, m);
-        unpack(body->four, at->slope + r * m, m);
+        four_rows(body, p->stretch + r / LANES * packed_size(m), q, at->slope + r * m, m);
     }
     if (!due(body->slice, (double)(2 * m * p->stretches))) return;
     for (int64_t r = 0; r < p->stretches; r++) {
@@ -60,18 +59,18 @@ void add_turned_stretch(const Body *body, const Stretch *at, const double *direc
 void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes;
-    for (int64_t group = 0; group < p->stretches; group += LANES) {
+    for (int64_t group = 0; group < p->stretches && !over(body->slice); group += LANES) {
         double whole[LANES] = {0.0};
         for (int64_t r = group; r < group + LANES && r < p->stretches; r++) {
             const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m;
             const double four = 4.0 * p->stretch_sign[r];
             whole[r - group] = four * at->whole[r];
-            for (int64_t i = 0, doing = due(body->slice, (double)(2 * m * m)); doing && i < m; i++) {
+            const Rows rows = rows_due(body->slice, m, (double)(2 * m));
+            for (int64_t i = rows.at; i < rows.end; i++) {
                 const double by_slope = four * (linear[i] + 2.0 * slope[i]);
                 for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + four * slope[i] * linear[j];
             }
         }
-        if (!due(body->slice, (double)(LANES * m * m))) continue;
-        add_packed(whole, p->stretch + group / LANES * packed_size(m), out, m);
+        add_four(body, whole, p->stretch + group / LANES * packed_size(m), out, m);
     }
 }

@@ -348,25 +348,22 @@ static void submit(const Monitor *monitor, int kind, const StepEnd *end, double 
 }
 
 /* Of a slice: a part of what a configuration of the body costs, a few of which make a step, and what any step can bear. */
-static const double OF_STEP = 1.0 / 5.0, OF_ANY = 6000.0;
+static const double OF_STEP = 1.0 / 5.0, OF_ANY = 7000.0;
 
-/* Cost of a look, and in how many slices it is done. */
-static void begin_look(const Monitor *monitor, int kind, Memory *memory) {
-    const Program *p = &monitor->body->p;
+/* Slices up to which a look counts its pieces, and tells what it has found, in a step that does one: else each has a step. */
+static const double FEW = 12.0;
+
+/* A look is under way: how many slices it takes is counted when it goes on. */
+static void begin_look(const Monitor *monitor, int kind, int begun, Memory *memory) {
     Looking *now = &memory->looking;
-    Slice count = {0};
-    count.until = -1.0;
-    pieces_of(monitor, kind, memory->states, memory->states + p->modes, &count);
     now->under_way = 1.0;
     now->look = kind;
-    now->done = 0.0;
-    now->slices = ceil(count.whole / (OF_STEP * configuration_cost(monitor->body) + OF_ANY));
-    monitor->pieces->slice = count;
-    monitor->pieces->begun = 1;
+    now->done = now->slices = 0.0;
+    monitor->pieces->begun = begun;
 }
 
 /* A state that waits, of each look in turn. */
-static int next_look(const Monitor *monitor, Memory *memory) {
+static void next_look(const Monitor *monitor, Memory *memory) {
     Looking *now = &memory->looking;
     const int64_t size = monitor->body->p.modes + monitor->body->p.loads;
     int kind = (int)now->look;
@@ -376,10 +373,9 @@ static int next_look(const Monitor *monitor, Memory *memory) {
         memcpy(memory->states, memory->states + (1 + kind) * size, (size_t)size * sizeof(double));
         now->waiting[kind] = 0.0;
         now->deflection = now->deflections[kind];
-        begin_look(monitor, kind, memory);
-        return 1;
+        begin_look(monitor, kind, 0, memory);
+        return;
     }
-    return 0;
 }
 
 /* The next slice of the look under way; after the last one what it has found is told. */
@@ -388,27 +384,32 @@ static void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
     Pieces *pieces = monitor->pieces;
     Slice *slice = &pieces->slice;
     const double *q = memory->states, *inputs = q + monitor->body->p.modes;
-    if (now->under_way == 0.0 && !next_look(monitor, memory)) return;
+    if (now->under_way == 0.0) next_look(monitor, memory);
+    if (now->under_way == 0.0) return;
     const int kind = (int)now->look;
     if (kind == LOOK_ERROR && !monitor->shadow) {
         now->under_way = 0.0;
         return;
     }
-    if (!pieces->begun) {
+    if (pieces->begun != COUNTED) {
         *slice = (Slice){0};
-        pieces->begun = 1;
-        if (kind >= WAITING) pieces_of(monitor, kind - FOLLOWING, q, inputs, 0);
-        slice->until = -1.0;
+        if (kind >= WAITING && pieces->begun != FOLLOWS) pieces_of(monitor, kind - FOLLOWING, q, inputs, 0);
+        slice->until = COUNTS;
         pieces_of(monitor, kind, q, inputs, slice);
+        pieces->begun = COUNTED;
+    }
+    if (now->slices == 0.0) {
+        now->slices = fmax(1.0, ceil(slice->whole / (OF_STEP * configuration_cost(monitor->body) + OF_ANY)));
+        if (now->slices > FEW) return;
     }
     now->done += 1.0;
-    const int last = now->done >= now->slices;
+    const int last = now->done > now->slices - (now->slices > FEW ? 0.0 : 1.0);
     int follows = 0;
     /* Where slices were lost with another state, the rest makes up for them. */
     slice->until = last ? HUGE_VAL : slice->spent + (slice->whole - slice->spent) / (now->slices - now->done + 1.0);
     if (last || (!slice->failed && slice->spent < slice->whole)) {
         slice->met = 0;
-        slice->whole = 0.0;
+        slice->fresh = 1;
         follows = pieces_of(monitor, kind, q, inputs, slice);
     }
     if (!last) return;
@@ -417,7 +418,7 @@ static void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
     if (slice->failed == FAILED_PIECEMEAL)
         look_at_once(monitor, kind, q, inputs, now->deflection, memory, found);
     else if (!concluded(monitor, kind, follows, now->deflection, inputs, memory, found))
-        begin_look(monitor, kind + FOLLOWING, memory);
+        begin_look(monitor, kind + FOLLOWING, FOLLOWS, memory);
 }
 
 void finish_looks(const Monitor *monitor, Memory *memory, Findings *found) {

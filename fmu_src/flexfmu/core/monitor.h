@@ -50,10 +50,12 @@ typedef struct {
     double deflection, waiting[WAITING], deflections[WAITING]; /* at the state looked at; how much those that wait weigh, 0: none */
 } Looking;
 
+/* That its pieces are counted; that the look which it follows has just ended. */
+enum { COUNTED = 1, FOLLOWS };
 /* What the slices have found so far: of the states that are kept, and no state itself. */
 typedef struct {
     Slice slice;
-    int begun;
+    int begun;     /* 0; or what it is of the look under way */
     double beyond; /* what stability is known to lie above */
     Arena arena;
 } Pieces;

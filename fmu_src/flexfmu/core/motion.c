@@ -195,7 +195,8 @@ int body_forces(Body *body, const double *inputs, const double *q, double *force
     Pushes room;
     take_pushes(body, &arena, &room);
     if (arena.refused) return FLEX_NO_ROOM;
-    configure(body, q, &room.at);
+    /* Constant forces act wherever the body is. */
+    if (tangent || p->placement != PLACE_REFERENCE || p->tied || p->by_load_given || p->by_mode_given) configure(body, q, &room.at);
     spread(body, inputs, &room.loads);
     if (force) {
         modal_force(body, &room.loads, 1, &room.at, 0, &room.scratch, force);

@@ -36,8 +36,11 @@ void add_times_bent(const Body *body, const double *turned, const double *factor
 void add_times_derivative(const Body *body, const Configuration *at, const double *factors, int64_t count, double *scratch,
                           double *out) {
     const Program *p = &body->p;
-    add_product(factors, 6 * p->nodes, p->operator_, out, count, moving_rows(p), p->modes);
-    add_times_bent(body, at->turned, factors, count, scratch, out);
+    const int64_t rows = moving_rows(p), fours = (rows + 3) / 4;
+    const Rows now = rows_due(body->slice, fours, (double)(6 * p->modes * count));
+    const int64_t first = 4 * now.at, many = now.end == fours ? rows - first : 4 * now.end - first;
+    if (now.at < now.end) add_product(factors + first, 6 * p->nodes, p->operator_ + first * p->modes, out, count, many, p->modes);
+    if (due(body->slice, (double)(rows * p->modes * count))) add_times_bent(body, at->turned, factors, count, scratch, out);
 }
 
 void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows) {
@@ -78,7 +81,7 @@ void take_back(const Body *body, Arena *arena, Back *back) {
 }
 
 void pass_back(const Body *body, const Configuration *at, double *force, double *moment, Back *back, double *out) {
-    gather(body, at, force, moment, back->rows);
+    if (due(body->slice, (double)(100 * body->p.nodes))) gather(body, at, force, moment, back->rows);
     add_times_derivative(body, at, back->rows, 1, back->bent, out);
 }
 
@@ -92,11 +95,10 @@ static void full_operator(const Body *body, const Configuration *at, double *out
         const Bend *bend = body->bends + part;
         const double *basis = part_basis(p, part);
         const int64_t r = p->extent[part];
-        int doing = 1;
-        for (int64_t k = 0; k < bend->count; k++) {
+        const Rows now = rows_due(body->slice, bend->count, (double)(basis ? r * m : m));
+        for (int64_t k = now.at; k < now.end; k++) {
             const double *turned = at->turned + bend->start + k * r;
             double *row = out + bend->row[k] * m;
-            if (!row_due(body->slice, k, (double)(basis ? r * m : m), &doing)) continue;
             if (basis)
                 add_rows(turned, basis, row, r, m);
             else
@@ -118,10 +120,10 @@ void jacobians_at(const Body *body, const Configuration *at, Jacobians *of) {
     double *translation = of->translation, *spin = of->spin;
     full_operator(body, at, of->operator_);
     const int64_t m = p->modes, size = 3 * m;
-    for (int64_t k = 0; k < p->nodes; k++) {
+    const Rows now = rows_due(body->slice, p->nodes, (double)(10 * size));
+    for (int64_t k = now.at; k < now.end; k++) {
         const int64_t on = p->parent[k];
         double both[9], arm[3], hat[9], *x = translation + k * size, *w = spin + k * size;
-        if (!due(body->slice, (double)(10 * size))) continue;
         multiply(at->parent + 9 * k, at->jacobian + 9 * k, both);
         apply_rows(both, operator_ + (p->nodes + k) * size, w, m);
         apply_rows(at->parent + 9 * k, operator_ + k * size, x, m);
@@ -153,13 +155,15 @@ void take_load_slope(const Body *body, Arena *arena, LoadSlope *slope) {
 static void lever_changes(const Body *body, const double *force, const double *translation, double *change) {
     const Program *p = &body->p;
     const int64_t m = p->modes, n = p->nodes, size = 3 * m;
-    for (int64_t k = 0; k < n; k++) {
+    Rows now = rows_due(body->slice, n, (double)(4 * size));
+    for (int64_t k = now.at; k < now.end; k++) {
         double hat[9];
         skew(force + 3 * k, hat);
         for (int i = 0; i < 9; i++) hat[i] = -hat[i];
         apply_rows(hat, translation + k * size, change + k * size, m);
     }
-    for (int64_t k = n - 1; k >= 0; k--) {
+    now = rows_due(body->slice, n, (double)size);
+    for (int64_t k = n - 1 - now.at; k > n - 1 - now.end; k--) {
         const int64_t on = p->parent[k];
         if (on >= 0)
             for (int64_t j = 0; j < size; j++) change[on * size + j] += change[k * size + j];
@@ -175,22 +179,22 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
     for (int64_t part = 0; part < p->parts; part++) {
         const int64_t r = p->extent[part];
         const double *basis = part_basis(p, part);
-        if (due(body->slice, (double)(r * r))) memset(square, 0, (size_t)(r * r) * sizeof(double));
+        Rows now = rows_due(body->slice, r, (double)(3 * r));
+        memset(square + now.at * r, 0, (size_t)((now.end - now.at) * r) * sizeof(double));
         const Bend *bend = body->bends + part;
         for (int64_t first = 0; first < bend->count; first += LANES) {
             double factors[LANES] = {0.0};
-            if (!due(body->slice, (double)(2 * LANES * r * r))) continue;
             for (int64_t k = first; k < first + LANES && k < bend->count; k++) factors[k - first] = rows[bend->row[k]];
-            add_packed(factors, bend->curvature + first / LANES * packed_size(r), square, r);
+            add_four(body, factors, bend->curvature + first / LANES * packed_size(r), square, r);
         }
         if (!basis) {
-            if (!due(body->slice, (double)(m * m))) continue;
-            for (int64_t j = 0; j < m * m; j++) out[j] += square[j];
+            now = rows_due(body->slice, m, (double)m);
+            for (int64_t j = now.at * m; j < now.end * m; j++) out[j] += square[j];
             continue;
         }
         /* Basisᵀ square basis, a row of the middle at a time. */
-        for (int64_t i = 0; i < r; i++) {
-            if (!due(body->slice, (double)((m + r) * m))) continue;
+        now = rows_due(body->slice, r, (double)((m + r) * m));
+        for (int64_t i = now.at; i < now.end; i++) {
             memset(one, 0, (size_t)m * sizeof(double));
             add_rows(square + i * r, basis, one, r, m);
             add_transposed_product(basis + i * m, one, out, 1, m, m);
@@ -198,50 +202,71 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
     }
 }
 
+/* out (m, m) += aᵀ b of three rows (3, m). */
+static void add_three_products(const Body *body, const double *a, const double *b, double *out) {
+    const int64_t m = body->p.modes;
+    const Rows now = rows_due(body->slice, m, (double)(3 * m));
+    for (int64_t i = 0; i < 3; i++)
+        if (now.end - now.at == m)
+            add_transposed_product(a + i * m, b + i * m, out, 1, m, m);
+        else
+            for (int64_t j = now.at; j < now.end; j++) add_rows(a + i * m + j, b + i * m, out + j * m, 1, m);
+}
+
+/* What turns with a node (3, m) as the loads on it and beyond it move. */
+static void turned_at(const Body *body, const Configuration *at, int64_t k, const Jacobians *of, const LoadSlope *room, double *one,
+                      double *other) {
+    const Program *p = &body->p;
+    const int64_t m = p->modes, size = 3 * m, on = p->parent[k];
+    const double *parent = at->parent + 9 * k, *about = room->about + 3 * k;
+    double hat[9], local[3], slope[9];
+    skew(room->total + 3 * k, hat);
+    apply_rows(hat, of->translation + k * size, one, m);
+    for (int64_t j = 0; j < size; j++) one[j] += room->change[k * size + j];
+    if (on >= 0) {
+        skew(about, hat);
+        apply_rows(hat, of->spin + on * size, other, m);
+        for (int64_t j = 0; j < size; j++) one[j] += other[j];
+    }
+    apply_back_rows(parent, one, other, m);
+    apply_back_rows(at->jacobian + 9 * k, other, one, m);
+    apply_back(parent, about, local);
+    if (p->turns && k == 0) {
+        apply_back(at->jacobian, about, local);
+        skew(local, slope);
+    } else {
+        transposed_jacobian_derivative(at->local + 3 * (p->nodes + k), local, slope);
+    }
+    apply_rows(slope, of->operator_ + (p->nodes + k) * size, other, m);
+    for (int64_t j = 0; j < size; j++) one[j] += other[j];
+}
+
 void add_load_stiffness(const Body *body, const Configuration *at, const double *force, const double *moment,
                         const Jacobians *of, LoadSlope *room, double *out) {
     const Program *p = &body->p;
     const int64_t m = p->modes, n = p->nodes, size = 3 * m;
-    const double *operator_ = of->operator_, *translation = of->translation, *spin = of->spin;
-    double *total = room->total, *about = room->about, *change = room->change, *one = room->one, *other = room->other;
-    if (due(body->slice, (double)(7 * n * size))) {
-        memcpy(total, force, (size_t)(3 * n) * sizeof(double));
-        memcpy(about, moment, (size_t)(3 * n) * sizeof(double));
-        gather(body, at, total, about, room->rows);
-        lever_changes(body, force, translation, change);
+    double *one = room->one, *other = room->other, hat[9];
+    if (due(body->slice, (double)(100 * n))) {
+        memcpy(room->total, force, (size_t)(3 * n) * sizeof(double));
+        memcpy(room->about, moment, (size_t)(3 * n) * sizeof(double));
+        gather(body, at, room->total, room->about, room->rows);
     }
-    for (int64_t k = 0; k < n; k++) {
-        if (!due(body->slice, (double)(2 * size * (m + 12)))) continue;
+    lever_changes(body, force, of->translation, room->change);
+    for (int64_t k = 0; k < n && !over(body->slice); k++) {
         const int64_t on = p->parent[k];
-        const double *d = operator_ + k * size, *c = operator_ + (n + k) * size, *parent = at->parent + 9 * k;
-        double hat_force[9], hat_moment[9], local[3], slope[9];
-        skew(total + 3 * k, hat_force);
-        skew(about + 3 * k, hat_moment);
+        if (passed(body->slice, (1 + m) * (on >= 0 ? 2 : 1))) continue;
         if (on >= 0) {
-            apply_rows(hat_force, spin + on * size, one, m);
-            apply_back_rows(parent, one, other, m);
-            add_transposed_product(d, other, out, 3, m, m);
+            if (due(body->slice, (double)(8 * size))) {
+                skew(room->total + 3 * k, hat);
+                apply_rows(hat, of->spin + on * size, one, m);
+                apply_back_rows(at->parent + 9 * k, one, other, m);
+            }
+            add_three_products(body, of->operator_ + k * size, other, out);
         }
-        apply_rows(hat_force, translation + k * size, one, m);
-        for (int64_t j = 0; j < size; j++) one[j] += change[k * size + j];
-        if (on >= 0) {
-            apply_rows(hat_moment, spin + on * size, other, m);
-            for (int64_t j = 0; j < size; j++) one[j] += other[j];
-        }
-        apply_back_rows(parent, one, other, m);
-        apply_back_rows(at->jacobian + 9 * k, other, one, m);
-        apply_back(parent, about + 3 * k, local);
-        if (p->turns && k == 0) {
-            apply_back(at->jacobian, about, local);
-            skew(local, slope);
-        } else {
-            transposed_jacobian_derivative(at->local + 3 * (n + k), local, slope);
-        }
-        apply_rows(slope, c, other, m);
-        for (int64_t j = 0; j < size; j++) one[j] += other[j];
-        add_transposed_product(c, one, out, 3, m, m);
+        if (due(body->slice, (double)(20 * size))) turned_at(body, at, k, of, room, one, other);
+        add_three_products(body, of->operator_ + (n + k) * size, one, out);
     }
-    add_curvature_stiffness(body, room->rows, room, out);
+    if (!over(body->slice)) add_curvature_stiffness(body, room->rows, room, out);
 }
 
 void row_derivative(const Body *body, const Configuration *at, int64_t row, int64_t count, double *out) {

@@ -4,6 +4,7 @@
 #define FLEX_SLICE_H
 
 #include <stdint.h>
+#include <string.h>
 
 /* What can be done at once only. */
 enum { FAILED_PIECEMEAL = 2 };
@@ -11,22 +12,57 @@ enum { FAILED_PIECEMEAL = 2 };
 /* Costs are in multiplications. Without a slice all pieces are due. */
 typedef struct {
     int64_t met, done;          /* pieces met in this call; pieces done so far */
-    double spent, until, whole; /* cost of those done; where this call ends; of all that were met */
-    int failed;                 /* no piece is due any more */
+    double spent, until, whole; /* cost of those done; where this call ends, or one of the below; of all there are */
+    int failed, fresh;          /* no piece is due any more; none was done in this call */
 } Slice;
 
+/* A call that only counts, and one that has done its share: what comes later need not be met. */
+#define COUNTS (-2.0)
+#define OVER (-1.0)
+static inline int over(const Slice *slice) { return slice && slice->until == OVER; }
+
+/* Pieces of a loop that are done now, `at` to `end`. */
+typedef struct {
+    int64_t at, end;
+} Rows;
+
+/* Those of `count` pieces of like cost. */
+static inline Rows rows_due(Slice *slice, int64_t count, double cost) {
+    Rows rows = {0, count};
+    if (!slice) return rows;
+    const int64_t before = slice->done - slice->met;
+    if (slice->until == COUNTS) slice->whole += (double)count * cost;
+    slice->met += count;
+    rows.at = rows.end = before < 0 ? 0 : before < count ? before : count;
+    if (rows.at == count || slice->failed) return rows;
+    const double room = slice->until - slice->spent, left = (double)(count - rows.at);
+    /* What is too much for any call is done by one that has done nothing else. */
+    const int64_t now = room < 0.5 * cost ? slice->fresh : left * cost <= room ? count - rows.at : (int64_t)(room / cost + 0.5);
+    rows.end += now < count - rows.at ? now : count - rows.at;
+    slice->spent += (double)(rows.end - rows.at) * cost;
+    slice->done += rows.end - rows.at;
+    slice->fresh = slice->fresh && rows.end == rows.at;
+    /* Nor is a smaller one that comes later. */
+    if (rows.end < count && slice->until != COUNTS) slice->until = OVER;
+    return rows;
+}
+
 static inline int due(Slice *slice, double cost) {
-    if (!slice) return 1;
-    slice->whole += cost;
-    if (slice->met++ < slice->done || slice->failed) return 0;
-    if (slice->spent + 0.5 * cost > slice->until) {
-        /* Nor is a smaller one that comes later. */
-        slice->until = -1.0;
-        return 0;
-    }
-    slice->spent += cost;
-    slice->done++;
-    return 1;
+    const Rows rows = rows_due(slice, 1, cost);
+    return rows.at < rows.end;
+}
+
+/* The pair i >= k of a triangle's number: rows one after the other. */
+static inline void pair_of(int64_t number, int64_t *i, int64_t *k) {
+    *i = 0;
+    while (number > *i) number -= ++*i;
+    *k = number;
+}
+static inline int64_t pairs_of(int64_t n) { return n * (n + 1) / 2; }
+
+/* Rows (e) of one matrix into another. */
+static inline void copy_rows(const double *from, double *to, int64_t e, Rows rows) {
+    memcpy(to + rows.at * e, from + rows.at * e, (size_t)((rows.end - rows.at) * e) * sizeof(double));
 }
 
 /* 0, as the answer of what cannot go on. */
@@ -35,15 +71,15 @@ static inline int fails(Slice *slice) {
     return 0;
 }
 
-/* The same of loops over rows: some of them make a piece, or a long one by itself. */
-enum { ROWS = 4, LONG = 1000 };
-static inline int row_due(Slice *slice, int64_t row, double cost, int *doing) {
-    if (row % ROWS == 0 || cost > LONG) *doing = due(slice, cost > LONG ? cost : ROWS * cost);
-    return *doing;
-}
-
 /* Whether all pieces met so far were done, so that what they have found is known. */
-static inline int caught_up(const Slice *slice) { return !slice || slice->met <= slice->done; }
+static inline int caught_up(const Slice *slice) { return !slice || (slice->until >= 0.0 && slice->met <= slice->done); }
+
+/* Whether so many pieces lie behind, which then are met. */
+static inline int passed(Slice *slice, int64_t pieces) {
+    if (!slice || slice->met + pieces > slice->done) return 0;
+    slice->met += pieces;
+    return 1;
+}
 
 static inline int failed(const Slice *slice) { return slice && slice->failed; }
 

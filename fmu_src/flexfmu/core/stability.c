@@ -54,13 +54,14 @@ static int64_t scaled_tangent(Body *body, const double *inputs, const double *q,
     const Program *p = &body->p;
     const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first;
     Slice *slice = body->slice;
-    int doing = 1;
+    Rows now;
     configure(body, q, &room->at);
     if (due(slice, (double)(3 * p->loads * m + 2 * p->by_load_given * p->loads * m * m))) spread(body, inputs, &room->loads);
     tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
     if (!p->tied) {
-        for (int64_t i = 0; i < e; i++)
-            for (int64_t j = 0; j < e && (j > 0 || row_due(slice, i, (double)(4 * e), &doing)); j++) {
+        now = rows_due(slice, e, (double)(12 * e));
+        for (int64_t i = now.at; i < now.end; i++)
+            for (int64_t j = 0; j < e; j++) {
                 const int64_t a = (first + i) * m + first + j, b = (first + j) * m + first + i;
                 room->scaled[i * e + j] = 0.5 * (room->tangent[a] + room->tangent[b]) / (p->omega[first + i] * p->omega[first + j]);
             }
@@ -69,8 +70,9 @@ static int64_t scaled_tangent(Body *body, const double *inputs, const double *q,
     /* Turned frames stretch the modes' linear springs without any cause: what the tangent has to be compared with is the
      * material's own stiffness and that of the ties where they are now. */
     gap_derivative(body, &room->at, &room->rest.of, room->gaps);
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m && (j > 0 || row_due(slice, i, (double)(2 * m), &doing)); j++)
+    now = rows_due(slice, m, (double)(2 * m));
+    for (int64_t i = now.at; i < now.end; i++)
+        for (int64_t j = 0; j < m; j++)
             room->unloaded[i * m + j] = (i == j ? body->stiffness[i] : 0.0) - p->tie_initial[i * m + j];
     for (int64_t i = 0; i < 12 * p->ties; i++) {
         const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
@@ -78,8 +80,9 @@ static int64_t scaled_tangent(Body *body, const double *inputs, const double *q,
         for (int64_t j = 0; j < m; j++) room->row[j] = k * room->gaps[i * m + j];
         add_transposed_product(room->gaps + i * m, room->row, room->unloaded, 1, m, m);
     }
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m && (j > 0 || row_due(slice, i, (double)(4 * m), &doing)); j++) {
+    now = rows_due(slice, m, (double)(4 * m));
+    for (int64_t i = now.at; i < now.end; i++)
+        for (int64_t j = 0; j < m; j++) {
             room->lower[i * m + j] = 0.5 * (room->unloaded[i * m + j] + room->unloaded[j * m + i]);
             room->scaled[i * m + j] = 0.5 * (room->tangent[i * m + j] + room->tangent[j * m + i]);
         }
@@ -136,10 +139,9 @@ static const double FAR_ABOVE = 0.5;
 
 /* Whether the scaled tangent's eigenvalues lie above `least`, by a factor in `factor`. */
 static int lies_above(const Room *room, double least, double *factor, int64_t e, Slice *slice) {
-    if (due(slice, (double)(e * e))) {
-        memcpy(factor, room->scaled, (size_t)(e * e) * sizeof(double));
-        for (int64_t i = 0; i < e; i++) factor[i * e + i] -= least;
-    }
+    const Rows now = rows_due(slice, e, (double)(6 * e));
+    copy_rows(room->scaled, factor, e, now);
+    for (int64_t i = now.at; i < now.end; i++) factor[i * e + i] -= least;
     return cholesky(factor, e, slice);
 }
 
@@ -185,7 +187,7 @@ void pieces_of_cause(Body *body, const double *inputs, const double *q, Arena ar
     smallest_eigen(room->scaled, room->values, found + SMALLEST, shape + first, e, slice);
     if (!slice && room->loads.following && !p->tied) found[SMALLEST] = follower_stability(body, room);
     body->slice = slice;
-    for (int64_t l = 0; l <= p->loads; l++) {
+    for (int64_t l = 0; l <= p->loads && !over(slice); l++) {
         const int alone = l < p->loads;
         /* What the stretch stiffens or softens is there without the loads, too. */
         if (alone ? inputs[l] == 0.0 : !p->stretches) continue;

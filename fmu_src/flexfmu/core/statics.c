@@ -57,9 +57,9 @@ void statics_demand(const Body *body, Arena *arena) {
 /* Without a potential it is not symmetric, and its symmetric part may be indefinite where the body is stable. */
 int stable_tangent(const double *tangent, double *factor, int64_t m, Slice *slice) {
     double off = 0.0, most = 0.0;
-    int doing = 1;
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m && (j > 0 || row_due(slice, i, (double)(3 * m), &doing)); j++) {
+    const Rows now = rows_due(slice, m, (double)(12 * m));
+    for (int64_t i = now.at; i < now.end; i++)
+        for (int64_t j = 0; j < m; j++) {
             if (!isfinite(tangent[i * m + j])) return fails(slice);
             factor[i * m + j] = 0.5 * (tangent[i * m + j] + tangent[j * m + i]);
         }

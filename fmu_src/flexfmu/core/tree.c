@@ -47,18 +47,34 @@ int wanted(const Program *p, const Need *need, int64_t row) {
     return !need || (node < p->nodes ? need[node].offset : need[node - p->nodes].turn);
 }
 
+void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r) {
+    const int64_t groups = packed_groups(r);
+    const Rows now = rows_due(body->slice, groups, (double)(LANES * r * r / 2 / groups));
+    /* What goes on in another call waits in its place. */
+    double *four = body->slice ? rows : body->four;
+    if (now.at == now.end) return;
+    packed_times(packed, x, four, r, now.at, now.end);
+    if (now.end < groups) return;
+    if (body->slice) memcpy(body->four, rows, (size_t)(LANES * r) * sizeof(double));
+    unpack(body->four, rows, r);
+}
+
+void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r) {
+    const int64_t groups = packed_groups(r);
+    const Rows now = rows_due(body->slice, groups, (double)(2 * LANES * r * r / groups));
+    if (now.at < now.end) add_packed(factors, packed, out, r, now.at, now.end);
+}
+
 void turn_rows(const Body *body, const Need *need, const double *bent, double *to) {
     const Program *p = &body->p;
-    for (int64_t part = 0; part < p->parts; part++) {
+    for (int64_t part = 0; part < p->parts && !over(body->slice); part++) {
         const Bend *bend = body->bends + part;
         const int64_t r = p->extent[part], size = packed_size(r);
         const double *curvature = bend->curvature;
         for (int64_t first = 0; first < bend->count; first += LANES, curvature += size) {
             int any = 0;
             for (int64_t k = first; k < first + LANES && k < bend->count; k++) any |= wanted(p, need, bend->row[k]);
-            if (!any || !due(body->slice, (double)(LANES * r * r))) continue;
-            packed_times(curvature, bent + part * p->modes, body->four, r);
-            unpack(body->four, to + bend->start + first * r, r);
+            if (any) four_rows(body, curvature, bent + part * p->modes, to + bend->start + first * r, r);
         }
     }
 }
@@ -104,11 +120,14 @@ static void place(const Program *p, const Need *need, Configuration *at) {
 
 void configure_linear(const Body *body, const Need *need, const double *q, Configuration *at) {
     const Program *p = &body->p;
-    if (due(body->slice, (double)(6 * p->nodes * p->modes))) {
+    const int64_t size = 6 * p->nodes, fours = (p->modes + 3) / 4;
+    const Rows now = rows_due(body->slice, fours, (double)(6 * size));
+    const int64_t first = 4 * now.at, count = now.end == fours ? p->modes - first : 4 * now.end - first;
+    if (now.at == 0 && count > 0) {
         if (at->q != q) memcpy(at->q, q, (size_t)p->modes * sizeof(double));
-        memset(at->straight, 0, (size_t)(6 * p->nodes) * sizeof(double));
-        add_strided_rows(q, p->operator_t, 6 * p->nodes, at->straight, p->modes, moving_rows(p));
+        memset(at->straight, 0, (size_t)size * sizeof(double));
     }
+    if (now.at < now.end) add_strided_rows(q + first, p->operator_t + first * size, size, at->straight, count, moving_rows(p));
     if (!p->curved) return;
     if (due(body->slice, (double)(p->parts * p->modes * p->modes))) part_coordinates(p, q, at->bent);
     turn_rows(body, need, at->bent, at->turned);

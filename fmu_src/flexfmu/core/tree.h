@@ -33,5 +33,8 @@ void part_coordinates(const Program *p, const double *q, double *x);
 int wanted(const Program *p, const Need *need, int64_t row);
 /* Curvature times the coordinates, of rows that are needed, by the LANES of them. */
 void turn_rows(const Body *body, const Need *need, const double *bent, double *to);
+/* Of LANES packed matrices (r, r): rows (LANES, r) = matrices times x (r), and out (r, r) += their sum times factors; by pieces. */
+void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r);
+void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r);
 
 #endif

@@ -100,21 +100,34 @@ int64_t flex_operations;
 /* Rows of packed matrices that go together: each number is loaded once and used twice, for its row and for its column. */
 enum { BLOCK = 4 };
 
-int64_t packed_size(int64_t r) {
+static int64_t rows_of_group(int64_t a, int64_t r) { return r - a < BLOCK ? 1 : BLOCK; }
+
+int64_t packed_groups(int64_t r) { return r / BLOCK + r % BLOCK; }
+
+/* Where the rows of a group begin. */
+static int64_t first_row(int64_t group, int64_t r) { return group < r / BLOCK ? group * BLOCK : r / BLOCK * BLOCK + group - r / BLOCK; }
+
+/* Numbers of the rows before a. */
+static int64_t packed_before(int64_t a, int64_t r) {
     int64_t pairs = 0;
-    for (int64_t a = 0, rows; a < r; a += rows) {
-        rows = r - a < BLOCK ? 1 : BLOCK;
-        pairs += rows * (r - a);
+    for (int64_t row = 0, rows; row < a; row += rows) {
+        rows = rows_of_group(row, r);
+        pairs += rows * (r - row);
     }
     return LANES * pairs;
 }
 
+int64_t packed_size(int64_t r) { return packed_before(r, r); }
+
 int64_t packed_total(int64_t matrices, int64_t r) { return (matrices + LANES - 1) / LANES * packed_size(r); }
 
-void add_packed(const double *factors, const double *packed, double *out, int64_t r) {
-    COUNT(8 * r * r);
-    for (int64_t a = 0, rows; a < r; a += rows) {
-        rows = r - a < BLOCK ? 1 : BLOCK;
+void add_packed(const double *factors, const double *packed, double *out, int64_t r, int64_t group, int64_t end) {
+    COUNT(8 * r * r * (end - group) / packed_groups(r));
+    const int64_t last = first_row(end, r);
+    int64_t a = first_row(group, r);
+    packed += packed_before(a, r);
+    for (int64_t rows; a < last; a += rows) {
+        rows = rows_of_group(a, r);
         for (int64_t b = a; b < r; b++)
             for (int64_t row = a; row < a + rows; row++, packed += LANES) {
                 const double sum = (factors[0] * packed[0] + factors[1] * packed[1]) + (factors[2] * packed[2] + factors[3] * packed[3]);
@@ -128,12 +141,12 @@ void add_packed(const double *factors, const double *packed, double *out, int64_
 typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
 /* Vectors of `Vector`, `parts` of which make LANES. */
 #define DEFINE_TIMES(name, Vector, parts)                                                                \
-    static void name(const double *packed, const double *restrict x, double *restrict out, int64_t r) {  \
+    static void name(const double *packed, const double *restrict x, double *restrict out, int64_t r, int64_t first, int64_t end) { \
         for (int part = 0; part < parts; part++) {                                                       \
             const Vector *matrix = (const Vector *)packed + part;                                        \
             Vector *to = (Vector *)out + part;                                                           \
-            int64_t a = 0;                                                                               \
-            for (; a + BLOCK <= r; a += BLOCK) {                                                         \
+            int64_t a = first;                                                                           \
+            for (; a + BLOCK <= r && a < end; a += BLOCK) {                                                         \
                 Vector p = to[a * parts], q = to[(a + 1) * parts];                                       \
                 Vector s = to[(a + 2) * parts], t = to[(a + 3) * parts];                                 \
                 for (int64_t b = a; b < a + BLOCK; b++, matrix += BLOCK * parts) {                       \
@@ -156,7 +169,7 @@ typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
                 to[(a + 2) * parts] = s;                                                                 \
                 to[(a + 3) * parts] = t;                                                                 \
             }                                                                                            \
-            for (; a < r; a++) {                                                                         \
+            for (; a < end; a++) {                                                                       \
                 Vector p = to[a * parts] + matrix[0] * x[a];                                             \
                 matrix += parts;                                                                         \
                 for (int64_t b = a + 1; b < r; b++, matrix += parts) {                                   \
@@ -214,16 +227,18 @@ void rows_times(const double *matrix, const double *x, double *out, int64_t n, i
     rows_times_narrow(matrix, x, out, n, m);
 }
 
-void packed_times(const double *packed, const double *x, double *out, int64_t r) {
-    COUNT(2 * LANES * r * r);
-    memset(out, 0, (size_t)(LANES * r) * sizeof(double));
+void packed_times(const double *packed, const double *x, double *out, int64_t r, int64_t group, int64_t end) {
+    COUNT(2 * LANES * r * r * (end - group) / packed_groups(r));
+    const int64_t first = first_row(group, r), last = first_row(end, r);
+    if (group == 0) memset(out, 0, (size_t)(LANES * r) * sizeof(double));
+    packed += packed_before(first, r);
 #if defined(__x86_64__) && !defined(FLEX_NARROW)
     if (wide) {
-        packed_times_wide(packed, x, out, r);
+        packed_times_wide(packed, x, out, r, first, last);
         return;
     }
 #endif
-    packed_times_narrow(packed, x, out, r);
+    packed_times_narrow(packed, x, out, r, first, last);
 }
 
 ALIKE void unpack_body(const double *restrict four, double *restrict rows, int64_t r) {

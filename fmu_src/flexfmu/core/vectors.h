@@ -28,10 +28,12 @@ enum { LANES = 4 };
 int64_t packed_size(int64_t r);
 /* The same of any number of matrices. */
 int64_t packed_total(int64_t matrices, int64_t r);
+/* Groups of their rows, of which the following do those from one up to another, in turn. */
+int64_t packed_groups(int64_t r);
 /* out (r, LANES) = matrices times x (r). */
-void packed_times(const double *packed, const double *x, double *out, int64_t r);
+void packed_times(const double *packed, const double *x, double *out, int64_t r, int64_t group, int64_t end);
 /* out (r, r) += the sum of matrices times factors (LANES). */
-void add_packed(const double *factors, const double *packed, double *out, int64_t r);
+void add_packed(const double *factors, const double *packed, double *out, int64_t r, int64_t group, int64_t end);
 /* rows (LANES, r) = the transpose of four (r, LANES). */
 void unpack(const double *four, double *rows, int64_t r);
 

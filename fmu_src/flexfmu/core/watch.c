@@ -16,8 +16,8 @@ typedef struct {
     int64_t *pivot;
 } Judgement;
 /* Numbers found on the way: whether the true stiffness is stable; extremes of what is missed over it; error of interfaces, and
- * the least of all. */
-enum { STABLE, LEAST, MOST, WORST, MISSED, FOUND };
+ * the least of all; of one of them, by a disturbance. */
+enum { STABLE, LEAST, MOST, WORST, MISSED, OFF, FOUND };
 
 static void take_judgement(const Body *body, Arena *arena, Judgement *room) {
     const int64_t e = body->p.elastic_count, rows = 6 * body->p.interfaces, columns = 1 + rows;
@@ -41,9 +41,8 @@ void judgement_demand(const Body *body, Arena *arena) {
 
 /* out (e, e) = the sum of symmetric matrices, their lower triangles, times factors. */
 static void sum_of_triangles(const double *factors, const double *triangles, int64_t count, int64_t e, double *out, Slice *slice) {
-    int doing = 1;
-    for (int64_t i = 0; i < e; i++) {
-        if (!row_due(slice, i, (double)(count * (i + 1)), &doing)) continue;
+    const Rows now = rows_due(slice, e, (double)(count * e));
+    for (int64_t i = now.at; i < now.end; i++) {
         memset(out + i * e, 0, (size_t)(i + 1) * sizeof(double));
         add_strided_rows(factors, triangles + i * (i + 1) / 2, e * (e + 1) / 2, out + i * e, count, i + 1);
         for (int64_t j = 0; j < i; j++) out[j * e + i] = out[i * e + j];
@@ -55,9 +54,9 @@ static void judged(const Body *body, const double *inputs, double *change, doubl
     const int64_t e = body->p.elastic_count;
     sum_of_triangles(inputs, body->p.judge_change, body->p.loads, e, change, slice);
     sum_of_triangles(inputs, body->p.judge_missed, body->p.loads, e, missed, slice);
-    if (!due(slice, (double)(e * e))) return;
-    for (int64_t i = 0; i < e * e; i++) missed[i] = -missed[i];
-    for (int64_t i = 0; i < e; i++) change[i * (e + 1)] += 1.0;
+    const Rows now = rows_due(slice, e, (double)e);
+    for (int64_t i = now.at * e; i < now.end * e; i++) missed[i] = -missed[i];
+    for (int64_t i = now.at; i < now.end; i++) change[i * (e + 1)] += 1.0;
 }
 
 int body_might_miss(const Body *body, const double *inputs, double limit) {
@@ -73,8 +72,8 @@ int body_might_miss(const Body *body, const double *inputs, double limit) {
 
 /* Whether share * change + sign * missed is positive definite. */
 static int covers(const Judgement *room, double share, double sign, double *sum, int64_t e, Slice *slice) {
-    if (due(slice, (double)(e * e)))
-        for (int64_t i = 0; i < e * e; i++) sum[i] = share * room->change[i] + sign * room->missed[i];
+    const Rows now = rows_due(slice, e, (double)e);
+    for (int64_t i = now.at * e; i < now.end * e; i++) sum[i] = share * room->change[i] + sign * room->missed[i];
     return cholesky(sum, e, slice);
 }
 
@@ -97,8 +96,8 @@ int body_may_miss(Body *body, const double *inputs, double limit) {
 /* Disturbance that any loads may come with, as a share of their size: nothing is aligned better. */
 static const double DISTURBANCE = 0.01;
 
-/* Of two singular values of (6, 6), in multiplications. */
-static const double OF_EIGENVALUES = 12000.0;
+/* Of the singular values of (6, 6), in multiplications. */
+static const double OF_EIGENVALUES = 6000.0;
 
 /* Largest singular value of the motions (6, 6) of one interface in `x` (6 n, 1 + 6 I) under unit loads on it. */
 static double answer_size(const double *x, int64_t interface, int64_t columns) {
@@ -114,22 +113,22 @@ static void find_worst(const Body *body, const double *inputs, const Judgement *
     const Program *p = &body->p;
     const int64_t columns = 1 + 6 * p->interfaces, e = p->elastic_count;
     double *deflection = room->deflection, *off = room->off, disturbance = 0.0;
-    int doing = 1;
-    for (int64_t i = 0; i < 6 * p->interfaces; i++) {
-        if (!row_due(slice, i, (double)(2 * e * columns), &doing)) continue;
+    const Rows now = rows_due(slice, 6 * p->interfaces, (double)(2 * e * columns));
+    for (int64_t i = now.at; i < now.end; i++) {
         product(p->judge_motion + i * e, room->right, deflection + i * columns, 1, e, columns);
         product(p->judge_motion + i * e, room->loads, off + i * columns, 1, e, columns);
     }
     for (int64_t l = 0; l < p->loads; l++) disturbance += inputs[l] * p->judge_size[l] * inputs[l] * p->judge_size[l];
     disturbance = DISTURBANCE * sqrt(disturbance);
-    for (int64_t k = 0; k < p->interfaces; k++) {
+    for (int64_t k = 0; k < p->interfaces && !over(slice); k++) {
         double error = 0.0, size = 0.0;
+        if (due(slice, OF_EIGENVALUES)) room->found[OFF] = answer_size(off, k, columns);
         if (!due(slice, OF_EIGENVALUES)) continue;
         for (int i = 0; i < 6; i++) {
             error += off[(6 * k + i) * columns] * off[(6 * k + i) * columns];
             size += deflection[(6 * k + i) * columns] * deflection[(6 * k + i) * columns];
         }
-        error = sqrt(error) + disturbance * answer_size(off, k, columns);
+        error = sqrt(error) + disturbance * room->found[OFF];
         size = fmax(sqrt(size), disturbance * answer_size(deflection, k, columns));
         if (size > 0.0) room->found[WORST] = fmax(room->found[WORST], error / size);
     }
@@ -145,46 +144,44 @@ void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slic
     if (arena.refused) return;
     double *change = room.change, *missed = room.missed, *lower = room.lower, *square = room.square, *found = room.found;
     double *loads = room.loads, *right = room.right;
-    int doing = 1;
-    if (due(slice, (double)(e * e))) {
+    if (due(slice, 1.0)) {
         found[MISSED] = 1.0;
         found[STABLE] = found[WORST] = 0.0;
-        memcpy(lower, change, (size_t)(e * e) * sizeof(double));
     }
+    copy_rows(change, lower, e, rows_due(slice, e, (double)e));
     if (!cholesky(lower, e, slice)) {
         fails(slice);
         return;
     }
-    if (due(slice, (double)(e * e))) {
-        found[STABLE] = 1.0;
-        memcpy(square, missed, (size_t)(e * e) * sizeof(double));
-    }
+    if (due(slice, 1.0)) found[STABLE] = 1.0;
+    copy_rows(missed, square, e, rows_due(slice, e, (double)e));
     congruent(lower, square, e, slice);
-    if (due(slice, (double)(e * e)))
-        for (int64_t i = 0; i < e * e; i++) lower[i] = -square[i];
+    Rows now = rows_due(slice, e, (double)e);
+    for (int64_t i = now.at * e; i < now.end * e; i++) lower[i] = -square[i];
     smallest_eigen(square, room.values + e, found + LEAST, room.values, e, slice);
     smallest_eigen(lower, room.values + e, found + MOST, room.values, e, slice);
     if (caught_up(slice) && found[LEAST] <= -0.5) {
         fails(slice);
         return;
     }
+    if (over(slice)) return;
     /* The loads, then unit loads on the interfaces, in columns. */
-    for (int64_t i = 0; i < e; i++) {
-        if (!row_due(slice, i, (double)(columns + p->loads), &doing)) continue;
+    now = rows_due(slice, e, (double)(4 * (columns + p->loads)));
+    for (int64_t i = now.at; i < now.end; i++) {
         loads[i * columns] = 0.0;
         for (int64_t l = 0; l < p->loads; l++) loads[i * columns] += inputs[l] * p->judge_force[l * e + i];
         for (int64_t r = 0; r < rows; r++) loads[i * columns + 1 + r] = p->judge_motion[r * e + i];
         memcpy(right + i * columns, loads + i * columns, (size_t)columns * sizeof(double));
     }
-    if (due(slice, (double)(e * e))) memcpy(square, change, (size_t)(e * e) * sizeof(double));
+    copy_rows(change, square, e, rows_due(slice, e, (double)e));
     if (!lu_factor(square, room.pivot, e, slice)) return;
     lu_solve(square, room.pivot, right, e, columns, slice);
-    if (due(slice, (double)(e * e)))
-        for (int64_t i = 0; i < e * e; i++) change[i] += missed[i];
+    now = rows_due(slice, e, (double)e);
+    for (int64_t i = now.at * e; i < now.end * e; i++) change[i] += missed[i];
     if (!lu_factor(change, room.pivot, e, slice)) return;
     lu_solve(change, room.pivot, loads, e, columns, slice);
-    if (due(slice, (double)(e * columns)))
-        for (int64_t i = 0; i < e * columns; i++) loads[i] -= right[i];
+    now = rows_due(slice, e, (double)columns);
+    for (int64_t i = now.at * columns; i < now.end * columns; i++) loads[i] -= right[i];
     find_worst(body, inputs, &room, slice);
     if (!due(slice, 1.0)) return;
     const double of_any_shape = fmax(fabs(found[LEAST] / (1.0 + found[LEAST])), fabs(found[MOST] / (1.0 - found[MOST])));
