@@ -7,6 +7,12 @@
 
 double norm(const double *x, int64_t n) { return sqrt(dot(x, x, n)); }
 
+int all_zero(const double *x, int64_t count) {
+    for (int64_t i = 0; x && i < count; i++)
+        if (x[i] != 0.0) return 0;
+    return 1;
+}
+
 void add_rows(const double *x, const double *matrix, double *out, int64_t n, int64_t m) {
     add_strided_rows(x, matrix, m, out, n, m);
 }

@@ -206,7 +206,7 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
 static void add_three_products(const Body *body, const double *a, const double *b, double *out) {
     const int64_t m = body->p.modes;
     const Rows now = rows_due(body->slice, m, (double)(3 * m));
-    for (int64_t i = 0; i < 3; i++)
+    for (int64_t i = 0; i < 3 && now.at < now.end && !all_zero(b, 3 * m); i++)
         if (now.end - now.at == m)
             add_transposed_product(a + i * m, b + i * m, out, 1, m, m);
         else

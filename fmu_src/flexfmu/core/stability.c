@@ -49,13 +49,12 @@ static Room *room_in(const Body *body, Arena *arena) {
 
 void stability_demand(const Body *body, Arena *arena) { room_in(body, arena); }
 
-/* The scaled tangent (e, e) in room->scaled, e is returned. */
-static int64_t scaled_tangent(Body *body, const double *inputs, const double *q, Room *room) {
+/* The scaled tangent (e, e) in room->scaled of the body as room->at is configured, e is returned. */
+static int64_t scaled_tangent(Body *body, const double *inputs, Room *room) {
     const Program *p = &body->p;
     const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first;
     Slice *slice = body->slice;
     Rows now;
-    configure(body, q, &room->at);
     if (due(slice, (double)(3 * p->loads * m + 2 * p->by_load_given * p->loads * m * m))) spread(body, inputs, &room->loads);
     tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
     if (!p->tied) {
@@ -125,7 +124,8 @@ double body_stability(Body *body, const double *inputs, const double *q, double 
     Arena arena = work_arena(body);
     Room *room = room_in(body, &arena);
     if (!room) return NAN;
-    const int64_t e = scaled_tangent(body, inputs, q, room);
+    configure(body, q, &room->at);
+    const int64_t e = scaled_tangent(body, inputs, room);
     for (int64_t i = 0; i < e * e; i++)
         if (!isfinite(room->scaled[i])) return NAN;
     memset(room->shape, 0, (size_t)body->p.modes * sizeof(double));
@@ -150,7 +150,8 @@ double pieces_of_stability(Body *body, const double *inputs, const double *q, do
     Room *room = room_in(body, &arena);
     if (!room) return -HUGE_VAL;
     body->slice = slice;
-    const int64_t e = scaled_tangent(body, inputs, q, room);
+    configure(body, q, &room->at);
+    const int64_t e = scaled_tangent(body, inputs, room);
     body->slice = 0;
     if (caught_up(slice) && room->loads.following && !tied) {
         if (slice) slice->failed = FAILED_PIECEMEAL;
@@ -182,7 +183,9 @@ void pieces_of_cause(Body *body, const double *inputs, const double *q, Arena ar
     const int64_t first = softest_first(body), e = p->tied ? p->modes : p->elastic_count;
     Room *room = room_in(body, &arena);
     double *shape = room->shape, *found = room->found;
-    if (!slice) scaled_tangent(body, inputs, q, room);
+    /* In pieces both are those of the look before. */
+    if (!slice) configure(body, q, &room->at);
+    if (!slice) scaled_tangent(body, inputs, room);
     if (due(slice, (double)p->modes)) memset(shape, 0, (size_t)p->modes * sizeof(double));
     smallest_eigen(room->scaled, room->values, found + SMALLEST, shape + first, e, slice);
     if (!slice && room->loads.following && !p->tied) found[SMALLEST] = follower_stability(body, room);
@@ -195,7 +198,7 @@ void pieces_of_cause(Body *body, const double *inputs, const double *q, Arena ar
             memset(room->alone, 0, (size_t)p->loads * sizeof(double));
             if (alone) room->alone[l] = inputs[l];
         }
-        scaled_tangent(body, room->alone, q, room);
+        scaled_tangent(body, room->alone, room);
         if (!due(slice, (double)(e * e))) continue;
         double left = 0.0;
         for (int64_t i = 0; i < e; i++) left += shape[first + i] * dot(room->scaled + i * e, shape + first, e);
@@ -234,11 +237,12 @@ void find_softening(Body *body) {
     if (!softened_by_loads_alone(p) || !room) return;
     double *rest = body->end_q;
     memset(rest, 0, (size_t)p->modes * sizeof(double));
+    configure(body, rest, &room->at);
     memset(body->softens, 0, (size_t)((p->loads + 2) / 3) * sizeof(double));
     for (int64_t l = 0; l < p->loads; l++) {
         memset(room->alone, 0, (size_t)p->loads * sizeof(double));
         room->alone[l] = 1.0;
-        const int64_t e = scaled_tangent(body, room->alone, rest, room);
+        const int64_t e = scaled_tangent(body, room->alone, room);
         for (int64_t i = 0; i < e; i++) room->scaled[i * (e + 1)] -= 1.0;
         body->softens[l / 3] += dot(room->scaled, room->scaled, e * e);
     }

@@ -188,12 +188,6 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
     return FLEX_OK;
 }
 
-static int all_zero(const double *x, int64_t count) {
-    for (int64_t i = 0; x && i < count; i++)
-        if (x[i] != 0.0) return 0;
-    return 1;
-}
-
 /* A step with its arrays in the body's workspace. */
 static int step_in_workspace(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
                              int64_t *hint, Work *work) {
