@@ -4,29 +4,11 @@
  *
  * drive LIBRARY GUID LOCATION METHOD INPUTS OUTPUTS STEP FORCE ROUNDS_REFERENCE
  * Inputs are value references 0 …, outputs follow; every second component of a force (y) grows and falls up to FORCE. */
-#define _POSIX_C_SOURCE 200809L
-#include <dlfcn.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <time.h>
-
-typedef void (*Logger)(void *, const char *, int, const char *, const char *, ...);
-typedef struct {
-    Logger logger;
-    void *allocate, *release, *finished, *environment;
-} Callbacks;
+#include "timed_fmu.h"
 
 static void log_line(void *environment, const char *name, int status, const char *category, const char *text, ...) {
     (void)environment;
     fprintf(stderr, "%s: %d %s %s\n", name, status, category, text);
-}
-
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static int ascending(const void *a, const void *b) {
@@ -39,27 +21,11 @@ enum { PARTS = 80, CYCLES = 8, BLOCKS = PARTS * CYCLES, STEPS = 10, CYCLE = PART
 
 int main(int count, char **words) {
     if (count != 10) return 2;
-    void *library = dlopen(words[1], RTLD_NOW | RTLD_LOCAL);
-    if (!library) {
-        fprintf(stderr, "%s\n", dlerror());
-        return 1;
-    }
-    void *(*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int);
-    int (*set_string)(void *, const unsigned *, size_t, const char **), (*setup)(void *, int, double, double, int, double);
-    int (*enter)(void *), (*leave)(void *), (*set_real)(void *, const unsigned *, size_t, const double *);
-    int (*get_real)(void *, const unsigned *, size_t, double *), (*do_step)(void *, double, double, int);
-    int (*get_integer)(void *, const unsigned *, size_t, int *);
-    void (*release)(void *);
-    *(void **)&instantiate = dlsym(library, "fmi2Instantiate");
+    void *library = load(words[1]);
+    if (!library) return 1;
+    int (*set_string)(void *, const unsigned *, size_t, const char **), (*get_integer)(void *, const unsigned *, size_t, int *);
     *(void **)&set_string = dlsym(library, "fmi2SetString");
-    *(void **)&setup = dlsym(library, "fmi2SetupExperiment");
-    *(void **)&enter = dlsym(library, "fmi2EnterInitializationMode");
-    *(void **)&leave = dlsym(library, "fmi2ExitInitializationMode");
-    *(void **)&set_real = dlsym(library, "fmi2SetReal");
-    *(void **)&get_real = dlsym(library, "fmi2GetReal");
     *(void **)&get_integer = dlsym(library, "fmi2GetInteger");
-    *(void **)&do_step = dlsym(library, "fmi2DoStep");
-    *(void **)&release = dlsym(library, "fmi2FreeInstance");
     const Callbacks callbacks = {log_line, 0, 0, 0, 0};
     const size_t inputs = (size_t)atoi(words[5]), outputs = (size_t)atoi(words[6]);
     const double step = atof(words[7]), force = atof(words[8]);

@@ -5,36 +5,13 @@
  *
  * steps LIBRARY GUID LOCATION INPUTS OUTPUTS STEP BLOCK BLOCKS REPEATS LOADS VARIANT …
  * LOADS: REFERENCE=PEAK,…: inputs that grow and fall once over the run. VARIANT: INSTANCES[,REFERENCE=VALUE …], real parameters. */
-#define _POSIX_C_SOURCE 200809L
-#include <dlfcn.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <time.h>
-
-typedef void (*Logger)(void *, const char *, int, const char *, const char *, ...);
-typedef struct {
-    Logger logger;
-    void *allocate, *release, *finished, *environment;
-} Callbacks;
+#include "timed_fmu.h"
 
 static void log_line(void *environment, const char *name, int status, const char *category, const char *text, ...) {
     (void)environment, (void)name, (void)status, (void)category, (void)text;
 }
 
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 enum { MOST = 1024, VARIANTS = 8 };
-static void *(*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int);
-static int (*setup)(void *, int, double, double, int, double), (*enter)(void *), (*leave)(void *);
-static int (*set_real)(void *, const unsigned *, size_t, const double *);
-static int (*get_real)(void *, const unsigned *, size_t, double *), (*do_step)(void *, double, double, int);
-static void (*release)(void *);
 
 /* The "reference=value" pairs of a text after its first comma or from its start; how many. */
 static int pairs(const char *text, unsigned *reference, double *value) {
@@ -52,19 +29,8 @@ static double least(double a, double b) { return a > 0.0 && a < b ? a : b; }
 
 int main(int count, char **words) {
     if (count < 12 || count - 11 > VARIANTS) return 2;
-    void *library = dlopen(words[1], RTLD_NOW | RTLD_LOCAL);
-    if (!library) {
-        fprintf(stderr, "%s\n", dlerror());
-        return 1;
-    }
-    *(void **)&instantiate = dlsym(library, "fmi2Instantiate");
-    *(void **)&setup = dlsym(library, "fmi2SetupExperiment");
-    *(void **)&enter = dlsym(library, "fmi2EnterInitializationMode");
-    *(void **)&leave = dlsym(library, "fmi2ExitInitializationMode");
-    *(void **)&set_real = dlsym(library, "fmi2SetReal");
-    *(void **)&get_real = dlsym(library, "fmi2GetReal");
-    *(void **)&do_step = dlsym(library, "fmi2DoStep");
-    *(void **)&release = dlsym(library, "fmi2FreeInstance");
+    void *library = load(words[1]);
+    if (!library) return 1;
     const Callbacks callbacks = {log_line, 0, 0, 0, 0};
     const int inputs = atoi(words[4]), outputs = atoi(words[5]), block = atoi(words[7]), blocks = atoi(words[8]);
     const int repeats = atoi(words[9]), variants = count - 11;

@@ -29,9 +29,17 @@ LOADS = {"bent": {"force.y": 500.0}, "pressed": {"force.x": -2.0e4, "force.y": 5
 
 
 def steps(
-    program: Path, fmu: Path, loads: dict[str, float], block: int = 1, variants: tuple[str, ...] = ("1,{off}", "1")
+    program: Path,
+    fmu: Path,
+    loads: dict[str, float],
+    variants: tuple[str, ...] = ("1,{off}", "1"),
+    blocks: int = BLOCKS,
+    repeats: int = REPEATS,
 ) -> np.ndarray:
-    """Seconds of each step of each variant (see steps.c); {off} stands for parameters that switch all watches off."""
+    """Seconds of each variant (see steps.c): to make an instance, then of each step.
+
+    {off} stands for parameters that switch all watches off.
+    """
     place = fmu.with_suffix("")
     if not place.exists():
         with zipfile.ZipFile(fmu) as archive:
@@ -49,13 +57,13 @@ def steps(
         f"file://{place}/resources",
         *counts,
         STEP,
-        block,
-        BLOCKS // block,
-        REPEATS,
+        1,
+        blocks,
+        repeats,
     ]
     words += [",".join(pairs) or "0=0", *(text.format(off=off) for text in variants)]
     done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=True)
-    return np.array([line.split() for line in done.stdout.splitlines()[1:]], dtype=float)
+    return np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
 
 
 def measure(output: Path) -> None:
@@ -76,7 +84,7 @@ def measure(output: Path) -> None:
                 package_fmu(replace(body, method=method), fmu)
                 for load, forces in LOADS.items():
                     # The first step makes what all of one length have in common.
-                    alone, watched = steps(program, fmu, forces)[1:].T
+                    alone, watched = steps(program, fmu, forces)[2:].T
                     mean = alone.mean()
                     shares = [watched.mean() / mean, alone.max() / mean, watched.max() / mean]
                     print(

@@ -126,9 +126,10 @@ def _units(units: Element, used: set[str | None]) -> None:
             SubElement(unit, "DisplayUnit", name=_DEGREE[name], factor=repr(180.0 / math.pi))
 
 
-def _scalar_variable(reference: int, variable: Variable) -> Element:
+def _declared(tag: str, reference: int, variable: Variable) -> Element:
+    """What both versions of FMI say of a variable."""
     element = Element(
-        "ScalarVariable",
+        tag,
         name=variable.name,
         valueReference=str(reference),
         description=variable.description,
@@ -137,6 +138,11 @@ def _scalar_variable(reference: int, variable: Variable) -> Element:
     )
     if variable.initial is not None:
         element.set("initial", variable.initial)
+    return element
+
+
+def _scalar_variable(reference: int, variable: Variable) -> Element:
+    element = _declared("ScalarVariable", reference, variable)
     value = SubElement(element, variable.type, quantity(variable))
     if variable.start is not None:
         value.set("start", start_text(variable))
@@ -242,16 +248,7 @@ def _description(body: ReducedBody, token: str, table: Sequence[Variable]) -> by
 
 
 def _variable(reference: int, variable: Variable, count: int) -> Element:
-    element = Element(
-        _TYPES.get(variable.type, variable.type),
-        name=variable.name,
-        valueReference=str(reference),
-        description=variable.description,
-        causality=variable.causality,
-        variability=variable.variability,
-    )
-    if variable.initial is not None:
-        element.set("initial", variable.initial)
+    element = _declared(_TYPES.get(variable.type, variable.type), reference, variable)
     for name, value in quantity(variable).items():
         element.set(name, value)
     if count > 1:
