@@ -135,6 +135,7 @@ def cutting(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
 def test_a_take_beyond_the_end_is_refused_and_so_are_all_that_follow(cutting):
     counts, places = np.array([6, 4, 0, 1, 2, 0, -1]), np.full(7, -2)
     at = (ctypes.c_void_p(array.ctypes.data) for array in (counts, places))
@@ -189,6 +190,7 @@ def asked(core, loads, q, v, step):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", fuzzed.KINDS)
 def test_calls_that_lack_room_are_refused_and_write_nothing_beyond_it(kind, cutting):
     body = fuzzed.fuzzed_body(kind)
@@ -233,12 +235,14 @@ def symbols(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
 def test_the_only_variable_of_the_core_is_whether_the_processor_has_wide_vectors(symbols):
     rows = [row for part in symbols.values() for row in part]
     found = {row[0] for row in rows if row[6] in (".data", ".bss", "*COM*") and row[3] == "OBJECT"}
     assert found == ({"wide"} if platform.machine() in ("x86_64", "AMD64") else set())
 
 
+@pytest.mark.slow
 def test_files_of_the_core_call_those_before_them_only(symbols):
     order = core_order()
     home = {row[0]: name for name, rows in symbols.items() for row in rows if row[2] == "T"}

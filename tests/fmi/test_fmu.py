@@ -235,6 +235,7 @@ def test_an_fmu_runs_from_any_working_directory(beam, tmp_path):
     assert master("trajectory", beam[1], PUSH, STEP, 3, folder="/") == here
 
 
+@pytest.mark.slow
 def test_velocities_are_the_rates_of_displacements_and_rotations(tree):
     step = 1e-5
     loads = {"port_0.force.x": 400.0, "port_1.force.y": -300.0, "port_2.moment.z": 200.0}
@@ -306,6 +307,7 @@ def test_instances_side_by_side_have_states_of_their_own(beam):
     assert ends == [alone[0], alone[1], alone[0]]
 
 
+@pytest.mark.slow
 def test_different_bodies_in_one_process_do_not_mix(beam, tree):
     jobs = [[beam[1], PUSH], [tree[1], {"port_1.force.x": 50.0}]]
     alone = [master("trajectory", path, loads, STEP, 10)["rows"][-1] for path, loads in jobs]

@@ -162,6 +162,7 @@ def test_the_undeformed_body_has_unit_modal_mass(whole, beam, floating):
         np.testing.assert_allclose(mass_at(model, np.zeros(model.mode_count)), np.eye(model.mode_count), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_lumps_in_another_basis_are_those_of_the_turned_modes(whole, random):
     model, _ = whole()
     turn = np.linalg.qr(random.standard_normal((model.mode_count, 4)))[0]

@@ -82,6 +82,7 @@ def test_bodies_that_stretch_when_they_bend(reduced, folder, case, forces, colum
     assert error(replace(body, membrane=None), case, forces, column) > without
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("folder", "case", "way", "limit"),
     [(ARCH, "static_y", -Y, 5e-3), pytest.param(ROOF, "static_z", -Z, 7e-3, marks=pytest.mark.long)],
@@ -117,6 +118,7 @@ def test_a_thin_tube_flattens_as_it_bends(reduced, frames, limit, without):
     assert error(replace(body, membrane=None), "static_y", {"tip": Y}) > without
 
 
+@pytest.mark.slow
 def test_a_tube_in_bending_loses_the_stiffness_that_brazier_found(reduced):
     """M = EIκ (1 − 3/2 ζ), ζ = (1 − ν²) κ²r⁴/t²: under a force at the tip the energy falls by 9/20 of ζ at the root."""
     body = reduced(TUBE)
@@ -174,6 +176,7 @@ def test_info_says_what_there_is(reduced):
     assert re.search(r"membrane energy\W+\d+ stretches, 4 of shapes that bend the body themselves", stream.getvalue())
 
 
+@pytest.mark.slow
 def test_a_beam_held_at_both_ends_is_a_string_at_fourth_order(reduced):
     """V = EA/8L (∫w'² dx)² of its lowest mode, clamped at both ends (Euler and Bernoulli)."""
     body = reduced(CLAMPED)

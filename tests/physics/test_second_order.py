@@ -49,6 +49,7 @@ def tangent(body, method, force):
     return (whole - np.diag(omega**2)) / np.outer(omega, omega)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", [BEAM, L_FRAME])
 @pytest.mark.parametrize("frames", [2, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 4))])
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -141,6 +142,7 @@ def test_a_free_body_fixed_by_the_scene_is_the_supported_one(reduced, folder, fo
     assert relative(found[0].rotation[1], found[1].rotation[0]) < 4e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [1, 2])
 def test_a_bent_free_body_keeps_its_shape_however_it_is_turned(reduced, frames):
     """Bent by what its modes hold, then turned by a radian: its ends stay as far apart, and turned by as much."""

@@ -487,6 +487,7 @@ def test_meshes_of_shells_that_lock_tell_how_much_of_the_deflection_they_lack(ki
         assert told < 0.0025
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "told"), [("S3", True), ("S4", False)])
 def test_a_build_warns_of_a_mesh_of_shells_that_is_too_stiff(tmp_path, kind, told):
     file = tmp_path / "body.inp"

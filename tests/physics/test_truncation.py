@@ -73,6 +73,7 @@ def test_one_of_these_motions_is_wrong_and_another_right(tmp_path, frames):
     assert told(tmp_path, frames(1), COURSES["slow"], 400)[1] < 0.002
 
 
+@pytest.mark.slow
 def test_nothing_is_told_in_the_first_moments_of_a_load_that_the_modes_hold(tmp_path, frames):
     driven = Driven(frames(6), tmp_path, **{"tip.force.z": 40.0})
     for _ in range(20):
@@ -80,6 +81,7 @@ def test_nothing_is_told_in_the_first_moments_of_a_load_that_the_modes_hold(tmp_
     assert driven.log == []
 
 
+@pytest.mark.slow
 def test_a_motion_beyond_the_limit_is_refused_on_request_and_leaves_what_was_told(tmp_path, frames):
     start = {"watch.truncation.limit": 0.005, "watch.truncation.on_limit": "discard"}
     driven, count = Driven(frames(1), tmp_path, **start), 0

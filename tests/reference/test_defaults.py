@@ -52,6 +52,7 @@ def test_the_shortest_body_file_is_right_or_the_fmu_says_that_it_is_not(name):
         assert told(row) or error(row) < 1.1 * silent().get(place(row), RIGHT), place(row)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", names(SIMPLE))
 def test_simple_bodies_are_right_in_every_point(name):
     assert len(answered(rows(name))) == len(rows(name))

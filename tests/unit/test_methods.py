@@ -97,6 +97,7 @@ def test_geometric_stiffness_is_never_counted_twice(beam, frames):
     assert both == pytest.approx(critical_load(beam(frames=frames), BY_LOAD), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_adding_both_as_they_stand_would_buckle_at_less_than_half(beam):
     body = beam(modes=30)
     stiffness = np.diag(body.angular_frequency**2)

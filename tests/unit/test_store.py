@@ -166,6 +166,7 @@ def _forgotten():
     digests._read.cache_clear()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_forgotten")
 def test_other_code_or_libraries_take_nothing(store, monkeypatch):
     build(store)
@@ -185,6 +186,7 @@ def test_other_code_or_libraries_take_nothing(store, monkeypatch):
             assert build(store)[1] == [], change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "module",
     [
@@ -234,6 +236,7 @@ def test_kept_results_hang_on_what_computes_and_on_no_sentence(file, before, aft
     assert (found != known) == counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", ["step_tied.c", "steps.h", "fields.def"])
 def test_the_core_is_part_of_the_code_of_what_it_steps_and_of_no_other(file, monkeypatch):
     """Errors of a sweep hang on every line of C; modes do not."""
