@@ -32,6 +32,7 @@ from flexfmu.model.reduced_body import Ties
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_program
 from flexfmu.program.mechanics import inertial_modes
+from flexfmu.reduction.basis import supported
 from flexfmu.reduction.cut.joining import join_parts
 from flexfmu.view.mesh import model_view
 from masters import description, master, motion
@@ -110,6 +111,22 @@ def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):
     assert found.response(found.static(tiny)).displacement == pytest.approx(
         expected.response(expected.static(tiny)).displacement, rel=1e-3, abs=1e-12
     )
+
+
+def test_large_bodies_whose_factors_make_room_for_each_other_are_the_same(cut, tmp_path, monkeypatch):
+    """The whole body's factors are let go before those of the parts, and found once more for what is watched."""
+    found = []
+
+    def counted(matrices, rigid, note):
+        found.append(matrices.mass.shape[0])
+        return supported(matrices, rigid, note)
+
+    monkeypatch.setattr("flexfmu.reduction.basis.supported", counted)
+    monkeypatch.setattr("flexfmu.reduction.cut.parts._LARGE", 0)
+    large = reduced(tmp_path, cut=[{"nodes": "MID"}])
+    assert found.count(max(found)) == 2
+    np.testing.assert_array_equal(compliance(large), compliance(cut))
+    np.testing.assert_array_equal(large.frequency_spread, cut.frequency_spread)
 
 
 def missed_by_constant_mass(model, loads, step, count):

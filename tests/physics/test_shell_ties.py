@@ -6,7 +6,7 @@ import scipy.sparse.linalg as spla
 
 from flexfmu import read_mesh
 from flexfmu.fe.assembly import stiffness
-from flexfmu.files.errors import DeckError
+from flexfmu.files.errors import DeckError, MeshError
 from flexfmu.mesh.checks import checked
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions
@@ -100,7 +100,7 @@ def test_ties_of_shells_let_both_turn_together(tmp_path, joint):
     np.testing.assert_allclose(mesh.equations @ (mesh.points @ turn + [1.0, 2.0, 3.0]).ravel(), 0.0, atol=1e-12)
     count = 24 if joint == "overlap" else 8
     assert mesh.equations.shape[0] == 6 * count
-    assert any(f"{count} nodes of 'ON' are tied to shells of 'A', with their turns" in note for note in mesh.notes)
+    assert any(f"{count} nodes of 'ON' are tied to shells of 'A' and turn with them" in note for note in mesh.notes)
 
 
 def test_plates_that_overlap_are_twice_as_thick_there(tmp_path):
@@ -141,6 +141,14 @@ def test_an_edge_of_shells_coupled_to_solids_is_held_as_if_it_were_clamped(tmp_p
     mesh = read_mesh(tmp_path / "two.inp")
     turn = np.cross(np.eye(3), [0.3, -0.5, 0.7])
     np.testing.assert_allclose(mesh.equations @ (mesh.points @ turn + [1.0, 2.0, 3.0]).ravel(), 0.0, atol=1e-12)
+
+
+def test_an_edge_thicker_than_the_faces_that_hold_it_is_refused(tmp_path):
+    deck = Deck()
+    plate = deck.plate("A", (0.0, 0.0, 0.0), (LONG, 0.0, 0.0), (4, 2))
+    root, tail = brick(deck, 0.5 * THICK, "*SHELL TO SOLID COUPLING, CONSTRAINT NAME=J")
+    with pytest.raises(MeshError, match="thicker than the faces that hold it"):
+        read_mesh(deck.written(tmp_path / "thin.inp", tail, ROOT=root, ON=plate[0]))
 
 
 def test_ties_of_shells_to_solids_are_refused(tmp_path):

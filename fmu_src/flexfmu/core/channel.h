@@ -6,7 +6,7 @@
 
 /* What the memory begins with; then calls: what is asked, how many values, references, values. */
 typedef enum { ASKED_SO_FAR, CALLS_FIRST, CALLS_FURTHER, COUNT_FURTHER, HONOURED, LAST_STATUS, LINES, LEAVING, FIRST_CALL } Place;
-/* Functions of FMI, by the order of master/foreign.py. */
+/* Functions of FMI, in the order of fmu/foreign_host.py. */
 typedef enum { SET_REALS, GET_REALS, GET_INTEGERS, GET_BOOLEANS, END_INITIALIZATION, DO_STEP, GET_STATE, SET_STATE, FREE_STATE } Called;
 
 /* One side of it. */

@@ -45,6 +45,13 @@ def structures(*headers: str) -> dict[str, Any]:
     return found
 
 
+def enumeration(header: str, name: str) -> dict[str, int]:
+    """Names of an enumeration of a header beside this one, with their numbers."""
+    text = Path(__file__).with_name(f"{header}.h").read_text(encoding="utf-8")
+    names = re.search(rf"typedef enum \{{([^}}]*)\}} {name};", text)
+    return {one.strip(): number for number, one in enumerate(names[1].split(","))}  # type: ignore[index]
+
+
 class Arrays:
     """Keeps what structures point to."""
 

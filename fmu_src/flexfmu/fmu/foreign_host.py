@@ -22,15 +22,14 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 from ..core.library import library
-from ..core.structures import structures
+from ..core.structures import enumeration, structures
 from ..files.workers import PLATFORM
 
 DONE, REFUSED, FAILED, SERVE = "done", "refused", "failed", "serve"
 _KINDS = structures("participant", "channel")
 # Lines of a log that one call may hand on, their length, and bytes that they may take.
-_LINES, _LENGTH, _ROOM = 200, 2000, 2**20
-# `Place` of core/channel.h.
-_LINES_PLACE = 6
+_LINES, _LENGTH, _ROOM = 200, 2000, 2**21
+_LINES_PLACE = enumeration("channel", "Place")["LINES"]
 # FMI 2.0; lesser lines serve nobody.
 _WARNING = 1
 

@@ -13,6 +13,8 @@ from .shapes import FACE_SHAPES
 
 # Rounds and step with which a place is found, and how far outside of the element it may be, in its own coordinates.
 _ROUNDS, _SETTLED, _OUTSIDE = 30, 1e-12, 4.0
+# How far beside the faces that hold it an edge's end may lie, over the thickness.
+_BESIDE = 0.05
 
 
 class ShellTie(NamedTuple):
@@ -63,12 +65,7 @@ def tie_rows(
     found: list[dict[int, float]] = []
     for tie in ties:
         if isinstance(tie, EdgeTie):
-            nearest = nearest_faces(points, own(tie.node), tie.faces, np.inf)
-            found += [
-                {3 * row + axis: -1.0} | {3 * node + axis: part for node, part in weighted(*one).items()}
-                for row, one in nearest.items()
-                for axis in range(3)
-            ]
+            found += _held(own(tie.node), tie.faces, points)
             continue
         node, face = tie
         ends, corners = _ends(face, points, lines), face_corners(np.array([face]))
@@ -76,6 +73,22 @@ def tie_rows(
         for row in own(node).tolist():
             found += _carried(row, ends, points, middle, corners)
     return found
+
+
+def _held(rows: IntArray, faces: Sequence[IntArray], points: FloatArray) -> Iterator[dict[int, float]]:
+    """Three equations of each point of a line through a shell's thickness by faces of solids."""
+    middle = points[rows].mean(axis=0)
+    for row, one in nearest_faces(points, rows, faces, np.inf).items():
+        weights = weighted(*one)
+        beside, half = points[row] - sum(part * points[node] for node, part in weights.items()), points[row] - middle
+        if abs(beside @ half) > 2.0 * _BESIDE * (half @ half):
+            raise MeshError(
+                f"a shell's edge at {np.array2string(middle, precision=4)} m is thicker than the "
+                "faces that hold it: name all faces of the solid there"
+            )
+        yield from (
+            {3 * row + axis: -1.0} | {3 * node + axis: part for node, part in weights.items()} for axis in range(3)
+        )
 
 
 def _carried(

@@ -274,9 +274,9 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
     """Say what an interface is, and warn of what is hardly meant."""
     carrier = f"frame {subdomains[interface.frame].name}" if interface.frame >= 0 else "no frame"
     spread = "by area" if interface.by_area else "by node"
-    count = f"{interface.nodes.size} nodes"
+    count = f"{interface.nodes.size - interface.added.size} nodes"
     if interface.added.size:
-        count += f" ({interface.added.size} of its elements added: a line or point takes no moment)"
+        count += f" in a line or point, and {interface.added.size} more of their elements, which take the moment"
     report.note(f"interface {interface.name!r}: {count}, loads spread {spread}, carried by {carrier}")
     points = model.mesh.points
     if model.fixed[interface.nodes].all():

@@ -327,7 +327,7 @@ def _equations(
     found: list[dict[int, float]] = []
     table = TieTable(points, content.reach)
     shells = elements.shell_nodes_of(range(elements.solid_count)) if content.cards["TIE"] else set()
-    for card in content.cards["TIE"]:
+    for card in (*content.cards["TIE"], *content.cards["SHELLTOSOLIDCOUPLING"]):
         tied = table.rows(card, surfaces)
         if any(key // 3 in shells for row in tied for key in row) or (table.shells and content.beams):
             raise card.line.error(
@@ -335,8 +335,6 @@ def _equations(
                 "surface, use *SHELL TO SOLID COUPLING at their edges, or let parts share nodes"
             )
         found += tied
-    for card in content.cards["SHELLTOSOLIDCOUPLING"]:
-        table.edges(card, surfaces)
     content.ties = table.shells
     content.notes.extend(table.notes)
     cards = [*content.cards["EQUATION"], *content.cards["MPC"]]

@@ -39,7 +39,7 @@ class TieTable:
     notes: list[str] = field(default_factory=list)
 
     def rows(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> list[dict[int, float]]:
-        """Return the equations of a *TIE card.
+        """Return the equations of a *TIE or *SHELL TO SOLID COUPLING; ties of shells go to `shells`.
 
         Parameters
         ----------
@@ -58,14 +58,15 @@ class TieTable:
         found: list[dict[int, float]] = []
         tolerance = card.parameters.get("POSITIONTOLERANCE", "")
         given = number(tolerance, card.line, "POSITION TOLERANCE") if tolerance else None
+        edge = card.keyword != "TIE"
         for line in card.data:
             names = fields(line)
             if len(names) != 2:
-                raise line.error(f"*TIE takes 'dependent surface, main surface', found {len(names)} names")
+                raise line.error(f"*{card.keyword} takes 'dependent surface, main surface', found {len(names)} names")
             dependent, main = (card.scope.find(name, surfaces, "surface", card.line) for name in names)
             faces = (*main.faces, *main.shells)
-            if not faces or (main.faces and main.shells):
-                words = "faces of solids and shells" if faces else "no element faces"
+            if not faces or (main.shells and (main.faces or edge)):
+                words = "no element faces" if not faces else "faces of shells" if edge else "faces of solids and shells"
                 raise line.error(
                     f"surface '{names[1]}' has {words} to tie to; exchange both, or name faces of one kind"
                 )
@@ -80,57 +81,31 @@ class TieTable:
                     f"'{names[1]}': the parts stay apart; give a larger POSITION TOLERANCE, or correct the surfaces"
                 )
             self.tied.update(nearest)
-            if main.shells:
+            told = f"{card.line.place}: {len(nearest)} nodes of '{names[0]}' "
+            left = len(nodes) - len(nearest)
+            more = f"; {left} lie too far from them and stay free" if left else ""
+            if edge:
+                self.shells += [EdgeTie(node, main.faces) for node in nearest]
+                more = f"are held by '{names[1]}' through their thickness{more}"
+            elif main.shells:
                 self.shells += [ShellTie(node, face) for node, (face, _) in nearest.items()]
-                left = f"; {len(nodes) - len(nearest)} lie too far from them and stay free"
-                self.notes.append(
-                    f"{card.line.place}: {len(nearest)} nodes of '{names[0]}' are tied to shells of '{names[1]}', with "
-                    f"their turns{left if len(nearest) < len(nodes) else ''}"
-                )
-                continue
-            place = {node: weighted(*one) for node, one in nearest.items()}
-            for node, weights in place.items():
-                found += [joined(node, weights, axis) for axis in range(TRANSLATIONS)]
-            self._tell(card, names, len(nodes), place)
+                more = f"are tied to shells of '{names[1]}' and turn with them{more}"
+            else:
+                place = {node: weighted(*one) for node, one in nearest.items()}
+                found += [joined(node, one, axis) for node, one in place.items() for axis in range(TRANSLATIONS)]
+                more = f"are tied to faces of '{names[1]}'{more}{self._moved(card, place)}"
+            self.notes.append(told + more)
         return found
 
-    def edges(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> None:
-        """Take a *SHELL TO SOLID COUPLING, as `rows`: what goes through the thickness lies on faces of solids."""
-        tolerance = card.parameters.get("POSITIONTOLERANCE", "")
-        for line in card.data:
-            names = fields(line)
-            if len(names) != 2:
-                raise line.error(f"*{card.keyword} takes 'edge of shells, surface of solids', found {len(names)} names")
-            edge, main = (card.scope.find(name, surfaces, "surface", card.line) for name in names)
-            given = number(tolerance, card.line, "POSITION TOLERANCE") if tolerance else None
-            near = given if given is not None or not main.faces else _NEAR * _edge(self.points, main.faces)
-            nearest = nearest_faces(self.points, edge.nodes, main.faces, near or 0.0)
-            if not nearest or main.shells:
-                raise line.error(
-                    f"no node of '{names[0]}' lies within {near or 0.0:.4g} of faces of solids of '{names[1]}': give a "
-                    "larger POSITION TOLERANCE, or correct the surfaces"
-                )
-            self.shells += [EdgeTie(node, main.faces) for node in nearest]
-            left = f"; {len(edge.nodes) - len(nearest)} lie too far" if len(nearest) < len(edge.nodes) else ""
-            self.notes.append(
-                f"{card.line.place}: {len(nearest)} nodes of '{names[0]}' are held by '{names[1]}' through their "
-                f"thickness{left}"
-            )
-
-    def _tell(self, card: Card, names: Sequence[str], count: int, place: Mapping[int, Mapping[int, float]]) -> None:
-        """Move nodes onto their faces where the deck does not forbid it, and say what was done."""
+    def _moved(self, card: Card, place: Mapping[int, Mapping[int, float]]) -> str:
+        """Move nodes onto their faces where the deck does not forbid it; what was done."""
         target = {node: sum(w * self.points[other] for other, w in weights.items()) for node, weights in place.items()}
         gap = max(float(np.linalg.norm(self.points[node] - at)) for node, at in target.items())
-        note = f"{card.line.place}: {len(place)} nodes of '{names[0]}' are tied to faces of '{names[1]}'"
-        if len(place) < count:
-            note += f"; {count - len(place)} lie too far from them and stay free"
         if card.parameters.get("ADJUST", "YES").upper() == "NO":
-            note += f"; they lie up to {gap:.3g} beside them, ADJUST=NO: the joint resists turning" if gap else ""
-        else:
-            for node, at in target.items():
-                self.points[node] = at
-            note += f"; they were moved onto them, by up to {gap:.3g}" if gap else ""
-        self.notes.append(note)
+            return f"; they lie up to {gap:.3g} beside them, ADJUST=NO: the joint resists turning" if gap else ""
+        for node, at in target.items():
+            self.points[node] = at
+        return f"; they were moved onto them, by up to {gap:.3g}" if gap else ""
 
 
 def _edge(points: FloatArray, faces: Sequence[IntArray]) -> float:
