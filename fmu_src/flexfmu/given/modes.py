@@ -19,7 +19,6 @@ from ..files.units import UnitSystem
 from ..mesh.checks import DENSITY_RANGE, SIZE_RANGE, checked
 from ..mesh.listing import listed
 from ..mesh.model import NO_MATERIAL, Material, Mesh
-from ..mesh.shapes import LINEAR
 from ..reduction.model import rigid_basis
 
 SUFFIXES = (".npz", ".h5")
@@ -133,9 +132,14 @@ class GivenModes:
         Raises
         ------
         GivenModesError
-            Nodes of the mesh that the modes lack, or elements without density.
+            Nodes of the mesh that the modes lack, elements without density, shells or beams.
         """
         mesh = checked(mesh)
+        if kinds := sorted({block.type.value for block in mesh.blocks if block.type.natural}):
+            raise GivenModesError(
+                f"the mesh holds {', '.join(kinds)}: nodes of shells and beams turn, which these modes do not tell; "
+                "give GivenModes their nodes, translations and lumped masses, without cells"
+            )
         order = np.argsort(labels)
         place = np.searchsorted(np.asarray(labels)[order], mesh.labels)
         there = order[np.minimum(place, len(order) - 1)]
@@ -156,9 +160,7 @@ class GivenModes:
         mass = mass_matrix(heavy)
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
-            shape = LINEAR[block.type.shape.polytope] if block.type.shell else block.type.shape
-            rows = block.connectivity[:, : len(shape.nodes)]
-            cells.setdefault(shape.name, []).append(rows)
+            cells.setdefault(block.type.shape.name, []).append(block.connectivity)
         return cls(
             mesh.points,
             np.asarray(modes, dtype=float)[:, there],
