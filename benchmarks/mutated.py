@@ -28,6 +28,14 @@ hypothesis.settings.load_profile("haste")
 """
 # Tests that take this long (s) do not end any more.
 LONGEST = 900.0
+# A command with a limit of processor time (POSIX), which follows.
+LIMITED = (
+    sys.executable,
+    "-c",
+    "import os, resource, sys; n = int(sys.argv[1]); resource.setrlimit(resource.RLIMIT_CPU, (n, n + 5)); "
+    "os.execv(sys.argv[2], sys.argv[2:])",
+)
+OUT_OF_TIME = getattr(signal, "SIGXCPU", 0)
 # Says nothing of the change. (Windows knows no SIGKILL.)
 ENDED_FROM_OUTSIDE = (signal.SIGTERM, signal.SIGINT, getattr(signal, "SIGKILL", signal.SIGTERM))
 
@@ -60,8 +68,10 @@ def arguments_of(tests: str) -> list[str]:
     return files.split() + (["-k", " or ".join(words.split("|"))] if words else [])
 
 
-def run_tests(tree: Path, tests: str, longest: float = LONGEST) -> subprocess.CompletedProcess[str]:
-    """Run tests in a copy of the tree until the first fails."""
+def run_tests(
+    tree: Path, tests: str | list[str], longest: float = LONGEST, processor: float = 0.0
+) -> subprocess.CompletedProcess[str]:
+    """Run tests in a copy of the tree until the first fails, with a limit in time, or in that of the processor (s)."""
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(tree / "fmu_src"), str(tree)]),
         "PYTHONDONTWRITEBYTECODE": "1",
@@ -69,14 +79,15 @@ def run_tests(tree: Path, tests: str, longest: float = LONGEST) -> subprocess.Co
         "OPENBLAS_NUM_THREADS": "1",
     }
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-rf", "--tb=no", "-p", "no:cacheprovider"]
+    words = arguments_of(tests) if isinstance(tests, str) else tests
     return subprocess.run(
-        [*command, *arguments_of(tests)],
+        [*command, *words] if not processor else [*LIMITED, str(int(processor)), *command, *words],
         cwd=tree,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
-        timeout=longest,
+        timeout=max(longest, 8.0 * processor),
     )
 
 

@@ -2,8 +2,10 @@
 
 A drawn mutation turns a sign, doubles a factor, moves an index, turns a comparison round, or deletes a statement.
 Left out are lines that do no physics: messages, docstrings, annotations, imports, guards that only refuse, sizes of
-work arrays, memos, and bookkeeping of round-off. What compiles to the same bytes is no mutation and is drawn anew. What
-quick tests do not notice is tried with the slow ones.
+work arrays, memos, and bookkeeping of round-off. What compiles to the same bytes is no mutation and is drawn anew.
+
+First run the tests that noticed others in the same file, then the quick tests of ROWS, the slow ones of these, and for
+what is left every quick test. Limits are in processor time, so that other work on the machine decides nothing.
 """
 
 from __future__ import annotations
@@ -12,7 +14,6 @@ import ast
 import csv
 import io
 import marshal
-import os
 import queue
 import random
 import re
@@ -21,12 +22,14 @@ import tempfile
 import threading
 import time
 import tokenize
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from fnmatch import fnmatch
 from pathlib import Path
 
 from benchmarks import mutated as tools
+from benchmarks.records import where
 
 KINDS = ("sign", "factor", "index", "comparison", "deletion")
 REFERENCE = "tests/reference/test_reference.py"
@@ -53,6 +56,9 @@ ROWS: tuple[tuple[str, str], ...] = (
     ("core/exchange.c", "tests/cli/test_master.py coupling"),
     ("core/acceleration.c", "tests/cli/test_master.py coupling"),
     ("core/coupling.c", "coupling"),
+    ("core/certificate.c", "certificate watched_material"),
+    ("core/channel.c", "tests/unit/test_channel.py tests/cli/test_foreign_fmus.py"),
+    ("core/surface.c", "@surface @live @view"),
     ("core/doubts.c", "coupling"),
     ("core/*.c", "= statics motion followers cut inertia stability_watch compliance acceleration"),
     ("fe/shells.py", "shells"),
@@ -110,11 +116,13 @@ class Mutation:
 
 
 def tests_of(file: str) -> str:
-    """Arguments of pytest for a file's mutations."""
+    """Arguments of pytest for a file's mutations: tests of its name, then those of its row."""
     words = next(words for pattern, words in ROWS if fnmatch(file, pattern)).split()
     names = {"=": REFERENCE}
     unit = {word: f"tests/unit/test_{word[1:]}.py" for word in words if word.startswith("@")}
-    return " ".join(names.get(w) or unit.get(w) or (w if "/" in w else f"{PHYSICS}{w}.py") for w in words)
+    own = (f"tests/{folder}/test_{Path(file).stem}.py" for folder in ("unit", "physics", "reference"))
+    likely = [names.get(w) or unit.get(w) or (w if "/" in w else f"{PHYSICS}{w}.py") for w in words]
+    return " ".join(dict.fromkeys([*(path for path in own if (tools.ROOT / path).is_file()), *likely]))
 
 
 def python_lines(text: str) -> dict[int, list[tokenize.TokenInfo]]:
@@ -264,7 +272,16 @@ def drawn(package: Path, count: int, seed: int) -> list[Mutation]:
     return found
 
 
-COLUMNS = ("seed", "number", *(field.name for field in fields(Mutation)), "outcome", "by", "seconds", "reason")
+COLUMNS = (
+    "seed",
+    "number",
+    *(field.name for field in fields(Mutation)),
+    "outcome",
+    "by",
+    "seconds",
+    "reason",
+    "commit",
+)
 KILLED, SURVIVED, NONE, UNCLEAR = "killed", "survived", "no mutation", "unclear"
 # Reductions that a mutation does not touch are found once for all of a copy's runs.
 KEPT = """
@@ -276,12 +293,43 @@ from pathlib import Path
 def bodies():
     return Bodies(Store(Path(__file__).parents[2] / "reductions"))
 """
-LONGEST = 600.0
+# Rounds of tests that a mutation has to pass, each with its limit (s of the processor).
+MOST_KILLERS = 5
+ROUNDS = (("killers", 150.0), ("quick", 300.0), ("slow", 600.0), ("all", 1200.0))
+EVERY_TEST = "tests/reference tests/physics tests/unit tests/fmi tests/cli tests/foreign"
+QUICK, ANY = ["-m", "not slow"], ["-m", "not long"]
 # Pytest's answer where it finds none.
 NO_TESTS = 5
 
 
-def tried(tree: Path, mutation: Mutation) -> tuple[str, str]:
+def nodes(tree: Path, name: str) -> list[str]:
+    """Where a test function is, as pytest asks for it."""
+    files = sorted((tree / "tests").rglob("test_*.py"))
+    found = (path for path in files if f"def {name}(" in path.read_text(encoding="utf-8"))
+    return [f"{path.relative_to(tree).as_posix()}::{name}" for path in found]
+
+
+def killers(tree: Path, file: str, records: list[dict[str, str]]) -> list[str]:
+    """Tests that noticed mutations of a file, or of others in C, the most frequent first."""
+    noticed = [row for row in records if row["outcome"] == KILLED and row["by"].startswith("test_")]
+    own = [row for row in noticed if row["file"] == file]
+    if not own and file.endswith(".c"):
+        own = [row for row in noticed if row["file"].endswith(".c")]
+    names = Counter(row["by"].split(" - ")[0].partition("[")[0] for row in own)
+    return [node for name, _ in names.most_common(MOST_KILLERS) for node in nodes(tree, name)]
+
+
+def tests_of_round(tree: Path, name: str, file: str, records: list[dict[str, str]]) -> list[str]:
+    """Arguments of pytest for a round, none where it has no tests."""
+    if name == "killers":
+        found = killers(tree, file, records)
+        return [*found, *ANY] if found else []
+    if name == "all":
+        return [*EVERY_TEST.split(), *QUICK]
+    return [*tests_of(file).split(), *(QUICK if name == "quick" else ["-m", "slow and not long"])]
+
+
+def tried(tree: Path, mutation: Mutation, records: list[dict[str, str]]) -> tuple[str, str]:
     """What became of a mutation, and by which test."""
     path, library = tree / tools.PACKAGE / mutation.file, tools.library_of(tree)
     text, right = path.read_text(encoding="utf-8"), library.read_bytes()
@@ -290,6 +338,7 @@ def tried(tree: Path, mutation: Mutation) -> tuple[str, str]:
     path.write_text("".join(lines), encoding="utf-8")
     try:
         if path.suffix == ".c":
+            # Once for all rounds.
             try:
                 tools.compile_core(tree)
             except SystemExit:
@@ -298,32 +347,35 @@ def tried(tree: Path, mutation: Mutation) -> tuple[str, str]:
                 return NONE, "compiles to the same"
         elif marshal.dumps(compile(text, "", "exec")) == marshal.dumps(compile("".join(lines), "", "exec")):
             return NONE, "compiles to the same"
-        done = tools.run_tests(tree, tests_of(mutation.file), LONGEST)
-        if done.returncode in (0, NO_TESTS):
-            done = tools.run_tests(tree, f"{tests_of(mutation.file)} -m slow", LONGEST)
-            done.returncode *= done.returncode != NO_TESTS
-        outcome, by = tools.judged(done.returncode, done.stdout)
-        return (
-            KILLED if outcome is tools.Outcome.KILLED else SURVIVED if outcome is tools.Outcome.SURVIVED else UNCLEAR
-        ), by
+        for name, longest in ROUNDS:
+            tests = tests_of_round(tree, name, mutation.file, records)
+            done = tools.run_tests(tree, tests, processor=longest) if tests else None
+            if done is None or done.returncode in (0, NO_TESTS):
+                continue
+            if -done.returncode == tools.OUT_OF_TIME:
+                return UNCLEAR, f"no end within {longest:.0f} s of the processor"
+            outcome, by = tools.judged(done.returncode, done.stdout)
+            return (KILLED if outcome is tools.Outcome.KILLED else UNCLEAR), by
+        return SURVIVED, ""
     except subprocess.TimeoutExpired:
-        return UNCLEAR, f"no end within {LONGEST:.0f} s"
+        return UNCLEAR, "no end"
     finally:
         path.write_text(text, encoding="utf-8")
         library.unlink()
         library.write_bytes(right)
 
 
-def confirmed(tree: Path, by: str, mutation: Mutation, known: dict[str, bool]) -> bool:
+def confirmed(tree: Path, by: str, known: dict[str, bool]) -> bool:
     """Whether the test that failed passes without the mutation."""
-    name = by.split(" - ")[0].split("::")[-1].partition("[")[0]
+    name, _, parameters = by.split(" - ")[0].partition("[")
     if not name.startswith("test_"):
         return True
-    if name not in known:
-        files = tests_of(mutation.file)
-        runs = (tools.run_tests(tree, f"{files}{mark} -k {name}", LONGEST) for mark in ("", " -m slow"))
-        known[name] = all(done.returncode in (0, NO_TESTS) for done in runs)
-    return known[name]
+    if by not in known:
+        whole = f"[{parameters}" if parameters.endswith("]") else ""
+        known[by] = all(
+            tools.run_tests(tree, [f"{node}{whole}", *ANY]).returncode in (0, NO_TESTS) for node in nodes(tree, name)
+        )
+    return known[by]
 
 
 def read(path: Path, seed: int) -> dict[int, dict[str, str]]:
@@ -336,11 +388,13 @@ def read(path: Path, seed: int) -> dict[int, dict[str, str]]:
 
 def run(count: int, seed: int, minutes: float, output: Path, jobs: int = 2) -> bool:
     """Try drawn mutations until `count` of them are decided; whether all were killed."""
-    os.environ["PYTEST_ADDOPTS"] = '-m "not slow"'
     rows, lock, known = read(output, seed), threading.Lock(), dict[str, bool]()
+    with (tools.ROOT / "benchmarks" / "mutations.csv").open(newline="", encoding="utf-8") as file:
+        others = list(csv.DictReader(file))
+    commit = where()["commit"]
     waiting: queue.Queue[tuple[int, Mutation]] = queue.Queue()
     for each in enumerate(drawn(tools.ROOT / tools.PACKAGE, 2 * count, seed), 1):
-        if each[0] not in rows:
+        if rows.get(each[0], {}).get("outcome", UNCLEAR) == UNCLEAR:
             waiting.put(each)
     end = time.monotonic() + 60.0 * minutes
 
@@ -354,10 +408,11 @@ def run(count: int, seed: int, minutes: float, output: Path, jobs: int = 2) -> b
             except queue.Empty:
                 return
             start = time.monotonic()
-            outcome, by = tried(tree, mutation)
-            if outcome == KILLED and not confirmed(tree, by, mutation, known):
+            outcome, by = tried(tree, mutation, [*others, *rows.values()])
+            if outcome == KILLED and not confirmed(tree, by, known):
                 outcome, by = UNCLEAR, f"fails without the mutation, too: {by}"
-            result = {"outcome": outcome, "by": by, "seconds": f"{time.monotonic() - start:.0f}", "reason": ""}
+            seconds = f"{time.monotonic() - start:.0f}"
+            result = {"outcome": outcome, "by": by, "seconds": seconds, "reason": "", "commit": commit}
             with lock:
                 rows[number] = {"seed": str(seed), "number": str(number)} | asdict(mutation) | result
                 with output.open("w", newline="", encoding="utf-8") as file:
