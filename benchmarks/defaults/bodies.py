@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from demo.mesh_tools import STEEL, Material, box_mesh, merge
 
-from benchmarks.defaults import shapes
+from benchmarks.defaults import body, shapes
 from benchmarks.defaults.body import Body, Where, about, above, below, both, either, end, near, outside, reach
 from benchmarks.defaults.shapes import FloatArray, bar, constant, kept, lines, moved, polyline, ring, tapered, tube
 
@@ -465,16 +465,10 @@ def wishbone() -> Body:
     return Body(
         "wishbone",
         mesh,
-        either(_section(first), _section(last)),
+        either(body.section_at(first), body.section_at(last)),
         {"ball": both(near(1, 0.0), above(0, 0.2))},
         cases,
     )
-
-
-def _section(way: FloatArray) -> Where:
-    """Points of the section at the first of two places of a path, within 30 mm of it."""
-    at, normal = way[0], (way[1] - way[0]) / np.linalg.norm(way[1] - way[0])
-    return lambda p: (abs((p - at) @ normal) < 1e-6) & (np.linalg.norm(p - at, axis=1) < 0.03)
 
 
 def cranked_arm() -> Body:

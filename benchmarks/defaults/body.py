@@ -156,6 +156,12 @@ def outside(axis: int, half: float) -> Where:
     return lambda p: abs(p[:, axis]) > half
 
 
+def section_at(way: FloatArray) -> Where:
+    """Points of the section at the first of two places of a path, within 30 mm of it."""
+    at, normal = way[0], (way[1] - way[0]) / np.linalg.norm(way[1] - way[0])
+    return lambda p: (abs((p - at) @ normal) < 1e-6) & (np.linalg.norm(p - at, axis=1) < 0.03)
+
+
 def end(mesh: BrickMesh, across: tuple[int, int], last: bool) -> Where:
     """The first or last section of a bar whose mesh is a mapped box: nodes are numbered section by section."""
     a, b = across

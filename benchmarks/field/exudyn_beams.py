@@ -27,6 +27,28 @@ from exudyn.utilities import (
 )
 
 
+def elements_along(system, start, length, elements, bending, axial, shear, mass, inertia):
+    """Nodes of geometrically exact elements along x; stiffnesses and masses as of `Beam`."""
+    part = length / elements
+    nodes = [
+        system.AddNode(NodeRigidBody2D(referenceCoordinates=[start + k * part, 0, 0])) for k in range(elements + 1)
+    ]
+    for pair in pairwise(nodes):
+        system.AddObject(
+            ObjectBeamGeometricallyExact2D(
+                nodeNumbers=list(pair), length=part, massPerLength=mass, crossSectionInertia=inertia,
+                bendingStiffness=bending, axialStiffness=axial, shearStiffness=shear, includeReferenceRotations=False,
+            )
+        )  # fmt: skip
+    return nodes
+
+
+def displacement_of(system, node):
+    """A sensor that keeps a node's displacement."""
+    kind = exudyn.OutputVariableType.Displacement
+    return system.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True, writeToFile=False))
+
+
 class Beam:
     """A plane beam of geometrically exact elements along x, its first node at the origin.
 
@@ -36,32 +58,13 @@ class Beam:
     def __init__(self, length, elements, bending, axial, shear, mass, inertia, turn=None, free=False):
         self.container = exudyn.SystemContainer()
         self.system = system = self.container.AddSystem()
-        part = length / elements
-        self.nodes = [
-            system.AddNode(NodeRigidBody2D(referenceCoordinates=[i * part, 0, 0])) for i in range(elements + 1)
-        ]
-        for pair in pairwise(self.nodes):
-            system.AddObject(
-                ObjectBeamGeometricallyExact2D(
-                    nodeNumbers=list(pair), length=part, massPerLength=mass, crossSectionInertia=inertia,
-                    bendingStiffness=bending, axialStiffness=axial, shearStiffness=shear,
-                    includeReferenceRotations=False,
-                )
-            )  # fmt: skip
+        self.nodes = elements_along(system, 0.0, length, elements, bending, axial, shear, mass, inertia)
         ground = system.AddMarker(MarkerNodeCoordinate(nodeNumber=system.AddNode(NodePointGround()), coordinate=0))
         for coordinate in () if free else range(3):
             own = system.AddMarker(MarkerNodeCoordinate(nodeNumber=self.nodes[0], coordinate=coordinate))
             more = {} if coordinate < 2 or turn is None else {"offsetUserFunction": lambda _, t, *__: turn(t)}
             system.AddObject(CoordinateConstraint(markerNumbers=[ground, own], **more))
-        self.sensors = [
-            system.AddSensor(
-                SensorNode(
-                    nodeNumber=node, outputVariableType=exudyn.OutputVariableType.Displacement, storeInternal=True,
-                    writeToFile=False,
-                )
-            )
-            for node in (self.nodes[-1], self.nodes[0])
-        ]  # fmt: skip
+        self.sensors = [displacement_of(system, node) for node in (self.nodes[-1], self.nodes[0])]
 
     def push(self, force):
         """Add a dead force across the tip."""
@@ -181,20 +184,10 @@ def chain(elements, links, gravity=0.0, slider=False, torque=0.0):
 
     start, last, ends = 0.0, None, []
     for length, bending, axial, mass in links:
-        part = length / elements
-        nodes = [
-            system.AddNode(NodeRigidBody2D(referenceCoordinates=[start + k * part, 0, 0])) for k in range(elements + 1)
-        ]
-        for pair in pairwise(nodes):
-            system.AddObject(
-                ObjectBeamGeometricallyExact2D(
-                    nodeNumbers=list(pair), length=part, massPerLength=mass, crossSectionInertia=mass * bending / axial,
-                    bendingStiffness=bending, axialStiffness=axial, shearStiffness=axial / 2.4,
-                    includeReferenceRotations=False,
-                )
-            )  # fmt: skip
+        inertia = mass * bending / axial
+        nodes = elements_along(system, start, length, elements, bending, axial, axial / 2.4, mass, inertia)
         for k, node in enumerate(nodes):
-            weight = gravity * mass * part * (0.5 if k in (0, elements) else 1.0)
+            weight = gravity * mass * length / elements * (0.5 if k in (0, elements) else 1.0)
             marker = system.AddMarker(MarkerNodeRigid(nodeNumber=node))
             system.AddLoad(Force(markerNumber=marker, loadVector=[0, -weight, 0]))
         hold(nodes[0], 0, last)
@@ -205,15 +198,12 @@ def chain(elements, links, gravity=0.0, slider=False, torque=0.0):
         hold(last, 1)
         marker = system.AddMarker(MarkerNodeRigid(nodeNumber=ends[0]))
         system.AddLoad(Torque(markerNumber=marker, loadVector=[0, 0, torque]))
-    sensors = [
-        system.AddSensor(
-            SensorNode(
-                nodeNumber=node, outputVariableType=exudyn.OutputVariableType.Displacement, storeInternal=True,
-                writeToFile=False,
-            )
-        )
-        for node in ends
-    ]  # fmt: skip
+    yield from moved_ends(system, ends, elements, slider)
+
+
+def moved_ends(system, ends, elements, slider):
+    """Displacements of a chain's hinge and end, every 0.1 s of 1.2 s; of one on a slider its end's alone, along."""
+    sensors = [displacement_of(system, node) for node in ends]
     system.Assemble()
     settings = Beam.settings()
     step, stop = 1e-3, 1.2

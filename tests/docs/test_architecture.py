@@ -16,9 +16,9 @@ LONGEST_FUNCTION, LONGEST_FILE = 80, 500
 LONGEST_PYTHON_FUNCTION = 60
 # Lines of Python with code, a ceiling that goes down as the package does: 19 000 is the aim.
 MOST_CODE = 24_387
+# Where what is short lies: all but the tests, whose modules are lists of facts.
+SHORT = [ROOT / name for name in ("fmu_src", "benchmarks", "demo", "docs", ".ci")]
 BLANK = {getattr(tokenize, name) for name in ["COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER"]}
-# To be shortened; nothing may be added.
-STILL_LONG = set()
 
 
 def modules():
@@ -114,9 +114,9 @@ def c_functions(text):
             start = None
 
 
-def test_functions_and_files_of_the_core_are_short():
+def test_functions_and_files_in_c_are_short():
     long, count = [], 0
-    for path in sorted(CORE.glob("*.[ch]")):
+    for path in sorted(path for folder in SHORT for path in folder.rglob("*.[ch]")):
         text = path.read_text(encoding="utf-8")
         found = list(c_functions(text))
         count += len(found)
@@ -134,15 +134,15 @@ def python_functions(text):
 
 
 def test_functions_and_modules_in_python_are_short():
-    long, count = set(), 0
-    for path in sorted(PACKAGE.rglob("*.py")):
+    long, count = [], 0
+    for path in sorted(path for folder in SHORT for path in folder.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         found = list(python_functions(text))
         count += len(found)
-        long |= {path.name} if len(text.splitlines()) > LONGEST_FILE else set()
-        long |= {name for name, length in found if length > LONGEST_PYTHON_FUNCTION}
-    assert long == STILL_LONG
-    assert count > 1000
+        long += [path.name] * (len(text.splitlines()) > LONGEST_FILE)
+        long += [(path.name, name) for name, length in found if length > LONGEST_PYTHON_FUNCTION]
+    assert long == []
+    assert count > 1500
 
 
 def code_lines(text):
