@@ -248,6 +248,21 @@ def test_of_single_elements_of_reduced_integration_init_writes_what_build_accept
     np.testing.assert_allclose(first, 27.2, rtol=0.3 if count == 1 else 0.06)
 
 
+def test_init_holds_what_the_first_step_of_a_deck_holds(tmp_path):
+    mesh = box(ElementType.C3D20R, (3, 1, 1), (3.0, 0.3, 0.4))
+    path = write_deck(mesh, tmp_path / "bar.inp")
+    corners = "".join(f"{mesh.labels[row]}, 2, 3\n" for row in np.flatnonzero(mesh.points[:, 0] == 0.0))
+    with path.open("a") as deck:
+        deck.write(f"*STEP\n*STATIC\n*END STEP\n*STEP\n*STATIC\n*BOUNDARY\n{corners}TIP, 1, 3\n*END STEP\n")
+    assert run("init", path).exit_code == 0
+    written = tomllib.loads(path.with_suffix(".toml").read_text())
+    held = [(each["nodes"], each["fix"]) for each in written["support"]]
+    assert held == [("STEP 2", ["x", "y", "z"]), ("STEP 2 yz", ["y", "z"])]
+    assert all("STEP" not in str(each["nodes"]) for each in written["interface"])
+    config = read_body_file(path.with_suffix(".toml"))
+    assert reduce_body(config, Listening()).angular_frequency[0] > 0.0
+
+
 @pytest.mark.slow
 def test_more_modes_than_those_with_mass_are_refused(tmp_path):
     """Eight points of an element hold its mass, too few for so many modes."""

@@ -238,15 +238,27 @@ def test_a_missing_included_file_is_named_with_the_including_line(tmp_path):
 
 
 def test_a_step_is_left_unused_and_said_so_with_its_lines(tmp_path):
-    step = "*STEP, NLGEOM\n*STATIC\n*BOUNDARY\n7, 1, 1, 0.5\n8, 1\n*CLOAD\n7, 1, 1.\n*END STEP\n"
+    step = "*STEP, NLGEOM\n*STATIC\n*BOUNDARY\n7, 1, 1, 0.5\n*CLOAD\n7, 1, 1.\n*END STEP\n"
     mesh = read(tmp_path, BODY + step)
     begin = BODY.count("\n") + 1
-    assert not mesh.fixed.any()
     (note,) = mesh.notes
     assert note == (
-        f"{tmp_path / 'body.inp'}, lines {begin} to {begin + 7}: a step is analysis and left unused: "
-        "*STATIC, *BOUNDARY, *CLOAD; what it holds is held by [[support]] only: 7, 1, 1, 0.5, 8, 1"
+        f"{tmp_path / 'body.inp'}, lines {begin} to {begin + 6}: a step is analysis and left unused: "
+        "*STATIC, *BOUNDARY, *CLOAD"
     )
+
+
+def test_what_steps_hold_is_offered_as_sets_and_holds_nothing_by_itself(tmp_path):
+    step = "*STEP\n*STATIC\n*BOUNDARY\n{}*END STEP\n"
+    first = step.format("5, 1, 3\n6, ENCASTRE\n7, 1, 1, 0.5\n8, 1\n8, 3\n4, 11, 11\nNOWHERE, 1\n")
+    mesh = read(tmp_path, BODY + first + step.format("1, 2\n"))
+    assert not mesh.fixed.any()
+    assert {name for name in mesh.node_sets if name.startswith("STEP")} == {"STEP 1", "STEP 1 xz", "STEP 2 y"}
+    assert set_labels(mesh, "STEP 1") == [5, 6]
+    assert set_labels(mesh, "STEP 1 xz") == [8]
+    assert set_labels(mesh, "STEP 2 y") == [1]
+    note = mesh.notes[-1]
+    assert note == "what steps hold are the node sets STEP 1, STEP 1 xz, STEP 2 y: held by [[support]] only"
 
 
 def test_the_model_part_goes_on_after_a_step(tmp_path):

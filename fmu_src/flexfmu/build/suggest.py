@@ -127,6 +127,8 @@ _AXES = ("x", "y", "z")
 _ON_END = 1e-6
 # How deep a round end is, over that side, and how far a box goes beyond its nodes, over that depth.
 _DEEP, _MARGIN = 0.05, 0.01
+# Sets of nodes that steps of a deck hold.
+_STEP = "STEP "
 # Outer radius of an eye over its bore's, at most.
 _EYE = 2.5
 
@@ -325,7 +327,8 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
         lines += ["", "[material]   # steel: the mesh file does not tell"]
         lines += [f"{key} = {steel[key]:.6g}" for key in lacking]
     for name, nodes in [] if mesh.fixed.any() else held:
-        lines += ["", f"[[support]]   # {name}", f"nodes = {nodes}", 'fix = ["x", "y", "z"]']
+        fix = toml_value([*"".join(name.split()[2:])] or _AXES)
+        lines += ["", f"[[support]]   # {name}", f"nodes = {nodes}", f"fix = {fix}"]
     for name, nodes in interfaces:
         lines += ["", "[[interface]]", f'name = "{name}"', f"nodes = {nodes}"]
     every = ", ".join(mesh.node_sets) or "none"
@@ -335,19 +338,21 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
 def _ends_and_bores(mesh: Mesh) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     """What to hold, and interfaces that share no nodes with it, by name.
 
-    A plane end, or the bores that it surrounds where it is no more than the ends of eyes; then the other bores, or one
-    plane end more.
+    What the first step that holds something holds; or a plane end, or the bores that it surrounds where it is no more
+    than the ends of eyes. Then the other bores, or one plane end more.
     """
     holes = bores(mesh)
     places = plane_ends(mesh) | holes
-    rows = {name: node_set(mesh, place, name) for name, place in places.items()}
-    held = list(places)[:1]
+    rows = dict(mesh.node_sets) | {name: node_set(mesh, place, name) for name, place in places.items()}
+    steps = [name for name in mesh.node_sets if name.startswith(_STEP)]
+    held = [name for name in steps if name.split()[1] == steps[0].split()[1]] or list(places)[:1]
     apart = [name for name in places if not any(np.isin(rows[name], rows[end]).any() for end in held)]
-    eyes = [name for name in holes if name not in apart]
+    eyes = [name for name in holes if name not in apart and not steps]
     if eyes and np.all(np.min([_of_eye(mesh, rows[held[0]], holes[name]) for name in eyes], axis=0) < _EYE):
         held = eyes
     chosen = [name for name in apart if name in holes] or apart[:1]
-    return [(name, _toml(places[name])) for name in held], [(name, _toml(places[name])) for name in chosen]
+    chosen_text = [(name, _toml(places[name]) if name in places else toml_value(name)) for name in held]
+    return chosen_text, [(name, _toml(places[name])) for name in chosen]
 
 
 def _of_eye(mesh: Mesh, rows: IntArray, bore: Place) -> FloatArray:

@@ -1,10 +1,12 @@
 """Displacements that a deck itself holds at zero."""
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
 
-from flexfmu.files.array_types import BoolArray, FloatArray
+from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
+from flexfmu.files.errors import DeckError
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.listing import listed
@@ -54,6 +56,39 @@ def hold(card: Card, node_sets: SetTable, fixed: BoolArray, notes: list[str]) ->
             f"{card.line.place}: what is moved holds nothing here: {listed(moved)}; give an interface, and move it in "
             "the simulation"
         )
+
+
+def held_by_steps(
+    steps: Sequence[Sequence[Card]], node_sets: SetTable, count: int, axes: Container[int]
+) -> dict[str, IntArray]:
+    """Return the nodes that steps hold, which hold nothing by themselves, as sets to choose from.
+
+    Parameters
+    ----------
+    steps : sequence of sequence of Card
+        The *BOUNDARY cards of each step; a row that cannot be read is of another analysis.
+    node_sets : SetTable
+    count : int
+        Number of nodes.
+    axes : container of int
+        Rows of nodes with axes of their own, which are left out.
+
+    Returns
+    -------
+    dict of str to (k,) int
+        "STEP 1" is held in all translations, "STEP 1 xy" along these, and so on.
+    """
+    found = {}
+    for which, cards in enumerate(steps, start=1):
+        fixed = np.zeros((count, LAST_DOF), dtype=bool)
+        for card in cards:
+            with contextlib.suppress(DeckError):
+                hold(card, node_sets, fixed, [])
+        kinds = fixed[:, :3] @ [1, 2, 4] * [row not in axes for row in range(count)]
+        for kind in sorted(set(kinds.tolist()) - {0}, reverse=True):
+            along = "".join(name for k, name in enumerate("xyz") if kind >> k & 1)
+            found[f"STEP {which} {along}".removesuffix(" xyz")] = np.flatnonzero(kinds == kind)
+    return found
 
 
 def inclined(axes: Mapping[int, FloatArray], fixed: BoolArray, card: Card) -> list[dict[int, float]]:

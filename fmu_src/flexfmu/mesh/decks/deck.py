@@ -13,7 +13,7 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.assembly import Assembly
-from flexfmu.mesh.decks.boundary import hold, inclined
+from flexfmu.mesh.decks.boundary import held_by_steps, hold, inclined
 from flexfmu.mesh.decks.cards import Card, read_cards
 from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
 from flexfmu.mesh.decks.equations import equations
@@ -105,6 +105,9 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
         hold(card, node_sets, fixed, content.notes)
     points = content.nodes.points()
     axes = _transformed(content, node_sets, points)
+    by_steps = held_by_steps(content.steps, node_sets, len(points), axes)
+    if by_steps:
+        content.notes.append(f"what steps hold are the node sets {', '.join(by_steps)}: held by [[support]] only")
     rows = inclined(axes, fixed, content.cards["TRANSFORM"][-1]) if axes else []
     if rows:
         content.notes.append(f"{len(rows)} inclined supports of *TRANSFORM are equations: boundary = false leaves them")
@@ -124,11 +127,12 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     labels = np.concatenate([block.labels for block in blocks])
     made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
     faces = _sets_of_faces(content, node_sets, element_sets, elements)
+    telling = (content.assembly, content.elements, content, node_sets, element_sets, made)
     mesh = Mesh(
         points=points * units.length,
         labels=content.nodes.labels(),
         blocks=_with_materials(blocks, made),
-        node_sets=node_sets.arrays() | {name: found.nodes for name, found in own.items()} | faces | coupled,
+        node_sets=node_sets.arrays() | {name: found.nodes for name, found in own.items()} | faces | coupled | by_steps,
         element_sets=_solids(element_sets, len(labels)),
         materials=made.materials,
         fixed=fixed[:, :3],
@@ -137,14 +141,7 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
         springs=springs,
         links=tuple(links),
         equations=matrix_of(rows, 3 * len(points)) if rows else None,
-        notes=(
-            *content.assembly.notes,
-            *content.elements.notes,
-            *content.notes,
-            *node_sets.notes,
-            *element_sets.notes,
-            *made.notes,
-        ),
+        notes=tuple(note for part in telling for note in part.notes),
     )
     return mesh, fixed[:, 3:]
 
@@ -164,6 +161,7 @@ class _Content:
     reach: float = 0.0
     beams: bool = False
     ties: list[OfShell] = field(default_factory=list)
+    steps: list[list[Card]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     last: Card | None = None
 
@@ -173,7 +171,7 @@ class _Content:
         for card in cards:
             self.last = card
             if card.key == "STEP":
-                self.notes.append(_skipped_step(card, cards))
+                self.steps.append(_skipped_step(card, cards, self.notes))
             elif card.key == "TIE" and "CYCLICSYMMETRY" in card.parameters:
                 self.notes.append(f"{card.line.place}: {unused(card.keyword, 'CYCLICSYMMETRYMODEL')}")
             elif card.key in PARAMETERS:
@@ -215,11 +213,9 @@ def _refuse_early_end(content: _Content, elements: Elements) -> None:
     """Refuse a deck whose last card lists elements while nodes are left over: some elements may be missing."""
     if content.last is None or content.last.key != "ELEMENT":
         return
-    used = np.zeros(len(content.nodes.rows), dtype=bool)
-    for block in elements.blocks:
-        used[block.connectivity] = True
-    for other in elements.others:
-        used[content.nodes.rows_of(other)] = True
+    named = [block.connectivity.ravel() for block in elements.blocks]
+    named += [np.array(content.nodes.rows_of(other)) for other in elements.others]
+    used = np.isin(np.arange(len(content.nodes.rows)), np.concatenate(named))
     if not used.all():
         raise content.last.line.error(
             f"the deck ends with this *ELEMENT, and {int(np.sum(~used))} of its {len(used)} nodes belong to no element "
@@ -229,29 +225,26 @@ def _refuse_early_end(content: _Content, elements: Elements) -> None:
 
 
 def _unsupported(card: Card) -> DeckError:
-    supported = ", ".join(f"*{name}" for name in HONOURED)
     return card.line.error(
-        f"*{card.keyword} is not supported, and may belong to the body (supported: {supported}, *INCLUDE, *PART, "
-        "*INSTANCE, *ASSEMBLY); say the same with these, or take it out if the body is the same without it"
+        f"*{card.keyword} is not supported, and may belong to the body (supported: *{', *'.join(HONOURED)}, *INCLUDE, "
+        "*PART, *INSTANCE, *ASSEMBLY); say the same with these, or take it out if the body is the same without it"
     )
 
 
-def _skipped_step(step: Card, cards: Iterator[Card]) -> str:
-    """Pass over the cards up to *END STEP and return a note that names them."""
-    passed: dict[str, None] = {}
-    held: dict[str, None] = {}
+def _skipped_step(step: Card, cards: Iterator[Card], notes: list[str]) -> list[Card]:
+    """Pass over the cards up to *END STEP, note their names and return those that hold nodes."""
+    passed: list[Card] = []
     for card in cards:
         if card.key == "ENDSTEP":
             begin, end = f"{step.line.file}, lines {step.line.number}", f"{card.line.number}"
             if card.line.file != step.line.file:
                 end += f" of {card.line.file}"
-            advice = f"; what it holds is held by [[support]] only: {listed(held)}" if held else ""
-            return f"{begin} to {end}: a step is analysis and left unused: {', '.join(passed) or 'empty'}{advice}"
+            names = ", ".join(dict.fromkeys(f"*{one.keyword}" for one in passed)) or "empty"
+            notes.append(f"{begin} to {end}: a step is analysis and left unused: {names}")
+            return [one for one in passed if one.key == "BOUNDARY"]
         if card.key == "STEP":
             break
-        if card.key == "BOUNDARY":
-            held |= dict.fromkeys(" ".join(line.text.split()) for line in card.data)
-        passed[f"*{card.keyword}"] = None
+        passed.append(card)
     raise step.line.error("this *STEP has no *END STEP; add it, so that the analysis can be told from the body")
 
 

@@ -166,15 +166,12 @@ def _without_dump() -> Iterator[None]:
 def _refuse_early_end(contents: Contents, path: Path) -> None:
     """Refuse bulk data without an end where nodes are left over: elements may be missing."""
     mesh = contents.mesh
-    used = np.zeros(len(mesh.points), dtype=bool)
-    for block in mesh.cells:
-        used[block.data] = True
-    for rows in mesh.point_sets.values():
-        used[rows] = True
-    used[[key // 3 for row in contents.equations for key in row]] = True
+    named = [block.data.ravel() for block in mesh.cells] + [*mesh.point_sets.values()]
+    named.append(np.array([key // 3 for row in contents.equations for key in row], dtype=int))
+    used = np.isin(np.arange(len(mesh.points)), np.concatenate(named))
     # Reference points are of no element.
-    places = [np.all(mesh.points == point, axis=1) for point in contents.references.values()]
-    used |= np.any([np.zeros(len(used), dtype=bool), *places], axis=0)
+    for point in contents.references.values():
+        used |= np.all(mesh.points == point, axis=1)
     if not used.all():
         raise MeshError(
             f"{path} has no ENDDATA, and {int(np.sum(~used))} of its {len(used)} grid points belong to no element "
