@@ -183,6 +183,7 @@ class Body:
         velocities: bool | None = None,
         surface: bool | None = None,
         stress: bool | None = None,
+        tolerance: float | None = None,
         report: Reporter | None = None,
         store: Store | None = None,
     ) -> BuiltBody:
@@ -190,8 +191,7 @@ class Body:
 
         Parameters
         ----------
-        method : Method or str, optional
-        mass : Mass or str, optional
+        method, mass : Method and Mass, or str, optional
         modes : int or sequence of int, optional
             How many, or their numbers.
         frames : int or sequence of mapping, optional
@@ -200,7 +200,7 @@ class Body:
             Distances of joints by what they lead toward, m.
         basis : Basis or str, optional
         residual_flexibility : bool or sequence of str, optional
-        acceleration, velocities, surface, stress : bool, optional
+        acceleration, velocities, surface, stress, tolerance : bool, or float, optional
             Keys of `[input]` and `[output]`.
         report : Reporter, optional
             Default: warnings are Python's, notes go to the log "flexfmu".
@@ -222,7 +222,7 @@ class Body:
             "formulation": {"method": method, "mass": mass},
             "reduction": {"basis": basis, "modes": modes, "residual_flexibility": residual_flexibility},
             "input": {"acceleration": acceleration},
-            "output": {"velocities": velocities, "surface": surface, "stress": stress},
+            "output": {"velocities": velocities, "surface": surface, "stress": stress, "tolerance": tolerance},
         }
         for table, values in chosen.items():
             given = {key: plain(value) for key, value in values.items() if value is not None}

@@ -233,6 +233,20 @@ def test_near_the_critical_load_a_body_warns_of_more_than_its_shadow_sees(built,
     assert warned(built, tmp_path, 2.0 * built.error(built.static(loads), loads).relative, loads) == told
 
 
+def test_an_fmu_warns_where_its_bound_exceeds_the_tolerance_of_its_body(built, tmp_path):
+    loads = {"tip": (0.0, 0.0, 1200.0)}
+    found = built.error(built.static(loads), loads)
+    assert found.bound > found.relative > 0.0
+    for share in (0.99, 1.01):
+        model = replace(built.reduced, tolerance=share * found.bound)
+        driven = Driven(model, tmp_path, **{"initialization": "static", "tip.force.z": 1200.0})
+        assert any("off by" in text for _, text in driven.log) == (share < 1.0)
+    limits = [f"watch.{name}.limit" for name in ("error", "truncation")]
+    assert driven.get(*limits) == [model.tolerance] * 2
+    write_modal_file(model, tmp_path / "body.h5")
+    assert read_modal_file(tmp_path / "body.h5").tolerance == model.tolerance
+
+
 def gutter():
     """Half a thin tube, clamped at one end."""
     mesh = box(ElementType.C3D20, (8, 4, 1), (0.5, np.pi, 0.0012))

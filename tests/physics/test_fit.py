@@ -13,6 +13,7 @@ import pytest
 from demo.fit.scenes import DEMONSTRATIONS, judging_scene, run
 from rich.console import Console
 
+from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
@@ -157,6 +158,7 @@ def test_a_large_load_is_given_frames_and_holds_where_it_was_not_looked_at(tmp_p
     for force in (2e3, 5e3, 8e3):
         assert static_error(target, force) < 0.005
     text = target.read_text(encoding="utf-8")
+    assert not warned(reduce_body(read_body_file(target), Reporter()), tmp_path, {"tip.force.y": 10e3}, 1.0)
     assert "Error over tolerance with 10 modes, by the number of frames: linear" in text
     assert tomllib.loads(text)["formulation"]["method"] != "linear"
 
@@ -182,6 +184,13 @@ def test_a_moment_is_judged_without_finite_elements(tmp_path, store):
     assert np.linalg.norm(moved - arc) < 0.01 * np.linalg.norm(arc)
 
 
+def warned(body, folder, loads, factor):
+    """Whether the body's FMU, as a master finds it, tells of its error under a multiple of loads."""
+    start = {name: factor * load for name, load in loads.items()}
+    driven = Driven(body, folder, initialization="static", **start)
+    return any("off by" in text for _, text in driven.log)
+
+
 @pytest.mark.parametrize(("tolerance", "frames"), [(0.3, 0), (0.02, 1), (0.001, 2)])
 def test_a_tolerance_alone_is_met_by_the_fewest_frames_at_a_large_deflection(tmp_path, store, tolerance, frames):
     scene_of(tmp_path, BEND, changes=[("frames = 8\n", ""), ("residual_flexibility = false\n", "")])
@@ -191,6 +200,10 @@ def test_a_tolerance_alone_is_met_by_the_fewest_frames_at_a_large_deflection(tmp
     across = np.hypot(load.loads["tip.force.y"], load.loads["tip.force.z"])
     # Linear theory: a tip that turns by θ = F L² / 2 E I moves by 2/3 θ L, more than 0.2 L.
     assert across == pytest.approx(0.2 * 3.0 * BENDING, rel=0.02)
+    body = reduce_body(config, Reporter())
+    assert not warned(body, tmp_path, load.loads, 1.0)
+    if frames > 1:
+        assert warned(body, tmp_path, load.loads, 3.0)
 
 
 def test_a_small_load_is_left_linear(tmp_path, store):

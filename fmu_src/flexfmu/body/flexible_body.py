@@ -89,11 +89,14 @@ class Errors:
     relative : float
         The largest error of a displacement over the largest deflection of the interfaces; 0 at rest. Beyond 0.1 it
         says that the motion is wrong, not by how much.
+    bound : float
+        Of the same, with what the estimate cannot see: an FMU warns where it exceeds `watch.error.limit`.
     """
 
     displacement: FloatArray
     rotation: FloatArray
     relative: float
+    bound: float
 
 
 class FlexibleBody:
@@ -417,8 +420,8 @@ class FlexibleBody:
         >>> arm.error(arm.static(loads), loads).relative < 0.001
         True
         """
-        found, share = self.core.error(self._shadow, self._packed(loads), state.q)
-        return Errors(found[:, 0], found[:, 1], share)
+        found, share, bound = self.core.error(self._shadow, self._packed(loads), state.q)
+        return Errors(found[:, 0], found[:, 1], share, bound)
 
     def compliance(self, state: State, inputs: FloatArray, step: float, interfaces: Sequence[int]) -> FloatArray:
         """Derivative of interfaces' motion at a step's end with respect to loads on them held over the step.

@@ -1,7 +1,7 @@
 """The body file (TOML): all its tables together, checked, with errors that name the key."""
 
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -154,8 +154,19 @@ class BodySpec(Table):
     @property
     def without_pictures(self) -> Self:
         """The same body without what its motion does not need."""
-        plain = {"surface": False, "stress": False, "error": False}
-        return self.model_copy(update={"output": self.output.model_copy(update=plain)})
+        return self._output(surface=False, stress=False, error=False)
+
+    @property
+    def certified(self) -> Self:
+        """The same body without pictures, with what tells its error."""
+        return self._output(surface=False, stress=False, error=True)
+
+    def accepting(self, tolerance: float) -> Self:
+        """The same body; its FMU warns above this relative error."""
+        return self._output(tolerance=tolerance)
+
+    def _output(self, **changed: Any) -> Self:
+        return self.model_copy(update={"output": self.output.model_copy(update=changed)})
 
     @property
     def use(self) -> plain.BodyUse:
@@ -167,6 +178,7 @@ class BodySpec(Table):
             self.output.velocities,
             tuple(one.name for one in self.interface if one.compliance),
             tuple(one.name for one in self.interface if one.follows),
+            self.output.tolerance,
         )
 
     @property

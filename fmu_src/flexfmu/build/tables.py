@@ -466,12 +466,16 @@ class OutputTable(Table):
         Store the stress of the surface's points as well.
     error
         Tell the error of the motion: the body is reduced once more, finer.
+    tolerance
+        Relative error above which the FMU warns: `watch.error.limit`, `watch.truncation.limit` and
+        `watch.inertia_missed.limit` start with it. Default: theirs, 0.01
     """
 
     velocities: bool = False
     surface: bool = True
     stress: bool = False
     error: bool = True
+    tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
 
     @model_validator(mode="after")
     def _stress_on_the_surface(self) -> "OutputTable":

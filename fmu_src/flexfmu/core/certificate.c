@@ -327,17 +327,12 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
     for (int64_t i = 0; i < 2 * p->interfaces; i++) error[i] = *share == 0.0 ? 0.0 : room->error[i];
 }
 
-int bounded_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection,
-                  double *share, double *bound) {
+int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection, double *share,
+               double *bound) {
     Arena arena = work_arena(shadow), size = arena;
     room_in(shadow, &size);
     if (size.refused) return FLEX_NO_ROOM;
     pieces_of_error(body, shadow, inputs, q, arena, 0);
     error_found(body, shadow, arena, error, deflection, share, bound);
     return FLEX_OK;
-}
-
-int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection, double *share) {
-    double bound;
-    return bounded_error(body, shadow, inputs, q, error, deflection, share, &bound);
 }

@@ -32,7 +32,7 @@ static void judge(Instance *x) {
     x->cached |= CACHED_ERROR;
     x->error = x->bound = -1.0;
     for (int64_t i = 0; i < 2 * description(x)->interfaces; i++) x->errors[i] = -1.0;
-    if (x->shadow) bounded_error(x->body, x->shadow, acting(x), x->q, x->errors, &deflection, &x->error, &x->bound);
+    if (x->shadow) body_error(x->body, x->shadow, acting(x), x->q, x->errors, &deflection, &x->error, &x->bound);
 }
 
 static double diagnose_error(Instance *x) {

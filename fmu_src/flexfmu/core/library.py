@@ -120,7 +120,7 @@ _OF_BODIES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_may_miss": (_ANSWER, (_Numbers, _NUMBER)),
     "body_missed": (_NUMBER, (_Numbers,) * 2),
     "body_bytes": (_WHOLE, ()),
-    "body_error": (_done, (_PLACE, *(_Numbers,) * 5)),
+    "body_error": (_done, (_PLACE, *(_Numbers,) * 6)),
     "body_compliance": (_done, (_Numbers, _NUMBER, _Numbers, _Wholes, _WHOLE, _Numbers)),
 }
 _SIGNATURES = {name: (result, (_PLACE, *arguments)) for name, (result, arguments) in _OF_BODIES.items()}
@@ -380,11 +380,11 @@ class Core:
         count = len(interfaces)
         return self._filled((6 * count, 6 * count), "compliance", inputs, step, q, interfaces, count)
 
-    def error(self, shadow: "Core", inputs: FloatArray, q: FloatArray) -> tuple[FloatArray, float]:
-        """Errors (I, 2) of displacements (m) and rotations (rad) by a shadow; the largest over the deflection."""
-        result, deflection, share = np.empty((self.interfaces, 2)), np.zeros(1), np.empty(1)
-        self._ask("error", shadow._body, inputs, q, result, deflection, share)
-        return result, float(share[0])
+    def error(self, shadow: "Core", inputs: FloatArray, q: FloatArray) -> tuple[FloatArray, float, float]:
+        """Errors (I, 2) of displacements (m) and rotations (rad) by a shadow; largest over the deflection; a bound."""
+        result, (deflection, share, bound) = np.empty((self.interfaces, 2)), np.zeros((3, 1))
+        self._ask("error", shadow._body, inputs, q, result, deflection, share, bound)
+        return result, float(share[0]), float(bound[0])
 
     def _filled(self, shape: int | tuple[int, int], name: str, *arguments: object) -> FloatArray:
         """The array that a function of the core fills, its last argument."""

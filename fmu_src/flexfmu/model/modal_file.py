@@ -57,7 +57,7 @@ def _attributes(body: ReducedBody) -> dict[str, Any]:
         "following_interfaces": ",".join(body.following_interfaces),
         "root_interface": body.root_interface,
         "floating": body.floating,
-    }
+    } | ({} if body.tolerance is None else {"tolerance": body.tolerance})
 
 
 def _checksum(body: ReducedBody) -> str:
@@ -204,6 +204,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         velocity_outputs=bool(file.attrs["velocity_outputs"]),
         compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),
         following_interfaces=tuple(filter(None, str(file.attrs.get("following_interfaces", "")).split(","))),
+        tolerance=float(file.attrs["tolerance"]) if "tolerance" in file.attrs else None,
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         stress_sets=tuple(
             StressSet(key.partition("_")[2], **_read_entries(group, STRESS))

@@ -285,6 +285,8 @@ class ReducedBody:
         Interfaces whose compliance the FMU offers.
     following_interfaces : tuple of str
         Interfaces whose forces and moments turn with them: given on the axes of the undeformed body, carried along.
+    tolerance : float or None
+        Relative error of displacements above which the FMU warns; None: its default.
     root_interface : int
         Of a free body whose basis holds the constraint modes of its interfaces: the one that the tree of frames hangs
         on when it is fixed. Else `GROUND`.
@@ -332,6 +334,7 @@ class ReducedBody:
     velocity_outputs: bool = False
     compliance_interfaces: tuple[str, ...] = ()
     following_interfaces: tuple[str, ...] = ()
+    tolerance: float | None = None
     root_interface: int = GROUND
     floating: bool = False
     provenance: dict[str, str] = field(default_factory=dict)

@@ -87,6 +87,9 @@ _COLUMNS = {f"f{axis}": f"the force along {axis}" for axis in AXES}
 _COLUMNS |= {f"m{axis}": f"the moment about {axis}" for axis in AXES}
 _UNITS = {"uf": "m/N", "um": "m/(N.m)", "rf": "rad/N", "rm": "rad/(N.m)"}
 
+# Limits of relative errors of displacements.
+_OF_ERRORS = ("ERROR_LIMIT", "TRUNCATION_LIMIT", "INERTIA_LIMIT")
+
 Words = dict[str, str]
 
 CONDITIONS: dict[str, Callable[[ReducedBody], bool]] = {
@@ -201,6 +204,8 @@ def _start(body: ReducedBody, row: Row, choices: Sequence[str]) -> float | bool 
     if row.symbol == "STABILITY_LIMIT" and body.ties is not None:
         # The joints of a cut body ring in tension as it moves, which says nothing of the loads.
         return 0.0
+    if row.symbol in _OF_ERRORS and body.tolerance is not None:
+        return body.tolerance
     if row.role not in ("INPUT", "PARAMETER"):
         return None
     return row.start if row.type == "Real" else False

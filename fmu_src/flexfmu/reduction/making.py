@@ -87,6 +87,7 @@ def used_body(body: ReducedBody, use: BodyUse) -> ReducedBody:
         velocity_outputs=use.velocities,
         compliance_interfaces=use.compliance,
         following_interfaces=use.follows,
+        tolerance=use.tolerance,
         provenance=dict(use.provenance),
         properties=use.properties,
     )

@@ -236,6 +236,8 @@ class BodyUse:
         Whether velocities are outputs.
     compliance, follows : tuple of str
         Interfaces whose compliance is offered, and those whose loads turn with them.
+    tolerance : float or None
+        Relative error above which the FMU warns.
     provenance : mapping of str to str
     properties : Properties or None
     """
@@ -246,5 +248,6 @@ class BodyUse:
     velocities: bool = False
     compliance: tuple[str, ...] = ()
     follows: tuple[str, ...] = ()
+    tolerance: float | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     properties: Properties | None = None

@@ -11,6 +11,7 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..build.config import BodyFile, read_body_file
 from ..build.tables import FormulationTable
+from ..core.interface import parameter
 from ..files.array_types import FloatArray
 from ..files.counts import plural
 from ..files.errors import BodyFileError
@@ -30,8 +31,6 @@ _TURN, _MOVE = 0.5, 0.2
 _STIFF = 100.0
 # Where the body has no equilibrium a load is halved, so often at most.
 _HALVES = 6
-# An error of its own that a build says what to do about.
-_MUCH = 0.01
 # Beyond this it tells no more than that the motion is wrong, as FMUs say, too.
 _WRONG = 0.1
 _FRAMES = (0, 1, 2, None, 8, 16)
@@ -77,7 +76,8 @@ def smallest(
         report.note(f"{chosen(reduced).words}, {plural(reduced.frame_count, 'frame')}: {times(share)} of the tolerance")
         if share <= 1.0:
             break
-    return min(found, key=lambda one: one[1])
+    config, share = min(found, key=lambda one: one[1])
+    return config.accepting(workshop.accepted(build(config.certified, store).body, share <= 1.0)), share
 
 
 def _growing(given: BodyFile) -> Iterator[BodyFile]:
@@ -169,5 +169,6 @@ def own_error(body: ReducedBody) -> str:
         size = f"{100.0 * found.relative:.2g} %" if found.relative < _WRONG else f"more than {100.0 * _WRONG:g} %"
         words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by "
         worst = max(worst, (found.relative, f"{words}{moved:.3g} m"))
-    hint = "; more frames or modes, or --tolerance, lower it" if worst[0] > _MUCH else ""
+    much = body.tolerance or parameter("ERROR_LIMIT").start
+    hint = "; more frames or modes, or --tolerance, lower it" if worst[0] > much else ""
     return f"own estimate of its error: up to {worst[1]}{hint}" if worst[1] else ""

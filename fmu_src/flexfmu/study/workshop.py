@@ -17,9 +17,10 @@ import joblib
 import numpy as np
 import scipy.linalg
 
-from ..body.flexible_body import FlexibleBody, StepLimits
+from ..body.flexible_body import Errors, FlexibleBody, StepLimits
 from ..build.config import BodyFile
 from ..build.reduce import reduce_body
+from ..core.interface import parameter
 from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 from ..files.progress import Reporter
@@ -231,6 +232,8 @@ def pair_ends(angular_frequency: FloatArray) -> list[int]:
 
 
 _EQUILIBRIA = 3
+# A limit over the largest bound that was seen, and the largest limit.
+_ABOVE, _MOST = 1.05, 0.98
 
 
 class Heard(Reporter):
@@ -375,17 +378,36 @@ class Workshop:
         Not a number where one has no answer.
         """
         variants = list(dict.fromkeys(variant for variant, _ in models))
-        config = reduction_config(self.scene.config, reduction, variants).without_pictures
-        certified = config.model_copy(update={"output": config.output.model_copy(update={"error": True})})
-        body, found = build(certified, self.store).body, []
-        loads = [case.peak.scaled(factor) for case in self.scene.static for factor in case.factors]
+        config = reduction_config(self.scene.config, reduction, variants)
+        body, found = build(config.certified, self.store).body, []
         for variant, limits in models:
             try:
-                model = FlexibleBody(lean(body, variant), limits=limits)
-                found.append(max((model.error(model.static(one), one).relative for one in loads), default=math.nan))
+                own = self._own(FlexibleBody(lean(body, variant), limits=limits))
+                found.append(max((one.relative for one in own), default=math.nan))
             except RuntimeBodyError:
                 found.append(math.nan)
         return found
+
+    def _own(self, model: FlexibleBody) -> list[Errors]:
+        """Errors of static cases that a model tells of itself."""
+        loads = [case.peak.scaled(factor) for case in self.scene.static for factor in case.factors]
+        return [model.error(model.static(one), one) for one in loads]
+
+    def accepted(self, body: ReducedBody, met: bool) -> float:
+        """Relative error above which an FMU warns: what the scene accepts.
+
+        Where the body's bound of its own error is larger in a static case, though it was measured within that, the
+        bound, up to twice as much. Transients have no such bound: at least as much as FMUs accept by default.
+        """
+        file, scene = self.scene.file.tolerance, self.scene
+        limits = [file.static.displacement] if scene.static else []
+        limits += [file.transient.displacement, parameter("ERROR_LIMIT").start] if scene.transient else []
+        limit = max(limits)
+        if met and body.shadow is not None:
+            bound = max((one.bound for one in self._own(FlexibleBody(body))), default=0.0)
+            limit = min(max(limit, _ABOVE * bound), 2.0 * limit, _MOST)
+        step = 10.0 ** (math.floor(math.log10(limit)) - 1)
+        return round(math.ceil(limit / step - 1e-9) * step, 12)
 
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> Iterator[T]:
         """Share work among the crew: `work(workshop, *one)` of each of some arguments, in their order."""
