@@ -247,7 +247,7 @@ def test_processes_that_share_the_search_find_the_same_model(bent_beam, tmp_path
         Workshop, "cost", lambda _, body, __: StepCost(1e-6 * body.mode_count, 1e-6 * body.mode_count, 1.0, 1.0)
     )
     found = []
-    for jobs in ("1", "2"):
+    for jobs in (1, 2):
         with Crew(jobs) as crew:
             found.append(fit(bent_beam, tmp_path / "fitted.toml", Reporter(), store, crew=crew))
     one, two = found

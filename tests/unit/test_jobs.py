@@ -26,7 +26,7 @@ def slow_first(number):
 
 @pytest.mark.slow
 def test_results_come_in_the_order_of_the_tasks_from_other_processes():
-    with Crew("2") as crew:
+    with Crew(2) as crew:
         found = list(crew.each([partial(slow_first, number) for number in range(4)]))
     assert [number for number, _ in found] == [0, 1, 2, 3]
     assert os.getpid() not in {process for _, process in found}
@@ -36,9 +36,9 @@ def test_results_come_in_the_order_of_the_tasks_from_other_processes():
 
 @pytest.mark.parametrize(
     ("jobs", "words"),
-    [("many", "expected a number of processes or the address"), ("0", "1 or more, or -1"), ("-2", "1 or more, or -1")],
+    [(0, "1 or more, or -1"), (-2, "1 or more, or -1")],
 )
-def test_jobs_are_a_number_or_an_address(jobs, words):
+def test_jobs_are_a_number(jobs, words):
     with pytest.raises(JobsError, match=words):
         Crew(jobs)
 
@@ -48,14 +48,14 @@ def test_errors_are_the_same_whoever_measures_them(tmp_path):
     scene = with_results(tmp_path, SMALL_SWEEP)
     groups = [(members,) for members in grouped(candidates(scene))]
     found = {}
-    for jobs in ("1", "2"):
+    for jobs in (1, 2):
         with Crew(jobs) as crew:
             workshop = Workshop(scene, Reporter(), Store(), crew)
             found[jobs] = [[e for _, e in one] for one in workshop.each(measure, groups)]
             assert workshop.tried == len(candidates(scene)) == 6
     # What was not compared is no number, which equals nothing.
-    assert repr(found["1"]) == repr(found["2"])
-    assert all(np.isfinite(e.share) for one in found["1"] for e in one)
+    assert repr(found[1]) == repr(found[2])
+    assert all(np.isfinite(e.share) for one in found[1] for e in one)
 
 
 @pytest.mark.slow
@@ -95,19 +95,3 @@ def _alive(group):
     except ProcessLookupError:
         return False
     return True
-
-
-@pytest.mark.slow
-def test_a_dask_cluster_measures_by_its_address():
-    distributed = pytest.importorskip("distributed")
-    local = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
-    with distributed.LocalCluster(**local) as cluster, Crew(cluster.scheduler_address) as crew:
-        assert crew.count == 2
-        assert [n for n, _ in crew.each([partial(slow_first, number) for number in range(3)])] == [0, 1, 2]
-
-
-@pytest.mark.slow
-def test_nobody_at_the_address_is_said():
-    pytest.importorskip("distributed")
-    with pytest.raises(JobsError, match="no Dask scheduler answers there"):
-        Crew("tcp://127.0.0.1:9")

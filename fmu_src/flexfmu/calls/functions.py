@@ -193,7 +193,7 @@ def chart(
     page: Name | None = None,
     bare: bool = False,
     every: bool = False,
-    jobs: str = "1",
+    jobs: int = 1,
     report: Reporter | None = None,
 ) -> "Drawn":
     """Try models of a body on a scene, and find those that nothing beats in error and cost.
@@ -208,7 +208,7 @@ def chart(
         What to write.
     bare, every : bool
         Time models without their FMUs; try every combination.
-    jobs : str
+    jobs : int
         Processes that measure errors.
     report : Reporter, optional
 
@@ -251,7 +251,7 @@ def stability(
     records: Name,
     *,
     picture: Name | None = None,
-    jobs: str = "1",
+    jobs: int = 1,
     report: Reporter | None = None,
 ) -> StabilityMap:
     """Map up to which loads each method is right.
@@ -264,7 +264,7 @@ def stability(
         CSV, one row a run; what is in it is not run again.
     picture : path, optional
         What to write.
-    jobs : str
+    jobs : int
         Processes that make the runs.
     report : Reporter, optional
 
@@ -300,7 +300,7 @@ def fit(
     *,
     fmu: Name | None = None,
     verify: bool = False,
-    jobs: str = "1",
+    jobs: int = 1,
     report: Reporter | None = None,
 ) -> "Fit":
     """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU.
@@ -314,7 +314,7 @@ def fit(
         Default: beside the body file.
     verify : bool
         Whether what was found is compared with the whole finite element model.
-    jobs : str
+    jobs : int
         Processes that measure errors.
     report : Reporter, optional
 

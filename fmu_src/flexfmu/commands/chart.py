@@ -36,7 +36,7 @@ def chart(
     every: Annotated[
         bool, typer.Option("--all", help=r"Try every combination of \[sweep], not only those near the best.")
     ] = False,
-    jobs: Jobs = "1",
+    jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:
     """Try models of a body on a scene, draw error against cost, and name those that nothing beats.
@@ -79,7 +79,7 @@ def _show(shown: "Drawn", several: bool, as_json: bool) -> None:
     typer.echo(shown.finding)
 
 
-def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None, jobs: str) -> None:
+def _map_stability(body: Path | None, scene: Path | None, records: Path, picture: Path | None, jobs: int) -> None:
     """Run and draw a map of stability; without a body the records are drawn as they are."""
     from ..calls.functions import stability
 

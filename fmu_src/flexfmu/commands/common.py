@@ -13,14 +13,7 @@ if TYPE_CHECKING:
     from ..files.console import ConsoleReporter
 
 Json = Annotated[bool, typer.Option("--json", help="Write the result as JSON.")]
-Jobs = Annotated[
-    str,
-    typer.Option(
-        "--jobs",
-        "-j",
-        help="Processes that measure errors (-1: one a core), or a Dask scheduler (tcp://host:8786).",
-    ),
-]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", help="Processes that measure errors; -1: one a core.")]
 
 
 class Loudness(Enum):

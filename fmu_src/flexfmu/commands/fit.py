@@ -17,7 +17,7 @@ def fit(
     verify: Annotated[
         bool, typer.Option("--verify", help="Compare what was found with the whole finite element model.")
     ] = False,
-    jobs: Jobs = "1",
+    jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:
     """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU.

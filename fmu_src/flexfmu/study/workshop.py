@@ -1,7 +1,7 @@
 """Models of a scene's body: reduced, held against the references, and timed; what chart and fit have in common.
 
-Of a reduced body with many modes, those with fewer are found without the mesh. Accuracy runs are shared by processes of
-this machine or of a Dask cluster; timings never are.
+Of a reduced body with many modes, those with fewer are found without the mesh. Accuracy runs are shared by
+processes; timings never are.
 """
 
 import math
@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from importlib import import_module
 from typing import Any, TypeVar
 
 import joblib
@@ -50,32 +49,19 @@ class Crew:
 
     Parameters
     ----------
-    jobs : str
-        A number of processes of this machine, 1: this one alone, -1: one a core; or the address of a Dask cluster's
-        scheduler, as tcp://host:8786.
+    jobs : int
+        1: this one alone, -1: one a core.
 
     Raises
     ------
     JobsError
-        Neither a number nor an address, no Dask, or nobody at the address.
+        0, or less than -1.
     """
 
-    def __init__(self, jobs: str = "1"):
-        self._client: Any = None
-        self._backend: dict[str, Any] = {"backend": "loky", "inner_max_num_threads": 1}
-        if "://" in jobs:
-            self._client, self._backend = _dask_client(jobs), {"backend": "dask"}
-            self.count = max(1, sum(self._client.nthreads().values()))
-            return
-        try:
-            asked = int(jobs)
-        except ValueError as error:
-            raise JobsError(
-                f"jobs is {jobs!r}, expected a number of processes or the address of a Dask scheduler (tcp://host:8786)"
-            ) from error
-        if asked == 0 or asked < -1:
-            raise JobsError(f"jobs is {asked}, expected 1 or more, or -1: one process for each core")
-        self.count = joblib.cpu_count() if asked == -1 else asked
+    def __init__(self, jobs: int = 1):
+        if jobs == 0 or jobs < -1:
+            raise JobsError(f"jobs is {jobs}, expected 1 or more, or -1: one process for each core")
+        self.count = joblib.cpu_count() if jobs == -1 else jobs
 
     def each(self, tasks: Sequence[Callable[[], T]]) -> Iterator[T]:
         """Do tasks, and yield their results in the order of the tasks as soon as they are there.
@@ -93,7 +79,7 @@ class Crew:
             for task in tasks:
                 yield task()
             return
-        with joblib.parallel_config(n_jobs=min(self.count, len(tasks)), **self._backend):
+        with joblib.parallel_config(n_jobs=min(self.count, len(tasks)), backend="loky", inner_max_num_threads=1):
             yield from joblib.Parallel(return_as="generator", batch_size=1)(joblib.delayed(task)() for task in tasks)
 
     def __enter__(self) -> "Crew":
@@ -101,24 +87,11 @@ class Crew:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the processes of this machine, and leave the cluster."""
-        if self._client is not None:
-            self._client.close()
-        elif self.count > 1:
+        """End the processes."""
+        if self.count > 1:
             # Otherwise they wait for more for some minutes.
             with suppress(Exception):
                 joblib.externals.loky.get_reusable_executor().shutdown(wait=False, kill_workers=True)
-
-
-def _dask_client(address: str) -> Any:
-    try:
-        client = import_module("distributed").Client
-    except ImportError as error:
-        raise JobsError(f'jobs = {address}: Dask is not installed; pip install "flexfmu[cluster]"') from error
-    try:
-        return client(address, timeout="5s")
-    except (OSError, ValueError) as error:
-        raise JobsError(f"jobs = {address}: no Dask scheduler answers there ({error})") from error
 
 
 # As in reduction/modes.py: the share of a static shape's strain energy below which modes hold it already.
