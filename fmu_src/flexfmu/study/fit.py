@@ -43,7 +43,6 @@ _LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _SPARE = 0.05
 # Steps whose times differ by less cost the same; those that are slower by more are not timed again.
 _SAME_COST, _CLOSE, _TIMINGS = 0.05, 0.2, 3
-_LIMIT_WORDS = "The FMU warns above what the scene accepts, or above its own bound there, where that is larger."
 # Those that are there for comparison are left out.
 _COMPARED = (Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.STIFFNESS_BY_MODE, Method.FLOATING_FRAME)
 
@@ -381,7 +380,7 @@ def _deliver(
         )
         limit = workshop.accepted(body, result.met)
         body, config = replace(body, tolerance=limit), config.accepting(limit)
-        reasons = reasons | {"output": _LIMIT_WORDS}
+        reasons = reasons | {"output": "The FMU warns above the scene's tolerance, or its own bound there."}
         title = "the smallest and fastest model found within a scene's tolerance."
         title = title if result.met else "the best model found for a scene; its tolerance is not met."
         part.write_text(

@@ -64,8 +64,7 @@ def smallest(
     accepted = AcceptedTable(displacement=tolerance, rotation=min(2.0 * tolerance, 0.99))
     file = file.model_copy(update={"tolerance": ToleranceTable(static=accepted, transient=accepted)})
     workshop = Workshop(made_scene(file, scene_file or body, body), report, store, solve=False)
-    _ = workshop.known
-    found: list[tuple[BodyFile, float]] = []
+    _, found = workshop.known, list[tuple[BodyFile, float]]()
     for config in _growing(given):
         try:
             reduced = build(config.without_pictures, store).body
@@ -167,8 +166,8 @@ def own_error(body: ReducedBody) -> str:
         found = model.error(state, loads)
         moved = np.linalg.norm(model.response(state).displacement[body.interface_names.index(name)])
         size = f"{100.0 * found.relative:.2g} %" if found.relative < _WRONG else f"more than {100.0 * _WRONG:g} %"
-        words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by "
-        worst = max(worst, (found.relative, f"{words}{moved:.3g} m"))
-    much = body.tolerance or parameter("ERROR_LIMIT").start
-    hint = "; more frames or modes, or --tolerance, lower it" if worst[0] > much else ""
-    return f"own estimate of its error: up to {worst[1]}{hint}" if worst[1] else ""
+        words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by {moved:.3g} m"
+        worst = max(worst, (found.relative, words))
+    hint = "; more frames or modes, or --tolerance, lower it"
+    hint *= worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start)
+    return worst[1] and f"own estimate of its error: up to {worst[1]}{hint}"

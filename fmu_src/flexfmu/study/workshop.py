@@ -351,8 +351,7 @@ class Workshop:
         Not a number where one has no answer.
         """
         variants = list(dict.fromkeys(variant for variant, _ in models))
-        config = reduction_config(self.scene.config, reduction, variants)
-        body, found = build(config.certified, self.store).body, []
+        body, found = build(reduction_config(self.scene.config, reduction, variants).certified, self.store).body, []
         for variant, limits in models:
             try:
                 own = self._own(FlexibleBody(lean(body, variant), limits=limits))
@@ -372,15 +371,13 @@ class Workshop:
         Where the body's bound of its own error is larger in a static case, though it was measured within that, the
         bound, up to twice as much. Transients have no such bound: at least as much as FMUs accept by default.
         """
-        file, scene = self.scene.file.tolerance, self.scene
-        limits = [file.static.displacement] if scene.static else []
-        limits += [file.transient.displacement, parameter("ERROR_LIMIT").start] if scene.transient else []
-        limit = max(limits)
+        file, scene, usual = self.scene.file.tolerance, self.scene, parameter("ERROR_LIMIT").start
+        limit = max(file.transient.displacement, usual) if scene.transient else 0.0
+        limit = max(file.static.displacement if scene.static else 0.0, limit)
         if met and body.shadow is not None:
             bound = max((one.bound for one in self._own(FlexibleBody(body))), default=0.0)
-            limit = min(max(limit, _ABOVE * bound), 2.0 * limit, _MOST)
-        step = 10.0 ** (math.floor(math.log10(limit)) - 1)
-        return round(math.ceil(limit / step - 1e-9) * step, 12)
+            limit = min(max(limit, float(f"{_ABOVE * bound:.3g}")), 2.0 * limit, _MOST)
+        return limit
 
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> Iterator[T]:
         """Share work among the crew: `work(workshop, *one)` of each of some arguments, in their order."""
