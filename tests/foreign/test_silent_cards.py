@@ -96,6 +96,12 @@ def test_a_card_with_wrong_fields_is_named_with_its_line(tmp_path, card):
         ("1054,1002,1025", rf"misparsed.*line {LAST}\b"),
         ("CTETRA,1,1,1,2,3,3", rf"CTETRA 1 .line 5, {LAST}\b"),
         ("INCLUDE 'gone.bdf'", rf"line {LAST}\b"),
+        ("GRID,7,,0.,0.,0.\n=,  *(1),  =, *(14.8),=(2)\n=(2)", rf"\*\(14.8\).*line {LAST + 1}\b"),
+        ("CORD2R,7,,0.,0.,0.,0.,0.,1.\n,0.,0.,2.\nGRID,8,7,0.,0.,0.", rf"Cp = 7 .line {LAST}\b"),
+        (
+            "CQUAD4,9,3,1,7,2,3\nGRID,7,,.5,0.,0.\nPSHELL,3,1,.1",
+            rf"body.bdf: shell 9 .line {LAST}. has no area at a corner",
+        ),
     ],
 )
 def test_what_the_library_cannot_read_is_named_with_its_line(tmp_path, card, words):

@@ -596,6 +596,29 @@ def test_shells_of_a_body_file_have_offsets_and_are_refused_by_name(tmp_path):
         flexfmu.read_mesh(tmp_path / "plate.vtu")
 
 
+def test_bulk_data_without_properties_have_the_thickness_that_a_body_file_gives(tmp_path):
+    pytest.importorskip("pyNastran")
+    middle = Middle("strip")
+    for name, shell in (("bare", "$"), ("whole", "")):
+        (tmp_path / f"{name}.bdf").write_text(bulk_data(middle, shell=shell))
+    whole = flexfmu.read_mesh(tmp_path / "whole.bdf")
+    bare = flexfmu.read_mesh(tmp_path / "bare.bdf", shells={"": middle.thickness})
+    np.testing.assert_array_equal(bare.points, whole.points)
+    with pytest.raises(MeshError, match=r"whole\.bdf: shells"):
+        flexfmu.read_mesh(tmp_path / "whole.bdf", shells={"skin": 1.0})
+    (tmp_path / "plate.inp").write_text("*NODE\n1, 0, 0, 0\n")
+    with pytest.raises(MeshError, match=r"shells of decks have their thickness by \*SHELL SECTION"):
+        flexfmu.read_mesh(tmp_path / "plate.inp", shells={"": 1.0})
+
+
+def test_shells_without_area_at_a_corner_are_named_with_their_line(tmp_path):
+    deck = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 2, 0, 0\n4, 0, 1, 0\n*ELEMENT, TYPE=S4, ELSET=E\n7, 1, 2, 3, 4\n"
+    deck += "*SHELL SECTION, ELSET=E, MATERIAL=M\n0.01\n*MATERIAL, NAME=M\n*ELASTIC\n2e11, 0.3\n"
+    (tmp_path / "plate.inp").write_text(deck)
+    with pytest.raises(MeshError, match=r"plate.inp, line 7: shell 7 has no area at a corner: correct its nodes"):
+        flexfmu.read_mesh(tmp_path / "plate.inp")
+
+
 def bulk_data(middle, card="CQUAD4", shell="", own=""):
     """The body of a deck as Nastran's bulk data."""
     lines = ["BEGIN BULK"]

@@ -258,7 +258,7 @@ def test_what_steps_hold_is_offered_as_sets_and_holds_nothing_by_itself(tmp_path
     assert set_labels(mesh, "STEP 1 xz") == [8]
     assert set_labels(mesh, "STEP 2 y") == [1]
     note = mesh.notes[-1]
-    assert note == "what steps hold are the node sets STEP 1, STEP 1 xz, STEP 2 y: held by [[support]] only"
+    assert note == "steps hold the node sets STEP 1, STEP 1 xz, STEP 2 y: hold them by [[support]]"
 
 
 def test_the_model_part_goes_on_after_a_step(tmp_path):

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import AccuracyError, BodyFileError, ModelError
+from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material, Mesh
 from flexfmu.reduction.modes import Modes, frequency_spread, normal_modes, with_residual_flexibility
@@ -42,6 +43,18 @@ def reduced(mesh, count):
 
 def clamped(kind, counts, size):
     return held(box(kind, counts, size), "ROOT")
+
+
+def test_single_prisms_in_a_row_twist_without_energy_and_are_told_of():
+    """Two points along the axis see no shear of a twist; with a second prism beside each, the row is a bar."""
+    whole = box(ElementType.C3D6, (1, 1, 3), (0.1, 0.1, 0.6))
+    whole = held(with_sets(whole, BASE=lambda p: p[:, 2]), "BASE")
+    assert reduced(whole, 2).modes.angular_frequency[0] > 100.0
+    (block,) = whole.blocks
+    # One of the two of each cell.
+    row = checked(replace(whole, blocks=(block.part(np.arange(len(block.labels)) % 2 == 0),), node_sets={}))
+    with pytest.raises(ModelError, match="or single C3D6 in a row twist, which costs them no energy: take C3D15"):
+        reduced(row, 2)
 
 
 @pytest.mark.parametrize("kind", EVERY_TYPE, ids=lambda kind: kind.name)

@@ -35,7 +35,7 @@ class ElementType(Enum):
     """The solid elements by their Abaqus and CalculiX names, a row each.
 
     C3D20R takes 2 × 2 × 2 points for stiffness and mass both, as CalculiX does; all others are fully integrated. C3D6
-    has two points, which is full for a stiffness without zero-energy modes, as both solvers have it.
+    has two points, as both solvers have it: one alone can twist without energy.
 
     Attributes
     ----------

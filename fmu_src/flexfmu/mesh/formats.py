@@ -6,7 +6,7 @@ What meshio's reader of MED files lacks is added: families without groups, and b
 import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from importlib import import_module
 from itertools import islice
@@ -24,6 +24,7 @@ from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.in_memory import Contents, from_contents
 from flexfmu.mesh.model import Mesh
 from flexfmu.mesh.nastran.bulk_data import read_nastran
+from flexfmu.mesh.nastran.node_cards import placed
 from flexfmu.mesh.other.ansys import read_ansys
 from flexfmu.mesh.other.exodus import read_exodus
 from flexfmu.mesh.other.extras import quiet
@@ -113,8 +114,8 @@ def read_mesh(
         suffix = _told_apart(path)
     if suffix == _SHARED_BY_CGX and path.read_bytes()[:_WORD].lstrip().startswith(b"*"):
         suffix = DECK_SUFFIX
-    if shells and suffix in (DECK_SUFFIX, *NASTRAN_SUFFIXES):
-        raise MeshError(f"{path}: shells have their thickness by *SHELL SECTION or PSHELL; write it into the file")
+    if shells and suffix == DECK_SUFFIX:
+        raise MeshError(f"{path}: shells of decks have their thickness by *SHELL SECTION; write it into the file")
     if suffix == DECK_SUFFIX:
         return read_deck(path, units)
     if suffix in _FOR_GMSH:
@@ -122,8 +123,9 @@ def read_mesh(
         raise MeshError(f"{path}: {what}: gmsh {path.name} {how} -format msh41 -o {path.stem}.msh")
     contents = _read_elsewhere(path, suffix, units, timeout or _LEAST + _EACH * path.stat().st_size)
     if shells:
-        contents = replace(contents, shells={name: _faces(given) for name, given in shells.items()})
-    return from_contents(contents, str(path), units)
+        contents = replace(contents, shells={**contents.shells, **{name: _faces(one) for name, one in shells.items()}})
+    with placed(path) if suffix in NASTRAN_SUFFIXES else nullcontext():
+        return from_contents(contents, str(path), units)
 
 
 def _faces(shell: float | tuple[float, float]) -> tuple[float, float]:

@@ -15,7 +15,6 @@ from ..files.errors import MeshError
 from .blocks import ElementBlock
 from .elements import ElementType
 from .equations import MIDDLE, RigidLink, matrix_of, middles
-from .listing import listed
 from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES
 from .shell_ties import EdgeTie, OfShell, ShellTie, tie_rows
@@ -35,6 +34,14 @@ _SMOOTH = np.cos(np.radians(20.0))
 _SAME = 1e-9
 # Length of what is left of a direction that others span already.
 _NOTHING = 1e-9
+
+
+class FoldedShellError(MeshError):
+    """A shell without area at a corner."""
+
+    def __init__(self, label: int):
+        super().__init__(f"shell {label} has no area at a corner: correct its nodes, or mesh again")
+        self.label = label
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,7 +310,7 @@ def _corner_normals(points: FloatArray, block: ElementBlock) -> FloatArray:
     found = np.cross(along, across)
     size = np.linalg.norm(found, axis=2, keepdims=True)
     if (folded := (size <= 0.0).any(axis=(1, 2))).any():
-        raise MeshError(f"shells have no area at a corner: {listed(block.labels[folded])}; mesh again")
+        raise FoldedShellError(int(block.labels[folded][0]))
     return (found / size).reshape(-1, 3)
 
 

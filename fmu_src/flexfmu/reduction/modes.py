@@ -21,6 +21,8 @@ _ORTHONORMALITY_LIMIT = 1e-9
 _MASSLESS = 1e6
 # Far below what a mesh leaves open of a frequency.
 _FREQUENCY_LIMIT = 1e-3
+# Twist of prisms alone passes both of their points by.
+_TWISTS = ", or single C3D6 in a row twist, which costs them no energy: take C3D15"
 _ILL_CONDITIONED = (
     "the body is so soft against its stiffest elements that round-off of the stiffness shows. In a thin body take one "
     "layer of elements across the thickness; look for parts that hang on the rest by a single edge or corner, and for "
@@ -343,7 +345,7 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
     sizes = sp.csr_array((np.abs(k.data), k.indices, k.indptr), shape=k.shape)
     size = float(softest @ (sizes @ softest))
     if squares[0] <= _ROUND_OFF * size:
-        raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move")
+        raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move{_TWISTS}")
     if squares[0] <= _DOUBTFUL * size:
         raise AccuracyError(f"modes are not good enough: the lowest frequency may be off by 100 %; {_ILL_CONDITIONED}")
     return squares, modes

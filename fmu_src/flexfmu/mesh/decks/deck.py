@@ -34,7 +34,7 @@ from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Mesh
 from flexfmu.mesh.shell_ties import OfShell
-from flexfmu.mesh.shells import expanded
+from flexfmu.mesh.shells import FoldedShellError, expanded
 
 
 def read_deck(path: Path, units: UnitSystem) -> Mesh:
@@ -87,7 +87,10 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     if not heights:
         return mesh
     thick = units.length * by_element(heights, mesh.blocks, mesh.labels, thickness)
-    return expanded(mesh, thick, turning, content.ties)
+    try:
+        return expanded(mesh, thick, turning, content.ties)
+    except FoldedShellError as error:
+        raise content.elements.known[error.label].line.error(str(error)) from error
 
 
 def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[Mesh, BoolArray]:
@@ -106,8 +109,7 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     points = content.nodes.points()
     axes = _transformed(content, node_sets, points)
     by_steps = held_by_steps(content.steps, node_sets, len(points), axes)
-    if by_steps:
-        content.notes.append(f"what steps hold are the node sets {', '.join(by_steps)}: held by [[support]] only")
+    content.notes += [f"steps hold the node sets {', '.join(by_steps)}: hold them by [[support]]"] * bool(by_steps)
     rows = inclined(axes, fixed, content.cards["TRANSFORM"][-1]) if axes else []
     if rows:
         content.notes.append(f"{len(rows)} inclined supports of *TRANSFORM are equations: boundary = false leaves them")
@@ -125,7 +127,8 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     rows += pinned
     content.notes.extend(told)
     labels = np.concatenate([block.labels for block in blocks])
-    made = content.materials.assigned(element_sets, labels, _centres(points, blocks))
+    centres = np.concatenate([points[block.connectivity].mean(axis=1) for block in blocks])
+    made = content.materials.assigned(element_sets, labels, centres)
     faces = _sets_of_faces(content, node_sets, element_sets, elements)
     telling = (content.assembly, content.elements, content, node_sets, element_sets, made)
     mesh = Mesh(
@@ -236,11 +239,10 @@ def _skipped_step(step: Card, cards: Iterator[Card], notes: list[str]) -> list[C
     passed: list[Card] = []
     for card in cards:
         if card.key == "ENDSTEP":
-            begin, end = f"{step.line.file}, lines {step.line.number}", f"{card.line.number}"
-            if card.line.file != step.line.file:
-                end += f" of {card.line.file}"
+            end = f"{card.line.number}" + f" of {card.line.file}" * (card.line.file != step.line.file)
             names = ", ".join(dict.fromkeys(f"*{one.keyword}" for one in passed)) or "empty"
-            notes.append(f"{begin} to {end}: a step is analysis and left unused: {names}")
+            where = f"{step.line.file}, lines {step.line.number} to {end}"
+            notes.append(f"{where}: a step is analysis and left unused: {names}")
             return [one for one in passed if one.key == "BOUNDARY"]
         if card.key == "STEP":
             break
@@ -355,10 +357,6 @@ def _solids(element_sets: SetTable, count: int) -> dict[str, IntArray]:
     """Element sets without what is no solid; those of nothing else are left out."""
     found = element_sets.arrays()
     return {name: rows[rows < count] for name, rows in found.items() if not rows.size or rows[0] < count}
-
-
-def _centres(points: FloatArray, blocks: tuple[ElementBlock, ...]) -> FloatArray:
-    return np.concatenate([points[block.connectivity].mean(axis=1) for block in blocks])
 
 
 def _with_materials(blocks: tuple[ElementBlock, ...], made: Assigned) -> tuple[ElementBlock, ...]:

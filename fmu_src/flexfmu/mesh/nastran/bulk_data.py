@@ -316,8 +316,7 @@ def _numbered_sets(model: Any) -> tuple[dict[str, list[int]], dict[str, list[int
     for subcase in subcases:
         for key, (members, *_) in subcase.params.items():
             if key.startswith("SET "):
-                numbers = [number for number in members if isinstance(number, int)]
-                nodes[key], elements[key] = numbers, numbers
+                nodes[key] = elements[key] = [number for number in members if isinstance(number, int)]
     for number, given in model.sets.items():
         kind = getattr(given, "desc", "")
         if kind != "ELEM":

@@ -25,8 +25,9 @@ _TRANSLATIONS, _ROTATIONS = "123", "456"
 _ALL = set("123456")
 # Distance over the size of the body below which grid points are in one place.
 _SAME_PLACE = 1e-9
-# Cards by name and number in messages, and files that others include.
-_NAMED = re.compile(r"\b([A-Z][A-Z0-9]{2,}) (\d+)|\['(\w+)\*?', '(\w+)'")
+# Cards by name and number in messages (coordinate systems by number alone), and files that others include.
+_NAMED = re.compile(r"\b([A-Z][A-Z0-9]{2,}) (\d+)|\['(\w+)\*?', '(\w+)'|\b(?:Cp = |shell )(\d+)")
+_UNNAMED = r"C(?:ORD|QUAD|TRIA)\w+"
 _INCLUDE = re.compile(r"^\s*INCLUDE\s+'([^']+)'", re.MULTILINE | re.IGNORECASE)
 
 
@@ -135,15 +136,16 @@ def placed(path: Path) -> Iterator[None]:
     try:
         yield
     except MeshError as error:
-        text = str(error)
+        text = str(error) if str(path) in str(error) else f"{path}: {error}"
         if "(line" in text:
             raise
         for named in _NAMED.finditer(text):
-            if where := lines_of(path, named[1] or named[3], named[2] or named[4]):
+            if where := lines_of(path, named[1] or named[3] or _UNNAMED, named[2] or named[4] or named[5]):
                 raise MeshError(f"{text[: named.end()]}{where}{text[named.end() :]}") from error
-        rows = path.read_text(encoding="latin-1").splitlines()
+        rows = [" ".join(line.split()) for line in path.read_text(encoding="latin-1").splitlines()]
         # Libraries quote what they could not read.
-        for quoted in re.split("['\"]|line = |; check", text.removeprefix(str(path)).replace("\\n", "")):
+        for text_of_row in re.split("['\"]|line = |; check", text.removeprefix(str(path)).replace("\\n", "")):
+            quoted = text_of_row.rpartition("/")[2]
             found = [number for number, line in enumerate(rows, start=1) if len(quoted) > 4 and quoted in line]
             if found:
                 raise MeshError(f"{text} (line {listed(found)})") from error
@@ -307,15 +309,9 @@ def _heavy(model: Any, path: Path) -> dict[int, Any]:
 
 
 def point_masses(
-    model: Any,
-    points: FloatArray,
-    row: Mapping[int, int],
-    turning: Set[int],
-    used: Set[int],
-    path: Path,
-    units: UnitSystem,
-    notes: list[str],
-) -> tuple[PointMass, ...]:
+    model: Any, points: FloatArray, row: Mapping[int, int], turning: Set[int], used: Set[int], path: Path,
+    units: UnitSystem, notes: list[str],
+) -> tuple[PointMass, ...]:  # fmt: skip
     """Return the masses of CONM2, and of CMASS1 and CMASS2 that are alike in all directions.
 
     Parameters

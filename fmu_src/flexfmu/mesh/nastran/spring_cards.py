@@ -19,14 +19,9 @@ _GROUND = np.zeros(0, dtype=np.int64)
 
 
 def springs(
-    model: Any,
-    points: FloatArray,
-    row: Mapping[int, int],
-    used: Set[int],
-    path: Path,
-    units: UnitSystem,
+    model: Any, points: FloatArray, row: Mapping[int, int], used: Set[int], path: Path, units: UnitSystem,
     notes: list[str],
-) -> tuple[SpringDamper, ...]:
+) -> tuple[SpringDamper, ...]:  # fmt: skip
     """Return the springs and dampers between grid points, or from one to the ground.
 
     Parameters

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import traceback
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -59,6 +60,8 @@ def quiet(path: Path, advice: str) -> Iterator[None]:
     # Some end the interpreter where they cannot read, and all let any exception of their parsers through.
     except (Exception, SystemExit) as failure:
         reason = str(failure) if isinstance(failure, Exception) else ""
+        frames = [frame.f_locals for frame, _ in traceback.walk_tb(failure.__traceback__)]
+        reason += "".join(f" {cards}" for cards in [one["card_lines"] for one in frames if "card_lines" in one][-1:])
         told = " ".join(f"{said.getvalue()} {reason}".split())[-_LONGEST:] or type(failure).__name__
         raise MeshError(f"{path} cannot be read as a mesh: {told}; {advice}") from failure
 
