@@ -31,6 +31,8 @@ class Trouble(Fmi2Slave):
         self.register_variable(Real("at", causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
         self.register_variable(Real("x", causality=Fmi2Causality.output))
         self.register_variable(Real("process", causality=Fmi2Causality.output))
+        if "AT_START" in os.environ:
+            self.meet("start")
 
     def take(self, value):
         if self.kind == 6 and value > self.at:
@@ -94,9 +96,9 @@ def test_a_foreign_fmu_runs_in_a_process_of_its_own_that_ends_with_the_run(folde
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        (1, "fmu 'odd' ended its process in doStep: exit code 3"),
-        (2, "fmu 'odd' ended its process in doStep: SIGSEGV"),
-        (3, "fmu 'odd' did not come back from doStep within 8 s and was ended"),
+        (1, "fmu 'odd' ended its process in fmi2DoStep: exit code 3"),
+        (2, "fmu 'odd' ended its process in fmi2DoStep: SIGSEGV"),
+        (3, "fmu 'odd' did not come back from fmi2DoStep within 8 s and was ended"),
     ],
 )
 def test_an_fmu_that_exits_crashes_or_never_returns_ends_its_run_with_its_name_and_the_results_so_far(
@@ -116,6 +118,19 @@ def test_foreign_fmus_of_a_jacobi_step_step_at_the_same_time(folder, tmp_path, m
     found = coupled(folder, 5, calm=5)
     assert len(found.time) == 11
     assert len(list(tmp_path.iterdir())) == 20
+
+
+def test_foreign_fmus_start_at_the_same_time(folder, tmp_path, monkeypatch):
+    """Each waits in its start for the other's."""
+    monkeypatch.setenv("MEETING", str(tmp_path))
+    monkeypatch.setenv("AT_START", "1")
+    assert len(coupled(folder, 0).time) == 11
+
+
+def test_a_foreign_fmus_process_imports_little():
+    imported = "import sys, flexfmu.fmu.foreign_host; print(*{'numpy', 'fmpy', 'h5py', 'pydantic'} & {*sys.modules})"
+    done = subprocess.run([sys.executable, "-c", imported], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
 
 
 def test_inputs_that_a_foreign_fmu_refuses_end_the_run_with_its_name(folder):

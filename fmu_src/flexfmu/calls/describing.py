@@ -51,7 +51,7 @@ def data(body: ReducedBody) -> dict[str, object]:
     dict
     """
     frames = [None if int(parent) == GROUND else body.frame_names[int(parent)] for parent in body.frame_parent]
-    carriers = [None if int(frame) == GROUND else body.frame_names[int(frame)] for frame in body.interface_frame]
+    carriers = _carriers(body)
     return {
         "name": body.name,
         "method": chosen(body).words,
@@ -124,11 +124,14 @@ def _mode_names(body: ReducedBody) -> list[str]:
 
 def _interfaces(body: ReducedBody) -> Table:
     table = Table("interface", "point / m", "frame", title="Interfaces", title_justify="left")
-    for i, name in enumerate(body.interface_names):
-        frame = int(body.interface_frame[i])
-        carrier = "none" if frame == GROUND else body.frame_names[frame]
-        table.add_row(name, point(body.interface_point[i]), carrier)
+    for name, place, carrier in zip(body.interface_names, body.interface_point, _carriers(body), strict=True):
+        table.add_row(name, point(place), carrier or "none")
     return table
+
+
+def _carriers(body: ReducedBody) -> list[str | None]:
+    """Names of the frames that carry the interfaces."""
+    return [None if int(frame) == GROUND else body.frame_names[int(frame)] for frame in body.interface_frame]
 
 
 def _frames(body: ReducedBody) -> Tree:

@@ -1,13 +1,10 @@
-"""The functions of `flexfmu` for scripts; `commands` says in words what they give."""
+"""The functions of `flexfmu` for scripts; each imports what it needs. `commands` says in words what they give."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..build.body_model import body_model
-from ..build.config import read_body_file
-from ..build.suggest import chosen_nodes, likely_mesh, mass_lines, mesh_lines, starting_body_file
 from ..files.array_types import IntArray
 from ..files.errors import OutputError
 from ..files.plain_data import picture_html, records_frame, table_frame
@@ -15,14 +12,12 @@ from ..files.progress import Reporter, ScriptReporter
 from ..files.store import Store, default_folder
 from ..files.targets import PICTURE_SUFFIXES, check_target
 from ..files.units import unit_system
-from ..mesh.checks import checked
-from ..mesh.formats import read_mesh
-from ..mesh.model import Mesh
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..master import Result
+    from ..mesh.model import Mesh
     from ..study.chart.draw import Drawn
     from ..study.fitted import Fit
     from ..study.records import Run
@@ -45,7 +40,7 @@ class Checked:
         All of it in words.
     """
 
-    mesh: Mesh
+    mesh: "Mesh"
     chosen: dict[str, IntArray]
     lines: list[str]
 
@@ -108,6 +103,12 @@ def check(file: Name, units: str = "m-kg-s") -> Checked:
     >>> flexfmu.check("body.toml").chosen["interface tip"].size  # doctest: +SKIP
     33
     """
+    from ..build.body_model import body_model
+    from ..build.config import read_body_file
+    from ..build.suggest import chosen_nodes, mass_lines, mesh_lines
+    from ..mesh.checks import checked
+    from ..mesh.formats import read_mesh
+
     file = Path(file)
     config = read_body_file(file) if file.suffix.lower() == ".toml" else None
     path, system = (file, unit_system(units)) if config is None else (config.mesh.file, config.mesh.units)
@@ -144,6 +145,10 @@ def init(mesh: Name, output: Name | None = None, units: str = "") -> Path:
     >>> flexfmu.init("bracket.msh")  # doctest: +SKIP
     PosixPath('bracket.toml')
     """
+    from ..build.suggest import likely_mesh, starting_body_file
+    from ..mesh.checks import checked
+    from ..mesh.formats import read_mesh
+
     mesh = Path(mesh)
     target = Path(output) if output else mesh.with_suffix(".toml")
     if target.exists():

@@ -24,18 +24,10 @@ from ..files.tables import read_table
 from ..files.targets import check_target
 from ..fmu.package import read_packaged_body
 from ..model.reduced_body import ReducedBody
+from ..view import motions
 from ..view.live import live_view
 from ..view.mesh import mesh_view, model_view
 from ..view.model import Case, View
-from ..view.motions import (
-    MODES,
-    body_view,
-    mode_cases,
-    motion_case,
-    motion_columns,
-    shapes_of_least_energy,
-    static_case,
-)
 from ..view.shown import PAGE, SUFFIXES, Shown
 
 # Most shapes of a motion, and relative difference of motions that are the same.
@@ -152,26 +144,26 @@ def view_of_model(model: ReducedBody, request: Request, report: Reporter) -> Vie
     cases: list[Case] = []
     if request.loads:
         loads, words = loads_of(body, request.loads)
-        cases.append(static_case(body, loads, words, report))
+        cases.append(motions.static_case(body, loads, words, report))
     if request.table is not None:
         cases.append(_table_case(body, request.table, request.shapes, report))
     if request.modes or not cases:
-        cases += mode_cases(body, request.modes or MODES)
-    return body_view(body, cases)
+        cases += motions.mode_cases(body, request.modes or motions.MODES)
+    return motions.body_view(body, cases)
 
 
 def _table_case(body: FlexibleBody, table: Path, shapes: int, report: Reporter) -> Case:
     """The motion of which a table tells that of interfaces."""
     names, values = read_table(table)
-    motions = motion_columns(body, names)
-    if not motions:
+    moved = motions.motion_columns(body, names)
+    if not moved:
         raise FlexfmuError(
             f"{table} has no column such as {body.model.interface_names[0]}.displacement.x: expected the results of a "
             "run; the motion under a table of loads is shown by flexfmu simulate --view"
         )
     some = _spread(len(values), shapes)
-    states = shapes_of_least_energy(body, motions, values[some, 1:], report)
-    return motion_case(body, table.name, states, [*values[some, 0]])
+    states = motions.shapes_of_least_energy(body, moved, values[some, 1:], report)
+    return motions.motion_case(body, table.name, states, [*values[some, 0]])
 
 
 def _spread(count: int, most: int) -> IntArray:
@@ -205,16 +197,16 @@ def show_simulation(
     outputs, motion = read_table(result)
     rows = np.column_stack([loads[:, :1], packed_rows(model, names, loads)])
     found = replay(body, rows, motion[:, 0], settings, report)
-    columns = motion_columns(body, outputs)
+    columns = motions.motion_columns(body, outputs)
     expected = motion[: len(found.q), [column + 1 for column in columns]]
     seen = np.array([body.core.motion(q)[list(columns.values())] for q in found.q])
     off = float(np.abs(seen - expected).max(initial=0.0))
     if off > _REPLAYED * max(float(np.abs(expected).max(initial=0.0)), 1e-12):
         report.warning(f"the picture's motion differs from the FMU's by up to {off:.2g}: its loads are other ones")
     some = _spread(len(found.time), MOST_SHAPES)
-    case = motion_case(body, table.name, [*found.q[some]], [*found.time[some]])
+    case = motions.motion_case(body, table.name, [*found.q[some]], [*found.time[some]])
     with report.stage(f"Write {output}"):
-        Shown(body_view(body, [case])).save(output)
+        Shown(motions.body_view(body, [case])).save(output)
 
 
 def packed_rows(model: ReducedBody, names: Sequence[str], values: FloatArray) -> FloatArray:

@@ -6,10 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 _NUMBERS: dict[str, Any] = {"int64_t": ctypes.c_int64, "double": ctypes.c_double}
-_ELEMENTS: dict[str, Any] = {"int64_t": np.int64, "double": np.float64, "unsigned": np.uint32}
+_ELEMENTS: dict[str, Any] = {"int64_t": "int64", "double": "float64", "unsigned": "uint32"}
 _STRUCTURE = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
 _MEMBERS = re.compile(r"(?:const )?(\w+) ([^;(]+|\(\*\w+\)\([^;]+);")
 _MEMBER = re.compile(r"(\(?\*)?(\w+)(?:\)\(.*|\[(\d+)\])?")
@@ -63,8 +61,11 @@ class Arrays:
         self._kept.append(array)
         return ctypes.addressof(array)
 
-    def at(self, values: Any, kind: Any = np.float64) -> int:
+    def at(self, values: Any, kind: Any = "float64") -> int:
         """Address of an array of numbers of a kind."""
+        # Not everyone who knows structures fills them.
+        import numpy as np
+
         self._kept.append(np.ascontiguousarray(values, dtype=kind))
         return int(self._kept[-1].ctypes.data)
 

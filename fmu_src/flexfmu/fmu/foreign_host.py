@@ -1,6 +1,7 @@
 """An FMU of another program in the process of a `files.workers.Worker`: what it does to it ends nothing else.
 
-Calls come one by one as fmpy's, until the core serves those of the loop through memory that both sides share.
+Calls come one by one, until the core serves those of the loop through memory that both sides share. What is imported
+here is little: each FMU's process waits for it.
 """
 
 import ctypes
@@ -9,72 +10,17 @@ import pickle
 from pathlib import Path
 from typing import Any
 
-from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import (
-    FMU2Slave,
-    calloc,
-    fmi2CallbackAllocateMemoryTYPE,
-    fmi2CallbackFreeMemoryTYPE,
-    fmi2CallbackFunctions,
-    fmi2CallbackLoggerTYPE,
-    free,
-)
-from fmpy.logging import addLoggerProxy
-
-from ..core.library import library
 from ..core.structures import enumeration, structures
 from ..files.workers import PLATFORM
+from .instance import LOGGER, Instance
 
-DONE, REFUSED, FAILED, SERVE = "done", "refused", "failed", "serve"
+FAILED, SERVE = "failed", "serve"
 _KINDS = structures("participant", "channel")
 # Lines of a log that one call may hand on, their length, and bytes that they may take.
 _LINES, _LENGTH, _ROOM = 200, 2000, 2**21
 _LINES_PLACE = enumeration("channel", "Place")["LINES"]
 # FMI 2.0; lesser lines serve nobody.
 _WARNING = 1
-
-FUNCTIONS = {
-    "set_real": "SetReal",
-    "get_real": "GetReal",
-    "get_integer": "GetInteger",
-    "get_boolean": "GetBoolean",
-    "end_initialization": "ExitInitializationMode",
-    "do_step": "DoStep",
-    "get_state": "GetFMUstate",
-    "set_state": "SetFMUstate",
-    "free_state": "FreeFMUstate",
-}
-"""Those of FMI that the core's loop calls, by the names of core/participant.h, in the order of core/channel.h."""
-
-
-def functions_of(slave: Any) -> dict[str, Any]:
-    """Functions of an FMU's library by the names of core/participant.h; null where it has none.
-
-    Parameters
-    ----------
-    slave : FMU2Slave
-
-    Returns
-    -------
-    dict of str to ctypes function
-    """
-    return {name: getattr(slave.dll, f"fmi2{call}", ctypes.CFUNCTYPE(None)(0)) for name, call in FUNCTIONS.items()}
-
-
-def callbacks(logger: Any) -> Any:
-    """What an FMU may call.
-
-    Parameters
-    ----------
-    logger : fmi2CallbackLoggerTYPE
-
-    Returns
-    -------
-    Structure
-    """
-    found = fmi2CallbackFunctions(logger, fmi2CallbackAllocateMemoryTYPE(calloc), fmi2CallbackFreeMemoryTYPE(free))
-    addLoggerProxy(ctypes.byref(found))
-    return found
 
 
 class Memory:
@@ -90,8 +36,7 @@ class Memory:
 
     def __init__(self, path: Path, words: int = 0):
         if words:
-            path.write_bytes(b"")
-            with path.open("r+b") as file:
+            with path.open("wb") as file:
                 file.truncate(8 * words + _ROOM)
         with path.open("r+b") as file:
             self._bytes = mmap.mmap(file.fileno(), 0)
@@ -146,31 +91,32 @@ class Host:
     def __init__(self, *ends: int):
         self._ends = ends
         self._memory: Any = None
-        self._slave: Any = None
-        self._callbacks = callbacks(fmi2CallbackLoggerTYPE(self._log))
+        self._instance: Any = None
+        self._logger = LOGGER(self._log)
 
-    def __call__(self, request: tuple[str, tuple[Any, ...], dict[str, Any]]) -> tuple[Any, ...]:
-        """Have the FMU carry out a call of fmpy's `FMU2Slave`."""
+    def __call__(self, request: tuple[str, tuple[Any, ...], dict[str, str]]) -> tuple[str | int, str]:
+        """Status of a call of FMI, or of this class; or why there is none."""
         call, arguments, named = request
         try:
-            if call == "instantiate":
-                self._memory, self._slave = Memory(*arguments), FMU2Slave(**named)
-                self._slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+            if call == "Instantiate":
+                self._memory = Memory(*arguments)
+                self._instance = Instance(self._logger, **named)
             elif call == SERVE:
-                self._serve()
+                self._serve(*arguments)
             else:
-                getattr(self._slave, call)(*arguments, **named)
-        except FMICallException as error:
-            return REFUSED, (error.function, error.status)
+                return self._instance.call(call, *arguments), ""
         except Exception as error:  # whatever a library raises is for the one who asked
             return FAILED, f"{type(error).__name__}: {error}"
-        return DONE, None
+        return 0, ""
 
-    def _serve(self) -> None:
-        """Let the core answer."""
-        functions = {n: ctypes.cast(f, ctypes.c_void_p).value for n, f in functions_of(self._slave).items()}
-        one = _KINDS["Participant"](instance=self._slave.component, **functions)
-        library().channel_serve(ctypes.byref(channel(self._memory, self._ends)), ctypes.byref(one))
+    def _serve(self, path: str) -> None:
+        """Let the core's library answer, which the other side has checked."""
+        core, place = ctypes.CDLL(path), ctypes.c_void_p
+        core.fmi2FlexfmuCall.restype = place
+        serve = ctypes.CFUNCTYPE(None, place, place)(core.fmi2FlexfmuCall(b"channel_serve"))
+        functions = {name: ctypes.cast(f, place).value for name, f in self._instance.functions.items()}
+        one = _KINDS["Participant"](instance=self._instance.component, **functions)
+        serve(ctypes.byref(channel(self._memory, self._ends)), ctypes.byref(one))
 
     def _log(self, _: object, instance: bytes | None, status: int, category: bytes | None, text: bytes | None) -> None:
         if status >= _WARNING and instance and text:

@@ -99,17 +99,10 @@ class BodySlave:
         # Masters may unpack the resources only: then there is no guid to compare.
         description = resources.parent / "modelDescription.xml"
         guid = (guid_in(description.read_bytes()) or "") if description.is_file() else self.guid
-        self._handle = ctypes.c_void_p(
-            self._core.fmi2Instantiate(
-                self.instance_name.encode() or b"instance",
-                _CO_SIMULATION,
-                guid.encode(),
-                str(resources).encode(),
-                ctypes.byref(self._callbacks),
-                0,
-                1,
-            )
-        )
+        texts = (self.instance_name or "instance", guid, str(resources))
+        name, token, place = (text.encode() for text in texts)
+        found = self._core.fmi2Instantiate(name, _CO_SIMULATION, token, place, ctypes.byref(self._callbacks), 0, 1)
+        self._handle = ctypes.c_void_p(found)
         if not self._handle:
             raise self._failure(None)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..files.array_types import FloatArray
 from ..files.errors import INTERRUPTED, SimulationError
 from ..files.inputs import Kind, check_input
+from ..files.limits import MOST_VALUES
 from ..files.names import nearest
 from ..files.progress import Reporter, ends_on_interrupt
 from ..files.tables import number, read_table, write_table
@@ -23,8 +24,6 @@ from .runtime import own_log
 _FMI_DISCARD = 2
 # Share of a load's area over time that communication points may pass over in silence.
 _PASSED_OVER = 0.1
-MOST_VALUES = 5e7
-"""Results that a run keeps, rows times columns: some 2 GB while it runs."""
 
 
 class SimulationStoppedError(SimulationError):
@@ -262,8 +261,7 @@ def _columns(result: NDArray[np.void], outputs: Sequence[str]) -> FloatArray:
 
 def _check_size(start: float, end: float, interval: float, columns: int) -> None:
     """Refuse a run whose results are more than can be kept, before it begins."""
-    steps = (end - start) / interval
-    most = MOST_VALUES / columns
+    steps, most = (end - start) / interval, MOST_VALUES / columns
     if steps > most:
         raise SimulationError(
             f"from {start:g} s to {end:g} s in steps of {interval:g} s are {steps:.3g} steps of {columns} values each, "
@@ -355,8 +353,7 @@ def simulate_csv(
     except SimulationStoppedError as stopped:
         partial = output.with_suffix(f".partial{output.suffix}")
         write_table(partial, stopped.outputs, stopped.result)
-        words = f"{stopped}\nWhat came out until then is in {partial}"
-        interrupted = stopped.exit_code == INTERRUPTED
-        raise SimulationStoppedError(words, stopped.outputs, stopped.result, interrupted) from stopped
+        stopped.args = (f"{stopped}\nWhat came out until then is in {partial}",)
+        raise
     write_table(output, outputs, result)
     return outputs, result

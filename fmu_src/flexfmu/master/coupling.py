@@ -8,17 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from ..files.array_types import FloatArray
 from ..files.errors import INTERRUPTED, SimulationError
+from ..files.limits import MOST_VALUES
 from ..files.plain_data import picture_html
 from ..files.progress import Reporter, Tell, ends_on_interrupt
 from ..files.tables import write_table
 from ..files.targets import check_target, whole_file
 from ..fmu.runtime import own_log
-from ..fmu.simulation import MOST_VALUES
 from .config import CouplingFile, ExperimentTable, Scheme, read_coupling_file
 from .layout import Wiring
 from .loop import GROWS, Loop
@@ -89,10 +88,6 @@ class Words:
                 f"springs answer their own loads {size:.2g}-fold within a step; explicit coupling grows where that is "
                 'not small against 1: take scheme = "iterated", or a shorter step'
             )
-
-    def runaway(self, outcome: Any) -> str:
-        """Why a run is stopped whose motion grows without bound."""
-        return f"the motion grows without bound. {FED} (it created {outcome.energies.created:.3g} J)"
 
     def end(self, outcome: Any) -> None:
         """Say what was not said on the way, and how many iterations there were."""
@@ -176,6 +171,8 @@ def write_result(path: Path, result: Result) -> None:
     if path.suffix.lower() == ".csv":
         write_table(path, result.names, np.column_stack([result.time, result.values]), result.units)
         return
+    import h5py
+
     units = zip(result.names, result.units, strict=True)
     columns = [("time", "s", result.time), *((name, unit, result[name]) for name, unit in units)]
     with whole_file(path) as part, h5py.File(part, "w") as file:
@@ -279,7 +276,7 @@ def _march(
         units = (*(variable.unit for variable in wiring.recorded), None, "J")
         return Result(names, units, loop.times, loop.rows)
 
-    loop.begin()
+    loop.ask("begin")
     done, count = loop.outcome, 1
     try:
         while done.steps < settings.steps:
@@ -289,12 +286,13 @@ def _march(
             finally:
                 words.notices(loop)
             if done.ending == GROWS:
-                raise SimulationError(words.runaway(done))
+                created = done.energies.created
+                raise SimulationError(f"the motion grows without bound. {FED} (it created {created:.3g} J)")
             if count == done.steps == 1 and settings.scheme is not Scheme.ITERATED:
                 words.stiff_springs(loop.slope())
             tell(done.steps * settings.step)
             if pressed() and done.steps < settings.steps:
-                loop.record()
+                loop.ask("record")
                 at = f"stopped at {done.steps * settings.step:.9g} s of {settings.stop:g} s: ended by Ctrl-C"
                 raise CouplingStoppedError(at, result(), interrupted=True)
             spent = time.perf_counter() - begun
@@ -339,7 +337,7 @@ def run(path: Path, output: Path, report: Reporter) -> Result:
     except CouplingStoppedError as stopped:
         partial = output.with_suffix(f".partial{output.suffix}")
         write_result(partial, stopped.result)
-        words = f"{stopped}\nWhat came out until then is in {partial}"
-        raise CouplingStoppedError(words, stopped.result, stopped.exit_code == INTERRUPTED) from stopped
+        stopped.args = (f"{stopped}\nWhat came out until then is in {partial}",)
+        raise
     write_result(output, result)
     return result

@@ -14,13 +14,12 @@ from typing import Any
 from weakref import WeakSet
 
 import numpy as np
-from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import fmi2CallbackLoggerTYPE
 
 from ..core.library import library
 from ..files.errors import SimulationError
 from ..files.workers import Worker, WorkerError
-from ..fmu.foreign_host import DONE, FUNCTIONS, REFUSED, SERVE, Host, Memory, channel
+from ..fmu.foreign_host import FAILED, SERVE, Host, Memory, channel
+from ..fmu.instance import FUNCTIONS, LOGGER
 
 _WARNING, _DISCARD = 1, 2
 # Lines that a message quotes, and warnings that are handed on.
@@ -100,26 +99,22 @@ def hand_on(instance: bytes | None, status: int, category: bytes | None, text: b
         _logs[name].add(status, text.decode(errors="replace"))
 
 
-LOGGER = fmi2CallbackLoggerTYPE(lambda _, *line: hand_on(*line))
+HAND_ON = LOGGER(lambda _, *line: hand_on(*line))
 """fmpy's proxy knows one logger in a process: this one tells by the instance's name whose line it is."""
 
 
 # What a call that waits for the next was to do, as in "fmu NAME failed …".
-_LATER = {
-    "SetReal": "to take its inputs",
-    "GetFMUstate": "to save its state",
-    "SetFMUstate": "to go back to its state",
-    "FreeFMUstate": "to drop its state",
-}
+_LATER = {"SetReal": "to take its inputs", "GetFMUstate": "to save its state", "SetFMUstate": "to go back to its state"}
 _CALLS = tuple(FUNCTIONS.values())
 # Words that calls take beside those of an FMU's variables; at most s between two looks at the clock.
 _WORDS, _LOOK = 2**14, 0.1
 _joined: "WeakSet[ForeignSlave]" = WeakSet()
 _HEAR = ctypes.CFUNCTYPE(None, ctypes.c_int64)
+_START = "Instantiate"
 
 
 class ForeignSlave:
-    """An FMU in a process of its own, with the calls of fmpy's `FMU2Slave`, and those of the core's loop.
+    """An FMU in a process of its own, with the calls of `fmu.instance.Instance`, and those of the core's loop.
 
     Parameters
     ----------
@@ -143,8 +138,8 @@ class ForeignSlave:
         self._done, self._late = threading.Event(), False
         self._raised: BaseException | None = None
 
-    def instantiate(self, path: Path, variables: int, **construction: str) -> None:
-        """Make the instance there.
+    def start(self, path: Path, variables: int, **construction: str) -> None:
+        """Have the instance made there, which takes its time; `ready` waits for it.
 
         Parameters
         ----------
@@ -153,14 +148,20 @@ class ForeignSlave:
         variables : int
             Of the FMU: so many may travel at once.
         **construction : str
-            Arguments of `FMU2Slave`.
+            Arguments of `Instance`.
         """
         self._memory = Memory(path, 4 * (_WORDS + 4 * variables))
-        self._ask("instantiate", path, **construction)
+        self.worker.send((_START, (path,), construction))
 
-    def __getattr__(self, call: str) -> Any:
-        """Carry out a call there."""
-        return lambda *arguments, **named: self._ask(call, *arguments, **named)
+    def ready(self) -> None:
+        """Wait until it is made."""
+        self._answered(_START)
+
+    def call(self, name: str, *arguments: Any) -> int:
+        """Status of a call there."""
+        self._end_loop(name)
+        self.worker.send((name, arguments, {}))
+        return self._answered(name)
 
     def join(self, participant: Any) -> None:
         """Let the core's loop call it.
@@ -177,7 +178,7 @@ class ForeignSlave:
         self._channel = channel(self._memory, self.worker.ends, hear=hear)
         _joined.add(self)
         library().channel_join(ctypes.byref(self._channel), ctypes.byref(participant))
-        self.worker.send((SERVE, (), {}))
+        self.worker.send((SERVE, (library()._name,), {}))
         threading.Thread(target=self._watch, daemon=True).start()
 
     @property
@@ -187,24 +188,15 @@ class ForeignSlave:
         if self._raised or found is None:
             return self._raised
         if found.gone:
-            call = _CALLS[found.called]
-            self._raised = self._ended(call[0].lower() + call[1:])
+            self._raised = self._ended(_CALLS[found.called])
         elif found.failed:
             call = _CALLS[found.failed - 1]
             why = _logs[self._name].quoted or f"status {self._memory.words[5]} of FMI 2.0"
-            self._raised = SimulationError(f"fmu {self._name!r} failed {_LATER.get(call, call)}: {why}")
+            self._raised = SimulationError(f"fmu {self._name!r} failed {_LATER.get(call, f'fmi2{call}')}: {why}")
         return self._raised
 
-    def _ask(self, call: str, *arguments: Any, **named: Any) -> None:
-        """Have it carry out a call.
-
-        Raises
-        ------
-        FMICallException
-            It does not honour the call.
-        SimulationError
-            It raises an error, ends its process, or does not answer in time.
-        """
+    def _end_loop(self, call: str) -> None:
+        """Take the process back from the core's loop, before a call."""
         if self._channel is not None and not self._done.is_set():
             library().channel_leave(ctypes.byref(self._channel))
             self._done.set()
@@ -212,15 +204,22 @@ class ForeignSlave:
             if not self._over:
                 self._answer(call)
         if self._over:
-            raise SimulationError(f"fmu {self._name!r}: its process has ended before {call}")
-        self.worker.send((call, arguments, named))
-        kind, wrong = self._answer(call)
+            raise SimulationError(f"fmu {self._name!r}: its process has ended before fmi2{call}")
+
+    def _answered(self, call: str) -> int:
+        """Wait for the end of a call.
+
+        Raises
+        ------
+        SimulationError
+            It raises an error, ends its process, or does not answer in time.
+        """
+        status, wrong = self._answer(call)
         for line in self._memory.read():
             hand_on(*line)
-        if kind == REFUSED:
-            raise FMICallException(*wrong)
-        if kind != DONE:
-            raise SimulationError(f"fmu {self._name!r} failed {call}: {wrong}")
+        if status == FAILED:
+            raise SimulationError(f"fmu {self._name!r} failed fmi2{call}: {wrong}")
+        return int(status)
 
     def _answer(self, call: str) -> Any:
         try:
@@ -233,10 +232,11 @@ class ForeignSlave:
         """Why its process ended, in words."""
         self._over = True
         if not self._late:
-            return SimulationError(f"fmu {self._name!r} ended its process in {call}: {ending or self.worker.ending()}")
+            ending = ending or self.worker.ending()
+            return SimulationError(f"fmu {self._name!r} ended its process in fmi2{call}: {ending}")
         return SimulationError(
-            f"fmu {self._name!r} did not come back from {call} within {self._timeout:g} s and was ended: give it "
-            "longer by experiment.timeout, or look into the FMU"
+            f"fmu {self._name!r} did not come back from fmi2{call} within {self._timeout:g} s and was ended: give "
+            "it longer by experiment.timeout, or look into the FMU"
         )
 
     def _hearing(self) -> Generator[None, int, None]:

@@ -13,7 +13,7 @@ from ..files.array_types import FloatArray
 from ..files.errors import SimulationError
 from .config import ExperimentTable, Held, Scheme
 from .layout import Ends, Recorded, Springs, Wiring
-from .participants import Participant, StepRefusedError
+from .participants import Participant
 
 _KINDS = structures("joints", "exchange", "participant", "doubts", "coupling")
 # `Ending` of core/coupling.h.
@@ -103,16 +103,6 @@ class Loop:
         """Rows recorded so far."""
         return self._rows[: self.outcome.rows]
 
-    def begin(self) -> None:
-        """Hand outputs on along the connections, in the order listed, end the initialisation and record.
-
-        Raises
-        ------
-        SimulationError
-            An FMU fails a call.
-        """
-        self._ask("begin")
-
     def run(self, steps: int) -> None:
         """Go on until so many steps are taken.
 
@@ -122,17 +112,7 @@ class Loop:
             An FMU refuses or fails a step, or the coupled inputs do not settle. Where the motion grows without bound
             the loop ends, too, without one.
         """
-        self._ask("run", steps, self._settings.steps)
-
-    def record(self) -> None:
-        """Record the point reached, unless it is.
-
-        Raises
-        ------
-        SimulationError
-            An FMU fails the call.
-        """
-        self._ask("record")
+        self.ask("run", steps, self._settings.steps)
 
     def slope(self) -> FloatArray | None:
         """Derivative (n, n) of the coupled inputs by themselves, of the step just taken; None where nothing is known.
@@ -143,7 +123,7 @@ class Loop:
             An FMU fails the call.
         """
         found = np.zeros((len(self._wiring.base),) * 2)
-        known = self._ask("slope", found.ctypes.data)
+        known = self.ask("slope", found.ctypes.data)
         return found if known else None
 
     def close(self) -> None:
@@ -153,7 +133,23 @@ class Loop:
             self._core.coupling_close(self._handle, *(broken or [-1]))
             self._handle = None
 
-    def _ask(self, call: str, *arguments: Any) -> int:
+    def ask(self, call: str, *arguments: Any) -> int:
+        """Have the core carry out a call: "begin", which ends the initialisation, "record", or those above.
+
+        Parameters
+        ----------
+        call : str
+        *arguments : int
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        SimulationError
+            An FMU fails it.
+        """
         answer = getattr(self._core, f"coupling_{call}")(self._handle, *arguments, ctypes.byref(self.outcome))
         for participant in self._participants:
             if participant.raised is not None:
@@ -179,7 +175,7 @@ class Loop:
         found, name, said = self.outcome, participant.name, participant.said
         where = f"the step from {self._time:.9g} s by {self._settings.step:g} s"
         if found.ending == _STEP_REFUSED:
-            return StepRefusedError(f"fmu {name!r} refused {where}: {said or 'without a reason in its log'}")
+            return SimulationError(f"fmu {name!r} refused {where}: {said or 'without a reason in its log'}")
         if found.ending == _FAILURE_TOLD:
             return SimulationError(f"fmu {name!r}: status.code is {found.what}, a failure: {said or 'no log'}")
         if found.ending == _NOT_FINITE:

@@ -3,36 +3,36 @@
 import ctypes
 import shutil
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import fmpy
-from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
+from fmpy.logging import logging as proxy
 
 from ..files.errors import SimulationError
 from ..files.inputs import check_unpacked
-from ..fmu.foreign_host import callbacks, functions_of
-from .foreign import LOGGER, ForeignSlave, Log
+from ..fmu.instance import Instance
+from .foreign import HAND_ON, ForeignSlave, Log
 from .layout import Role
 
 # Of flexfmu's bodies: what tells masters that overlook a discarded step; how many internal steps a step took; and the
 # parameter, set between steps, that says how many it takes at least.
 STATUS_CODE, _SUBSTEPS, _FEWEST = "status.code", "diagnostics.substeps", "internal_step.fewest"
-# FMI 2.0: after this status nothing may be called.
-_FATAL = 4
+# FMI 2.0: the greatest status of a call that is honoured; the one after which nothing may be called.
+_WARNING, _FATAL = 1, 4
 
 _TAKE_BACK = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
-class StepRefusedError(SimulationError):
-    """An FMU discarded a step; its state is as it was before."""
+# Folders of an archive that do not serve an FMU at work; of the libraries this machine's do.
+_IDLE = ("binaries/", "sources/", "documentation/")
 
 
 def _needed(name: str) -> bool:
     """Whether a file of an archive serves an FMU at work."""
-    return not name.startswith(("sources/", "documentation/"))
+    return name.startswith(f"binaries/{fmpy.platform}/") or not name.startswith(_IDLE)
 
 
 class Participant:
@@ -71,33 +71,38 @@ class Participant:
         self._log = Log(self.name)
         self.marks = self._log.marks
         self._folder = tempfile.mkdtemp(prefix="flexfmu-")
-        try:
+        with self._loading():
             check_unpacked(role.description.file)
             fmpy.extract(str(role.description.file), self._folder, _needed)
+            identifier = role.description.model_identifier
             construction = {
+                "library": str(Path(self._folder, "binaries", fmpy.platform, identifier + fmpy.sharedLibraryExtension)),
+                "proxy": proxy._name,
+                "resources": Path(self._folder, "resources").as_uri(),
                 "guid": role.description.guid,
-                "unzipDirectory": self._folder,
-                "modelIdentifier": role.description.model_identifier,
-                "instanceName": self.name,
+                "name": self.name,
             }
-            self.functions = {}
             if role.description.own:
-                slave = FMU2Slave(**construction)
-                self._callbacks = callbacks(LOGGER)
-                slave.instantiate(callbacks=self._callbacks, loggingOn=True)
-                self._slave, self.functions = slave, functions_of(slave)
+                self._slave = Instance(HAND_ON, **construction)
             else:
                 self._slave = ForeignSlave(self.name, timeout)
                 path = Path(self._folder, "flexfmu.shared")
-                self._slave.instantiate(path, len(role.description.variables), **construction)
-        except Exception as error:  # fmpy raises bare exceptions
-            self.close()
-            raise SimulationError(
-                f"fmu {self.name!r} ({role.description.file}) cannot be loaded: {self._log.quoted or error}"
-            ) from error
+                self._slave.start(path, len(role.description.variables), **construction)
+        self.functions = dict(self._slave.functions) if role.description.own else {}
         self.functions["take_back"] = _TAKE_BACK(lambda _: self._log.take_back())
         self.instance = self._slave.component if role.description.own else None
         self.bookkeeping = self._bookkeeping()
+
+    @contextmanager
+    def _loading(self) -> Iterator[None]:
+        """Say whose start failed, and free what there is of it."""
+        try:
+            yield
+        except Exception as error:  # whatever a library raises
+            self.close()
+            raise SimulationError(
+                f"fmu {self.name!r} ({self.role.description.file}) cannot be loaded: {self._log.quoted or error}"
+            ) from error
 
     def _bookkeeping(self) -> dict[str, float]:
         """References of what flexfmu's bodies tell, −1 where an FMU has it not."""
@@ -124,15 +129,18 @@ class Participant:
         SimulationError
             The FMU fails a call.
         """
-        try:
-            for name, value in self.role.start.items():
-                variable = self.role.description.variables[name]
-                kind = "Integer" if variable.type == "Enumeration" else variable.type
-                getattr(self._slave, f"set{kind}")([variable.valueReference], [value])
-            self._slave.setupExperiment(startTime=0.0, stopTime=stop)
-            self._slave.enterInitializationMode()
-        except FMICallException as error:
-            raise self.failed("its start", error.status) from error
+        if isinstance(self._slave, ForeignSlave):
+            with self._loading():
+                self._slave.ready()
+        calls: list[tuple[Any, ...]] = []
+        for name, value in self.role.start.items():
+            variable = self.role.description.variables[name]
+            kind = "Integer" if variable.type == "Enumeration" else variable.type
+            calls.append((f"Set{kind}", int(variable.valueReference), value))
+        for call in (*calls, ("SetupExperiment", 0, 0.0, 0.0, 1, float(stop)), ("EnterInitializationMode",)):
+            status = self._slave.call(*call)
+            if status > _WARNING:
+                raise self.failed("its start", status)
 
     def join(self, place: Any) -> None:
         """Let the core's loop call it by a structure of core/participant.h, where it runs in another process."""
@@ -174,8 +182,8 @@ class Participant:
         list of str
         """
         if self.usable:
-            with suppress(SimulationError, FMICallException):
-                self._slave.terminate()
+            with suppress(SimulationError):
+                self._slave.call("Terminate")
         return list(self._log.warnings)
 
     def close(self) -> None:
@@ -183,7 +191,7 @@ class Participant:
         if self._slave is not None and self.usable:
             # A process that has ended has nothing left to free.
             with suppress(SimulationError):
-                self._slave.freeInstance()
+                self._slave.call("FreeInstance")
         if isinstance(self._slave, ForeignSlave):
             self._slave.worker.close()
         self._slave = None

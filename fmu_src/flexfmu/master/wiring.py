@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -235,6 +236,7 @@ def lay_springs(springs: list[SpringTable], ends: tuple[str, ...]) -> Springs:
 
 
 _SETTABLE = ("input", "parameter")
+_VALUES: dict[str, Any] = {"Real": (int, float), "Integer": int, "Enumeration": int, "Boolean": bool, "String": str}
 
 
 def wire(coupling: CouplingFile) -> Wiring:
@@ -326,15 +328,8 @@ def _start_values(description: Description, start: Mapping[str, StartValue]) -> 
         fixed = variable.initial == "calculated" or variable.variability == "constant"
         if fixed or (variable.causality not in _SETTABLE and variable.initial not in ("exact", "approx")):
             raise SimulationError(f"{key}: {name!r} is of causality {variable.causality} and cannot be set")
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        fits = {
-            "Real": number,
-            "Integer": isinstance(value, int) and not isinstance(value, bool),
-            "Enumeration": isinstance(value, int) and not isinstance(value, bool),
-            "Boolean": isinstance(value, bool),
-            "String": isinstance(value, str),
-        }
-        if not fits[variable.type]:
+        # To Python every Boolean is a whole number, too.
+        if isinstance(value, bool) != (variable.type == "Boolean") or not isinstance(value, _VALUES[variable.type]):
             raise SimulationError(f"{key}: {name!r} is {value!r}, expected a value of type {variable.type}")
         result[name] = float(value) if variable.type == "Real" else value
     return result

@@ -4,25 +4,23 @@ A body is packaged once for all methods whose data it holds: they are chosen by 
 live in one process beside this one (`fmu_worker`).
 """
 
-import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import fmpy
-from joblib.externals.loky import ProcessPoolExecutor
 from pythonfmu.builder import FmuBuilder
 
 from ..body.flexible_body import StepLimits
 from ..files.errors import SimulationError
+from ..files.workers import Worker, WorkerError
 from ..fmu.package import package_fmu
 from ..model.methods import Variant
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import ACCELERATION, METHOD, STEP_LIMIT, STEP_TOLERANCE
-from .fmu_worker import answer, load, timed
+from .fmu_worker import answering, load, timed
 from .scene.scene import AXES, Scene, load_names
 
 T = TypeVar("T")
@@ -66,7 +64,7 @@ class FmuTimer:
         self._empty: dict[tuple[str, ...], str] = {}
         self._loaded: tuple[ReducedBody, str, str] | None = None
         self._count = 0
-        self._process: ProcessPoolExecutor | None = None
+        self._process: Worker | None = None
 
     def times(
         self, body: ReducedBody, scene: Scene, step: float, variant: Variant, limits: StepLimits
@@ -139,14 +137,16 @@ class FmuTimer:
 
     def _ask(self, work: Callable[..., T], *arguments: object) -> T:
         """Have the process do something."""
-        if self._process is None:
-            # Ctrl-C is for this process, which ends the other. A script that asks is not run there again.
-            self._process = ProcessPoolExecutor(1, initializer=_prepare)
+        self._process = self._process or Worker(f"{answering.__module__}:{answering.__name__}")
         try:
-            return self._process.submit(answer, work, *arguments).result()
-        except BrokenProcessPool as error:
+            # Calls take some s; one that never returns ends the measurement, not the session.
+            done, found = self._process.ask((work, arguments), timeout=600.0)
+        except WorkerError as error:
             self.close()
-            raise SimulationError(f"the process that times the FMU died ({error})") from error
+            raise SimulationError(f"the process that times the FMU ended ({error})") from error
+        if not done:
+            raise SimulationError(f"the FMU does not run: {found}")
+        return cast(T, found)
 
     def close(self) -> None:
         """End the process, and forget what was loaded in it."""
@@ -154,11 +154,7 @@ class FmuTimer:
         self._loaded = None
         self._empty.clear()
         if process is not None:
-            process.shutdown(kill_workers=True)
-
-
-def _prepare() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+            process.close()
 
 
 @contextmanager

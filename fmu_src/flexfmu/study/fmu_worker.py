@@ -2,15 +2,13 @@
 
 import statistics
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any
 
 import fmpy
 from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 
-from ..files.errors import SimulationError
 from .pace import Clock, calm_blocks, timed_piece
 
-T = TypeVar("T")
 # What models that are tried warn of is no message to the user.
 _SILENT = fmi2CallbackFunctions.from_buffer_copy(defaultCallbacks)
 _SILENT.logger = fmi2CallbackLoggerTYPE(lambda *_: None)
@@ -62,12 +60,17 @@ class Driven:
         return clock.elapsed()
 
 
-def answer(work: Callable[..., T], *arguments: object) -> T:
-    """Do something; whatever a library raises becomes an error that goes from process to process."""
-    try:
-        return work(*arguments)
-    except Exception as error:
-        raise SimulationError(f"the FMU does not run: {type(error).__name__}: {error}") from None
+def answering(*_: int) -> Callable[..., tuple[bool, Any]]:
+    """What answers in a `files.workers.Worker`: whether work was done, and what it gave, or why not; by no pipes."""
+
+    def answer(request: tuple[Callable[..., Any], tuple[Any, ...]]) -> tuple[bool, Any]:
+        work, arguments = request
+        try:
+            return True, work(*arguments)
+        except Exception as error:  # whatever a library raises
+            return False, f"{type(error).__name__}: {error}"
+
+    return answer
 
 
 def load(name: str, path: str, folder: str, empty: bool) -> None:
