@@ -68,7 +68,6 @@ def test_meshes_may_stand_in_the_instance_and_parts_without_one_are_told(tmp_pat
     [
         ("*End Part\n", "", "*Part", "no *END PART"),
         ("*End Assembly\n", "", "*Assembly", "no *END ASSEMBLY"),
-        (ASSEMBLY, "", "*Part", "no *ASSEMBLY"),
         ("name=Bar-2, part=Bar", "name=Bar-2, part=Bat", "name=Bar-2", "part 'Bat' is not defined (known: Bar)"),
         ("name=Bar-2, part=Bar", "name=bar-1, part=Bar", "name=bar-1", "defined again"),
         ("10., 0., 0., 10., 0., 1., 90.", "10., 0., 0., 10., 0., 0., 90.", "name=Bar-2", "two equal points"),
@@ -79,6 +78,17 @@ def test_meshes_may_stand_in_the_instance_and_parts_without_one_are_told(tmp_pat
 )
 def test_a_malformed_assembly_is_refused_at_its_line(tmp_path, before, after, culprit, words):
     refuse(tmp_path, CAE.replace(before, after, 1), culprit, words)
+
+
+def test_the_only_part_of_a_whole_deck_stands_as_it_is(tmp_path):
+    """Materials follow the assembly: without them the deck was cut short."""
+    alone = CAE.replace(ASSEMBLY, "", 1)
+    mesh = read(tmp_path, alone)
+    assert mesh.element_count == read(tmp_path, CAE).element_count // 2
+    assert "there is no *ASSEMBLY: the only part stands as it is" in mesh.notes
+    refuse(tmp_path, alone.split("*Material")[0], "*Part", "cut short?")
+    twice = alone.replace("*Material", PART.replace("name=Bar", "name=Bat") + "*Material", 1)
+    refuse(tmp_path, twice, "*Part", "cut short?")
 
 
 def test_faces_without_a_section_serve_sets(tmp_path):

@@ -326,8 +326,8 @@ def _tell_coarse(model: Model, modes: Modes, report: Reporter) -> None:
     if share > _JUMPS:
         report.warning(
             f"the mesh is too stiff: stress jumps from element to element, by which deflections of the first mode are "
-            f"some {100.0 * share:.0f} % too small; take quadratic elements or a finer mesh, shells "
-            "instead of thin solids, and put mid-side nodes into the middle"
+            f"{'at least' if share > 0.5 else 'some'} {100.0 * share:.0f} % too small; take quadratic elements or a "
+            "finer mesh, shells instead of thin solids, and put mid-side nodes into the middle"
         )
 
 

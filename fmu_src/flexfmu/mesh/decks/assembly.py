@@ -1,5 +1,6 @@
 """Parts, instances and assemblies of a deck, laid out as one flat deck whose cards know where they came from."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -56,6 +57,12 @@ class Assembly:
         DeckError
             A part, instance or assembly without end or name, an unknown part, or a malformed placement.
         """
+        cards = list(cards)
+        keys = Counter(card.key for card in cards)
+        # Materials follow the assembly: where they are, the deck is whole.
+        if keys["PART"] == keys["ENDPART"] == 1 and keys["MATERIAL"] and not keys["ASSEMBLY"]:
+            self.notes.append("there is no *ASSEMBLY: the only part stands as it is")
+            cards = [card for card in cards if card.key not in ("PART", "ENDPART")]
         source = iter(cards)
         used: set[str] = set()
         for card in source:
@@ -73,10 +80,7 @@ class Assembly:
             if name in used:
                 continue
             if not used:
-                raise card.line.error(
-                    "the deck defines parts but no *ASSEMBLY with an *INSTANCE of them; it may have been cut short: "
-                    "write it again"
-                )
+                raise card.line.error("no *ASSEMBLY has an *INSTANCE of a part: cut short? Write the deck again")
             self.notes.append(f"{card.line.place}: part '{card.required('NAME')}' has no *INSTANCE and is left unused")
 
     def _take_part(self, card: Card, content: list[Card]) -> None:
@@ -107,9 +111,7 @@ class Assembly:
     def _content(self, card: Card) -> list[Card]:
         name = card.parameters.get("PART", "")
         if not name:
-            raise card.line.error(
-                "an *INSTANCE needs the parameter PART; instances of other analyses are not supported"
-            )
+            raise card.line.error("an *INSTANCE needs the parameter PART; those of other analyses are not supported")
         if name.upper() not in self._parts:
             known = ", ".join(part.required("NAME") for part, _ in self._parts.values()) or "none"
             raise card.line.error(f"part '{name}' is not defined (known: {known}); define it or correct the name")
